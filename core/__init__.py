@@ -1,0 +1,1 @@
+"""Dermis' engine: what skin would feel in an animated scene, and what a tactile device should do about it."""

@@ -1,0 +1,1 @@
+"""Devices: one file per mechanism, each built from a preset."""

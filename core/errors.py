@@ -1,0 +1,80 @@
+"""Errors and findings: what went wrong, where, the value, the limit, and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+Severity = Literal["info", "warning", "error"]
+SEVERITIES: tuple[Severity, ...] = ("info", "warning", "error")
+
+
+class DermisError(ValueError):
+    """A refusal that a person can act on.
+
+    Args:
+        what: what is wrong, as a short sentence without a full stop.
+        where: the object, file, field or frame that it concerns.
+        value: the value found.
+        limit: what would have been accepted.
+        remedy: what to do about it.
+    """
+
+    def __init__(
+        self, what: str, *, where: str = "", value: Any = None, limit: str = "", remedy: str = ""
+    ) -> None:
+        self.what, self.where, self.value, self.limit, self.remedy = what, where, value, limit, remedy
+        super().__init__(sentence(what, where, value, limit, remedy))
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One observation about a scene or a track that does not stop the work.
+
+    Attributes:
+        severity: 'info', 'warning' or 'error'.
+        code: a stable word to filter by, such as 'out-of-range'.
+        what, where, value, limit, remedy: as in `DermisError`.
+        frame: the first scene frame it concerns, if any.
+        count: how many samples it concerns.
+    """
+
+    severity: Severity
+    code: str
+    what: str
+    where: str = ""
+    value: Any = None
+    limit: str = ""
+    remedy: str = ""
+    frame: float | None = None
+    count: int = 1
+
+    def __str__(self) -> str:
+        text = sentence(self.what, self.where, self.value, self.limit, self.remedy)
+        if self.frame is not None:
+            text += f" (first at frame {self.frame:g})"
+        return f"{self.severity}: {text}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the finding as plain JSON values."""
+        return asdict(self)
+
+
+def worst(findings: Iterable[Finding]) -> Severity | None:
+    """Return the highest severity present, or None where there are no findings."""
+    ranks = [SEVERITIES.index(f.severity) for f in findings]
+    return SEVERITIES[max(ranks)] if ranks else None
+
+
+def sentence(what: str, where: str, value: Any, limit: str, remedy: str) -> str:
+    """Join the parts of a message into one readable line."""
+    text = f"{where}: {what}" if where else what
+    details = []
+    if value is not None:
+        details.append(f"found {value!r}" if isinstance(value, str) else f"found {value}")
+    if limit:
+        details.append(f"allowed: {limit}")
+    if details:
+        text += f" ({'; '.join(details)})"
+    return f"{text}. {remedy}." if remedy else f"{text}."

@@ -1,0 +1,73 @@
+"""Units at the edges: presets, files and panels speak mm and degrees, the engine speaks SI."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from .errors import DermisError
+
+# unit -> (SI unit, factor): value_in_SI = value * factor
+UNITS: dict[str, tuple[str, float]] = {
+    "m": ("m", 1.0), "mm": ("m", 1e-3), "um": ("m", 1e-6), "cm": ("m", 1e-2),
+    "m/s": ("m/s", 1.0), "mm/s": ("m/s", 1e-3),
+    "m/s^2": ("m/s^2", 1.0), "mm/s^2": ("m/s^2", 1e-3),
+    "rad": ("rad", 1.0), "deg": ("rad", math.pi / 180.0),
+    "rad/s": ("rad/s", 1.0), "deg/s": ("rad/s", math.pi / 180.0),
+    "s": ("s", 1.0), "ms": ("s", 1e-3), "us": ("s", 1e-6),
+    "Hz": ("Hz", 1.0), "kHz": ("Hz", 1e3), "1/s": ("1/s", 1.0),
+    "1/(m/s)": ("1/(m/s)", 1.0), "1/(m/s^2)": ("1/(m/s^2)", 1.0), "1/m": ("1/m", 1.0),
+    "N": ("N", 1.0), "mN": ("N", 1e-3), "N*m": ("N*m", 1.0), "mN*m": ("N*m", 1e-3),
+    "N/m": ("N/m", 1.0), "N/mm": ("N/m", 1e3),
+    "Pa": ("Pa", 1.0), "kPa": ("Pa", 1e3), "MPa": ("Pa", 1e6),
+    "kg": ("kg", 1.0), "g": ("kg", 1e-3), "V": ("V", 1.0), "bit/s": ("bit/s", 1.0),
+    "1": ("1", 1.0), "%": ("1", 1e-2),
+}  # fmt: skip
+
+
+def to_si(value: Any, unit: str, *, where: str = "") -> Any:
+    """Convert a number, or a (nested) list of numbers, from `unit` to SI.
+
+    Raises:
+        DermisError: the unit is unknown.
+    """
+    if unit not in UNITS:
+        raise DermisError("unknown unit", where=where, value=unit, limit=", ".join(UNITS))
+    factor = UNITS[unit][1]
+    if isinstance(value, list | tuple):
+        return [to_si(v, unit, where=where) for v in value]
+    return value * factor
+
+
+def from_si(value: Any, unit: str) -> Any:
+    """Convert a number or an array from SI to `unit`."""
+    if unit not in UNITS:
+        raise DermisError("unknown unit", value=unit, limit=", ".join(UNITS))
+    return value / UNITS[unit][1]
+
+
+def quantity(field: Mapping[str, Any] | float | int, *, where: str = "") -> Any:
+    """Read a preset's quantity, `{"value": 5, "unit": "mm", "source": ...}` or a bare number, in SI.
+
+    Raises:
+        DermisError: no value, an unknown unit, or a number that is not finite.
+    """
+    if not isinstance(field, Mapping):
+        field = {"value": field, "unit": "1"}
+    if "value" not in field or "unit" not in field:
+        raise DermisError(
+            "a quantity needs 'value' and 'unit'", where=where, value=dict(field),
+            remedy='Write it as {"value": 5, "unit": "mm", "source": "..."}',
+        )  # fmt: skip
+    value = field["value"]
+    for number in _flat(value):
+        if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+            raise DermisError("not a finite number", where=where, value=value)
+    return to_si(value, field["unit"], where=where)
+
+
+def _flat(value: Any) -> list[Any]:
+    if isinstance(value, list | tuple):
+        return [n for v in value for n in _flat(v)]
+    return [value]

@@ -1,0 +1,258 @@
+"""The whole way from a sampled scene to command tracks; it reads from top to bottom.
+
+scene -> contact on the skin -> target stimulus -> device match -> command track -> file
+
+`render` decides what a scene does not need: fingers without devices are not rendered, far objects are dropped
+by the broad phase, and effects that nothing switches on are never computed. What was skipped is counted.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .devices.spec import DeviceSpec
+from .errors import DermisError, Finding
+from .presets import Library
+from .scene import ContentHash, DeviceUse, TactileScene
+from .track import Array, CommandTrack
+from .version import version
+
+if TYPE_CHECKING:
+    from .contact.touch import SampledTouch
+    from .matching.rendered import Rendered
+
+    Renderer = Callable[[SampledTouch, TactileScene, int, DeviceUse, DeviceSpec], Rendered]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far the work is: `done` of `total` steps of the named stage."""
+
+    stage: str
+    done: int
+    total: int
+
+
+@dataclass(frozen=True)
+class Output:
+    """The track of one device on one finger.
+
+    Attributes:
+        finger, device: the finger's name and the preset's key.
+        track: what the device shall do, limited to what it can do.
+        signals: diagnostic series at the track's times, such as 'contact'.
+        findings: of the method and of the track's own check.
+    """
+
+    finger: str
+    device: str
+    track: CommandTrack
+    signals: Mapping[str, Array]
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True)
+class Bake:
+    """Everything that one rendering of a scene gave.
+
+    Attributes:
+        outputs: one per finger and device, in the scene's order.
+        findings: of the scene as a whole; `all_findings` has those of the outputs too.
+        skipped: what was not computed because the scene did not need it, by name.
+        content_hash: hash of scene, device presets and version.
+        stage_seconds: run time of each stage [s].
+    """
+
+    outputs: tuple[Output, ...]
+    findings: tuple[Finding, ...]
+    skipped: Mapping[str, int]
+    content_hash: str
+    stage_seconds: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def all_findings(self) -> tuple[Finding, ...]:
+        """Findings of the scene and of every output."""
+        return self.findings + tuple(f for output in self.outputs for f in output.findings)
+
+
+def render(scene: TactileScene, library: Library) -> Generator[Progress, None, Bake]:
+    """Render every device of every finger; yield progress, return a `Bake`.
+
+    Raises:
+        DermisError: the scene cannot be rendered at all (see `TactileScene.validate`).
+    """
+    scene.validate()
+    clock = _Stages()
+    findings = list(scene.findings)
+    wanted = list(_wanted(scene, library, findings))
+    content = ContentHash(scene)
+
+    touch = yield from _sample(scene, content, clock)
+    findings += touch.findings
+    skipped = dict(touch.skipped)
+
+    content_hash = _full_hash(content, [spec for _, _, spec in wanted])
+    outputs = []
+    for step, (finger, use, spec) in enumerate(wanted):
+        yield Progress("devices", step, len(wanted))
+        with clock.stage("devices"):
+            rendered = _renderer(spec)(touch, scene, finger, use, spec)
+            output = _finish(rendered, scene, finger, use, content_hash)
+        for name, count in getattr(rendered, "skipped", {}).items():
+            skipped[name] = skipped.get(name, 0) + count
+        outputs.append(output)
+    yield Progress("devices", len(wanted), len(wanted))
+    return Bake(tuple(outputs), tuple(findings), skipped, content_hash, clock.seconds)
+
+
+def run(scene: TactileScene, library: Library | None = None) -> Bake:
+    """Render a scene straight through, without progress."""
+    steps = render(scene, library or Library())
+    while True:
+        try:
+            next(steps)
+        except StopIteration as stop:
+            bake: Bake = stop.value
+            return bake
+
+
+def export(bake: Bake, folder: Path, *, plots: bool = False) -> tuple[Path, ...]:
+    """Write one CSV per finger and device into a folder, and on request a PNG plot beside each.
+
+    Raises:
+        DermisError: nothing to export, or the folder cannot be written.
+    """
+    from .formats import csv
+
+    if not bake.outputs:
+        raise DermisError("no tracks to export", where=str(folder), remedy="Give a finger a device and bake again")
+    written = []
+    for name, output in zip(file_names(bake), bake.outputs, strict=True):
+        path = Path(folder) / f"{name}.csv"
+        csv.write(output.track, path)
+        written.append(path)
+        if plots:
+            from .plot import write_png
+
+            picture = path.with_suffix(".png")
+            write_png(output.track, picture, contact=output.signals.get("contact"))
+            written.append(picture)
+    return tuple(written)
+
+
+def file_names(bake: Bake) -> tuple[str, ...]:
+    """Return a file stem per output: finger and device, safe on every file system, never the same twice."""
+    names: list[str] = []
+    for output in bake.outputs:
+        safe = "".join(c if c.isalnum() or c in "-_" else "_" for c in output.finger)
+        stem = name = f"{safe or 'finger'}.{output.device}"
+        number = 2
+        while name.lower() in {n.lower() for n in names}:
+            name = f"{stem}-{number}"
+            number += 1
+        names.append(name)
+    return tuple(names)
+
+
+def _wanted(
+    scene: TactileScene, library: Library, findings: list[Finding]
+) -> Iterator[tuple[int, DeviceUse, DeviceSpec]]:
+    """Pair every finger with the devices that can be driven; say which cannot, and go on."""
+    for i, finger in enumerate(scene.fingers):
+        if not finger.devices:
+            findings.append(
+                Finding("warning", "no-device", "the finger has no device, so it gives no track",
+                        where=f"finger '{finger.name}'", remedy="Add one in the Dermis tab under Devices")
+            )  # fmt: skip
+        for use in finger.devices:
+            try:
+                spec = library.device(use.preset)
+                _renderer(spec)
+            except DermisError as error:
+                findings.append(
+                    Finding("error", "device-unavailable", str(error).rstrip("."), where=f"finger '{finger.name}'")
+                )
+                continue
+            yield i, use, spec
+
+
+def _sample(
+    scene: TactileScene, content: ContentHash, clock: _Stages
+) -> Generator[Progress, None, SampledTouch]:
+    """Draw the chunks through the contact stage."""
+    from .contact.touch import TouchSampler
+
+    sampler = TouchSampler(scene)
+    done = 0
+    chunks = content.through(scene.chunks)
+    while True:
+        with clock.stage("sampling"):
+            chunk = next(chunks, None)
+        if chunk is None:
+            break
+        with clock.stage("contact"):
+            sampler.add(chunk)
+        done += len(chunk.times)
+        yield Progress("sampling", done, scene.sample_count)
+    with clock.stage("contact"):
+        return sampler.finish()
+
+
+def _renderer(spec: DeviceSpec) -> Renderer:
+    """Return the method that drives this kind of device; its module loads only now."""
+    if spec.kind == "shear_tactor":
+        from .matching import projection
+
+        return projection.render
+    if spec.kind == "friction_screen":
+        from .matching import perceptual
+
+        return perceptual.render
+    raise DermisError("unknown kind of device", where=f"device preset '{spec.key}'", value=spec.kind,
+                      limit="shear_tactor, friction_screen")  # fmt: skip
+
+
+def _finish(rendered: Rendered, scene: TactileScene, finger: int, use: DeviceUse, content_hash: str) -> Output:
+    """Limit the track to what the device can do, check it, and write down where it comes from."""
+    name = scene.fingers[finger].name
+    limited = rendered.track.limited()
+    meta = {
+        "finger": name,
+        "scene": scene.name,
+        "frame_range": f"{scene.frame_range[0]} {scene.frame_range[1]}",
+        "fps": f"{scene.fps.numerator}/{scene.fps.denominator}",
+        "generator": f"dermis {version()}",
+        "content_hash": content_hash,
+        **limited.meta,
+    }
+    track = replace(limited, meta=meta)
+    findings = tuple(rendered.findings) + tuple(track.check())
+    return Output(name, use.preset, track, rendered.signals, findings)
+
+
+def _full_hash(content: ContentHash, specs: list[DeviceSpec]) -> str:
+    """Hash of the scene's content, the presets it uses and the version that rendered it."""
+    parts = [content.hexdigest(), version(), *(spec.hash for spec in specs)]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
+
+
+class _Stages:
+    """Adds up run time by stage."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Count the time of a block towards a stage."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start

@@ -1,0 +1,17 @@
+"""The product's version, read from the one place that states it: the add-on's manifest."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from pathlib import Path
+
+
+@cache
+def version() -> str:
+    """Return the version of this copy of Dermis, in the source tree and in the installed extension alike."""
+    above = Path(__file__).resolve().parents[1]
+    for manifest in (above / "blender_manifest.toml", above / "blender_addon" / "blender_manifest.toml"):
+        if manifest.is_file():
+            return str(tomllib.loads(manifest.read_text(encoding="utf-8"))["version"])
+    return "0.0.0+unknown"

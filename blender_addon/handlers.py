@@ -1,0 +1,132 @@
+"""Blender's application handlers: one table, and the record of what changed since the last bake.
+
+Everything here runs on every change and every frame, so it only notes things down. What was noted is read by
+`results` (is the bake out of date?) and `live` (may the trail go on?).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import bpy
+from bpy.app.handlers import persistent
+
+# Changes of these types reach the sampled scene; others, such as screens and brushes, do not.
+_RELEVANT = ("Object", "Action", "Armature", "Camera", "Collection", "Curve", "Curves", "Image", "Key", "Lattice",
+             "Mesh", "MetaBall", "NodeTree", "Scene", "Speaker", "World")  # fmt: skip
+
+_dirty: set[str] = set()
+_muted = 0
+_generation = 0
+
+
+def dirty() -> frozenset[str]:
+    """Return the names of what changed since `clear_dirty`; empty means that a bake made then still holds."""
+    return frozenset(_dirty)
+
+
+def generation() -> int:
+    """Return a number that rises with every undo, redo and loaded file: nothing noted before it holds after it."""
+    return _generation
+
+
+def mark_dirty(name: str = "settings") -> None:
+    """Note that something changed."""
+    if not _muted:
+        _dirty.add(name)
+
+
+def clear_dirty() -> None:
+    """Forget changes, because a bake has just seen them."""
+    _dirty.clear()
+
+
+@contextmanager
+def muted() -> Iterator[None]:
+    """Ignore what happens inside: our own sweep changes frames, not the scene."""
+    global _muted
+    _muted += 1
+    try:
+        yield
+    finally:
+        _muted -= 1
+
+
+@persistent
+def _on_depsgraph(_scene: bpy.types.Scene, depsgraph: Any = None) -> None:
+    if _muted or depsgraph is None:
+        return
+    for update in depsgraph.updates:
+        # Selecting an object also arrives here, with neither flag set.
+        if (update.is_updated_transform or update.is_updated_geometry or isinstance(update.id, bpy.types.Action)) and (
+            type(update.id).__name__ in _RELEVANT or isinstance(update.id, bpy.types.Object | bpy.types.Action)
+        ):
+            _dirty.add(update.id.name)
+
+
+@persistent
+def _on_frame(scene: bpy.types.Scene, depsgraph: Any = None) -> None:
+    # Without a window nobody looks; a sweep or a render job must not pay for a preview.
+    if _muted or depsgraph is None or bpy.app.background or bpy.app.is_job_running("RENDER"):
+        return
+    from . import live
+
+    live.on_frame(scene, depsgraph)
+
+
+@persistent
+def _on_history(*_: Any) -> None:
+    global _generation
+    _generation += 1
+    _dirty.add("undo")
+
+
+@persistent
+def _on_load(*_: Any) -> None:
+    global _generation
+    _generation += 1
+    _dirty.clear()
+    _dirty.add("file")
+    from . import reporting, results
+
+    results.forget()
+    reporting.clear()
+
+
+@persistent
+def _on_save(*_: Any) -> None:
+    from .properties import stamp
+
+    for scene in bpy.data.scenes:
+        if any(obj.dermis.role != "NONE" for obj in scene.objects):
+            stamp(scene)
+
+
+def table() -> tuple[tuple[list[Any], Any], ...]:
+    """Return every list that holds a handler of ours, with the handler."""
+    on = bpy.app.handlers
+    return (
+        (on.depsgraph_update_post, _on_depsgraph),
+        (on.frame_change_post, _on_frame),
+        (on.undo_post, _on_history),
+        (on.redo_post, _on_history),
+        (on.load_post, _on_load),
+        (on.save_pre, _on_save),
+    )
+
+
+def register() -> None:
+    """Add every handler once."""
+    for handlers, function in table():
+        if function not in handlers:
+            handlers.append(function)
+
+
+def unregister() -> None:
+    """Remove every handler."""
+    for handlers, function in table():
+        if function in handlers:
+            handlers.remove(function)
+    _dirty.clear()

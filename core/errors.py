@@ -21,9 +21,7 @@ class DermisError(ValueError):
         remedy: what to do about it.
     """
 
-    def __init__(
-        self, what: str, *, where: str = "", value: Any = None, limit: str = "", remedy: str = ""
-    ) -> None:
+    def __init__(self, what: str, *, where: str = "", value: Any = None, limit: str = "", remedy: str = "") -> None:
         self.what, self.where, self.value, self.limit, self.remedy = what, where, value, limit, remedy
         super().__init__(sentence(what, where, value, limit, remedy))
 

@@ -167,9 +167,14 @@ def _wanted(
     for i, finger in enumerate(scene.fingers):
         if not finger.devices:
             findings.append(
-                Finding("warning", "no-device", "the finger has no device, so it gives no track",
-                        where=f"finger '{finger.name}'", remedy="Add one in the Dermis tab under Devices")
-            )  # fmt: skip
+                Finding(
+                    "warning",
+                    "no-device",
+                    "the finger has no device, so it gives no track",
+                    where=f"finger '{finger.name}'",
+                    remedy="Add one in the Dermis tab under Devices",
+                )
+            )
         for use in finger.devices:
             try:
                 spec = library.device(use.preset)
@@ -182,9 +187,7 @@ def _wanted(
             yield i, use, spec
 
 
-def _sample(
-    scene: TactileScene, content: ContentHash, clock: _Stages
-) -> Generator[Progress, None, SampledTouch]:
+def _sample(scene: TactileScene, content: ContentHash, clock: _Stages) -> Generator[Progress, None, SampledTouch]:
     """Draw the chunks through the contact stage."""
     from .contact.touch import TouchSampler
 
@@ -214,8 +217,12 @@ def _renderer(spec: DeviceSpec) -> Renderer:
         from .matching import perceptual
 
         return perceptual.render
-    raise DermisError("unknown kind of device", where=f"device preset '{spec.key}'", value=spec.kind,
-                      limit="shear_tactor, friction_screen")  # fmt: skip
+    raise DermisError(
+        "unknown kind of device",
+        where=f"device preset '{spec.key}'",
+        value=spec.kind,
+        limit="shear_tactor, friction_screen",
+    )
 
 
 def _finish(rendered: Rendered, scene: TactileScene, finger: int, use: DeviceUse, content_hash: str) -> Output:

@@ -194,12 +194,19 @@ def validate(scene: TactileScene) -> None:
     first, last = scene.frame_range
     if last <= first:
         raise DermisError(
-            "the frame range has no duration", where=where, value=f"{first} to {last}",
-            limit="an end frame after the start frame", remedy="Set the range in the Output properties",
-        )  # fmt: skip
+            "the frame range has no duration",
+            where=where,
+            value=f"{first} to {last}",
+            limit="an end frame after the start frame",
+            remedy="Set the range in the Output properties",
+        )
     if not (np.isfinite(scene.rate) and scene.rate > 0):
         raise DermisError("the sampling rate must be positive", where=where, value=scene.rate, limit="> 0 Hz")
-    groups: tuple[tuple[str, Any], ...] = (("finger", scene.fingers), ("object", scene.bodies), ("screen", scene.screens))
+    groups: tuple[tuple[str, Any], ...] = (
+        ("finger", scene.fingers),
+        ("object", scene.bodies),
+        ("screen", scene.screens),
+    )
     for kind, items in groups:
         names = [item.name for item in items]
         for name in sorted(set(names)):
@@ -220,8 +227,12 @@ def check_mesh(mesh: Mesh, name: str) -> None:
     if not np.isfinite(mesh.vertices).all():
         raise DermisError("the mesh has vertices that are not finite numbers", where=where)
     if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.vertices):
-        raise DermisError("a face uses a vertex that does not exist", where=where, value=int(mesh.triangles.max()),
-                          limit=f"0 to {len(mesh.vertices) - 1}")  # fmt: skip
+        raise DermisError(
+            "a face uses a vertex that does not exist",
+            where=where,
+            value=int(mesh.triangles.max()),
+            limit=f"0 to {len(mesh.vertices) - 1}",
+        )
 
 
 class ContentHash:
@@ -279,8 +290,11 @@ def header(scene: TactileScene) -> dict[str, Any]:
         ],
         "bodies": [
             {
-                "name": b.name, "parameters": dict(b.parameters), "content": list(b.content),
-                "simulated": b.simulated, "deforming": b.mesh is None,
+                "name": b.name,
+                "parameters": dict(b.parameters),
+                "content": list(b.content),
+                "simulated": b.simulated,
+                "deforming": b.mesh is None,
             }
             for b in scene.bodies
         ],
@@ -288,4 +302,4 @@ def header(scene: TactileScene) -> dict[str, Any]:
             {"name": s.name, "size": list(s.size), "height_unit": s.height_unit, "parameters": dict(s.parameters)}
             for s in scene.screens
         ],
-    }  # fmt: skip
+    }

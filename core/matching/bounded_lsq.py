@@ -99,8 +99,12 @@ class BoundedLeastSquares:
             raise DermisError("the Gram matrix has values that are not finite", where="bounded least squares")
         self._size = float(np.abs(gram).max(initial=0.0))
         if np.abs(gram - gram.T).max(initial=0.0) > 1e-9 * self._size:
-            raise DermisError("the Gram matrix is not symmetric", where="bounded least squares",
-                              value=float(np.abs(gram - gram.T).max()), limit=f"{1e-9 * self._size:.3g}")  # fmt: skip
+            raise DermisError(
+                "the Gram matrix is not symmetric",
+                where="bounded least squares",
+                value=float(np.abs(gram - gram.T).max()),
+                limit=f"{1e-9 * self._size:.3g}",
+            )
         self.gram = gram
         self.n = len(gram)
         self._set_bounds(low, high)
@@ -108,13 +112,19 @@ class BoundedLeastSquares:
         if self.n and self._potrf(gram)[1] != 0:
             self._proximal = PROXIMAL_WEIGHT * max(float(np.trace(gram)) / self.n, 1e-300)
             if self._potrf(self._definite())[1] != 0:
-                raise DermisError("the Gram matrix is not positive semi-definite", where="bounded least squares",
-                                  value=float(np.linalg.eigvalsh(gram)[0]), limit=">= 0")  # fmt: skip
+                raise DermisError(
+                    "the Gram matrix is not positive semi-definite",
+                    where="bounded least squares",
+                    value=float(np.linalg.eigvalsh(gram)[0]),
+                    limit=">= 0",
+                )
         self._solved = self._definite() if self._proximal else gram
         self._status = np.full(self.n, -1, dtype=np.int8)
         self._factors: OrderedDict[bytes, _Factor] = OrderedDict()
 
-    def solve(self, c: Array, *, low: Any = None, high: Any = None, start: NDArray[np.int8] | None = None) -> BoundedSolution:
+    def solve(
+        self, c: Array, *, low: Any = None, high: Any = None, start: NDArray[np.int8] | None = None
+    ) -> BoundedSolution:
         """Minimise 1/2 x'Hx - c'x within the bounds, starting from the active bounds of the call before.
 
         Args:
@@ -127,7 +137,9 @@ class BoundedLeastSquares:
         """
         c = np.asarray(c, dtype=np.float64)
         if c.shape != (self.n,):
-            raise DermisError("the right-hand side does not fit", where="bounded least squares", value=c.shape, limit=f"({self.n},)")
+            raise DermisError(
+                "the right-hand side does not fit", where="bounded least squares", value=c.shape, limit=f"({self.n},)"
+            )
         largest = float(np.abs(c).max(initial=0.0))
         if not largest < np.inf:
             raise DermisError("the right-hand side is not finite", where="bounded least squares")
@@ -242,12 +254,20 @@ class BoundedLeastSquares:
         columns = self._solved.take(free, axis=1)
         cholesky, info = self._potrf(columns.take(free, axis=0), overwrite_a=0)
         if len(free) and info != 0:
-            raise DermisError("the Gram matrix is not positive definite on the free variables", where="bounded least squares")
+            raise DermisError(
+                "the Gram matrix is not positive definite on the free variables", where="bounded least squares"
+            )
         fixed = np.where(status < 0, self.low, np.where(status > 0, self.high, 0.0))
         factor = _Factor(
-            free, cholesky, np.asfortranarray(columns), -status.astype(np.float64), fixed, self._solved @ fixed,
-            self.low[free], self.high[free],
-        )  # fmt: skip
+            free,
+            cholesky,
+            np.asfortranarray(columns),
+            -status.astype(np.float64),
+            fixed,
+            self._solved @ fixed,
+            self.low[free],
+            self.high[free],
+        )
         self._factors[key] = factor
         if len(self._factors) > FACTORS_KEPT:
             self._factors.popitem(last=False)
@@ -259,8 +279,11 @@ class BoundedLeastSquares:
         bad = np.flatnonzero(~(self.low <= self.high) | ~np.isfinite(self.low) | ~np.isfinite(self.high))
         if len(bad):
             i = int(bad[0])
-            raise DermisError("bounds must be finite and not crossed", where=f"bounded least squares, variable {i}",
-                              value=f"{self.low[i]} to {self.high[i]}")  # fmt: skip
+            raise DermisError(
+                "bounds must be finite and not crossed",
+                where=f"bounded least squares, variable {i}",
+                value=f"{self.low[i]} to {self.high[i]}",
+            )
         self._span = max(float(np.abs(self.low).max(initial=0.0)), float(np.abs(self.high).max(initial=0.0)))
 
     def _definite(self) -> Array:

@@ -1,0 +1,226 @@
+"""Pin array: many pins that press the pulp from a cylindrical surface, each towards the cylinder's axis.
+
+In the finger's frame (origin at the pad's centre, +Y towards the tip, +Z towards the nail) the cylinder's axis runs
+along Y at height `radius - standoff` above the pad and is then pitched about X by the mounting angle. A pin acts
+where its line of motion meets the undeformed skin, and its force spreads over the skin's nodes around that point.
+
+Source: [S1] IV.B.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError, Finding
+from .spec import DeviceSpec
+
+Array = NDArray[np.float64]
+
+SPREAD_REACH = 3.0  # of sigma: nodes farther from a pin's point of action get none of its force
+
+
+@dataclass(frozen=True)
+class PinLayout:
+    """Where the pins are and what each can do.
+
+    Attributes:
+        tips: points on each pin's line, on the cylinder at mid stroke [m], shape (pins, 3).
+        directions: unit vectors of the pins' motion, into the finger, shape (pins, 3).
+        force_limit: largest force of a pin [N]. stroke: its travel [m].
+        spread: standard deviation of the Gaussian that spreads a pin's force [m].
+        delay: time from command to force [s].
+    """
+
+    tips: Array
+    directions: Array
+    force_limit: float
+    stroke: float
+    spread: float
+    delay: float
+
+    @property
+    def count(self) -> int:
+        """Number of pins."""
+        return len(self.tips)
+
+
+@dataclass(frozen=True)
+class PinContacts:
+    """Which pins meet the skin, and where.
+
+    Attributes:
+        points: points of action on the undeformed skin [m], shape (pins, 3); NaN where a pin misses.
+        hits: shape (pins,). travel: from mid stroke to the skin, positive inwards [m]; NaN where a pin misses.
+        findings: pins that miss, or that the stroke does not reach.
+    """
+
+    points: Array
+    hits: NDArray[np.bool_]
+    travel: Array
+    findings: tuple[Finding, ...]
+
+
+def layout(spec: DeviceSpec) -> PinLayout:
+    """Place the pins of a preset in the finger's frame.
+
+    Raises:
+        DermisError: no pins, a pitch, radius, stroke, spread or force limit that is not above zero, pins that
+            overlap, or columns that wrap more than half of the cylinder.
+    """
+    p, where = spec.parameters, f"device preset '{spec.key}'"
+    rows, columns = (_count(p, name, where) for name in ("rows", "columns"))
+    pitch, radius, stroke, spread, limit = (
+        _positive(p, name, where) for name in ("pitch", "cylinder_radius", "stroke", "spread", "force_limit")
+    )
+    mount, standoff, forward = (float(p.get(name, 0.0)) for name in ("mount_pitch", "standoff", "forward"))
+    delay = float(p.get("delay", 0.0))
+    if delay < 0:
+        raise DermisError("the control delay cannot be negative", where=where, value=delay, limit=">= 0 s")
+    angles = (np.arange(columns) - (columns - 1) / 2) * pitch / radius
+    if columns > 1 and np.ptp(angles) > np.pi:
+        raise DermisError(
+            "the pins wrap more than half of the cylinder",
+            where=where,
+            value=f"{np.degrees(np.ptp(angles)):.0f} deg",
+            limit="180 deg",
+            remedy="Use fewer columns, a smaller pitch or a larger radius",
+        )
+    along = (np.arange(rows) - (rows - 1) / 2) * pitch + forward
+    y, angle = (grid.ravel() for grid in np.meshgrid(along, angles, indexing="ij"))
+    axis = radius - standoff
+    tips = np.column_stack([radius * np.sin(angle), y, axis - radius * np.cos(angle)])
+    directions = np.column_stack([-np.sin(angle), np.zeros_like(angle), np.cos(angle)])
+    c, s = np.cos(mount), np.sin(mount)
+    turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    tips, directions = tips @ turn.T, directions @ turn.T
+    _refuse_overlap(tips, _positive(p, "pin_radius", where), where)
+    return PinLayout(tips, directions, limit, stroke, spread, delay)
+
+
+def contacts(pins: PinLayout, vertices: Array, triangles: NDArray[np.integer]) -> PinContacts:
+    """Meet every pin's line of motion with the undeformed skin.
+
+    Args:
+        vertices, triangles: the skin's outer surface in the finger's frame [m], shapes (V, 3) and (T, 3).
+
+    A pin approaches from outside, so its point of action is the first crossing along its motion where it enters.
+
+    Raises:
+        DermisError: no pin meets the skin.
+    """
+    points, travel = _first_entry(pins.tips, pins.directions, vertices, triangles)
+    hits = np.isfinite(travel)
+    findings = []
+    if not hits.any():
+        raise DermisError(
+            "no pin of the layout meets the skin",
+            where="pin array",
+            remedy="Check the cylinder's radius, the standoff and the mounting angle",
+        )
+    if not hits.all():
+        findings.append(
+            Finding(
+                "warning",
+                "pin-misses",
+                "pins miss the skin and are switched off",
+                where="pin array",
+                value=_names(np.flatnonzero(~hits)),
+                count=int((~hits).sum()),
+            )
+        )
+    short = hits & (np.abs(np.where(hits, travel, 0.0)) > pins.stroke / 2)
+    if short.any():
+        findings.append(
+            Finding(
+                "warning",
+                "pin-stroke",
+                "pins need more than their stroke to reach the skin",
+                where="pin array",
+                value=f"{1e3 * np.abs(travel[short]).max():.2f} mm from mid stroke",
+                limit=f"{1e3 * pins.stroke / 2:.2f} mm",
+                remedy=f"Pins {_names(np.flatnonzero(short))}: move the standoff or the mounting angle",
+                count=int(short.sum()),
+            )
+        )
+    return PinContacts(points, hits, travel, tuple(findings))
+
+
+def distribution(pins: PinLayout, where: PinContacts, nodes: Array) -> Array:
+    """Return A = A_d A_p, nodal forces for unit pin forces, shape (3 nodes, pins).
+
+    Weights fall off as a Gaussian of the distance from the point of action and sum to one, so the nodes together
+    receive exactly a pin's force. Pins that miss the skin have a column of zeros.
+
+    Args:
+        nodes: skin nodes that may carry force [m], shape (n, 3).
+
+    Source: [S1] eq. 4 and IV.B.
+    """
+    a = np.zeros((len(nodes), 3, pins.count))
+    for pin in np.flatnonzero(where.hits):
+        squared = ((nodes - where.points[pin]) ** 2).sum(axis=1)
+        near = squared <= max((SPREAD_REACH * pins.spread) ** 2, squared.min())  # always at least the nearest node
+        exponent = squared[near] / (2 * pins.spread**2)
+        weights = np.exp(exponent.min() - exponent)
+        weights /= weights.sum()
+        a[near, :, pin] = weights[:, None] * pins.directions[pin]
+    return a.reshape(3 * len(nodes), pins.count)
+
+
+def _first_entry(
+    origins: Array, directions: Array, vertices: Array, triangles: NDArray[np.integer]
+) -> tuple[Array, Array]:
+    """Moeller-Trumbore for every line and triangle; the entry with the smallest signed travel."""
+    corner = vertices[triangles[:, 0]]
+    e1, e2 = vertices[triangles[:, 1]] - corner, vertices[triangles[:, 2]] - corner
+    p = np.cross(directions[:, None], e2[None])
+    det = np.einsum("ptk,tk->pt", p, e1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = origins[:, None] - corner[None]
+        u = np.einsum("ptk,ptk->pt", s, p) / det
+        q = np.cross(s, e1[None])
+        v = np.einsum("ptk,pk->pt", q, directions) / det
+        t = np.einsum("ptk,tk->pt", q, e2) / det
+    edge = 1e-9  # a line through a shared edge belongs to both triangles rather than to none
+    # the determinant is positive where the line runs against the outward normal: it enters
+    inside = (det > 0) & (u >= -edge) & (v >= -edge) & (u + v <= 1 + edge)
+    travel = np.where(inside, t, np.inf).min(axis=1, initial=np.inf)
+    travel[~np.isfinite(travel)] = np.nan
+    return origins + travel[:, None] * directions, travel
+
+
+def _count(p: Mapping[str, Any], name: str, where: str) -> int:
+    value = p.get(name, 0)
+    if value != int(value) or value < 1:
+        raise DermisError(f"'{name}' must be a whole number of at least 1", where=where, value=value)
+    return int(value)
+
+
+def _positive(p: Mapping[str, Any], name: str, where: str) -> float:
+    value = p.get(name)
+    if value is None or not value > 0:
+        raise DermisError(f"'{name}' must be above zero", where=where, value=value, limit="> 0")
+    return float(value)
+
+
+def _refuse_overlap(tips: Array, pin_radius: float, where: str) -> None:
+    apart = np.linalg.norm(tips[:, None] - tips[None], axis=2)
+    apart[np.diag_indices(len(tips))] = np.inf
+    i, j = np.unravel_index(int(np.argmin(apart)), apart.shape)
+    if apart[i, j] < 2 * pin_radius:
+        raise DermisError(
+            "pins overlap",
+            where=where,
+            value=f"pins {i + 1} and {j + 1} are {1e3 * apart[i, j]:.3g} mm apart",
+            limit=f"2 radii, {2e3 * pin_radius:.3g} mm",
+        )
+
+
+def _names(indices: NDArray[np.intp]) -> str:
+    names = [str(i + 1) for i in indices[:12]]
+    return ", ".join(names) + (" ..." if len(indices) > 12 else "")

@@ -1,0 +1,211 @@
+"""Deformation and force matching: pin forces whose effect on the skin is nearest to the target's.
+
+Everything that does not change from frame to frame is folded into small matrices, so that a frame needs the contact
+forces f of the target and nothing else: with L = K^-1 A and u = G f, the right-hand side is (L'WG) f and the squared
+error f'(G'WG) f - 2 c'x + x'Hx. Forces are those of skin with its nominal stiffness; the personal factor alpha
+scales them last, so a bound on what a pin can do is a bound of `force_limit / alpha` here.
+
+Source: [S1] eq. 5-18 with the corrections: eq. 18 has A'f, and pins are bounded from above as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from .bounded_lsq import BoundedLeastSquares, BoundedSolution
+
+Array = NDArray[np.float64]
+Method = Literal["DM0", "DM1", "DM2", "FM0", "FM1", "FM2"]
+METHODS: tuple[Method, ...] = get_args(Method)
+
+RANK_TOLERANCE = 1e-10  # of the largest singular value: below it a direction counts as not controllable
+
+
+@dataclass(frozen=True)
+class PinForces:
+    """What the pins shall do at one instant.
+
+    Attributes:
+        forces: after alpha [N], shape (pins,).
+        displacement_error: u_err of the rendered skin against the target [m] (eq. 20).
+        force_error: f_err after alpha [N] (eq. 21).
+        optimality: KKT residual, relative; 0 for the methods that only clamp.
+        at_limit: pins at their upper bound.
+        clipped: pins whose unconstrained value DM1 and FM1 moved into the bounds.
+    """
+
+    forces: Array
+    displacement_error: float
+    force_error: float
+    optimality: float
+    at_limit: int
+    clipped: int
+    converged: bool = True
+
+
+class Matcher:
+    """The matrices of one skin and one pin array.
+
+    Args:
+        spread: A, nodal forces on the pad for unit pin forces, shape (3m, pins).
+        influence: G, displacements of the compared nodes for unit forces on the pad [m/N], shape (3n, 3m).
+        weights: W, one per compared node (ones as in the paper), shape (n,).
+        active: pins that meet the skin, shape (pins,); the others stay at zero.
+
+    Raises:
+        DermisError: shapes that do not fit, negative weights, or no active pin.
+    """
+
+    def __init__(
+        self, spread: Array, influence: Array, weights: Array | None = None, active: NDArray[np.bool_] | None = None
+    ) -> None:
+        pins = spread.shape[1]
+        active = np.ones(pins, dtype=bool) if active is None else np.asarray(active, dtype=bool)
+        nodes = len(influence) // 3
+        weights = np.ones(nodes) if weights is None else np.asarray(weights, dtype=np.float64)
+        if influence.shape[1] != len(spread) or len(weights) != nodes or len(active) != pins:
+            raise DermisError(
+                "the pins' spread, the skin's influence and the weights do not fit",
+                where="pin matching",
+                value=f"{spread.shape}, {influence.shape}, {weights.shape}",
+            )
+        if not active.any():
+            raise DermisError("no pin meets the skin", where="pin matching")
+        if (weights < 0).any() or not weights.any():
+            raise DermisError("node weights must not be negative, nor all zero", where="pin matching")
+        self.pins, self.active, self.nodes = pins, np.flatnonzero(active), nodes
+        self.loaded = len(spread) // 3
+        a = np.ascontiguousarray(spread[:, self.active])
+        root = np.sqrt(np.repeat(weights, 3))[:, None]
+        weighted = root * influence
+        rendered = weighted @ a  # L, weighted
+        self.deformation_gram = rendered.T @ rendered
+        self.deformation_rhs = np.ascontiguousarray(rendered.T @ weighted)  # L'WG
+        self.target_gram = weighted.T @ weighted  # G'WG
+        self.force_gram = a.T @ a
+        self.force_rhs = np.ascontiguousarray(a.T)
+        self.deformation_inverse = np.linalg.pinv(rendered, rcond=RANK_TOLERANCE) @ weighted
+        self.force_inverse = np.linalg.pinv(a, rcond=RANK_TOLERANCE)
+
+    def rhs(self, method: Method, force: Array) -> Array:
+        """Return c of min 1/2 x'Hx - c'x for target pad forces [N], shape (3m,)."""
+        matrix = self.deformation_rhs if method.startswith("DM") else self.force_rhs
+        return matrix @ force
+
+    def gram(self, method: Method) -> Array:
+        """Return H of the method, shape (active pins, active pins)."""
+        return self.deformation_gram if method.startswith("DM") else self.force_gram
+
+    def displacement_error(self, force: Array, x: Array) -> float:
+        """Return u_err for pad forces f of the target and forces x of the active pins [m]. Source: [S1] eq. 20."""
+        squared = (
+            force @ self.target_gram @ force - 2.0 * (self.deformation_rhs @ force) @ x + x @ self.deformation_gram @ x
+        )
+        return float(np.sqrt(max(squared, 0.0) / self.nodes))
+
+    def force_error(self, force: Array, x: Array) -> float:
+        """Return f_err over the compared nodes [N]. Source: [S1] eq. 21."""
+        squared = force @ force - 2.0 * (self.force_rhs @ force) @ x + x @ self.force_gram @ x
+        return float(np.sqrt(max(squared, 0.0) / self.nodes))
+
+
+class PinSolver:
+    """Pin forces along a track by one method, warm from frame to frame.
+
+    Args:
+        matcher: the matrices.
+        method: DM0, FM0 unconstrained as printed; DM1, FM1 clamped; DM2, FM2 optimal within the bounds.
+        force_limit: what a pin can do [N], after alpha; None for the paper's unbounded form (only f >= 0).
+        alpha: the person's stiffness relative to the model's.
+        slew: largest change of a pin's force between two calls [N], after alpha; None for no limit.
+
+    Raises:
+        DermisError: an unknown method, or a limit, alpha or slew that is not above zero.
+    """
+
+    # an 'unbounded' pin still needs a finite number; far above any finger's forces
+    UNBOUNDED = 1e6
+
+    def __init__(
+        self,
+        matcher: Matcher,
+        method: Method = "DM2",
+        *,
+        force_limit: float | None = 0.4,
+        alpha: float = 1.0,
+        slew: float | None = None,
+    ) -> None:
+        if method not in METHODS:
+            raise DermisError("unknown matching method", where="pin matching", value=method, limit=", ".join(METHODS))
+        for name, value in (("force limit", force_limit), ("alpha", alpha), ("slew limit", slew)):
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise DermisError(f"the {name} must be above zero", where="pin matching", value=value, limit="> 0")
+        self.matcher, self.method, self.alpha = matcher, method, float(alpha)
+        self.high = (self.UNBOUNDED if force_limit is None else float(force_limit)) / self.alpha
+        self.slew = None if slew is None else float(slew) / self.alpha
+        self._last = np.zeros(len(matcher.active))
+        self._quadratic = BoundedLeastSquares(matcher.gram(method), 0.0, self.high) if method.endswith("2") else None
+
+    def solve(self, force: Array) -> PinForces:
+        """Match target pad forces of nominal skin [N], shape (3m,) or (m, 3).
+
+        Raises:
+            DermisError: forces of another size, or not finite.
+        """
+        matcher, force = self.matcher, np.asarray(force, dtype=np.float64).ravel()
+        if len(force) != 3 * matcher.loaded:
+            raise DermisError(
+                "the target's forces do not fit the skin",
+                where="pin matching",
+                value=len(force),
+                limit=str(3 * matcher.loaded),
+            )
+        x, optimality, clipped, converged = self._active(force)
+        self._last = x
+        result = np.zeros(matcher.pins)
+        result[matcher.active] = self.alpha * x
+        at_limit = int((x >= self.high * (1 - 1e-12)).sum())
+        return PinForces(
+            result,
+            matcher.displacement_error(force, x),
+            self.alpha * matcher.force_error(force, x),
+            optimality,
+            at_limit,
+            clipped,
+            converged,
+        )
+
+    def reset(self) -> None:
+        """Forget the frame before: the pins are at rest."""
+        self._last = np.zeros(len(self.matcher.active))
+
+    def _active(self, force: Array) -> tuple[Array, float, int, bool]:
+        matcher = self.matcher
+        if self._quadratic is not None:
+            solution = self._bounded(matcher.rhs(self.method, force))
+            return solution.x, solution.optimality(self._quadratic.low, self._quadratic.high), 0, solution.converged
+        inverse = matcher.deformation_inverse if self.method.startswith("DM") else matcher.force_inverse
+        x = inverse @ force
+        if self.method.endswith("0"):
+            return x, 0.0, 0, True
+        low, high = self._bounds()
+        clamped = np.clip(x, low, high)
+        return clamped, 0.0, int((clamped != x).sum()), True
+
+    def _bounded(self, c: Array) -> BoundedSolution:
+        assert self._quadratic is not None
+        if self.slew is None:
+            return self._quadratic.solve(c)
+        low, high = self._bounds()
+        return self._quadratic.solve(c, low=low, high=high)
+
+    def _bounds(self) -> tuple[Array, Array]:
+        low, high = np.zeros_like(self._last), np.full_like(self._last, self.high)
+        if self.slew is not None:
+            low, high = np.maximum(low, self._last - self.slew), np.minimum(high, self._last + self.slew)
+        return low, high

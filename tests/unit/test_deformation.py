@@ -1,0 +1,158 @@
+"""Deformation and force matching against normal equations written out, and the press test."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.errors import DermisError
+from core.matching.calibration import stiffness_factor
+from core.matching.deformation import METHODS, Matcher, PinSolver
+
+
+def problem(seed=0, nodes=30, loaded=12, pins=6):
+    rng = np.random.default_rng(seed)
+    influence = rng.normal(size=(3 * nodes, 3 * loaded))
+    spread = rng.random((3 * loaded, pins))
+    return influence, spread, rng
+
+
+def test_dm0_is_the_pseudo_inverse_and_errors_are_norms():
+    influence, spread, rng = problem()
+    matcher, f = Matcher(spread, influence), rng.normal(size=36)
+    got = PinSolver(matcher, "DM0").solve(f)
+    lever, u = influence @ spread, influence @ f
+    expected = np.linalg.lstsq(lever, u, rcond=None)[0]
+    np.testing.assert_allclose(got.forces, expected, rtol=1e-9)
+    assert got.displacement_error == pytest.approx(np.linalg.norm(u - lever @ expected) / np.sqrt(30), rel=1e-9)
+    assert got.force_error == pytest.approx(np.linalg.norm(f - spread @ expected) / np.sqrt(30), rel=1e-9)
+
+
+def test_fm0_uses_the_transpose_of_a_on_forces_not_displacements():
+    influence, spread, rng = problem(1)
+    f = rng.normal(size=36)
+    got = PinSolver(Matcher(spread, influence), "FM0").solve(f)
+    np.testing.assert_allclose(got.forces, np.linalg.solve(spread.T @ spread, spread.T @ f), rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["DM", "FM"])
+def test_clamped_methods_clamp_and_optimal_ones_are_never_worse(kind):
+    influence, spread, rng = problem(2)
+    matcher = Matcher(spread, influence)
+    error = "displacement_error" if kind == "DM" else "force_error"
+    for _ in range(20):
+        f = rng.normal(size=36)
+        free, clamped, best = (PinSolver(matcher, f"{kind}{i}").solve(f) for i in range(3))
+        np.testing.assert_allclose(clamped.forces, np.clip(free.forces, 0, 0.4), atol=1e-12)
+        assert best.optimality <= 1e-12 and best.converged
+        assert (best.forces >= 0).all() and (best.forces <= 0.4).all()
+        assert getattr(free, error) <= getattr(best, error) * (1 + 1e-9)
+        assert getattr(best, error) <= getattr(clamped, error) * (1 + 1e-9)
+
+
+def test_fm2_with_identity_returns_the_clamped_target():
+    rng = np.random.default_rng(4)
+    f = rng.normal(size=9)
+    got = PinSolver(Matcher(np.eye(9), np.eye(9)), "FM2").solve(f)
+    np.testing.assert_allclose(got.forces, np.clip(f, 0, 0.4), atol=1e-15)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_bounds_hold_after_alpha_and_unbounded_forces_scale(method):
+    influence, spread, rng = problem(5)
+    matcher, f = Matcher(spread, influence), np.abs(rng.normal(size=36))
+    bounded = PinSolver(matcher, method, alpha=0.7).solve(f)
+    if not method.endswith("0"):
+        assert bounded.forces.max() <= 0.4 * (1 + 1e-12)
+    one, other = (PinSolver(matcher, method, force_limit=None, alpha=a).solve(f).forces for a in (1.0, 0.7))
+    np.testing.assert_allclose(other, 0.7 * one, rtol=1e-9, atol=1e-12)
+
+
+def test_unbounded_methods_are_homogeneous():
+    influence, spread, rng = problem(6)
+    matcher, f = Matcher(spread, influence), rng.normal(size=36)
+    for method in METHODS:
+        solver = PinSolver(matcher, method, force_limit=None)
+        np.testing.assert_allclose(solver.solve(3 * f).forces, 3 * solver.solve(f).forces, rtol=1e-8, atol=1e-10)
+
+
+def test_weights_change_what_is_matched():
+    influence, spread, rng = problem(7)
+    f = rng.normal(size=36)
+    weights = rng.random(30)
+    got = PinSolver(Matcher(spread, influence, weights), "DM0").solve(f).forces
+    root = np.sqrt(np.repeat(weights, 3))[:, None]
+    expected = np.linalg.lstsq(root * (influence @ spread), root[:, 0] * (influence @ f), rcond=None)[0]
+    np.testing.assert_allclose(got, expected, rtol=1e-9)
+
+
+def test_slew_limits_hold_from_rest():
+    influence, spread, rng = problem(8)
+    matcher = Matcher(spread, influence)
+    for method in ("DM1", "DM2", "FM1", "FM2"):
+        solver, last = PinSolver(matcher, method, slew=0.05), np.zeros(6)
+        for _ in range(10):
+            now = solver.solve(rng.normal(size=36) * 3).forces
+            assert np.abs(now - last).max() <= 0.05 * (1 + 1e-12)
+            last = now
+
+
+def test_inactive_pins_stay_at_zero_and_no_contact_gives_zeros():
+    influence, spread, rng = problem(9)
+    active = np.array([True, False, True, True, False, True])
+    for method in METHODS:
+        solver = PinSolver(Matcher(spread, influence, active=active), method)
+        assert not solver.solve(rng.normal(size=36)).forces[~active].any()
+        assert not solver.solve(np.zeros(36)).forces.any()
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda m: PinSolver(m, "DM3"), "method"),
+        (lambda m: PinSolver(m, force_limit=0.0), "force limit"),
+        (lambda m: PinSolver(m, alpha=-1.0), "alpha"),
+        (lambda m: PinSolver(m, slew=0.0), "slew"),
+        (lambda m: PinSolver(m).solve(np.zeros(5)), "do not fit"),
+        (lambda m: PinSolver(m).solve(np.full(36, np.nan)), "finite"),
+    ],
+)
+def test_bad_input_is_refused(call, words):
+    influence, spread, _ = problem(10)
+    with pytest.raises(DermisError, match=words):
+        call(Matcher(spread, influence))
+
+
+def test_alpha_is_recovered_from_a_synthetic_press():
+    depths = np.array([0.5, 1.0, 1.5, 2.0]) * 1e-3
+    modelled = 3e4 * depths**1.5
+    got = stiffness_factor(depths, 0.73 * modelled, modelled)
+    assert got.alpha == pytest.approx(0.73, abs=1e-10) and got.residual < 1e-12
+
+
+def test_alphas_uncertainty_covers_the_truth():
+    rng = np.random.default_rng(11)
+    depths = np.array([0.5, 1.0, 1.5, 2.0]) * 1e-3
+    modelled = 3e4 * depths**1.5
+    score = []
+    for _ in range(2000):
+        got = stiffness_factor(depths, 0.8 * modelled + rng.normal(0, 0.01, 4), modelled)
+        score.append((got.alpha - 0.8) / got.standard_error)
+    # Student's t with 3 degrees of freedom: 95 % within 3.182
+    assert np.mean(np.abs(score) < 3.182) == pytest.approx(0.95, abs=0.015)
+
+
+@pytest.mark.parametrize(
+    ("depths", "loads", "words"),
+    [
+        ([1e-3], [0.5], "one reading"),
+        ([1e-3, 2e-3], [0.5], "number"),
+        ([1e-3, 2e-3], [0.5, 0.4], "does not rise"),
+        ([1e-3, 2e-3], [-0.1, 0.4], "negative"),
+        ([2e-3, 1e-3], [0.1, 0.4], "rise"),
+        ([1e-3, 2e-3], [0.1, float("nan")], "numbers"),
+    ],
+)
+def test_nonsense_readings_are_refused(depths, loads, words):
+    with pytest.raises(DermisError, match=words):
+        stiffness_factor(depths, loads, [0.3, 0.9][: len(depths)])

@@ -21,7 +21,8 @@ UNITS: dict[str, tuple[str, float]] = {
     "N": ("N", 1.0), "mN": ("N", 1e-3), "N*m": ("N*m", 1.0), "mN*m": ("N*m", 1e-3),
     "N/m": ("N/m", 1.0), "N/mm": ("N/m", 1e3),
     "Pa": ("Pa", 1.0), "kPa": ("Pa", 1e3), "MPa": ("Pa", 1e6),
-    "kg": ("kg", 1.0), "g": ("kg", 1e-3), "V": ("V", 1.0), "bit/s": ("bit/s", 1.0),
+    "kg": ("kg", 1.0), "g": ("kg", 1e-3), "V": ("V", 1.0), "bit/s": ("bit/s", 1.0), "kbit/s": ("bit/s", 1e3),
+    "N/s": ("N/s", 1.0), "N*m/s": ("N*m/s", 1.0), "Pa/s": ("Pa/s", 1.0), "V/s": ("V/s", 1.0), "Hz/s": ("Hz/s", 1.0),
     "1": ("1", 1.0), "%": ("1", 1e-2),
 }  # fmt: skip
 
@@ -61,10 +62,19 @@ def quantity(field: Mapping[str, Any] | float | int, *, where: str = "") -> Any:
             remedy='Write it as {"value": 5, "unit": "mm", "source": "..."}',
         )  # fmt: skip
     value = field["value"]
+    if not isinstance(field["unit"], str):
+        raise DermisError("unknown unit", where=where, value=field["unit"], limit=", ".join(UNITS))
     for number in _flat(value):
-        if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+        if isinstance(number, bool) or not isinstance(number, int | float) or not _finite(number):
             raise DermisError("not a finite number", where=where, value=value)
     return to_si(value, field["unit"], where=where)
+
+
+def _finite(number: float) -> bool:
+    try:
+        return math.isfinite(number)
+    except OverflowError:  # an integer of hundreds of digits
+        return False
 
 
 def _flat(value: Any) -> list[Any]:

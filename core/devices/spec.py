@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from ..errors import DermisError
-from ..units import quantity
+from ..units import UNITS, quantity
 
 DEVICE_SCHEMA = "dermis-device 1"
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")  # what stands in file headers as it is
+WIRE = ("bandwidth", "bits_per_sample", "bits_per_channel")
 
 
 @dataclass(frozen=True)
@@ -45,9 +49,12 @@ class DeviceSpec:
         key: the preset's file stem. name: for people. kind: which mechanism file drives it.
         rate: command rate [Hz].
         channels: in the order of the track's columns.
-        parameters: the mechanism's quantities in SI and its plain settings.
-        wire: bits a second the link carries (0: unknown), bits a sample costs besides.
+        parameters: the mechanism's quantities in SI and its plain settings. Two channels that share a round range
+            are named by `range_disc` (a list of two) and `range_disc_radius`, in the channels' unit.
+        wire: `bandwidth` of the link [bit/s] (0 or absent: unknown), `bits_per_sample` that every sample costs
+            (address, check, time) and `bits_per_channel` that each channel with an actuator adds.
         source: the preset as read, for its hash and its sources.
+        stated_hash: the hash that a track file states, where the preset itself is not at hand.
     """
 
     key: str
@@ -58,10 +65,13 @@ class DeviceSpec:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     wire: Mapping[str, float] = field(default_factory=dict)
     source: Mapping[str, Any] = field(default_factory=dict)
+    stated_hash: str = ""
 
     @property
     def hash(self) -> str:
         """First 16 hex digits of the SHA-256 of the preset."""
+        if self.stated_hash:
+            return self.stated_hash
         text = json.dumps(self.source, sort_keys=True, ensure_ascii=False)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -70,7 +80,9 @@ class DeviceSpec:
         for channel in self.channels:
             if channel.name == name:
                 return channel
-        raise DermisError("no such channel", where=self.name, value=name, limit=", ".join(c.name for c in self.channels))
+        raise DermisError(
+            "no such channel", where=self.name, value=name, limit=", ".join(c.name for c in self.channels)
+        )
 
 
 def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
@@ -79,7 +91,8 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
     Quantities are `{"value", "unit", "source"}`; strings, booleans and lists of strings pass as they are.
 
     Raises:
-        DermisError: another schema, a missing field, an unknown unit, two channels of one name.
+        DermisError: another schema, a missing field, an unknown unit, two channels of one name, limits that
+            leave no value, a rest outside of them, a range disc of channels that do not exist.
     """
     where = f"device preset '{key}'"
     if preset.get("schema") != DEVICE_SCHEMA:
@@ -87,20 +100,25 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
     for name in ("name", "kind", "rate", "channels"):
         if name not in preset:
             raise DermisError(f"'{name}' is missing", where=where)
-    channels = tuple(_channel(entry, where) for entry in preset["channels"])
+    entries = preset["channels"]
+    if not isinstance(entries, list) or not entries or not all(isinstance(e, Mapping) for e in entries):
+        raise DermisError("'channels' must be a list of objects, at least one", where=where, value=entries)
+    channels = tuple(_channel(entry, where) for entry in entries)
     names = [c.name for c in channels]
     if len(set(names)) != len(names):
         raise DermisError("two channels have one name", where=where, value=", ".join(names))
-    return DeviceSpec(
+    spec = DeviceSpec(
         key=key,
         name=str(preset["name"]),
         kind=str(preset["kind"]),
-        rate=positive(quantity(preset["rate"], where=f"{where}, rate"), f"{where}, rate"),
+        rate=positive(_number(preset["rate"], f"{where}, rate"), f"{where}, rate"),
         channels=channels,
-        parameters={k: _parameter(v, f"{where}, {k}") for k, v in preset.get("parameters", {}).items()},
-        wire={k: quantity(v, where=f"{where}, wire {k}") for k, v in preset.get("wire", {}).items()},
+        parameters={k: _parameter(v, f"{where}, {k}") for k, v in _group(preset, "parameters", where).items()},
+        wire=_wire(_group(preset, "wire", where), where),
         source=preset,
     )
+    range_disc(spec)
+    return spec
 
 
 def positive(value: float, where: str) -> float:
@@ -108,6 +126,54 @@ def positive(value: float, where: str) -> float:
     if not value > 0:
         raise DermisError("must be above zero", where=where, value=value, limit="> 0")
     return value
+
+
+def range_disc(spec: DeviceSpec) -> tuple[int, int, float] | None:
+    """Return the columns of the two channels that share a round range, and its radius; None where there is none.
+
+    Raises:
+        DermisError: not two channels of this device with one unit, or a radius that is not above zero.
+    """
+    names, radius = spec.parameters.get("range_disc"), spec.parameters.get("range_disc_radius")
+    if names is None and radius is None:
+        return None
+    where = f"device preset '{spec.key}', range_disc"
+    own = [c.name for c in spec.channels]
+    if not isinstance(names, list) or len(set(names)) != 2 or not set(names) <= set(own):
+        raise DermisError("must name two channels", where=where, value=names, limit=", ".join(own))
+    if spec.channel(names[0]).unit != spec.channel(names[1]).unit:
+        raise DermisError("the two channels have different units", where=where, value=names)
+    if not isinstance(radius, int | float) or isinstance(radius, bool):
+        raise DermisError("needs 'range_disc_radius', one number", where=where, value=radius)
+    return own.index(names[0]), own.index(names[1]), positive(float(radius), f"{where}_radius")
+
+
+def _group(preset: Mapping[str, Any], name: str, where: str) -> Mapping[str, Any]:
+    group = preset.get(name, {})
+    if not isinstance(group, Mapping):
+        raise DermisError(f"'{name}' must be an object", where=where, value=group)
+    return group
+
+
+def _number(field: Any, where: str) -> float:
+    value = quantity(field, where=where)
+    if isinstance(value, list):
+        raise DermisError("one number is wanted, not a list", where=where, value=value)
+    return float(value)
+
+
+def _wire(entries: Mapping[str, Any], where: str) -> dict[str, float]:
+    wire = {}
+    for name, entry in entries.items():
+        place = f"{where}, wire {name}"
+        if name not in WIRE:
+            raise DermisError("unknown field", where=place, limit=", ".join(WIRE))
+        wire[name] = _number(entry, place)
+        if wire[name] < 0:
+            raise DermisError("must not be below zero", where=place, value=wire[name], limit=">= 0")
+    if wire.get("bandwidth") and not (wire.get("bits_per_sample") or wire.get("bits_per_channel")):
+        raise DermisError("a bandwidth needs the cost of a sample", where=f"{where}, wire", limit=", ".join(WIRE[1:]))
+    return wire
 
 
 def _parameter(value: Any, where: str) -> Any:
@@ -120,12 +186,36 @@ def _channel(entry: Mapping[str, Any], where: str) -> Channel:
     for name in ("name", "unit"):
         if name not in entry:
             raise DermisError(f"a channel has no '{name}'", where=where, value=dict(entry))
+        if not isinstance(entry[name], str):
+            raise DermisError(f"a channel's '{name}' is not a text", where=where, value=entry[name])
     place = f"{where}, channel '{entry['name']}'"
-    limits = {k: None if entry.get(k) is None else quantity(entry[k], where=place) for k in ("low", "high", "slew")}
-    return Channel(
-        name=str(entry["name"]),
-        unit=str(entry["unit"]),
-        rest=quantity(entry.get("rest", 0.0), where=place),
-        actuator=str(entry.get("actuator", "")),
-        **limits,
-    )
+    if not NAME.fullmatch(entry["name"]):
+        raise DermisError(
+            "a channel's name has a character that it may not have", where=place, value=entry["name"],
+            limit="letters, digits, '_', '.', '-', first no digit",
+        )  # fmt: skip
+    if entry["unit"] not in UNITS or UNITS[entry["unit"]][0] != entry["unit"]:
+        units = ", ".join(dict.fromkeys(si for si, _ in UNITS.values()))
+        raise DermisError("a channel's unit must be SI", where=place, value=entry["unit"], limit=units)
+    given = {k: entry[k] for k in ("low", "high", "slew", "rest") if entry.get(k) is not None}
+    limits = {k: _in_unit(field, entry["unit"], f"{place}, {k}") for k, field in given.items()}
+    low, high = limits.get("low", -math.inf), limits.get("high", math.inf)
+    if low > high:
+        raise DermisError("low is above high", where=place, value=low, limit=f"<= {high}")
+    if "slew" in limits:
+        positive(limits["slew"], f"{place}, slew")
+    rest = limits.get("rest", 0.0)
+    if not low <= rest <= high:
+        raise DermisError("rest is outside the range", where=place, value=rest, limit=f"{low} to {high}")
+    return Channel(entry["name"], entry["unit"], actuator=str(entry.get("actuator", "")), **limits)
+
+
+def _in_unit(field: Any, unit: str, where: str) -> float:
+    """Read a limit; a bare number is in the channel's unit, for a slew in that unit a second."""
+    value = _number(field, where)
+    wanted = f"{unit}/s" if where.endswith(", slew") else unit
+    if isinstance(field, Mapping) and UNITS[field["unit"]][0] != wanted:
+        raise DermisError(
+            "a unit of another kind", where=where, value=field["unit"], limit=f"one that converts to {wanted}"
+        )
+    return value

@@ -1,0 +1,265 @@
+"""Presets: devices, haptic materials and skins as JSON files with a schema, units and sources.
+
+Built-in presets lie beside this package; a person's own lie in a second folder of the same layout and replace a
+built-in one of the same file stem, which every listing says. A preset that cannot be read is listed with its reason.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from .devices.spec import DEVICE_SCHEMA, DeviceSpec, from_preset
+from .errors import DermisError
+from .units import UNITS, quantity
+
+BUILT_IN = Path(__file__).resolve().parents[1] / "presets"
+
+SCHEMAS = {
+    "devices": DEVICE_SCHEMA,
+    "materials": "dermis-material 1",
+    "skins": "dermis-skin 1",
+    "screens": "dermis-screen 1",
+}
+
+# What a haptic material may set, with the SI unit of each quantity; 'bool' for switches, 'text' for choices.
+MATERIAL_PARAMETERS = {
+    "friction": "1", "mass": "kg",
+    "transient_on": "bool", "transient_amplitude": "1/(m/s)", "transient_decay": "1/s", "transient_frequency": "Hz",
+    "texture_on": "bool", "texture_amplitude_x": "1", "texture_amplitude_y": "1",
+    "texture_period_x": "m", "texture_period_y": "m", "texture_speed_threshold": "m/s",
+    "weight_on": "bool", "weight_acceleration": "1/(m/s^2)", "weight_gravity": "1/(m/s^2)",
+    "content_on": "bool", "content_kind": "text", "content_amplitude": "1/m",
+    "content_length": "m", "content_size": "m", "content_damping": "1",
+    "held_mode": "text",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PresetEntry:
+    """One preset file as a listing shows it.
+
+    Attributes:
+        key: the file stem, unique within its group.
+        name: for people; the key where the file cannot be read.
+        path: the file.
+        error: why it cannot be used, or None.
+        user: it lies in the person's own folder.
+        overrides: it replaces a built-in preset of the same key.
+    """
+
+    key: str
+    name: str
+    path: Path
+    error: str | None = None
+    user: bool = False
+    overrides: bool = False
+
+
+class Library:
+    """The presets at hand: the built-in ones and a person's own.
+
+    Args:
+        user_dir: folder with the person's own presets, laid out like the built-in one; it need not exist.
+        built_in: folder of the built-in presets.
+    """
+
+    def __init__(self, user_dir: Path | None = None, built_in: Path = BUILT_IN) -> None:
+        self._folders = [(Path(built_in), False)]
+        if user_dir is not None:
+            self._folders.append((Path(user_dir), True))
+        self._read: dict[Path, tuple[tuple[int, int], PresetEntry, dict[str, Any]]] = {}
+
+    def list(self, group: str) -> tuple[PresetEntry, ...]:
+        """Return all presets of a group ('devices', 'materials', 'skins', 'screens'), broken ones too, by key.
+
+        Raises:
+            DermisError: no such group.
+        """
+        return tuple(entry for entry, _ in self._entries(group).values())
+
+    def load(self, group: str, key: str) -> dict[str, Any]:
+        """Return a preset as it stands in its file.
+
+        Raises:
+            DermisError: no such group or preset, or the preset is broken.
+        """
+        entries = self._entries(group)
+        if key not in entries:
+            raise DermisError(
+                f"no such preset in {group}", where=", ".join(str(folder / group) for folder, _ in self._folders),
+                value=key, limit=", ".join(entries) or "none found",
+                remedy="Choose another one, or put the file back",
+            )  # fmt: skip
+        entry, preset = entries[key]
+        if entry.error is not None:
+            raise DermisError(
+                f"the preset is broken: {entry.error.rstrip('.')}", where=str(entry.path),
+                remedy="Correct the file" + (", or delete it to get the built-in one back" if entry.overrides else ""),
+            )  # fmt: skip
+        return json.loads(json.dumps(preset))  # a copy of its own: presets are shared and cached
+
+    def device(self, key: str) -> DeviceSpec:
+        """Return a device, in SI.
+
+        Raises:
+            DermisError: no such preset, or it is broken.
+        """
+        return from_preset(key, self.load("devices", key))
+
+    def material(self, key: str) -> dict[str, Any]:
+        """Return the parameters of a haptic material, in SI, by the names of `Body.parameters`.
+
+        Raises:
+            DermisError: no such preset, or it is broken.
+        """
+        return material_parameters(key, self.load("materials", key))
+
+    def skin(self, key: str) -> dict[str, Any]:
+        """Return the parameters of a skin, in SI.
+
+        Raises:
+            DermisError: no such preset, or it is broken.
+        """
+        where = f"skin preset '{key}'"
+        preset = self.load("skins", key)
+        return {k: _plain(v, f"{where}, {k}") for k, v in _parameters(preset, where).items()}
+
+    def _entries(self, group: str) -> dict[str, tuple[PresetEntry, dict[str, Any]]]:
+        """Read a group's files, those that did not change from memory."""
+        if group not in SCHEMAS:
+            raise DermisError("no such group of presets", value=group, limit=", ".join(SCHEMAS))
+        found: dict[str, tuple[PresetEntry, dict[str, Any]]] = {}
+        for folder, user in self._folders:
+            for path in sorted((folder / group).glob("*.json")):
+                entry, preset = self._one(path, group, user)
+                found[path.stem] = (replace(entry, overrides=user and path.stem in found), preset)
+        return dict(sorted(found.items()))
+
+    def _one(self, path: Path, group: str, user: bool) -> tuple[PresetEntry, dict[str, Any]]:
+        try:
+            stat = path.stat()
+            stamp = (stat.st_mtime_ns, stat.st_size)
+            if path in self._read and self._read[path][0] == stamp:
+                return self._read[path][1:]
+            preset = read(path)
+            check(group, path.stem, preset)
+            entry = PresetEntry(path.stem, str(preset["name"]), path, user=user)
+        except (DermisError, OSError) as error:
+            return PresetEntry(path.stem, path.stem, path, str(error), user), {}
+        self._read[path] = (stamp, entry, preset)
+        return entry, preset
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Read a preset file: UTF-8 JSON, one object, no key twice, numbers finite.
+
+    Raises:
+        DermisError: it is none of that; says at which line where it can.
+    """
+    where = str(path)
+    try:
+        preset = json.loads(
+            path.read_bytes().decode("utf-8"), object_pairs_hook=_no_key_twice, parse_constant=_no_constant
+        )
+    except OSError as error:
+        raise DermisError("the file cannot be read", where=where, value=error.strerror) from error
+    except UnicodeDecodeError as error:
+        raise DermisError("not UTF-8 text", where=f"{where}, byte {error.start}") from error
+    except json.JSONDecodeError as error:
+        raise DermisError(
+            "not JSON", where=f"{where}, line {error.lineno}, column {error.colno}", value=error.msg
+        ) from error
+    except RecursionError as error:
+        raise DermisError("nested too deeply", where=where) from error
+    except DermisError as error:
+        raise DermisError(error.what, where=where, value=error.value, limit=error.limit) from error
+    if not isinstance(preset, dict):
+        raise DermisError("a preset is one JSON object", where=where, value=type(preset).__name__)
+    return preset
+
+
+def check(group: str, key: str, preset: Mapping[str, Any]) -> None:
+    """Refuse a preset that does not keep its schema.
+
+    Raises:
+        DermisError: another or newer schema, no name, or a quantity that cannot be used.
+    """
+    where = f"{group[:-1]} preset '{key}'"
+    known = SCHEMAS[group]
+    schema = preset.get("schema")
+    if schema != known:
+        kind, _, number = known.rpartition(" ")
+        newer = isinstance(schema, str) and schema.startswith(f"{kind} ") and schema[len(kind) + 1 :].isdigit()
+        newer = newer and int(str(schema)[len(kind) + 1 :]) > int(number)
+        raise DermisError(
+            "made for a newer version of Dermis" if newer else "unknown schema", where=where, value=schema,
+            limit=known, remedy="Update Dermis" if newer else "",
+        )  # fmt: skip
+    if not isinstance(preset.get("name"), str) or not preset["name"].strip():
+        raise DermisError("'name' is missing or not a text", where=where, value=preset.get("name"))
+    if group == "devices":
+        from_preset(key, preset)
+    elif group == "materials":
+        material_parameters(key, preset)
+    else:
+        for name, field in _parameters(preset, where).items():
+            _plain(field, f"{where}, {name}")
+
+
+def material_parameters(key: str, preset: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a material preset's parameters in SI.
+
+    Raises:
+        DermisError: an unknown parameter, or a value of another kind or unit than it has.
+    """
+    where = f"material preset '{key}'"
+    parameters: dict[str, Any] = {}
+    for name, field in _parameters(preset, where).items():
+        place = f"{where}, {name}"
+        if name not in MATERIAL_PARAMETERS:
+            raise DermisError("unknown parameter", where=where, value=name, limit=", ".join(MATERIAL_PARAMETERS))
+        wanted = MATERIAL_PARAMETERS[name]
+        if wanted in ("bool", "text"):
+            if not isinstance(field, bool if wanted == "bool" else str):
+                kind = "true or false" if wanted == "bool" else "a text"
+                raise DermisError("another kind of value", where=place, value=field, limit=kind)
+            parameters[name] = field
+            continue
+        value = quantity(field, where=place)
+        unit = field["unit"] if isinstance(field, Mapping) else "1"
+        if UNITS[unit][0] != wanted:
+            raise DermisError("a unit of another kind", where=place, value=unit, limit=f"one that converts to {wanted}")
+        if isinstance(value, list):
+            raise DermisError("one number is wanted, not a list", where=place, value=value)
+        parameters[name] = float(value)
+    return parameters
+
+
+def _parameters(preset: Mapping[str, Any], where: str) -> Mapping[str, Any]:
+    parameters = preset.get("parameters")
+    if not isinstance(parameters, Mapping):
+        raise DermisError("'parameters' is missing or not an object", where=where, value=parameters)
+    return parameters
+
+
+def _plain(field: Any, where: str) -> Any:
+    """Read a setting: texts, switches and lists of texts as they are, quantities in SI."""
+    if isinstance(field, str | bool) or (isinstance(field, list) and all(isinstance(v, str) for v in field)):
+        return field
+    return quantity(field, where=where)
+
+
+def _no_key_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    result = dict(pairs)
+    if len(result) != len(pairs):
+        keys = [k for k, _ in pairs]
+        raise DermisError("a key stands twice in one object", value=next(k for k in keys if keys.count(k) > 1))
+    return result
+
+
+def _no_constant(name: str) -> Any:
+    raise DermisError("not a finite number", value=name)

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import functools
 import gc
 import math
 import sys
@@ -146,7 +147,7 @@ def one_blas_thread() -> Iterator[None]:
                 if setter is not None and getter is not None:
                     count = int(getter())
                     setter(1)
-                    restore.append(lambda setter=setter, count=count: setter(count))
+                    restore.append(functools.partial(setter, count))
     try:
         yield
     finally:

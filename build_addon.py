@@ -1,0 +1,563 @@
+#!/usr/bin/env python3
+"""Build, test, show and measure Dermis. Needs Python 3.11 or 3.13 and nothing else.
+
+Environments live in .venv/: `cp311` or `cp313` has Blender as a module (bpy) and the test tools, `cp311-wheels` has
+scipy, onnxruntime and pyserial. They are apart because a scipy beside bpy would hide the one in the extension.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import hashlib
+import json
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import xml.etree.ElementTree as ElementTree
+import zipfile
+from pathlib import Path
+from typing import Any, NamedTuple  # noqa: UP035  older Pythons must get a sentence
+
+ROOT = Path(__file__).resolve().parent
+VENV = ROOT / ".venv"
+DIST = ROOT / "dist"
+TEMPLATE = ROOT / "blender_addon" / "blender_manifest.toml"
+LOCKS = ROOT / ".ci"
+BLENDER = {(3, 11): "4.5 LTS", (3, 13): "5.2 LTS"}  # the Python that each Blender line runs on
+DEFAULT_PYTHONS = ("3.11", "3.13")
+PINNED_PYTHONS = ("3.11", "3.13", "3.14")
+PLATFORMS = {  # Blender's name: the wheel tags it can use, best first
+    "linux-x64": ("manylinux_2_28_x86_64", "manylinux_2_27_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64"),
+    "windows-x64": ("win_amd64",),
+    "macos-arm64": ("macosx_14_0_arm64", "macosx_13_0_arm64", "macosx_12_0_arm64", "macosx_11_0_arm64"),
+}
+NEEDED_LIBRARIES = {  # what `import bpy` needs: Debian's package of each
+    "libX11.so.6": "libx11-6",
+    "libXrender.so.1": "libxrender1",
+    "libXfixes.so.3": "libxfixes3",
+    "libXi.so.6": "libxi6",
+    "libxkbcommon.so.0": "libxkbcommon0",
+    "libSM.so.6": "libsm6",
+    "libGL.so.1": "libgl1",
+    "libEGL.so.1": "libegl1",
+    "libEGL_mesa.so.0": "libegl-mesa0 libgl1-mesa-dri",
+}
+LEVELS = ("unit", "blender", "extension")
+LEVEL_LIMIT = 45 * 60  # [s] a level that takes longer hangs
+
+
+class Stop(Exception):
+    """A sentence for the person at the keyboard; the work ends with status 1."""
+
+
+# -- the machine ------------------------------------------------------------------------------------------------------
+
+
+def check_python() -> None:
+    """Say which Python is needed where this one will not do, and name one that runs here."""
+    if sys.version_info[:2] in BLENDER and sys.implementation.name == "cpython":
+        return
+    found = [name for name in ("python3.11", "python3.13") if runs(name)]
+    hint = f" Try: {found[0]} build_addon.py {' '.join(sys.argv[1:])}".rstrip() if found else ""
+    raise Stop(
+        f"Dermis is built with CPython 3.11 (for Blender 4.5 LTS) or 3.13 (for Blender 5.2 LTS); "
+        f"this is {platform.python_implementation()} {platform.python_version()}.{hint}"
+    )
+
+
+def runs(python: str) -> bool:
+    """Tell whether a command really is a Python: a version manager's shim may only say that it is not."""
+    try:
+        done = subprocess.run([python, "-c", "pass"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=60)
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return done.returncode == 0
+
+
+def this_platform() -> str:
+    """Return Blender's name of this platform."""
+    machine = platform.machine().lower()
+    cpu = {"x86_64": "x64", "amd64": "x64", "arm64": "arm64", "aarch64": "arm64"}.get(machine, machine)
+    name = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}.get(platform.system(), platform.system().lower())
+    if f"{name}-{cpu}" not in PLATFORMS:
+        raise Stop(f"There are no wheels for {name}-{cpu}: Dermis runs on {', '.join(PLATFORMS)}.")
+    return f"{name}-{cpu}"
+
+
+def missing_libraries() -> list[str]:
+    """Return the system libraries that Blender needs and the loader does not find."""
+    missing = []
+    if sys.platform.startswith("linux"):
+        for name in NEEDED_LIBRARIES:
+            try:
+                ctypes.CDLL(name)
+            except OSError:
+                missing.append(name)
+    return missing
+
+
+def need_packages(packages: list[str], why: str) -> None:
+    """Install Debian packages where we may; otherwise stop with the exact command."""
+    names = " ".join(packages)
+    root = hasattr(os, "geteuid") and os.geteuid() == 0
+    if not shutil.which("apt-get"):
+        raise Stop(f"{why}. On Debian or Ubuntu the packages are called: {names}. Install your system's and try again.")
+    if not root:
+        raise Stop(f"{why}. Install it with:\n  sudo apt-get update && sudo apt-get install -y {names}")
+    say(f"{why}: installing {names}")
+    environment = dict(os.environ, DEBIAN_FRONTEND="noninteractive")
+    install = ["apt-get", "install", "-y", "--no-install-recommends", *names.split()]
+    for command in (["apt-get", "update"], install):
+        done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        if done.returncode and command is install:
+            raise Stop(f"apt-get could not install {names}:\n{done.stdout[-2000:]}")
+
+
+def say(text: str) -> None:
+    """Print a line at once, so that it stands in order beside what child processes print."""
+    print(text, flush=True)
+
+
+# -- environments -----------------------------------------------------------------------------------------------------
+
+
+class Environment(NamedTuple):
+    """The interpreter that has bpy and the tools, and the folder with scipy, onnxruntime and pyserial."""
+
+    python: Path
+    wheels: Path
+
+    def variables(self, wheels: bool, **more: str) -> dict[str, str]:
+        """Return the variables for a child: isolated from the user's own packages, one BLAS thread."""
+        dropped = ("PYTHONPATH", "PYTHONHOME", "BLENDER_USER_RESOURCES", "BLENDER_USER_EXTENSIONS")
+        kept = {k: v for k, v in os.environ.items() if k not in dropped}
+        fixed = {"PYTHONNOUSERSITE": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1"}
+        return {**kept, **fixed, **({"PYTHONPATH": str(self.wheels)} if wheels else {}), **more}
+
+
+def environment() -> Environment:
+    """Make (or keep) the environment of the running Python; both parts are pinned and hashed."""
+    tag = f"cp{sys.version_info[0]}{sys.version_info[1]}"
+    folder = VENV / tag
+    python = folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    lock = LOCKS / f"environment-{tag}.txt"
+    this_platform()
+    libraries = missing_libraries()
+    if libraries:
+        packages = [NEEDED_LIBRARIES[name] for name in libraries]
+        need_packages(packages, f"Blender needs system libraries that are missing ({', '.join(libraries)})")
+    if not fresh(folder, lock):
+        try:
+            import ensurepip  # noqa: F401
+            import venv  # noqa: F401
+        except ImportError:
+            name = f"python{sys.version_info[0]}.{sys.version_info[1]}-venv"
+            need_packages([name], "This Python cannot make environments")
+        say(f"making {folder.relative_to(ROOT)} (Blender {BLENDER[sys.version_info[:2]]} as a module; about 400 MB)")
+        quietly([sys.executable, "-m", "venv", "--clear", str(folder)], "The environment could not be made")
+        pip(python, "install", "-r", str(lock))
+        quietly(
+            [str(python), "-c", "import bpy, os, sys; sys.stdout.flush(); os._exit(0)"],
+            "Blender was installed but does not start",
+        )
+        stamp(folder, lock)
+    wheels, lock = VENV / f"{tag}-wheels", LOCKS / "wheels.txt"
+    if not fresh(wheels, lock):
+        version = f"{sys.version_info[0]}.{sys.version_info[1]}"
+        source = wheel_folder(python, this_platform(), version)
+        shutil.rmtree(wheels, ignore_errors=True)
+        pip(python, "install", "--no-index", "--find-links", str(source), "--no-deps", "--target", str(wheels),
+            "-r", str(lock))  # fmt: skip
+        stamp(wheels, lock)
+    return Environment(python, wheels)
+
+
+def fresh(folder: Path, lock: Path) -> bool:
+    """Tell whether a folder was made from this very list of requirements."""
+    mark = folder / ".dermis-lock"
+    return mark.is_file() and mark.read_text(encoding="utf-8") == digest(lock)
+
+
+def stamp(folder: Path, lock: Path) -> None:
+    """Mark a folder as complete."""
+    (folder / ".dermis-lock").write_text(digest(lock), encoding="utf-8")
+
+
+def digest(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def pip(python: Path, verb: str, *arguments: str) -> None:
+    """Run pip on wheels whose hashes are pinned."""
+    fixed = ["--quiet", "--disable-pip-version-check", "--no-input", "--require-hashes", "--only-binary=:all:"]
+    quietly([str(python), "-m", "pip", verb, *fixed, *arguments], f"pip {verb} failed")
+
+
+def quietly(command: list[str], problem: str) -> str:
+    """Run a command and return what it printed; show that only where it fails."""
+    variables = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME")}
+    done = subprocess.run(command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    if done.returncode:
+        raise Stop(f"{problem}:\n  {' '.join(command)}\n{done.stdout[-4000:]}")
+    return done.stdout
+
+
+def wheel_folder(python: Path, target: str, version: str) -> Path:
+    """Download the pinned wheels of one platform and Python once; every use checks their hashes again."""
+    folder = VENV / "wheels" / f"{target}-cp{version.replace('.', '')}"
+    lock = LOCKS / "wheels.txt"
+    if not fresh(folder, lock):
+        say(f"downloading wheels for {target}, Python {version}")
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        part = Path(tempfile.mkdtemp(prefix="part-", dir=folder.parent))
+        try:
+            tags = [word for tag in PLATFORMS[target] for word in ("--platform", tag)]
+            pip(python, "download", "--no-deps", "--implementation", "cp", "--python-version", version, *tags,
+                "-d", str(part), "-r", str(lock))  # fmt: skip
+            stamp(part, lock)
+            shutil.rmtree(folder, ignore_errors=True)
+            os.replace(part, folder)
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+    pinned = lock.read_text(encoding="utf-8")
+    for wheel in folder.glob("*.whl"):
+        if digest(wheel) not in pinned:
+            raise Stop(f"{wheel} is not the pinned file: delete {folder} and try again.")
+    return folder
+
+
+# -- the zip ----------------------------------------------------------------------------------------------------------
+
+
+def manifest(target: str | None, wheels: list[str]) -> str:
+    """Return the manifest's template with its platform and wheels filled in."""
+    text = TEMPLATE.read_text(encoding="utf-8")
+    head, table, tail = text.partition("\n[permissions]")
+    if not table:
+        raise Stop(f"{TEMPLATE} has no [permissions] table.")
+    if target is not None:
+        head += f'\nplatforms = ["{target}"]\n'
+    if wheels:
+        head += "\nwheels = [\n" + "".join(f'  "./wheels/{name}",\n' for name in sorted(wheels)) + "]\n"
+    return head + table + tail
+
+
+def manifest_value(key: str) -> str:
+    """Return a string of the manifest's template."""
+    found = re.search(rf'^{key} = "([^"]+)"', TEMPLATE.read_text(encoding="utf-8"), re.M)
+    if not found:
+        raise Stop(f"{TEMPLATE} does not state its {key}.")
+    return found.group(1)
+
+
+def sources() -> dict[str, Path]:
+    """Return the files of the package by their name in the zip: the add-on, with the engine and the presets inside."""
+    files = {"LICENSE": ROOT / "LICENSE"}
+    for folder, prefix in ((ROOT / "blender_addon", ""), (ROOT / "core", "core/"), (ROOT / "presets", "presets/")):
+        for path in folder.rglob("*"):
+            parts = path.relative_to(folder).parts
+            hidden = any(part.startswith(".") or part == "__pycache__" for part in parts)
+            if path.is_file() and not hidden and path.suffix not in (".pyc", ".blend1") and path != TEMPLATE:
+                files[prefix + "/".join(parts)] = path
+    return files
+
+
+def write_zip(path: Path, target: str | None, wheels: dict[str, Path]) -> None:
+    """Write a zip that is the same bytes every time: sorted, dated 1980, stored.
+
+    Stored, because wheels are compressed already and the bytes of a compressor differ between zlib's versions.
+    """
+    entries: dict[str, Any] = dict(sources())
+    entries["blender_manifest.toml"] = manifest(target, list(wheels)).encode()
+    entries.update({f"wheels/{name}": wheel for name, wheel in wheels.items()})
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    with zipfile.ZipFile(part, "w", zipfile.ZIP_STORED) as archive:
+        for name in sorted(entries):
+            entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
+            entry.create_system, entry.external_attr = 3, 0o100644 << 16
+            content = entries[name]
+            archive.writestr(entry, content if isinstance(content, bytes) else content.read_bytes())
+    os.replace(part, path)
+
+
+def build_zip(env: Environment, folder: Path, target: str | None, pythons: tuple[str, ...]) -> Path:
+    """Build one zip (without wheels where no platform is given) and let Blender's own validator judge it."""
+    wheels = {
+        wheel.name: wheel
+        for version in (pythons if target else ())
+        for wheel in wheel_folder(env.python, target or "", version).glob("*.whl")
+    }
+    stem = f"{manifest_value('id')}-{manifest_value('version')}"
+    path = folder / (f"{stem}-{target}.zip" if target else f"{stem}.zip")
+    write_zip(path, target, wheels)
+    found = sorted((env.python.parents[1]).rglob("bl_pkg/cli/blender_ext.py"))
+    if not found:
+        raise Stop("Blender's validator (blender_ext.py) is not in the bpy package.")
+    quietly([str(env.python), str(found[0]), "validate", str(path)], f"Blender's validator refuses {path.name}")
+    return path
+
+
+# -- the verbs --------------------------------------------------------------------------------------------------------
+
+
+def build(options: argparse.Namespace) -> int:
+    """Build the zips into dist/."""
+    env = environment()
+    pythons = tuple(sorted({*DEFAULT_PYTHONS, *options.python}, key=PINNED_PYTHONS.index))
+    targets = [None] if options.no_wheels else (options.platform or list(PLATFORMS))
+    for target in targets:
+        path = build_zip(env, options.out, target, pythons)
+        say(f"{path}  {path.stat().st_size / 1e6:.1f} MB  sha256 {digest(path)}")
+    return 0
+
+
+def test(options: argparse.Namespace) -> int:
+    """Run ruff, mypy (on 3.13) and the three levels of tests; judge by pytest's own counts."""
+    env = environment()
+    started = time.monotonic()
+    paths = [a for a in options.pytest if not a.startswith("-") and (ROOT / a.split("::")[0]).exists()]
+    others = [a for a in options.pytest if a not in paths] + (["--long"] if options.long else [])
+    failed = [] if paths else lint(env)
+    counts = {"passed": 0, "failed": 0, "skipped": 0}
+    with tempfile.TemporaryDirectory(prefix="dermis-test-") as scratch:
+        for level in LEVELS:
+            mine = [p for p in paths if f"tests/{level}" in Path(p).as_posix()] if paths else [f"tests/{level}"]
+            if not mine or not (ROOT / "tests" / level).is_dir():
+                continue
+            if not level_passed(env, level, mine + others, Path(scratch), counts):
+                failed.append(level)
+    if not counts["passed"] and not failed:
+        failed.append("no test ran")
+    if failed:
+        say(f"FAILED: {', '.join(failed)}")
+    line = f"Python {platform.python_version()}, Blender {BLENDER[sys.version_info[:2]]}"
+    say(f"{line}: {time.monotonic() - started:.0f} s")
+    say(f"total: {counts['passed']} passed, {counts['failed']} failed, {counts['skipped']} skipped")
+    return 1 if failed else 0
+
+
+def lint(env: Environment) -> list[str]:
+    """Run the checkers; return the names of those that found something."""
+    failed = []
+    for name, command in (("ruff", ["ruff", "check", "."]), ("mypy", ["mypy"])):
+        if name == "mypy" and sys.version_info[:2] != (3, 13):
+            continue
+        say(f"== {name}")
+        if subprocess.run([str(env.python), "-m", *command], cwd=ROOT, env=env.variables(False)).returncode:
+            failed.append(name)
+    return failed
+
+
+def level_passed(env: Environment, level: str, arguments: list[str], scratch: Path, counts: dict[str, int]) -> bool:
+    """Run pytest on one level in a process of its own and add to the counts."""
+    say(f"== {level}")
+    report = scratch / f"{level}.xml"
+    command = [str(env.python), "-m", "pytest", f"--junitxml={report}", "-o", "junit_family=xunit2", "-q"]
+    more = {"BLENDER_USER_RESOURCES": str(scratch / f"{level}-profile")}
+    if level == "extension":  # nothing of the source tree may be importable: the installed zip is on trial
+        command += ["-o", "pythonpath=tests/extension"]
+        more["DERMIS_ZIP"] = str(build_zip(env, scratch, this_platform(), this_python()))
+    try:
+        status = subprocess.run(
+            command + arguments, cwd=ROOT, env=env.variables(level != "extension", **more), timeout=LEVEL_LIMIT
+        ).returncode
+    except subprocess.TimeoutExpired:
+        say(f"{level}: no end after {LEVEL_LIMIT // 60} minutes")
+        return False
+    if not report.is_file():
+        say(f"{level}: pytest ended with status {status} and no report")
+        return False
+    seen = {"tests": 0, "failures": 0, "errors": 0, "skipped": 0}
+    for suite in ElementTree.parse(report).getroot().iter("testsuite"):
+        for key in seen:
+            seen[key] += int(suite.get(key, "0"))
+    bad = seen["failures"] + seen["errors"]
+    counts["failed"] += bad
+    counts["skipped"] += seen["skipped"]
+    counts["passed"] += seen["tests"] - bad - seen["skipped"]
+    return not bad and status in (0, 5)  # 5: none selected, which the total judges
+
+
+def this_python() -> tuple[str, ...]:
+    """Return the running Python's version, as wheels name it."""
+    return (f"{sys.version_info[0]}.{sys.version_info[1]}",)
+
+
+def demo(options: argparse.Namespace) -> int:
+    """Build the zip, install it as a user would, bake the demo scene and export its tracks."""
+    seconds: dict[str, float] = {}
+    started = time.monotonic()
+    env = environment()
+    seconds["environment"] = time.monotonic() - started
+    started = time.monotonic()
+    path = build_zip(env, DIST, this_platform(), DEFAULT_PYTHONS)
+    seconds["zip"] = time.monotonic() - started
+    out = options.out.resolve()
+    out.mkdir(parents=True, exist_ok=True)
+    profile = VENV / f"demo-profile-{env.python.parents[1].name}"
+    shutil.rmtree(profile, ignore_errors=True)
+    with tempfile.TemporaryDirectory(prefix="dermis-demo-") as scratch:
+        report = Path(scratch) / "report.json"
+        script = ROOT / "tests" / "extension" / "walkthrough.py"
+        command = [str(env.python), str(script), str(path), str(out), "--report", str(report)]
+        done = subprocess.run(command, cwd=scratch, env=env.variables(False, BLENDER_USER_RESOURCES=str(profile)))
+        if done.returncode or not report.is_file():
+            raise Stop(f"The demo did not finish (status {done.returncode}); what Blender said is above.")
+        told = json.loads(report.read_text(encoding="utf-8"))
+    seconds.update(told["seconds"])
+    say(f"\nWritten to {out}:")
+    for name in told["written"]:
+        say(f"  {name:44} {(out / name).stat().st_size / 1e3:9.1f} kB")
+    say("Time:")
+    for stage, value in seconds.items():
+        say(f"  {stage:44} {value:9.2f} s")
+    say(f"\nTo open the scene in Blender {BLENDER[sys.version_info[:2]]} (4.5 to 5.2 will do):")
+    say(f"  1. Preferences > Get Extensions > Install from Disk: {path}")
+    say(f"  2. File > Open: {out / told['scene']}")
+    say("  3. Press N in the 3D view and choose the Dermis tab; scrub the timeline.")
+    return 0
+
+
+def bench(options: argparse.Namespace) -> int:
+    """Run the benchmarks, print the table and write the JSON."""
+    env = environment()
+    with tempfile.TemporaryDirectory(prefix="dermis-bench-") as scratch:
+        path = build_zip(env, Path(scratch), this_platform(), this_python())
+        command = [str(env.python), "-m", "tests.benchmarks", *options.names]
+        if options.json:
+            command += ["--json", str(options.json.resolve())]
+        more = {"DERMIS_ZIP": str(path), "BLENDER_USER_RESOURCES": str(Path(scratch) / "profile")}
+        return subprocess.run(command, cwd=ROOT, env=env.variables(True, **more)).returncode
+
+
+def dev(options: argparse.Namespace) -> int:
+    """Link the sources into a Blender profile, so that an edit is live after Reload Scripts."""
+    profile = options.profile or (own_profile(options.blender) if options.blender else VENV / "dev-profile")
+    wheels: dict[str, Path] = {}
+    if not options.no_wheels:
+        env = environment()
+        for version in sorted({*DEFAULT_PYTHONS, *options.python}):
+            wheels.update({p.name: p for p in wheel_folder(env.python, this_platform(), version).glob("*.whl")})
+    package = profile.resolve() / "extensions" / "user_default" / manifest_value("id")
+    if package.exists() and not (package / ".dermis-dev").exists():
+        raise Stop(f"{package} holds an installed Dermis: uninstall it in Blender first.")
+    unlink_tree(package)
+    package.mkdir(parents=True)
+    (package / ".dermis-dev").touch()
+    text = manifest(this_platform() if wheels else None, list(wheels))
+    (package / "blender_manifest.toml").write_text(text, encoding="utf-8", newline="\n")
+    for source in [*(ROOT / "blender_addon").iterdir(), ROOT / "core", ROOT / "presets", ROOT / "LICENSE"]:
+        if source != TEMPLATE and source.name != "__pycache__" and source.exists():
+            link(source, package / source.name)
+    if wheels:
+        (package / "wheels").mkdir()
+        for name, wheel in wheels.items():
+            shutil.copyfile(wheel, package / "wheels" / name)
+    say(f"linked into {package}")
+    if not options.blender:
+        say(f"start Blender with BLENDER_USER_RESOURCES={profile.resolve()}")
+    say("enable Dermis in Preferences > Add-ons; after an edit: F3, Reload Scripts. New files need `dev` again.")
+    return 0
+
+
+def own_profile(version: str) -> Path:
+    """Return the folder where a Blender of this version keeps its user's files."""
+    base = {
+        "win32": Path(os.environ.get("APPDATA", Path.home())) / "Blender Foundation" / "Blender",
+        "darwin": Path.home() / "Library" / "Application Support" / "Blender",
+    }.get(sys.platform, Path(os.environ.get("XDG_CONFIG_HOME", Path.home() / ".config")) / "blender")
+    return base / version
+
+
+def link(source: Path, target: Path) -> None:
+    """Link a file or folder; where Windows forbids links, use a junction, a hard link, or at last a copy."""
+    try:
+        target.symlink_to(source, target_is_directory=source.is_dir())
+    except OSError:
+        if source.is_dir():
+            if subprocess.run(["cmd", "/c", "mklink", "/J", str(target), str(source)], stdout=-3, stderr=-3).returncode:
+                shutil.copytree(source, target)
+                say(f"copied {source.name}: links are not allowed here, so run `dev` after every edit")
+        else:
+            try:
+                os.link(source, target)
+            except OSError:
+                shutil.copyfile(source, target)
+
+
+def unlink_tree(folder: Path) -> None:
+    """Remove a folder of links without following any."""
+    if folder.is_dir():
+        for entry in folder.iterdir():
+            if entry.is_symlink() or entry.is_file():
+                entry.unlink()
+            else:
+                try:
+                    entry.rmdir()  # a junction, or empty
+                except OSError:
+                    shutil.rmtree(entry)
+        folder.rmdir()
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command line."""
+    top = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    verbs = top.add_subparsers(dest="verb", metavar="VERB", required=True)
+
+    def verb(function: Any, **more: Any) -> argparse.ArgumentParser:
+        made: argparse.ArgumentParser = verbs.add_parser(
+            function.__name__, help=function.__doc__, description=function.__doc__, **more
+        )
+        made.set_defaults(function=function)
+        return made
+
+    new = verb(demo)
+    new.add_argument("--out", type=Path, default=ROOT / "demo_out", metavar="DIR", help="where to write (demo_out/)")
+    new = verb(test, epilog="Anything else goes to pytest: paths, -k WORDS, -x ...")
+    new.add_argument("--long", action="store_true", help="also run the tests that take minutes")
+    new = verb(build)
+    new.add_argument("--out", type=Path, default=DIST, metavar="DIR", help="where to write (dist/)")
+    new.add_argument("--platform", action="append", choices=list(PLATFORMS), help="this platform only (repeatable)")
+    pythons: dict[str, Any] = {"action": "append", "choices": PINNED_PYTHONS, "default": []}
+    new.add_argument("--python", **pythons, help="wheels of this Python too, beside 3.11 and 3.13 (repeatable)")
+    new.add_argument("--no-wheels", action="store_true", help="one zip without wheels, for tests")
+    new = verb(dev)
+    where = new.add_mutually_exclusive_group()
+    where.add_argument("--blender", metavar="VERSION", help="your own profile of this Blender, such as 5.2")
+    where.add_argument("--profile", type=Path, metavar="DIR", help="another profile (default: .venv/dev-profile)")
+    new.add_argument("--python", **pythons, help="wheels of this Python too, beside 3.11 and 3.13 (repeatable)")
+    new.add_argument("--no-wheels", action="store_true", help="do not bring scipy, onnxruntime and pyserial")
+    new = verb(bench)
+    new.add_argument("names", nargs="*", metavar="NAME", help="benchmarks to run (default: all)")
+    new.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file")
+    return top
+
+
+def main(arguments: list[str]) -> int:
+    """Do what the command line says; a refusal is one clear message and status 1."""
+    options, rest = parser().parse_known_args(arguments)
+    if rest and options.verb != "test":
+        parser().error(f"unknown arguments: {' '.join(rest)}")
+    options.pytest = rest
+    try:
+        check_python()
+        status: int = options.function(options)
+        return status
+    except Stop as refusal:
+        print(f"build_addon.py: {refusal}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("build_addon.py: stopped", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,1 @@
+"""Views of a command track as files; each knows the format and nothing of scenes."""

@@ -1,0 +1,332 @@
+"""Signed gap between points and an object's surface: exact, for any triangle mesh.
+
+Which side a point is on:
+
+* At a closed, consistently oriented mesh the sign follows the angle-weighted pseudonormal of the closest face, edge
+  or corner, which is provably the inside (Baerentzen and Aanaes 2005). Concave and thin meshes need nothing more.
+* An open mesh (a plane, a cup of one layer) is negative behind its faces. A point whose closest point lies on the
+  rim, and that is not straight above or below it, has passed beside the sheet: it is outside, and its gap positive.
+  `Surface.side_of` tells on which side of a sheet a finger's bone is, so that a sheet can be touched from both.
+* Where more than two faces share an edge, faces disagree about the outside, or two sheets touch in a single point,
+  no normal decides: a closed mesh then asks for its winding number there, an open one takes the mean normal.
+  `Surface.findings` reports such meshes.
+* Self-intersecting parts: the closest face decides, also where it lies inside another part.
+"""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError, Finding
+from ..scene import Mesh
+from .nearest import CentroidTree, Nearest, nearest
+from .topology import BOUNDARY, IRREGULAR, REGULAR, Topology, topology_of
+from .triangles import Array, Indices, TriangleTable
+
+# Closest points nearer to an edge or corner than this fraction of the triangle count as on it.
+ON_FEATURE = 1e-9
+# A point is straight above a rim if it is off by less than this fraction of its distance.
+STRAIGHT = 1e-6
+
+
+@dataclass(frozen=True)
+class GapQuery:
+    """The closest points of a surface.
+
+    Attributes:
+        gap: signed distance [m], positive outside, inf beyond reach, shape (n,).
+        normal: unit gradient of the gap, pointing outward; zero beyond reach, shape (n, 3).
+        point: the closest point of the surface [m], NaN beyond reach, shape (n, 3).
+        triangle: the triangle it lies on, -1 beyond reach, shape (n,).
+        weights: barycentric weights of the three corners at the closest point, shape (n, 3).
+        beside: the point has passed beside the rim of an open surface and is outside of either side, shape (n,).
+    """
+
+    gap: Array
+    normal: Array
+    point: Array
+    triangle: Indices
+    weights: Array
+    beside: NDArray[np.bool_]
+
+    def flipped(self) -> GapQuery:
+        """Return the same answer for the other side of the surface."""
+        turned = np.isfinite(self.gap) & ~self.beside
+        gap = np.where(turned, -self.gap, self.gap)
+        normal = np.where(turned[:, None], -self.normal, self.normal)
+        return GapQuery(gap, normal, self.point, self.triangle, self.weights, self.beside)
+
+
+class Surface:
+    """A triangle surface to measure distances from, in the space of the vertices it was given."""
+
+    def __init__(self, vertices: Array, triangles: NDArray[np.int64], topology: Topology) -> None:
+        self.vertices = vertices
+        self.triangles = triangles
+        self.topology = topology
+        self.table = TriangleTable.build(vertices, triangles)
+
+    @classmethod
+    def build(cls, vertices: NDArray[np.floating], triangles: NDArray[np.integer]) -> Surface:
+        """Prepare a surface.
+
+        Args:
+            vertices: [m], shape (V, 3).
+            triangles: vertex indices, counter-clockwise seen from outside, shape (T, 3). Those without area
+                are ignored and counted.
+
+        Raises:
+            DermisError: no triangle, wrong shapes, values that are not finite, or indices outside the vertices.
+        """
+        points = np.ascontiguousarray(vertices, dtype=np.float64)
+        corners = np.asarray(triangles)
+        if points.ndim != 2 or points.shape[1:] != (3,) or corners.ndim != 2 or corners.shape[1:] != (3,):
+            raise DermisError("a surface needs vertices (V, 3) and triangles (T, 3)",
+                              value=f"{points.shape} and {corners.shape}")  # fmt: skip
+        if corners.shape[0] == 0:
+            raise DermisError("a surface needs at least one triangle")
+        if not np.isfinite(points).all():
+            raise DermisError("a surface has vertices that are not finite numbers")
+        if corners.min() < 0 or corners.max() >= points.shape[0]:
+            raise DermisError("a triangle uses a vertex that does not exist", value=int(corners.max()),
+                              limit=f"0 to {points.shape[0] - 1}")  # fmt: skip
+        return cls(points, corners, topology_of(points, corners))
+
+    @property
+    def closed(self) -> bool:
+        """Whether the surface encloses a solid."""
+        return self.topology.closed
+
+    @cached_property
+    def degenerate(self) -> int:
+        """Number of triangles without area, which are ignored."""
+        return int((~self.table.usable).sum())
+
+    @cached_property
+    def box(self) -> Array:
+        """Lower and upper corner of the bounding box [m], shape (2, 3)."""
+        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+    @cached_property
+    def volume(self) -> float:
+        """Enclosed volume [m^3]; negative where a closed surface is inside out."""
+        a, ab, ac = (self.table.rows[k : k + 3] for k in (0, 3, 6))
+        return float((a * np.cross(ab, ac, axis=0)).sum() / 6.0)
+
+    def findings(self, where: str = "") -> tuple[Finding, ...]:
+        """Return what is doubtful about the surface, for the panel."""
+        found = []
+        if self.degenerate:
+            found.append(Finding("info", "degenerate-triangles", "triangles without area are ignored", where,
+                                 count=self.degenerate))  # fmt: skip
+        if self.topology.irregular_edges:
+            found.append(Finding(
+                "warning", "non-manifold", "edges with more than two faces, or faces that disagree about the outside",
+                where, remedy="Recalculate normals outside, or make the mesh manifold",
+                count=self.topology.irregular_edges,
+            ))  # fmt: skip
+        if not self.closed:
+            found.append(Finding("info", "open-surface", "the surface is open: its front is the side of its normals",
+                                 where, count=self.topology.boundary_edges))  # fmt: skip
+        elif self.volume < 0.0:
+            found.append(Finding("warning", "inside-out", "the normals of a closed surface point inwards", where,
+                                 remedy="Flip the normals, unless the object is a room"))  # fmt: skip
+        return tuple(found)
+
+    def query(self, points: Array, reach: float = np.inf) -> GapQuery:
+        """Return the signed gap, closest point and normal of each point.
+
+        Args:
+            points: [m], shape (n, 3).
+            reach: distance beyond which a point outside is of no interest [m]. Points inside a closed surface are
+                always answered, however deep.
+
+        Raises:
+            DermisError: points of a wrong shape or not finite.
+        """
+        points = np.ascontiguousarray(points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1:] != (3,):
+            raise DermisError("points must have the shape (n, 3)", value=points.shape)
+        if not np.isfinite(points).all():
+            raise DermisError("points to measure from are not finite numbers")
+        found = self._nearest(points, reach)
+        return self._signed(points, found)
+
+    def side_of(self, point: Array) -> int:
+        """Return +1 where a point [m], shape (3,), is in front of the closest faces, -1 where it is behind.
+
+        For open surfaces this decides from which side a finger touches: ask for its bone.
+        """
+        found = nearest(self.table, np.atleast_2d(point), np.array([np.inf]), self._tree_if_large(1))
+        t = int(found.triangle[0])
+        if t < 0:
+            return 1
+        _, _, normal = self._features(found.triangle, found.u, found.w)
+        offset = np.asarray(point) - self.table.point(found.triangle, found.u, found.w)[0]
+        return -1 if float(offset @ normal[0]) < 0.0 else 1
+
+    def winding(self, points: Array) -> Array:
+        """Return how often the surface encloses each point (1 inside a closed one), by solid angles, shape (n,)."""
+        out = np.empty(points.shape[0])
+        step = max(1, 1_000_000 // self.triangles.shape[0])
+        corner = self.vertices[self.triangles]
+        for start in range(0, points.shape[0], step):
+            r = corner[None] - points[start : start + step, None, None, :]
+            length = np.sqrt((r * r).sum(axis=-1))
+            a, b, c = r[:, :, 0], r[:, :, 1], r[:, :, 2]
+            triple = (a * np.cross(b, c)).sum(axis=-1)
+            la, lb, lc = length[..., 0], length[..., 1], length[..., 2]
+            denominator = (la * lb * lc + (a * b).sum(axis=-1) * lc + (b * c).sum(axis=-1) * la
+                           + (c * a).sum(axis=-1) * lb)  # fmt: skip
+            out[start : start + step] = np.arctan2(triple, denominator).sum(axis=1) / (2.0 * np.pi)
+        return out
+
+    # -- distance ------------------------------------------------------------------------------------------------
+
+    def _tree_if_large(self, n: int) -> CentroidTree | None:
+        return self._tree if n * self.triangles.shape[0] > 20_000_000 else None
+
+    @cached_property
+    def _tree(self) -> CentroidTree:
+        return CentroidTree(self.table)
+
+    def _nearest(self, points: Array, reach: float) -> Nearest:
+        n = points.shape[0]
+        found = nearest(self.table, points, np.full(n, reach), self._tree_if_large(n))
+        if self.closed and np.isfinite(reach):
+            low, high = self.box
+            lost = np.flatnonzero((found.triangle < 0) & ((points >= low) & (points <= high)).all(axis=1))
+            if lost.size:
+                deep = nearest(self.table, points[lost], np.full(lost.size, np.inf), self._tree_if_large(lost.size))
+                inside = self._signed(points[lost], deep).gap < 0.0
+                for target, source in zip(found, deep, strict=True):
+                    target[lost[inside]] = source[inside]
+        return found
+
+    # -- sign and normal -----------------------------------------------------------------------------------------
+
+    @cached_property
+    def _vertex_normals(self) -> Array:
+        """Angle-weighted pseudonormals of the merged vertices, shape (V, 3)."""
+        rows, normal = self.table.rows, self.table.bounds[3:6]
+        g11, g12, g22 = rows[9], rows[10], rows[11]
+        twice_area = np.sqrt(np.maximum(g11 * g22 - g12 * g12, 0.0))
+        angle_a = np.arctan2(twice_area, g12)
+        angle_b = np.arctan2(twice_area, g11 - g12)
+        angles = (angle_a, angle_b, np.pi - angle_a - angle_b)
+        out = np.zeros((self.vertices.shape[0], 3))
+        for corner, angle in zip(self.topology.corners.T, angles, strict=True):
+            for axis in range(3):
+                out[:, axis] += np.bincount(corner, angle * normal[axis], minlength=out.shape[0])
+        return out
+
+    def _features(self, triangle: Indices, u: Array, w: Array) -> tuple[NDArray[np.int8], Array, Array]:
+        """Kind, barycentric weights and pseudonormal (not normalised) of the closest features."""
+        weights = np.maximum(np.stack([1.0 - u - w, u, w], axis=1), 0.0)
+        kind = np.zeros(triangle.size, dtype=np.int8)
+        normal = self.table.bounds[3:6].take(triangle, axis=1).T.copy()
+        zero = weights <= ON_FEATURE
+        on = np.flatnonzero(zero.any(axis=1))
+        if on.size == 0:
+            return kind, weights, normal
+        at_zero = zero[on]
+        # the corner with the largest weight, where two weights vanish; else the edge opposite the vanishing one
+        is_vertex = at_zero.sum(axis=1) == 2
+        v = on[is_vertex]
+        if v.size:
+            vertex = self.topology.corners[triangle[v], np.argmax(weights[v], axis=1)]
+            normal[v] = self._vertex_normals[vertex]
+            kind[v] = self.topology.vertex_kind[vertex]
+        e = on[~is_vertex]
+        if e.size:
+            edge = (np.argmin(weights[e], axis=1) + 1) % 3
+            other = self.topology.across[triangle[e], edge]
+            normal[e] += np.where((other >= 0)[:, None], self.table.bounds[3:6].take(other, axis=1).T, 0.0)
+            kind[e] = self.topology.edge_kind[triangle[e], edge]
+            unusable = (other >= 0) & ~self.table.usable[other]
+            kind[e[unusable & (kind[e] == REGULAR)]] = IRREGULAR
+        return kind, weights, normal
+
+    def _signed(self, points: Array, found: Nearest) -> GapQuery:
+        n = points.shape[0]
+        gap = np.full(n, np.inf)
+        normal, point = np.zeros((n, 3)), np.full((n, 3), np.nan)
+        weights = np.zeros((n, 3))
+        beside = np.zeros(n, dtype=bool)
+        near = np.flatnonzero(found.triangle >= 0)
+        if near.size:
+            triangle, u, w = found.triangle[near], found.u[near], found.w[near]
+            kind, weights[near], pseudo = self._features(triangle, u, w)
+            q = self.table.point(triangle, u, w)
+            offset = points[near] - q
+            distance = np.sqrt(np.einsum("ij,ij->i", offset, offset))
+            along = np.einsum("ij,ij->i", offset, pseudo)
+            sign = np.where(along < 0.0, -1.0, 1.0)
+            special = np.flatnonzero(kind)
+            if special.size:
+                rim = self._special_sides(points[near], special, kind, distance, along, pseudo, sign)
+                beside[near[rim]] = True
+            gap[near], point[near] = sign * distance, q
+            normal[near] = _directions(offset, distance, sign, pseudo, self._fallback_normals(triangle))
+        return GapQuery(gap, normal, point, found.triangle, weights, beside)
+
+    def _fallback_normals(self, triangle: Indices) -> Array:
+        return self.table.bounds[3:6].take(triangle, axis=1).T
+
+    def _special_sides(
+        self, points: Array, special: Indices, kind: NDArray[np.int8], distance: Array, along: Array, pseudo: Array,
+        sign: Array,
+    ) -> Indices:  # fmt: skip
+        """Decide the side at rims and at edges that no normal decides, in place; return which are beside a rim."""
+        rim = special[kind[special] == BOUNDARY]
+        length = np.maximum(np.sqrt(np.einsum("ij,ij->i", pseudo[rim], pseudo[rim])), 1e-300)
+        height = along[rim] / length
+        across = np.sqrt(np.maximum(distance[rim] ** 2 - height**2, 0.0))
+        rim = rim[across > STRAIGHT * distance[rim]]
+        sign[rim] = 1.0
+        odd = special[kind[special] == IRREGULAR]
+        if odd.size and self.closed:
+            sign[odd] = np.where(self.winding(points[odd]) > 0.5, -1.0, 1.0)
+        return rim
+
+
+def _directions(offset: Array, distance: Array, sign: Array, pseudo: Array, face: Array) -> Array:
+    """Gradient of the gap; on the surface itself, where it is not defined, the pseudonormal."""
+    tiny = distance <= 1e-12
+    with np.errstate(invalid="ignore", divide="ignore"):
+        normal = offset * (sign / distance)[:, None]
+    if tiny.any():
+        length = np.sqrt(np.einsum("ij,ij->i", pseudo[tiny], pseudo[tiny]))
+        unit = pseudo[tiny] / np.maximum(length, 1e-300)[:, None]
+        normal[tiny] = np.where((length > 1e-9)[:, None], unit, face[tiny])
+    return normal
+
+
+_SURFACES: weakref.WeakKeyDictionary[Mesh, dict[bytes, Surface]] = weakref.WeakKeyDictionary()
+
+
+def surface_of(mesh: Mesh, stretch: Array | None = None) -> Surface:
+    """Return the surface of a mesh, kept for as long as the mesh lives.
+
+    Args:
+        mesh: in its object's own space [m].
+        stretch: a linear map to apply to the vertices first (an object's scale and shear, which a rigid motion
+            cannot carry), shape (3, 3).
+
+    Raises:
+        DermisError: see `Surface.build`.
+    """
+    key = b"" if stretch is None else np.ascontiguousarray(stretch, dtype=np.float64).tobytes()
+    shapes = _SURFACES.setdefault(mesh, {})
+    if key not in shapes:
+        vertices = mesh.vertices if stretch is None else mesh.vertices @ np.asarray(stretch, dtype=np.float64).T
+        triangles = mesh.triangles
+        if stretch is not None and np.linalg.det(np.asarray(stretch)) < 0.0:
+            triangles = triangles[:, ::-1]  # a mirror turns the faces over
+        shapes[key] = Surface.build(vertices, triangles)
+    return shapes[key]

@@ -1,0 +1,283 @@
+"""The gap to a surface, against closed forms and against a closest point found another way."""
+
+from __future__ import annotations
+
+import gc
+import itertools
+import weakref
+
+import numpy as np
+import pytest
+
+from core.contact.gap import Surface, surface_of
+from core.contact.nearest import CentroidTree
+from core.errors import DermisError
+from core.scene import Mesh
+
+CUBE_VERTICES = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * 0.01
+CUBE_TRIANGLES = np.array([
+    [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+    [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
+])  # fmt: skip
+
+
+def box_distance(points, half):
+    """Signed distance to a box, in closed form."""
+    q = np.abs(points) - half
+    return np.linalg.norm(np.maximum(q, 0.0), axis=1) + np.minimum(q.max(axis=1), 0.0)
+
+
+def sphere(rings=40, sectors=48, radius=0.01):
+    theta = np.linspace(0, np.pi, rings + 1)[1:-1]
+    phi = np.arange(sectors) * 2 * np.pi / sectors
+    body = [(np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)) for t in theta for p in phi]
+    vertices = np.array([(0, 0, 1.0), *body, (0, 0, -1.0)]) * radius
+    faces = [(0, 1 + j, 1 + (j + 1) % sectors) for j in range(sectors)]
+    for i in range(rings - 2):
+        for j in range(sectors):
+            a, b = 1 + i * sectors + j, 1 + i * sectors + (j + 1) % sectors
+            faces += [(a, a + sectors, b), (b, a + sectors, b + sectors)]
+    last, row = len(vertices) - 1, 1 + (rings - 2) * sectors
+    faces += [(last, row + (j + 1) % sectors, row + j) for j in range(sectors)]
+    return vertices, np.array(faces)
+
+
+def closest_by_regions(p, a, b, c):
+    """Closest point of one triangle by Voronoi regions, as in Ericson's Real-Time Collision Detection 5.1.5."""
+    ab, ac, ap = b - a, c - a, p - a
+    d1, d2 = ab @ ap, ac @ ap
+    if d1 <= 0 and d2 <= 0:
+        return a
+    bp = p - b
+    d3, d4 = ab @ bp, ac @ bp
+    if d3 >= 0 and d4 <= d3:
+        return b
+    vc = d1 * d4 - d3 * d2
+    if vc <= 0 and d1 >= 0 and d3 <= 0:
+        return a + d1 / (d1 - d3) * ab
+    cp = p - c
+    d5, d6 = ab @ cp, ac @ cp
+    if d6 >= 0 and d5 <= d6:
+        return c
+    vb = d5 * d2 - d1 * d6
+    if vb <= 0 and d2 >= 0 and d6 <= 0:
+        return a + d2 / (d2 - d6) * ac
+    va = d3 * d6 - d5 * d4
+    if va <= 0 and d4 - d3 >= 0 and d5 - d6 >= 0:
+        return b + (d4 - d3) / ((d4 - d3) + (d5 - d6)) * (c - b)
+    total = va + vb + vc
+    return a + ab * vb / total + ac * vc / total
+
+
+def brute_force(vertices, triangles, points):
+    corners = vertices[triangles]
+    return np.array([min(np.linalg.norm(p - closest_by_regions(p, *t)) for t in corners) for p in points])
+
+
+def test_box_distance_in_closed_form():
+    points = np.random.default_rng(1).uniform(-0.03, 0.03, (4000, 3))
+    q = Surface.build(CUBE_VERTICES, CUBE_TRIANGLES).query(points)
+    np.testing.assert_allclose(q.gap, box_distance(points, 0.01), atol=1e-15)
+    # the normal is the gradient: central differences of the closed form, away from its ridges
+    h = 1e-7
+    gradient = np.stack([
+        (box_distance(points + h * e, 0.01) - box_distance(points - h * e, 0.01)) / (2 * h) for e in np.eye(3)
+    ], axis=1)  # fmt: skip
+    smooth = np.abs(np.linalg.norm(gradient, axis=1) - 1) < 1e-6
+    assert smooth.mean() > 0.99
+    np.testing.assert_allclose(q.normal[smooth], gradient[smooth], atol=1e-5)
+    np.testing.assert_allclose(q.point + q.gap[:, None] * q.normal, points, atol=1e-15)
+
+
+def test_weights_name_the_material_point():
+    points = np.random.default_rng(2).uniform(-0.02, 0.02, (500, 3))
+    surface = Surface.build(CUBE_VERTICES, CUBE_TRIANGLES)
+    q = surface.query(points)
+    corners = CUBE_VERTICES[CUBE_TRIANGLES[q.triangle]]
+    np.testing.assert_allclose(np.einsum("nk,nkx->nx", q.weights, corners), q.point, atol=1e-17)
+    assert q.weights.min() >= 0.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_soup_equals_brute_force(seed):
+    """Any size of triangle, needles included, in no order at all."""
+    rng = np.random.default_rng(seed)
+    size = 10.0 ** rng.uniform(-4, -1, 120)
+    centres = rng.uniform(-0.05, 0.05, (120, 1, 3))
+    vertices = (centres + rng.normal(size=(120, 3, 3)) * size[:, None, None]).reshape(-1, 3)
+    triangles = np.arange(360).reshape(-1, 3)
+    points = rng.uniform(-0.08, 0.08, (60, 3))
+    surface = Surface.build(vertices, triangles)
+    exact = brute_force(vertices, triangles, points)
+    np.testing.assert_allclose(np.abs(surface.query(points).gap), exact, atol=1e-14)
+    tree = CentroidTree(surface.table)
+    surface._tree_if_large = lambda n: tree  # type: ignore[method-assign]
+    import core.contact.nearest as module
+
+    dense, module.DENSE_PAIRS = module.DENSE_PAIRS, 0
+    try:
+        np.testing.assert_allclose(np.abs(surface.query(points).gap), exact, atol=1e-14)
+    finally:
+        module.DENSE_PAIRS = dense
+
+
+def test_reach_cuts_outside_but_never_inside():
+    vertices, triangles = sphere()
+    surface = Surface.build(vertices, triangles)
+    points = np.array([[0.0, 0, 0.0105], [0, 0, 0.02], [0.0001, 0, 0], [0, 0, 0.0095], [0.0099, 0.0099, 0.0]])
+    q = surface.query(points, reach=0.001)
+    assert np.isinf(q.gap[[1, 4]]).all() and (q.triangle[[1, 4]] == -1).all()
+    assert (q.normal[[1, 4]] == 0).all() and np.isnan(q.point[[1, 4]]).all()
+    np.testing.assert_allclose(q.gap[[0, 3]], [0.0005, -0.0005], atol=1e-5)
+    assert -0.01 < q.gap[2] < -0.0095
+    np.testing.assert_array_equal(q.gap[[0, 2, 3]], surface.query(points).gap[[0, 2, 3]])
+
+
+def test_inside_agrees_with_the_winding_number_on_a_thin_concave_shell():
+    """A closed bowl 0.1 mm thick: pseudonormals and solid angles must agree at every point."""
+    outer, faces = sphere(24, 28, 0.01)
+    inner = outer * 0.99
+    vertices = np.concatenate([outer, inner])
+    triangles = np.concatenate([faces, faces[:, ::-1] + len(outer)])
+    surface = Surface.build(vertices, triangles)
+    assert surface.closed and not surface.findings()
+    rng = np.random.default_rng(5)
+    direction = rng.normal(size=(800, 3))
+    points = direction / np.linalg.norm(direction, axis=1)[:, None] * rng.uniform(0.0095, 0.0105, 800)[:, None]
+    inside = surface.winding(points) > 0.5
+    assert 0.03 < inside.mean() < 0.3
+    np.testing.assert_array_equal(surface.query(points).gap < 0, inside)
+
+
+def test_spiked_vertex_takes_the_angle_weighted_side():
+    """Near a sharp corner, unweighted vertex normals give the wrong side; the known counterexample is a spike."""
+    rng = np.random.default_rng(11)
+    ring = np.array([[np.cos(a), np.sin(a), 0.0] for a in np.linspace(0, 2 * np.pi, 7)[:-1]]) * 0.002
+    apex, base = np.array([[0.0015, 0.0, 0.01]]), np.array([[0.0, 0.0, -0.0001]])
+    vertices = np.concatenate([ring, apex, base])
+    triangles = np.array([(i, (i + 1) % 6, 6) for i in range(6)] + [((i + 1) % 6, i, 7) for i in range(6)])
+    surface = Surface.build(vertices, triangles)
+    assert surface.volume > 0
+    points = np.concatenate([v + rng.normal(size=(300, 3)) * 2e-4 for v in vertices])
+    np.testing.assert_array_equal(surface.query(points).gap < 0, surface.winding(points) > 0.5)
+
+
+def test_open_sheet_and_its_rim():
+    vertices = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * 0.01
+    surface = Surface.build(vertices, np.array([[0, 1, 2], [0, 2, 3]]))
+    assert not surface.closed and surface.findings()[0].code == "open-surface"
+    points = np.array([[0.002, 0.003, 0.001], [0.002, 0.003, -0.001], [0.013, 0.0, -0.004], [0.01, 0.0, -0.002]])
+    q = surface.query(points)
+    np.testing.assert_allclose(q.gap, [0.001, -0.001, 0.005, -0.002], atol=1e-16)
+    np.testing.assert_allclose(q.normal[:3], [[0, 0, 1], [0, 0, 1], [0.6, 0, -0.8]], atol=1e-12)
+    assert surface.side_of(np.array([0.0, 0, -0.008])) == -1 and surface.side_of(np.array([0.0, 0, 0.5])) == 1
+    under = q.flipped()
+    np.testing.assert_allclose(under.gap[:3], [-0.001, 0.001, 0.005], atol=1e-16)
+    np.testing.assert_allclose(under.normal[[0, 2]], [[0, 0, -1], [0.6, 0, -0.8]], atol=1e-12)
+
+
+def test_unmerged_faces_of_a_cube_still_close():
+    """Every face with its own vertices, as an importer leaves it."""
+    vertices = CUBE_VERTICES[CUBE_TRIANGLES].reshape(-1, 3)
+    surface = Surface.build(vertices, np.arange(36).reshape(-1, 3))
+    assert surface.closed
+    points = np.random.default_rng(3).uniform(-0.02, 0.02, (500, 3))
+    np.testing.assert_allclose(surface.query(points).gap, box_distance(points, 0.01), atol=1e-15)
+
+
+def two_cubes(offset):
+    return np.concatenate([CUBE_VERTICES, CUBE_VERTICES + offset]), np.concatenate([CUBE_TRIANGLES, CUBE_TRIANGLES + 8])
+
+
+@pytest.mark.parametrize("offset", [(0.02, 0.02, 0.0), (0.02, 0.02, 0.02)], ids=["edge", "corner"])
+def test_cubes_that_share_an_edge_or_a_corner(offset):
+    """Non-manifold, and the mean normal at the shared feature is zero: the winding number decides."""
+    surface = Surface.build(*two_cubes(np.array(offset)))
+    rng = np.random.default_rng(7)
+    shared = np.array([0.01, 0.01, 0.01 if offset[2] else 0.0])
+    points = shared + rng.uniform(-0.005, 0.005, (1000, 3))
+    exact = np.minimum(box_distance(points, 0.01), box_distance(points - np.array(offset), 0.01))
+    np.testing.assert_allclose(surface.query(points).gap, exact, atol=1e-15)
+    if not offset[2]:
+        assert [f.code for f in surface.findings()] == ["non-manifold"]
+
+
+def test_three_fins_on_one_edge_are_reported_and_answered():
+    vertices = np.array([[0.0, 0, 0], [0, 0, 1], [1, 0, 0], [-1, 1, 0], [-1, -1, 0]]) * 0.01
+    surface = Surface.build(vertices, np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4]]))
+    assert "non-manifold" in {f.code for f in surface.findings()}
+    points = np.random.default_rng(8).uniform(-0.01, 0.01, (100, 3))
+    exact = brute_force(surface.vertices, surface.triangles, points)
+    np.testing.assert_allclose(np.abs(surface.query(points).gap), exact, atol=1e-15)
+
+
+def test_triangles_without_area_are_ignored_and_counted():
+    line = np.array([[0.0, 0, 0.02], [0, 0, 0.03], [0, 0, 0.04]])
+    vertices = np.concatenate([CUBE_VERTICES, line])
+    triangles = np.concatenate([CUBE_TRIANGLES, [[8, 9, 10], [8, 8, 9], [8, 8, 8]]])
+    surface = Surface.build(vertices, triangles)
+    assert surface.degenerate == 3
+    assert surface.query(np.array([[0.0, 0, 0.03]])).gap[0] == pytest.approx(0.02)
+    only = Surface.build(line, np.array([[0, 1, 2]]))
+    assert np.isinf(only.query(np.zeros((1, 3))).gap[0])
+
+
+def test_inside_out_is_reported():
+    surface = Surface.build(CUBE_VERTICES, CUBE_TRIANGLES[:, ::-1])
+    assert [f.code for f in surface.findings()] == ["inside-out"]
+    assert surface.query(np.zeros((1, 3))).gap[0] == pytest.approx(0.01)
+
+
+def test_coincident_points_are_finite():
+    surface = Surface.build(CUBE_VERTICES, CUBE_TRIANGLES)
+    q = surface.query(np.concatenate([CUBE_VERTICES, [[0.01, 0.0, 0.0]]]))
+    np.testing.assert_array_equal(q.gap, 0.0)
+    np.testing.assert_allclose(q.normal[:8], np.sign(CUBE_VERTICES) / np.sqrt(3), atol=1e-12)
+    np.testing.assert_allclose(q.normal[8], [1, 0, 0])
+
+
+def test_rotating_the_world_changes_nothing():
+    rng = np.random.default_rng(9)
+    vertices, triangles = sphere(16, 20)
+    points = rng.uniform(-0.015, 0.015, (300, 3))
+    rotation = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    rotation *= np.sign(np.linalg.det(rotation))
+    a = Surface.build(vertices, triangles).query(points)
+    b = Surface.build(vertices @ rotation.T, triangles).query(points @ rotation.T)
+    np.testing.assert_allclose(a.gap, b.gap, atol=1e-15)
+
+
+def test_a_deforming_mesh_keeps_its_topology_only_while_it_fits():
+    vertices, triangles = sphere(10, 12)
+    first = Surface.build(vertices, triangles)
+    assert Surface.build(vertices * 1.5, triangles).topology is first.topology
+    doubled = vertices[triangles].reshape(-1, 3)
+    corners = np.arange(len(doubled)).reshape(-1, 3)
+    whole = Surface.build(doubled, corners)
+    torn = doubled.copy()
+    torn[:3] += 0.001
+    assert whole.closed and not Surface.build(torn, corners).closed
+
+
+def test_surface_of_is_kept_by_identity_and_let_go():
+    mesh = Mesh(CUBE_VERTICES, CUBE_TRIANGLES.astype(np.int32))
+    stretch = np.diag([1.0, 1.0, -2.0])
+    assert surface_of(mesh) is surface_of(mesh)
+    mirrored = surface_of(mesh, stretch)
+    assert mirrored is surface_of(mesh, stretch.copy()) and mirrored is not surface_of(mesh)
+    assert mirrored.volume == pytest.approx(2 * 0.02**3)
+    gone = weakref.ref(surface_of(mesh))
+    del mesh, mirrored
+    gc.collect()
+    assert gone() is None
+
+
+@pytest.mark.parametrize("vertices, triangles", [
+    (np.zeros((3, 2)), np.zeros((1, 3), int)),
+    (np.zeros((3, 3)), np.zeros((0, 3), int)),
+    (np.full((3, 3), np.nan), np.zeros((1, 3), int)),
+    (np.zeros((3, 3)), np.array([[0, 1, 3]])),
+])  # fmt: skip
+def test_broken_meshes_are_refused(vertices, triangles):
+    with pytest.raises(DermisError):
+        Surface.build(vertices, triangles)

@@ -1,0 +1,182 @@
+"""The 3-RRS platform against its leg constraints, a complex step, and a general constraint solver."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.devices import thimble
+from core.devices.spec import from_preset
+from core.errors import DermisError
+
+
+def preset(**changes):
+    def mm(value):
+        return {"value": value, "unit": "mm"}
+
+    parameters = {
+        "platform_radius": mm(10),
+        "base_radius": mm(15),
+        "crank": mm(10),
+        "rod": mm(20),
+        "disc_radius": mm(8),
+        "reference_distance": mm(18),
+        "servo_range": {"value": 40, "unit": "deg"},
+        "servo_speed": {"value": 600, "unit": "deg/s"},
+    }
+    parameters.update(changes)
+    return from_preset(
+        "thimble",
+        {
+            "schema": "dermis-device 1",
+            "name": "Thimble",
+            "kind": "thimble",
+            "rate": {"value": 100, "unit": "Hz"},
+            "channels": [{"name": "servo_1", "unit": "rad", "actuator": "1"}],
+            "parameters": parameters,
+        },
+    )
+
+
+@pytest.fixture
+def device():
+    return thimble.mechanism(preset())
+
+
+def configurations(count=60, seed=0):
+    rng = np.random.default_rng(seed)
+    tilt = np.radians(25)
+    return np.column_stack([rng.uniform(-tilt, tilt, (count, 2)), rng.uniform(0.016, 0.020, count)])
+
+
+def test_every_leg_stays_in_its_plane_and_closes(device):
+    for x in configurations():
+        pose, (angles, _) = device.pose(x), device.servo_angles(x)
+        np.testing.assert_allclose(pose.rotation @ pose.rotation.T, np.eye(3), atol=1e-14)
+        for angle, q in zip(thimble.LEG_ANGLES, angles, strict=True):
+            out, side = np.array([np.cos(angle), np.sin(angle), 0]), np.array([-np.sin(angle), np.cos(angle), 0])
+            joint = pose.centre + pose.rotation @ (device.platform_radius * out)
+            assert abs(joint @ side) < 1e-15  # in the leg's plane: the parasitic motion's whole reason
+            knee = (device.base_radius + device.crank * np.cos(q)) * out + device.crank * np.sin(q) * np.array(
+                [0, 0, 1]
+            )
+            assert np.linalg.norm(joint - knee) == pytest.approx(device.rod, abs=1e-15)
+
+
+def test_parasitic_motion_has_the_known_size(device):
+    pose = device.pose([np.radians(30), np.radians(30), 0.018])
+    yaw = np.degrees(np.arctan2(-(np.sin(np.radians(30)) ** 2), 2 * np.cos(np.radians(30))))
+    assert abs(yaw) == pytest.approx(8, abs=0.3)
+    assert np.linalg.norm(pose.centre[:2]) == pytest.approx(1.25e-3, abs=0.05e-3)
+
+
+def complex_angles(x, device):
+    """Servo angles by formulas that continue into the complex plane (arctan of ratios, no branch is near)."""
+    psi, theta, z = x
+    cp, sp, ct, st = np.cos(psi), np.sin(psi), np.cos(theta), np.sin(theta)
+    phi = np.arctan(-sp * st / (cp + ct))
+    c, s = np.cos(phi), np.sin(phi)
+    rx = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
+    ry = np.array([[ct, 0, st], [0, 1, 0], [-st, 0, ct]])
+    r = rx @ ry @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    centre = np.array([device.platform_radius / 2 * (r[0, 0] - r[1, 1]), -device.platform_radius * r[1, 0], z])
+    result = []
+    for angle in thimble.LEG_ANGLES:
+        e = np.array([np.cos(angle), np.sin(angle), 0])
+        joint = centre + r @ (device.platform_radius * e)
+        out, up = e @ joint - device.base_radius, joint[2]
+        d = np.sqrt(out**2 + up**2)
+        result.append(
+            np.pi / 2
+            - np.arctan(out / up)
+            - np.arccos((device.crank**2 + d**2 - device.rod**2) / (2 * device.crank * d))
+        )
+    return np.array(result)
+
+
+def test_derivatives_equal_the_complex_step(device):
+    for x in configurations():
+        angles, slopes = device.servo_angles(x)
+        np.testing.assert_allclose(angles, complex_angles(x, device), atol=1e-14)
+        for i in range(3):
+            step = np.zeros(3, dtype=complex)
+            step[i] = 1e-30j
+            exact = complex_angles(x + step, device).imag / 1e-30
+            np.testing.assert_allclose(slopes[:, i], exact, rtol=1e-11, atol=1e-11)
+
+
+def test_forward_kinematics_inverts(device):
+    for x in configurations():
+        found = device.forward(device.servo_angles(x)[0], [0, 0, 0.018])
+        np.testing.assert_allclose(found, x, atol=1e-9)
+
+
+def test_forward_equals_a_general_constraint_solver(device):
+    """Six unknowns (position and rotation vector), six equations (planes and rod lengths), no closed form used."""
+    from scipy.optimize import fsolve
+    from scipy.spatial.transform import Rotation
+
+    for x in configurations(10, seed=3):
+        angles = device.servo_angles(x)[0]
+
+        def miss(unknowns, angles=angles):
+            rotation, equations = Rotation.from_rotvec(unknowns[3:]).as_matrix(), []
+            for angle, q in zip(thimble.LEG_ANGLES, angles, strict=True):
+                out, side = np.array([np.cos(angle), np.sin(angle), 0]), np.array([-np.sin(angle), np.cos(angle), 0])
+                joint = unknowns[:3] + rotation @ (device.platform_radius * 1e3 * out)
+                knee = (device.base_radius + device.crank * np.cos(q)) * 1e3 * out
+                knee = knee + device.crank * 1e3 * np.sin(q) * np.array([0, 0, 1])
+                equations += [joint @ side, (joint - knee) @ (joint - knee) - (device.rod * 1e3) ** 2]
+            return equations
+
+        solved = fsolve(miss, [0, 0, 18, 0, 0, 0], xtol=1e-14)
+        pose = device.pose(x)
+        np.testing.assert_allclose(solved[:3] * 1e-3, pose.centre, atol=1e-9)
+        np.testing.assert_allclose(Rotation.from_rotvec(solved[3:]).as_matrix(), pose.rotation, atol=1e-9)
+
+
+def test_constraints_are_zero_exactly_at_the_servo_limit(device):
+    for side in (1, -1):
+        x = device.forward(np.full(3, device.servo_zero + side * device.servo_range), [0, 0, 0.018])
+        room, slopes = device.constraints(x)
+        assert np.abs(room[:3] if side > 0 else room[3:]).max() < 1e-12
+        np.testing.assert_allclose(slopes[:3], -slopes[3:])
+    assert device.feasible([0, 0, 0.018])
+    assert not device.feasible([0, 0, 0.0095])  # within reach, past the servos' range
+    assert not device.feasible([0, 0, 0.1])  # out of reach
+
+
+def test_neutral_servos_hold_the_platform_level_under_the_pad(device):
+    x = device.forward(np.full(3, device.servo_zero), [0.1, -0.1, 0.017])
+    np.testing.assert_allclose(x, [0, 0, 0.018], atol=1e-9)
+    in_finger = device.in_finger(device.pose(x))
+    np.testing.assert_allclose(in_finger[:3, 3], 0, atol=1e-9)  # at the pad's centre
+    np.testing.assert_allclose(in_finger[:3, 2], [0, 0, -1], atol=1e-9)
+    assert device.pulse_width(np.full(3, device.servo_zero)) == pytest.approx(1.5e-3)
+
+
+def test_the_other_knee_closes_too(device):
+    inwards = replace(device, knee=-1.0)
+    a, b = device.servo_angles([0.1, 0.2, 0.018])[0], inwards.servo_angles([0.1, 0.2, 0.018])[0]
+    assert (np.abs(a - b) > 0.5).all()
+    np.testing.assert_allclose(inwards.forward(b, [0, 0, 0.018]), [0.1, 0.2, 0.018], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"rod": {"value": 2, "unit": "mm"}}, "cannot close"),
+        ({"crank": {"value": -1, "unit": "mm"}}, "crank"),
+        ({"servo_range": {"value": 0, "unit": "deg"}}, "servo_range"),
+    ],
+)
+def test_bad_mechanisms_are_refused(changes, words):
+    with pytest.raises(DermisError, match=words):
+        thimble.mechanism(preset(**changes))
+
+
+def test_a_pose_out_of_reach_names_the_leg_and_the_limit(device):
+    with pytest.raises(DermisError, match=r"leg \d: .*10.00 to 30.00 mm"):
+        device.servo_angles([0, 0, 0.05])

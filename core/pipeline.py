@@ -228,7 +228,7 @@ def _renderer(spec: DeviceSpec) -> Renderer:
 def _finish(rendered: Rendered, scene: TactileScene, finger: int, use: DeviceUse, content_hash: str) -> Output:
     """Limit the track to what the device can do, check it, and write down where it comes from."""
     name = scene.fingers[finger].name
-    limited = rendered.track.limited()
+    limited = rendered.track.within_limits()
     meta = {
         "finger": name,
         "scene": scene.name,

@@ -284,7 +284,7 @@ def _channels(entries: Mapping[str, tuple[str, int]], heading: str, where: str) 
     if names[0] != "t_s":
         raise DermisError("the first column is not the time", where=place, value=names[0][:80], limit="t_s")
     stated = {k.removeprefix("channel."): k for k in entries if k.startswith("channel.")}
-    channels = []
+    channels: list[Channel] = []
     for number, name in enumerate(names[1:], start=2):
         match = re.fullmatch(rf"({NAME.pattern})\[([^\[\],]+)\]", name)
         if match is None or match[2] not in UNITS or UNITS[match[2]][0] != match[2]:

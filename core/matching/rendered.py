@@ -1,0 +1,31 @@
+"""Rendered: what a matching method hands to the pipeline for one device on one finger."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Finding
+from ..track import CommandTrack
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """One device's commands, and what is worth knowing about how they came about.
+
+    Attributes:
+        track: the commands at the device's rate, within its range; the pipeline limits its speed.
+        signals: diagnostic series at the track's times, such as 'contact' (0 or 1), shape (n,) each.
+        findings: what a person should look at.
+        skipped: what was not computed because the scene did not need it, by name.
+    """
+
+    track: CommandTrack
+    signals: Mapping[str, Array] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+    skipped: Mapping[str, int] = field(default_factory=dict)

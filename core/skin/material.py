@@ -1,0 +1,57 @@
+"""Elastic: the linear isotropic material of the pulp."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..errors import DermisError
+
+POISSON_LIMIT = 0.499  # averaged nodal pressure oscillates above
+
+
+@dataclass(frozen=True)
+class Elastic:
+    """A linear isotropic material.
+
+    Attributes:
+        young: Young's modulus E [Pa]. Source: [S1] section IV.A, 1e5 Pa.
+        poisson: Poisson's ratio, 0 to 0.499. Source: [S1] section IV.A, 0.48.
+        alpha: personal factor on E, measured with a press test [1]. Source: [S1] section IV.C, 0.61 to 0.90.
+    """
+
+    young: float = 1.0e5
+    poisson: float = 0.48
+    alpha: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, value in (("young", self.young), ("alpha", self.alpha)):
+            if not (np.isfinite(value) and value > 0):
+                raise DermisError("must be above zero", where=f"skin material, {name}", value=value, limit="> 0")
+        if not 0.0 <= self.poisson <= POISSON_LIMIT:
+            raise DermisError(
+                "Poisson's ratio out of range", where="skin material, poisson", value=self.poisson,
+                limit=f"0 to {POISSON_LIMIT}", remedy="Soft tissue is near 0.48",
+            )  # fmt: skip
+
+    @property
+    def modulus(self) -> float:
+        """Young's modulus of this person's skin, alpha E [Pa]."""
+        return self.young * self.alpha
+
+    @property
+    def lame(self) -> tuple[float, float]:
+        """Lame's first parameter and the shear modulus [Pa]."""
+        return lame(self.modulus, self.poisson)
+
+    @property
+    def unit(self) -> Elastic:
+        """The same Poisson's ratio with a modulus of 1 Pa: modulus only scales, so everything costly is done for it."""
+        return replace(self, young=1.0, alpha=1.0)
+
+
+def lame(young: float, poisson: float) -> tuple[float, float]:
+    """Return Lame's first parameter and the shear modulus, in the unit of `young`."""
+    first = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+    return first, young / (2.0 * (1.0 + poisson))

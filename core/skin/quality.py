@@ -1,0 +1,237 @@
+"""How good a tetrahedral mesh is, and which ones are refused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from .mesh import TetraMesh, tetra_volumes
+
+Array = NDArray[np.float64]
+
+MIN_RELATIVE_VOLUME = 1e-6  # of the cube of an element's longest edge; flatter ones ruin the stiffness matrix
+_PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Figures of a mesh.
+
+    Attributes:
+        nodes, tetrahedra, fixed, pad: counts.
+        min_dihedral, max_dihedral: [rad] over all elements.
+        median_min_dihedral: [rad] median over the elements of each one's smallest angle.
+        max_aspect: longest edge over the smallest height, 1.22 for a regular tetrahedron.
+        min_volume, max_volume, total_volume: [m^3].
+        pad_spacing: square root of the median area of a pad node [m].
+    """
+
+    nodes: int
+    tetrahedra: int
+    fixed: int
+    pad: int
+    min_dihedral: float
+    max_dihedral: float
+    median_min_dihedral: float
+    max_aspect: float
+    min_volume: float
+    max_volume: float
+    total_volume: float
+    pad_spacing: float
+
+    def __str__(self) -> str:
+        degrees = 180.0 / np.pi
+        return (
+            f"{self.tetrahedra} tetrahedra, {self.nodes} nodes ({self.fixed} fixed, {self.pad} on the pad, "
+            f"{self.pad_spacing * 1e3:.2f} mm apart), dihedral angles {self.min_dihedral * degrees:.1f} to "
+            f"{self.max_dihedral * degrees:.1f} degrees, aspect up to {self.max_aspect:.1f}"
+        )
+
+
+def quality(mesh: TetraMesh) -> Quality:
+    """Measure a mesh."""
+    angles = dihedral_angles(mesh.nodes, mesh.tetrahedra)
+    volumes = mesh.volumes
+    corners = mesh.nodes[mesh.tetrahedra]
+    longest = np.max([np.linalg.norm(corners[:, j] - corners[:, i], axis=1) for i, j in _PAIRS], axis=0)
+    faces = [(1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1)]
+    areas = np.max([0.5 * np.linalg.norm(_face_normal(corners, f), axis=1) for f in faces], axis=0)
+    return Quality(
+        nodes=len(mesh.nodes),
+        tetrahedra=len(mesh.tetrahedra),
+        fixed=len(mesh.fixed),
+        pad=len(mesh.pad),
+        min_dihedral=float(angles.min()),
+        max_dihedral=float(angles.max()),
+        median_min_dihedral=float(np.median(angles.min(axis=1))),
+        max_aspect=float(np.max(longest * areas / (3.0 * volumes))),
+        min_volume=float(volumes.min()),
+        max_volume=float(volumes.max()),
+        total_volume=float(volumes.sum()),
+        pad_spacing=float(np.sqrt(np.median(mesh.pad_areas))) if len(mesh.pad) else 0.0,
+    )
+
+
+def dihedral_angles(nodes: Array, tetrahedra: NDArray[np.integer]) -> Array:
+    """Return the six dihedral angles of each tetrahedron [rad], shape (e, 6)."""
+    corners = nodes[tetrahedra]
+    out = np.empty((len(tetrahedra), 6))
+    for column, (i, j) in enumerate(_PAIRS):
+        k, m = (x for x in range(4) if x not in (i, j))
+        edge = corners[:, j] - corners[:, i]
+        first = np.cross(edge, corners[:, k] - corners[:, i])
+        second = np.cross(edge, corners[:, m] - corners[:, i])
+        # atan2 keeps its accuracy near 0 and pi, where arccos of a dot product loses half the digits
+        sine = np.linalg.norm(np.cross(first, second), axis=1)
+        out[:, column] = np.arctan2(sine, np.einsum("ij,ij->i", first, second))
+    return out
+
+
+def check_mesh(mesh: TetraMesh) -> None:
+    """Refuse a mesh that cannot be solved on.
+
+    Raises:
+        DermisError: not finite, an index outside, an inverted or flat element, a node that no element uses, faces
+            shared by three elements, a part without fixed nodes, pad nodes that are fixed or inside, no pad.
+    """
+    where = f"skin mesh '{mesh.name}'"
+    nodes, tetrahedra = mesh.nodes, mesh.tetrahedra
+    if nodes.ndim != 2 or nodes.shape[1] != 3 or tetrahedra.ndim != 2 or tetrahedra.shape[1] != 4:
+        raise DermisError("nodes must be (n, 3) and tetrahedra (e, 4)", where=where, value=(nodes.shape, tetrahedra.shape))
+    if len(tetrahedra) == 0:
+        raise DermisError("there are no tetrahedra", where=where)
+    if not np.isfinite(nodes).all():
+        bad = int(np.flatnonzero(~np.isfinite(nodes).all(axis=1))[0])
+        raise DermisError("a node is not a finite number", where=where, value=f"node {bad}")
+    for label, array in (("tetrahedra", tetrahedra), ("fixed", mesh.fixed), ("pad", mesh.pad), ("surface", mesh.surface)):
+        if array.size and (array.min() < 0 or array.max() >= len(nodes)):
+            raise DermisError(
+                f"'{label}' names a node that does not exist", where=where,
+                value=int(array.min() if array.min() < 0 else array.max()), limit=f"0 to {len(nodes) - 1}",
+            )  # fmt: skip
+    _check_elements(nodes, tetrahedra, where)
+    used = np.zeros(len(nodes), bool)
+    used[tetrahedra] = True
+    if not used.all():
+        raise DermisError(
+            "hanging nodes: no element uses them", where=where, value=f"{np.count_nonzero(~used)}, first "
+            f"{int(np.flatnonzero(~used)[0])}", remedy="Remove them from the mesh",
+        )  # fmt: skip
+    _check_faces(tetrahedra, where)
+    _check_hanging(nodes, tetrahedra, where)
+    _check_sets(mesh, where)
+
+
+def _check_elements(nodes: Array, tetrahedra: NDArray[np.integer], where: str) -> None:
+    ordered = np.sort(tetrahedra, axis=1)
+    double = np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
+    if len(double):
+        raise DermisError("an element uses a node twice", where=where, value=f"element {int(double[0])}")
+    volumes = tetra_volumes(nodes, tetrahedra.astype(np.int32))
+    corners = nodes[tetrahedra]
+    longest = np.max([np.linalg.norm(corners[:, j] - corners[:, i], axis=1) for i, j in _PAIRS], axis=0)
+    bad = np.flatnonzero(volumes <= MIN_RELATIVE_VOLUME * longest**3)
+    if len(bad):
+        kind = "inverted" if volumes[bad].min() < 0 else "flat"
+        worst = int(bad[np.argmin(volumes[bad])])
+        raise DermisError(
+            f"{len(bad)} {kind} elements", where=where, value=f"element {worst}, {volumes[worst]:.3g} m^3",
+            limit="positive volume", remedy="Order each element's nodes so that its volume is positive",
+        )  # fmt: skip
+
+
+def _check_faces(tetrahedra: NDArray[np.integer], where: str) -> None:
+    faces = np.sort(tetrahedra[:, [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]].reshape(-1, 3), axis=1)
+    unique, count = np.unique(faces, axis=0, return_counts=True)
+    if count.max() > 2:
+        raise DermisError(
+            "a face belongs to more than two elements", where=where, value=unique[np.argmax(count)].tolist(),
+            remedy="Elements overlap; mesh the volume again",
+        )  # fmt: skip
+
+
+def _check_hanging(nodes: Array, tetrahedra: NDArray[np.integer], where: str) -> None:
+    """Refuse a node that lies within a boundary edge or face of another element without belonging to it."""
+    faces = np.sort(tetrahedra[:, [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]].reshape(-1, 3), axis=1)
+    unique, count = np.unique(faces, axis=0, return_counts=True)
+    border = unique[count == 1]
+    edges = np.unique(np.concatenate([border[:, [0, 1]], border[:, [1, 2]], border[:, [0, 2]]]), axis=0)
+    points = np.unique(border)
+    # In a conforming mesh only nodes of the boundary could hang: sort them along x and test each edge's neighbours.
+    order = points[np.argsort(nodes[points, 0], kind="stable")]
+    x = nodes[order, 0]
+    size = np.ptp(nodes, axis=0).max()
+    a, b = nodes[edges[:, 0]], nodes[edges[:, 1]]
+    low = np.searchsorted(x, np.minimum(a[:, 0], b[:, 0]) - 1e-9 * size, side="left")
+    high = np.searchsorted(x, np.maximum(a[:, 0], b[:, 0]) + 1e-9 * size, side="right")
+    for start in range(0, len(edges), 4096):
+        part = slice(start, start + 4096)
+        spans = high[part] - low[part]
+        edge = np.repeat(np.arange(start, start + len(spans)), spans)
+        first = np.repeat(np.cumsum(spans) - spans, spans)
+        node = order[np.arange(len(edge)) - first + np.repeat(low[part], spans)]
+        along = b[edge] - a[edge]
+        to = nodes[node] - a[edge]
+        length2 = np.einsum("ij,ij->i", along, along)
+        s = np.einsum("ij,ij->i", to, along) / length2
+        off = np.linalg.norm(to - s[:, None] * along, axis=1)
+        inside = (s > 1e-6) & (s < 1 - 1e-6) & (off < 1e-6 * np.sqrt(length2))
+        inside &= (node != edges[edge, 0]) & (node != edges[edge, 1])
+        if inside.any():
+            bad = int(np.flatnonzero(inside)[0])
+            raise DermisError(
+                "a node hangs on another element's edge", where=where,
+                value=f"node {int(node[bad])} on edge {edges[edge[bad]].tolist()}", remedy="Make the mesh conforming",
+            )  # fmt: skip
+
+
+def _check_sets(mesh: TetraMesh, where: str) -> None:
+    if len(mesh.fixed) < 3:
+        raise DermisError(
+            "too few fixed nodes: the tissue would float", where=where, value=len(mesh.fixed), limit=">= 3",
+            remedy="Name the nodes on bone and nail",
+        )  # fmt: skip
+    if len(mesh.pad) == 0:
+        raise DermisError("no pad nodes: nothing could touch", where=where, remedy="Name the nodes that may touch")
+    both = np.intersect1d(mesh.fixed, mesh.pad)
+    if len(both):
+        raise DermisError("a pad node is fixed", where=where, value=int(both[0]))
+    for label, array in (("fixed", mesh.fixed), ("pad", mesh.pad)):
+        if (np.diff(array) <= 0).any():
+            raise DermisError(f"'{label}' must rise without repeats", where=where)
+    missing = np.setdiff1d(mesh.pad, mesh.surface)
+    if len(missing):
+        raise DermisError("a pad node is not on the surface", where=where, value=int(missing[0]))
+    label = _components(len(mesh.nodes), mesh.tetrahedra)
+    parts = np.unique(label)
+    held = np.array([np.count_nonzero(label[mesh.fixed] == p) for p in parts])
+    if (held < 3).any():
+        raise DermisError(
+            "a part of the mesh is not held", where=where, value=f"{np.count_nonzero(held < 3)} of {len(parts)} parts",
+            limit="three fixed nodes in each part",
+        )  # fmt: skip
+    corners = mesh.nodes[mesh.fixed]
+    spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
+    if spread[1] < 1e-9 * max(spread[0], 1e-300):
+        raise DermisError("the fixed nodes lie on one line: the tissue could turn about it", where=where)
+
+
+def _components(count: int, tetrahedra: NDArray[np.integer]) -> NDArray[np.integer]:
+    """Return for each node the smallest node number of its connected part."""
+    label = np.arange(count)
+    while True:
+        low = label[tetrahedra].min(axis=1)
+        new = label.copy()
+        np.minimum.at(new, tetrahedra.ravel(), np.repeat(low, 4))
+        new = new[new]
+        if np.array_equal(new, label):
+            return label
+        label = new
+
+
+def _face_normal(corners: Array, face: tuple[int, ...]) -> Array:
+    a, b, c = (corners[:, i] for i in face)
+    return np.cross(b - a, c - a)

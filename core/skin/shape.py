@@ -1,0 +1,199 @@
+"""FingertipShape: the outside of a fingertip and the bone within it, as smooth functions of a few lengths."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from ..scene import Mesh
+
+Array = NDArray[np.float64]
+
+# How far the pulp narrows behind the pad's centre, as a fraction of the half section. The palm recedes towards the
+# crease of the joint; the sides and the back run almost straight.
+WAIST_PALM, WAIST_SIDE, WAIST_BACK = 0.12, 0.05, 0.02
+PALM_SHARE = 0.54  # of the thickness, from the pad to the height where the finger is widest
+MIN_TISSUE = 0.4e-3  # [m] least soft tissue between bone and skin that elements can fill without slivers
+
+
+@dataclass(frozen=True)
+class FingertipShape:
+    """The lengths of a fingertip, all in m. Origin at the pad's centre, +Y to the tip, +Z to the nail.
+
+    Attributes:
+        width, thickness: of the finger at the pad's centre, along X and Z.
+        length: from the cut end to the tip, along Y.
+        tip: from the pad's centre to the tip, along Y.
+        nail_width, nail_length: of the nail, which ends `nail_margin` before the tip.
+        nail_margin: from the tip back to the nail's front edge, along Y.
+        bone_width, bone_thickness: of the distal phalanx's shaft.
+        bone_bed: soft tissue between the bone and the back of the finger.
+        bone_margin: soft tissue between the bone's end and the tip, along Y.
+    """
+
+    width: float = 16.0e-3
+    thickness: float = 13.0e-3
+    length: float = 24.0e-3
+    tip: float = 10.5e-3
+    nail_width: float = 10.5e-3
+    nail_length: float = 11.0e-3
+    nail_margin: float = 1.5e-3
+    bone_width: float = 6.4e-3
+    bone_thickness: float = 4.6e-3
+    bone_bed: float = 2.0e-3
+    bone_margin: float = 4.5e-3
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (np.isfinite(value) and value > 0):
+                raise DermisError("must be above zero", where=f"fingertip, {field.name}", value=value, limit="> 0 m")
+        self._below("tip", self.tip, "length", self.length / 1.2)
+        self._below("nail_width", self.nail_width, "width", self.width)
+        self._below("nail_margin + nail_length", self.nail_margin + self.nail_length, "length", self.length)
+        self._below("bone_width", self.bone_width, "width - tissue", self.width - 2 * MIN_TISSUE)
+        room = self.thickness * PALM_SHARE - MIN_TISSUE + self.height_back
+        self._below("bone_bed + bone_thickness", self.bone_bed + self.bone_thickness, "thickness - tissue", room)
+        self._below("bone_margin + half the bone's width", self.bone_margin + self.bone_width / 2, "length", self.length)
+        if self.bone_bed < MIN_TISSUE or self.bone_margin < MIN_TISSUE:
+            raise DermisError(
+                "too little soft tissue round the bone", where="fingertip, bone_bed or bone_margin",
+                value=min(self.bone_bed, self.bone_margin), limit=f">= {MIN_TISSUE} m",
+            )  # fmt: skip
+
+    @property
+    def height_palm(self) -> float:
+        """Height of the widest part above the pad [m]."""
+        return self.thickness * PALM_SHARE
+
+    @property
+    def height_back(self) -> float:
+        """Height of the back above the widest part [m]."""
+        return self.thickness * (1.0 - PALM_SHARE)
+
+    @property
+    def reach(self) -> float:
+        """Natural logarithm of the outer radius of the chart's plane: how many tip lengths lie behind the pad."""
+        return (self.length - self.tip) / self.tip
+
+    @classmethod
+    def scaled(cls, width: float, thickness: float, length: float, **lengths: float) -> FingertipShape:
+        """Return a fingertip of other outer lengths [m]; what is not given keeps its proportion to them."""
+        base = cls()
+        along, across, up = length / base.length, width / base.width, thickness / base.thickness
+        own = {
+            "tip": base.tip * along, "nail_width": base.nail_width * across, "nail_length": base.nail_length * along,
+            "nail_margin": base.nail_margin * along, "bone_width": base.bone_width * across,
+            "bone_thickness": base.bone_thickness * up, "bone_bed": base.bone_bed * up,
+            "bone_margin": base.bone_margin * along,
+        }  # fmt: skip
+        return cls(width=width, thickness=thickness, length=length, **{**own, **lengths})
+
+    def skin(self, chart: NDArray[np.complex128]) -> Array:
+        """Return points of the skin.
+
+        Args:
+            chart: points of the closed unit disk: 0 is the pad's centre, the rim is the cut end, the imaginary
+                axis runs along -X and the negative real axis over the tip to the nail.
+
+        Returns:
+            Points [m], shape (..., 3).
+        """
+        radius, angle, axial = self._tube(chart)
+        q2 = np.minimum(axial, 0.0) ** 2
+        cosine, sine = angle.real, angle.imag
+        back = np.where(cosine < 0, WAIST_BACK, WAIST_PALM)
+        height = np.where(cosine < 0, self.height_back, self.height_palm)
+        x = -0.5 * self.width * radius * _waist(q2, WAIST_SIDE) * sine
+        z = self.height_palm - height * radius * _waist(q2, back) * cosine
+        return np.stack([x, self.tip * axial, z], axis=-1)
+
+    def bone(self, chart: NDArray[np.complex128]) -> Array:
+        """Return points of the bone's surface for points of the chart, as `skin` does, shape (..., 3)."""
+        radius, angle, axial = self._tube(chart)
+        half = 0.5 * self.bone_width
+        centre = self.tip - self.bone_margin - half
+        t = np.maximum(-axial, 0.0)
+        # Behind the bone's head the section is constant; the chart's speed there is matched to first order, so that
+        # layers of elements do not kink.
+        span = centre - (self.tip - self.length)
+        back = half * t + (span - half * self.reach) * (t / self.reach) ** 2
+        y = centre + half * np.maximum(axial, 0.0) - back
+        middle = self.thickness - self.bone_bed - 0.5 * self.bone_thickness
+        x = -half * radius * angle.imag
+        z = middle - 0.5 * self.bone_thickness * radius * angle.real
+        return np.stack([x, y, z], axis=-1)
+
+    def under_nail(self, points: Array) -> NDArray[np.bool_]:
+        """Say which points of the skin the nail covers, shape (...)."""
+        x, y, z = points[..., 0], points[..., 1], points[..., 2]
+        front = self.tip - self.nail_margin
+        along = (y <= front) & (y >= front - self.nail_length)
+        return along & (np.abs(x) <= 0.5 * self.nail_width) & (z > self.height_palm)
+
+    def _tube(self, chart: NDArray[np.complex128]) -> tuple[Array, NDArray[np.complex128], Array]:
+        """Return section radius [1], direction round the axis (1 is the palm) and axial place (1 at the tip)."""
+        # Conformal, so cells stay nearly square: a Moebius map of the disk brings the pad to the middle, the
+        # logarithm unrolls the tube behind it, and the stereographic projection closes the tip.
+        p = np.exp(-self.reach)
+        plane = (chart + p) / (1.0 + p * chart) / p
+        size = np.abs(plane)
+        angle = np.where(size > 0, plane / np.where(size > 0, size, 1.0), 1.0)
+        front = np.minimum(size, 1.0)
+        radius = np.where(size < 1, 2 * front / (1 + front**2), 1.0)
+        axial = np.where(size < 1, (1 - front**2) / (1 + front**2), -np.log(np.maximum(size, 1.0)))
+        return radius, angle, axial
+
+    def _below(self, name: str, value: float, other: str, limit: float) -> None:
+        if not value < limit:
+            raise DermisError(
+                "does not fit into the finger", where=f"fingertip, {name}", value=f"{value * 1e3:.2f} mm",
+                limit=f"below {limit * 1e3:.2f} mm ({other})", remedy="Make it smaller, or the finger larger",
+            )  # fmt: skip
+
+
+def fingertip_surface(shape: FingertipShape, *, across: int = 12, rings: int = 8) -> Mesh:
+    """Return the closed skin of a fingertip for drawing and for modelling: quads split alike, outward.
+
+    Args:
+        across: cells across the pad, even.
+        rings: rings of cells from the pad to the cut end.
+
+    Raises:
+        DermisError: `across` is odd or too small.
+    """
+    from .mesh import disk_quads, split_quads
+
+    disk = disk_quads(across, rings)
+    points = shape.skin(disk.chart)
+    triangles = split_quads(disk.quads, disk.colour)
+    rim = disk.rim
+    centre = points[rim].mean(axis=0)
+    cap = np.stack([np.roll(rim, -1), rim, np.full(len(rim), len(points))], axis=1)
+    vertices = np.concatenate([points, centre[None]])
+    return Mesh(vertices, np.concatenate([triangles, cap]).astype(np.int32))
+
+
+def shape_from_parameters(parameters: dict[str, Any], *, where: str = "fingertip") -> FingertipShape:
+    """Return the shape that named lengths [m] give; lengths not named keep their proportion.
+
+    Raises:
+        DermisError: an unknown name, or lengths that do not fit together.
+    """
+    known = {f.name for f in fields(FingertipShape)}
+    for name in parameters:
+        if name not in known:
+            raise DermisError("unknown length", where=where, value=name, limit=", ".join(sorted(known)))
+    base = FingertipShape()
+    outer = {n: float(parameters.get(n, getattr(base, n))) for n in ("width", "thickness", "length")}
+    rest = {n: float(v) for n, v in parameters.items() if n not in outer}
+    return FingertipShape.scaled(outer["width"], outer["thickness"], outer["length"], **rest)
+
+
+def _waist(q2: Array, drop: Array | float) -> Array:
+    """Narrow a section behind the pad: the pad's curvature runs on smoothly (to second order) and then levels off."""
+    return 1.0 - 0.5 * q2 / (1.0 + q2 / (2.0 * np.asarray(drop)))

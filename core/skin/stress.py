@@ -1,0 +1,250 @@
+"""Stress in the pulp: per element, at receptor depth, and in few components for matching."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from .assembly import Element, Geometry, geometry
+from .material import Elastic
+from .mesh import TetraMesh
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.floating[Any]]
+
+COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
+# Depth below the skin of Meissner corpuscles and Merkel cells, of Ruffini endings and of Pacinian corpuscles [m]
+RECEPTOR_DEPTHS = (0.3e-3, 1.6e-3, 2.0e-3)
+_PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+_SHEAR_WEIGHT = np.array([1.0, 1.0, 1.0, np.sqrt(2.0), np.sqrt(2.0), np.sqrt(2.0)])
+INSIDE = 1e-9  # how far a barycentric coordinate may be below zero for a point on a face
+
+
+@dataclass(frozen=True, eq=False)
+class StressOperator:
+    """From nodal displacement to stress, for one mesh, material and element.
+
+    Stress is in the finger's frame, which is the nail's: components xx, yy, zz, yz, xz, xy. With averaged nodal
+    pressure, an element's pressure is the mean of its nodes', as in the stiffness.
+    """
+
+    mesh: TetraMesh
+    material: Elastic
+    element: Element = "anp"
+
+    @cached_property
+    def geometry(self) -> Geometry:
+        """Gradients and volumes of the mesh."""
+        return geometry(self.mesh)
+
+    @cached_property
+    def strain_matrix(self) -> csr_array:
+        """From displacement (3 n) to tensor strain (6 e, by element), sparse."""
+        from scipy.sparse import coo_array
+
+        g, tetra = self.geometry.gradients, self.mesh.tetrahedra.astype(np.int64)
+        count = len(tetra)
+        rows, columns, values = [], [], []
+        for k, (i, j) in enumerate(_PAIRS):
+            row = np.broadcast_to(6 * np.arange(count)[:, None] + k, (count, 4))
+            for a, b in ((i, j), (j, i)) if i != j else ((i, i),):
+                rows.append(row)
+                columns.append(3 * tetra + a)
+                values.append(g[:, :, b] * (0.5 if i != j else 1.0))
+        index = (np.concatenate(rows).ravel(), np.concatenate(columns).ravel())
+        return coo_array((np.concatenate(values).ravel(), index), shape=(6 * count, 3 * len(self.mesh.nodes))).tocsr()
+
+    @cached_property
+    def volumetric_matrix(self) -> csr_array:
+        """From displacement (3 n) to the element's div u, averaged over its nodes for 'anp', sparse (e, 3 n)."""
+        from scipy.sparse import csr_array as csr
+
+        count = len(self.mesh.tetrahedra)
+        if self.element == "anp":
+            starts = np.arange(0, 4 * count + 1, 4)
+            mean = csr((np.full(4 * count, 0.25), self.mesh.tetrahedra.ravel(), starts), (count, len(self.mesh.nodes)))
+            return (mean @ self.geometry.divergence).tocsr()
+        trace = csr((np.ones(3 * count), (6 * np.arange(count)[:, None] + np.arange(3)).ravel(),
+                     np.arange(0, 3 * count + 1, 3)), (count, 6 * count))  # fmt: skip
+        return (trace @ self.strain_matrix).tocsr()
+
+    def strain(self, displacement: Floats) -> Array:
+        """Return tensor strain of each element, shape (e, 6)."""
+        return (self.strain_matrix @ _flat(displacement)).reshape(-1, 6)
+
+    def stress(self, displacement: Floats) -> Array:
+        """Return the stress of each element [Pa] for nodal displacement [m], shape (n, 3) to (e, 6)."""
+        first, shear = self.material.lame
+        u = _flat(displacement)
+        out = 2.0 * shear * (self.strain_matrix @ u).reshape(-1, 6)
+        out[:, :3] += (first * self._dilatation(u))[:, None]
+        return out
+
+    def energy_density(self, displacement: Floats) -> Array:
+        """Return the strain energy density of each element [J/m^3]; times the volumes it sums to half the work."""
+        first, shear = self.material.lame
+        u = _flat(displacement)
+        strain = (self.strain_matrix @ u).reshape(-1, 6)
+        density = shear * np.einsum("ij,ij,j->i", strain, strain, _SHEAR_WEIGHT**2)
+        if self.element == "anp":
+            nodal = 0.5 * first * (self.geometry.divergence @ u) ** 2
+            return density + nodal[self.mesh.tetrahedra].mean(axis=1)
+        return density + 0.5 * first * strain[:, :3].sum(axis=1) ** 2
+
+    def _dilatation(self, u: Array) -> Array:
+        if self.element == "anp":
+            # through the nodes: a tenth of the work of the product matrix
+            return (self.geometry.divergence @ u)[self.mesh.tetrahedra].mean(axis=1)
+        return self.volumetric_matrix @ u
+
+    @cached_property
+    def weighted_matrix(self) -> csr_array:
+        """From displacement (3 n) to stress (6 e) scaled so that its 2-norm is the volume-weighted L2 norm, sparse.
+
+        Only its products with few columns are ever needed; the full operator on forces is never formed.
+        """
+        from scipy.sparse import csr_array as csr
+        from scipy.sparse import diags_array
+
+        first, shear = self.material.lame
+        count = len(self.mesh.tetrahedra)
+        rows = (6 * np.arange(count)[:, None] + np.arange(3)).ravel()
+        spread = csr((np.ones(3 * count), (rows, np.repeat(np.arange(count), 3))), (6 * count, count))
+        full = 2.0 * shear * self.strain_matrix + first * (spread @ self.volumetric_matrix)
+        return (diags_array(self.weights.ravel()) @ full).tocsr()
+
+    @cached_property
+    def weights(self) -> Array:
+        """Factors that make the 2-norm of the stresses their volume-weighted L2 norm [m^1.5], shape (e, 6)."""
+        return np.sqrt(self.geometry.volumes)[:, None] * _SHEAR_WEIGHT
+
+
+def stress_norm(stress: Array, volumes: Array) -> float:
+    """Return the volume-weighted L2 norm of element stresses [Pa m^1.5], shear components counted twice."""
+    return float(np.sqrt(np.einsum("ij,ij,j,i->", stress, stress, _SHEAR_WEIGHT**2, volumes)))
+
+
+def von_mises(stress: Array) -> Array:
+    """Return the equivalent stress [Pa] of stresses (..., 6)."""
+    xx, yy, zz, yz, xz, xy = np.moveaxis(stress, -1, 0)
+    return np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (yz**2 + xz**2 + xy**2))
+
+
+def nodal_average(mesh: TetraMesh, values: Array) -> Array:
+    """Return the volume average at each node of values per element, shape (e, ...) to (n, ...)."""
+    from scipy.sparse import coo_array
+
+    count = len(mesh.tetrahedra)
+    index = (mesh.tetrahedra.ravel(), np.repeat(np.arange(count), 4))
+    around = coo_array((np.repeat(mesh.volumes, 4), index), shape=(len(mesh.nodes), count)).tocsr()
+    flat = values.reshape(count, -1)
+    sums = around @ flat / np.asarray(around.sum(axis=1)).reshape(-1, 1)
+    return sums.reshape(len(mesh.nodes), *values.shape[1:])
+
+
+@dataclass(frozen=True, eq=False)
+class Probes:
+    """Points in the tissue at which stress is read.
+
+    Attributes:
+        points: [m], shape (k, 3).
+        element: the tetrahedron that holds each, shape (k,).
+        weights: barycentric coordinates in it, shape (k, 4).
+        depth: below the skin [m], shape (k,); nan where unknown.
+        pad: which pad node (by its place in the pad) each lies under, shape (k,); -1 where none.
+    """
+
+    points: Array
+    element: NDArray[np.int64]
+    weights: Array
+    depth: Array
+    pad: NDArray[np.int64]
+
+    def read(self, mesh: TetraMesh, values: Array) -> Array:
+        """Return element values smoothed over the nodes and interpolated to the probes, (e, ...) to (k, ...)."""
+        nodal = nodal_average(mesh, values)
+        return np.einsum("kj,kj...->k...", self.weights, nodal[mesh.tetrahedra[self.element]])
+
+
+def probes_at(mesh: TetraMesh, points: Array, depth: Array | float = np.nan, pad: Any = -1) -> Probes:
+    """Return probes at given points [m], shape (k, 3).
+
+    Raises:
+        DermisError: a point lies outside the tissue.
+    """
+    points = np.asarray(points, float)
+    element, weights = locate(mesh, points)
+    outside = np.flatnonzero(element < 0)
+    if len(outside):
+        raise DermisError(
+            "a probe lies outside the tissue", where=f"skin mesh '{mesh.name}'",
+            value=f"{len(outside)} of {len(points)}, first at {np.round(points[outside[0]] * 1e3, 3).tolist()} mm",
+        )  # fmt: skip
+    k = len(points)
+    return Probes(points, element, weights, np.broadcast_to(np.asarray(depth, float), k).copy(),
+                  np.broadcast_to(np.asarray(pad, np.int64), k).copy())  # fmt: skip
+
+
+def receptor_probes(mesh: TetraMesh, depths: Sequence[float] = RECEPTOR_DEPTHS) -> Probes:
+    """Return probes under every pad node at receptor depths [m]; points in bone or outside are left out."""
+    points = (mesh.nodes[mesh.pad][None] - np.asarray(depths)[:, None, None] * mesh.pad_normals[None]).reshape(-1, 3)
+    depth = np.repeat(np.asarray(depths, float), len(mesh.pad))
+    pad = np.tile(np.arange(len(mesh.pad)), len(depths))
+    element, weights = locate(mesh, points)
+    inside = element >= 0
+    return Probes(points[inside], element[inside], weights[inside], depth[inside], pad[inside])
+
+
+def locate(mesh: TetraMesh, points: Array) -> tuple[NDArray[np.int64], Array]:
+    """Return the tetrahedron that holds each point (-1 outside) and the barycentric coordinates in it."""
+    from scipy.spatial import cKDTree
+
+    corners = mesh.nodes[mesh.tetrahedra]
+    tree = cKDTree(corners.mean(axis=1))
+    element = np.full(len(points), -1, np.int64)
+    weights = np.zeros((len(points), 4))
+    todo = np.arange(len(points))
+    near = min(32, len(corners))
+    while len(todo):
+        candidates = tree.query(points[todo], k=near)[1].reshape(len(todo), near)
+        coordinates = _barycentric(corners[candidates], points[todo][:, None])
+        lowest = coordinates.min(axis=2)
+        best = lowest.argmax(axis=1)
+        rows = np.arange(len(todo))
+        found = lowest[rows, best] >= -INSIDE
+        element[todo[found]] = candidates[rows, best][found]
+        weights[todo[found]] = coordinates[rows, best][found]
+        todo = todo[~found]
+        if near == len(corners):
+            break
+        # elongated elements have distant centres: look at eight times as many, last at all
+        near = min(8 * near, len(corners))
+        if near * len(todo) > 20_000_000 and len(todo) > 1:
+            half = len(todo) // 2
+            for part in (todo[:half], todo[half:]):
+                element[part], weights[part] = locate(mesh, points[part])
+            break
+    return element, weights
+
+
+def _barycentric(corners: Array, points: Array) -> Array:
+    a, b, c, d = (corners[..., i, :] - points for i in range(4))
+
+    def volume(p: Array, q: Array, r: Array) -> Array:
+        return np.einsum("...i,...i->...", np.cross(p, q), r)
+
+    parts = np.stack([volume(b, d, c), volume(a, c, d), volume(a, d, b), volume(a, b, c)], axis=-1)
+    return parts / parts.sum(axis=-1, keepdims=True)
+
+
+def _flat(displacement: Floats) -> Array:
+    return np.ascontiguousarray(displacement, np.float64).reshape(-1)

@@ -1,0 +1,227 @@
+"""What the devices do at the current frame, from the same evaluator as the bake.
+
+Where a fresh bake covers the frame, its track is read. Otherwise the frames visited last form a trail: a step forward
+extends it, anything else (a jump, a step back, undo) starts a new one from rest, and the preview says so. The engine
+renders that trail exactly as it renders a bake; only the sampling is coarser, one sample a visited frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import bpy
+import numpy as np
+
+from . import handlers, results
+from .preferences import core_module, library, setting
+
+STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
+TRAIL_SECONDS = 0.12  # how much of a tactor's path the view shows
+
+
+@dataclass(frozen=True)
+class Row:
+    """One device on one finger, now.
+
+    Attributes:
+        finger, device: the finger object's name and the preset's key.
+        title, kind: the device's name for people, and what it is.
+        values, low, high, units: by channel name, in SI; limits are None where there are none.
+        path: the tactor's positions over the last moments [m], oldest first, shape (n, 2); empty for screens.
+        contact: 1 while the finger touches, 0 while not, None where unknown.
+    """
+
+    finger: str
+    device: str
+    title: str
+    kind: str
+    values: Mapping[str, float]
+    low: Mapping[str, float | None]
+    high: Mapping[str, float | None]
+    units: Mapping[str, str]
+    path: np.ndarray
+    contact: float | None
+
+
+@dataclass(frozen=True)
+class Preview:
+    """All devices at one frame.
+
+    Attributes:
+        source: 'bake', 'stale', 'earlier' or 'live'. note: what a reader should know about it.
+    """
+
+    frame: float
+    source: str
+    note: str
+    rows: tuple[Row, ...]
+
+
+@dataclass
+class _Trail:
+    generation: int = -1
+    scene: int = 0
+    samples: list[Any] = field(default_factory=list)  # TactileScene with one sample each
+    preview: Preview | None = None
+
+
+_trail = _Trail()
+_memo: tuple[Any, ...] = ()
+_memo_preview: Preview | None = None
+
+
+def frame_of(scene: bpy.types.Scene) -> float:
+    """Return the scene's frame with its sub-frame."""
+    return float(scene.frame_current_final)
+
+
+def preview(scene: bpy.types.Scene) -> Preview | None:
+    """Return what to show at the current frame, or None where nothing is known."""
+    global _memo, _memo_preview
+    frame, state = frame_of(scene), results.state(scene)
+    if state != "fresh" and scene.dermis.live_preview and _trail_ends_at(scene, frame):
+        return _trail.preview
+    result = results.current(scene)
+    if result is None:
+        return None
+    memo = (id(result), frame, state)
+    if memo != _memo:
+        _memo, _memo_preview = memo, _from_bake(result, frame, state)
+    return _memo_preview
+
+
+def on_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Take the new frame into the trail; called after every frame change in the window."""
+    if not scene.dermis.live_preview or not any(o.dermis.role == "FINGER" for o in scene.objects):
+        return
+    if results.state(scene) == "fresh":
+        _trail.samples.clear()
+        return
+    step(scene, depsgraph)
+
+
+def step(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Preview:
+    """Extend the trail by the scene as it is now, or start a new one, and render it."""
+    from . import sampling
+
+    errors = core_module("errors")
+    frame = frame_of(scene)
+    try:
+        sample = sampling.sample_now(scene, depsgraph)
+        if not _continues(scene, sample, frame):
+            _trail.samples = []
+        _trail.samples.append(sample)
+        del _trail.samples[: -int(setting("live_trail"))]
+        _trail.generation, _trail.scene = handlers.generation(), scene.session_uid
+        _trail.preview = _render(scene, frame)
+    except errors.DermisError as error:
+        _trail.samples = []
+        _trail.scene = scene.session_uid
+        _trail.generation = handlers.generation()
+        _trail.preview = Preview(frame, "live", str(error), ())
+    return _trail.preview
+
+
+def reset() -> None:
+    """Forget the trail; the next frame starts from rest."""
+    global _memo, _memo_preview
+    _trail.samples, _trail.preview = [], None
+    _memo, _memo_preview = (), None
+
+
+def _trail_ends_at(scene: bpy.types.Scene, frame: float) -> bool:
+    shown = _trail.preview
+    same = _trail.scene == scene.session_uid and _trail.generation == handlers.generation()
+    return same and shown is not None and abs(shown.frame - frame) < 1e-6
+
+
+def _continues(scene: bpy.types.Scene, sample: Any, frame: float) -> bool:
+    if not _trail.samples or _trail.scene != scene.session_uid or _trail.generation != handlers.generation():
+        return False
+    before = _trail.samples[-1]
+    gap = (frame - _frame(before)) / float(sample.fps)
+    return 1e-9 < gap <= STEP_SECONDS and _shape(before) == _shape(sample)
+
+
+def _frame(sample: Any) -> float:
+    return float(sample.chunks[0].frames[0])
+
+
+def _shape(sample: Any) -> tuple[Any, ...]:
+    """What must not change along a trail: who is there and how it is set up, the file's version of it."""
+    return (sample.fingers, tuple((b.name, b.parameters) for b in sample.bodies),
+            tuple((s.name, s.size, s.parameters) for s in sample.screens), sample.fps)  # fmt: skip
+
+
+def _render(scene: bpy.types.Scene, frame: float) -> Preview:
+    samples = _trail.samples
+    bake = _run(_joined(samples))
+    fps = float(samples[0].fps)
+    result = results.Result(bake, fps, _frame(samples[0]) - 1.0, -1, ())
+    first = _frame(samples[0])
+    note = f"live, from rest at frame {first:g}" + (": play or step forward" if len(samples) == 1 else "")
+    rows = tuple(_row(result, output, frame) for output in bake.outputs)
+    return Preview(frame, "live", note, rows)
+
+
+def _joined(samples: list[Any]) -> Any:
+    """Return the trail as a scene of its own; it starts one frame earlier, at rest in the first pose."""
+    chunk = core_module("scene").Chunk
+    parts = [samples[0].chunks[0], *(s.chunks[0] for s in samples)]
+    frames = np.array([float(p.frames[0]) for p in parts])
+    frames[0] -= 1.0
+    keys = set.intersection(*(set(p.channels) for p in parts))
+    surfaces = set.intersection(*(set(p.surfaces) for p in parts))
+    joined = chunk(
+        frames=frames,
+        times=(frames - frames[0]) / float(samples[0].fps),
+        fingers=np.concatenate([p.fingers for p in parts], axis=1),
+        bodies=np.concatenate([p.bodies for p in parts], axis=1),
+        screens=np.concatenate([p.screens for p in parts], axis=1),
+        surfaces={i: tuple(p.surfaces[i][0] for p in parts) for i in sorted(surfaces)},
+        channels={k: np.concatenate([p.channels[k] for p in parts]) for k in sorted(keys)},
+    )
+    last = samples[-1]
+    span = (int(np.floor(frames[0])), int(np.ceil(frames[-1])))
+    return replace(last, frame_range=span, rate=float(last.fps), chunks=(joined,))
+
+
+def _run(tactile: Any) -> Any:
+    steps = core_module("pipeline").render(tactile, library())
+    while True:
+        try:
+            next(steps)
+        except StopIteration as stop:
+            return stop.value
+
+
+def _from_bake(result: results.Result, frame: float, state: str) -> Preview:
+    notes = {
+        "fresh": "from the bake",
+        "stale": "from a bake that is out of date",
+        "earlier": "from an earlier session's bake",
+    }
+    rows = tuple(_row(result, output, frame) for output in result.bake.outputs)
+    return Preview(frame, "bake" if state == "fresh" else state, notes[state], rows)
+
+
+def _row(result: results.Result, output: Any, frame: float) -> Row:
+    track, spec = output.track, output.track.spec
+    values = results.values_at(result, output, frame)
+    if values is None:  # outside the range: the device rests
+        values = np.array([c.rest for c in spec.channels])
+    names = [c.name for c in spec.channels]
+    path = np.empty((0, 2))
+    if "tactor_x" in names and "tactor_y" in names and len(track.times):
+        now = (frame - result.first) / result.fps
+        times = np.linspace(now - TRAIL_SECONDS, now, 61)
+        path = np.stack([np.interp(times, track.times, track.column(n)) for n in ("tactor_x", "tactor_y")], axis=1)
+    return Row(
+        finger=output.finger, device=output.device, title=spec.name, kind=spec.kind,
+        values=dict(zip(names, values.tolist(), strict=True)),
+        low={c.name: c.low for c in spec.channels}, high={c.name: c.high for c in spec.channels},
+        units={c.name: c.unit for c in spec.channels}, path=path,
+        contact=results.signal_at(result, output, "contact", frame),
+    )  # fmt: skip

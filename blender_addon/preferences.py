@@ -1,0 +1,86 @@
+# mypy: disable-error-code="valid-type"
+"""Settings of the extension, and the folders that it writes to."""
+
+from pathlib import Path
+from tempfile import gettempdir
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty, IntProperty
+
+from . import PACKAGE
+
+
+def user_folder(name: str, *, create: bool = False) -> Path:
+    """Return a folder of the extension's own in the user's profile: 'presets' or 'results'.
+
+    A source checkout has no such place; it uses the system's folder for temporary files.
+    """
+    if PACKAGE.startswith("bl_ext."):
+        return Path(bpy.utils.extension_path_user(PACKAGE, path=name, create=create))
+    folder = Path(gettempdir()) / "dermis-source-checkout" / name
+    if create:
+        folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def library() -> Any:
+    """Return the presets at hand: the built-in ones and the user's own."""
+    return core_module("presets").Library(user_folder("presets"))
+
+
+def core_module(name: str) -> Any:
+    """Return a module of the engine, loading it now."""
+    from importlib import import_module
+
+    from ._core import core
+
+    return import_module(f"{core.__name__}.{name}")
+
+
+class DermisPreferences(bpy.types.AddonPreferences):
+    """What holds for every file."""
+
+    bl_idname = PACKAGE
+
+    cache_megabytes: IntProperty(
+        name="Stored Results [MB]", description="Bakes beyond this are deleted, oldest first; they can be baked again",
+        default=512, min=16, max=1_000_000,
+    )  # fmt: skip
+    live_trail: IntProperty(
+        name="Live Trail [frames]", description="How many frames back the live preview remembers the movement",
+        default=48, min=2, max=1000,
+    )  # fmt: skip
+    colour_blind: BoolProperty(
+        name="Blue and Orange Only", description="Draw limits in colours that do not rely on telling red from green",
+        default=False,
+    )  # fmt: skip
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the settings."""
+        column = self.layout.column()
+        column.use_property_split = True
+        column.prop(self, "cache_megabytes")
+        column.prop(self, "live_trail")
+        column.prop(self, "colour_blind")
+        row = self.layout.row()
+        row.operator("dermis.open_presets", icon="FILE_FOLDER")
+        row.operator("dermis.clear_results", icon="TRASH")
+
+
+def setting(name: str) -> Any:
+    """Return a preference, or its default where the package is not enabled as an add-on."""
+    addon = bpy.context.preferences.addons.get(PACKAGE)
+    if addon is not None and addon.preferences is not None:
+        return getattr(addon.preferences, name)
+    return DermisPreferences.bl_rna.properties[name].default
+
+
+def register() -> None:
+    """Register the preferences."""
+    bpy.utils.register_class(DermisPreferences)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    bpy.utils.unregister_class(DermisPreferences)

@@ -1,0 +1,170 @@
+"""An electrovibration screen: perceived friction to volts, by a calibrated power law."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError, Finding
+from .spec import DeviceSpec
+
+Array = NDArray[np.float64]
+
+AMPLITUDE, CARRIER = "amplitude", "carrier"
+FULL_FRICTION = 100.0
+
+
+@dataclass(frozen=True)
+class FrictionLaw:
+    """log f = slope * log V + intercept, with friction f on the paper's scale of 0 to 100.
+
+    Attributes:
+        slope, intercept: of the straight line.
+        base: of both logarithms. The paper names none: base 10 gives 7, 165 and 288 V for friction 1, 50 and 100;
+            base e 2.3, 55 and 96 V.
+
+    Source: [S4] eq. 1
+    """
+
+    slope: float = 1.24
+    intercept: float = -1.05
+    base: float = 10.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.slope) and self.slope > 0):
+            raise DermisError("the law's slope must be above zero", where="friction law", value=self.slope, limit="> 0")
+        if not math.isfinite(self.intercept):
+            raise DermisError("the law's intercept must be finite", where="friction law", value=self.intercept)
+        if not (math.isfinite(self.base) and self.base > 1):
+            raise DermisError("the logarithm's base must be above one", where="friction law", value=self.base, limit="> 1")
+
+    def volts(self, friction: NDArray[np.floating] | float) -> Array:
+        """Return the voltage [V] for a friction; 0 V where friction is zero or less, NaN stays NaN."""
+        wanted = np.asarray(friction, dtype=np.float64)
+        threshold = self.base ** (-self.intercept / self.slope)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(threshold * np.where(wanted <= 0, 0.0, wanted) ** (1.0 / self.slope))
+
+    def friction(self, volts: NDArray[np.floating] | float) -> Array:
+        """Return the friction that a voltage [V] is perceived as: the inverse; 0 at 0 V.
+
+        Raises:
+            DermisError: a negative amplitude.
+        """
+        applied = np.asarray(volts, dtype=np.float64)
+        if (applied < 0).any():
+            raise DermisError("an amplitude cannot be negative", where="friction law", value=float(applied.min()))
+        return np.asarray(self.base**self.intercept * applied**self.slope)
+
+
+@dataclass(frozen=True)
+class FrictionScreen:
+    """What one screen needs to be driven.
+
+    Attributes:
+        law: from friction to volts.
+        limit: largest amplitude [V].
+        carrier: frequency of the voltage [Hz].
+        carrier_low, carrier_high: carriers at which the law was measured [Hz].
+        span_low, span_high: amplitudes at which the law was measured [V].
+    """
+
+    law: FrictionLaw
+    limit: float
+    carrier: float = 60.0
+    carrier_low: float = 60.0
+    carrier_high: float = 200.0
+    span_low: float = 0.0
+    span_high: float = math.inf
+
+    @classmethod
+    def of(cls, spec: DeviceSpec) -> FrictionScreen:
+        """Read a device preset of kind 'friction_screen'.
+
+        `span_high` may be absent: the paper gives the ratio of its strongest to its weakest voltage but neither, so
+        the strongest is then taken for the one that the law puts at friction 100.
+
+        Raises:
+            DermisError: another kind, a channel or a limit missing, a law that is none.
+        """
+        where = f"device preset '{spec.key}'"
+        if spec.kind != "friction_screen":
+            raise DermisError("not a friction screen", where=where, value=spec.kind, limit="friction_screen")
+        given = spec.parameters
+        amplitude, carrier = spec.channel(AMPLITUDE), spec.channel(CARRIER)
+        if amplitude.high is None or not amplitude.high > 0:
+            raise DermisError("the amplitude has no voltage limit", where=where, value=amplitude.high, limit="> 0 V",
+                              remedy="Give the channel 'amplitude' a 'high'")  # fmt: skip
+        law = FrictionLaw(
+            float(given.get("law_slope", 1.24)), float(given.get("law_intercept", -1.05)),
+            float(given.get("law_base", 10.0)),
+        )  # fmt: skip
+        factor = float(given.get("span_factor", 3.5))
+        if not factor >= 1:
+            raise DermisError("the measured span is a factor of one or more", where=where, value=factor, limit=">= 1")
+        high = float(given.get("span_high", law.volts(FULL_FRICTION)))
+        return cls(
+            law, float(amplitude.high), carrier.rest or 60.0, float(given.get("carrier_low", 60.0)),
+            float(given.get("carrier_high", 200.0)), high / factor, high,
+        )  # fmt: skip
+
+    def check(self, volts: Array, carrier: Array, where: str = "") -> tuple[Finding, ...]:
+        """Return findings where a command leaves what was measured; nothing is changed.
+
+        Args:
+            volts: amplitudes [V], 0 where nothing is shown, shape (n,). carrier: [Hz], shape (n,).
+        """
+        # A rounding error at exactly full friction is no extrapolation.
+        low, high = self.span_low * (1 - 1e-9), self.span_high * (1 + 1e-9)
+        span = f"{self.span_low:.3g} to {self.span_high:.3g} V"
+        shown = volts > 0
+        weak, strong = shown & (volts < low), volts > high
+        outside = shown & ((carrier < self.carrier_low) | (carrier > self.carrier_high))
+        findings = []
+        if weak.any():
+            findings.append(Finding(
+                "info", "below-measured-span", "the friction law is extrapolated below the voltages it was measured at",
+                where=where, value=f"{volts[weak].min():.3g} V", limit=span, count=int(weak.sum()),
+            ))  # fmt: skip
+        if strong.any():
+            findings.append(Finding(
+                "warning", "above-measured-span", "the friction law is extrapolated above the voltages it was measured at",
+                where=where, value=f"{volts[strong].max():.4g} V", limit=span, count=int(strong.sum()),
+                remedy="Lower the scale, or choose the automatic one",
+            ))  # fmt: skip
+        if outside.any():
+            findings.append(Finding(
+                "info", "carrier-not-measured", "the friction law was not measured at this carrier", where=where,
+                value=f"{carrier[outside][0]:.4g} Hz", limit=f"{self.carrier_low:g} to {self.carrier_high:g} Hz",
+                count=int(outside.sum()),
+            ))  # fmt: skip
+        return tuple(findings)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as plain JSON values; `from_dict` reads them."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, fields: Mapping[str, Any]) -> FrictionScreen:
+        """Read what `as_dict` gave.
+
+        Raises:
+            DermisError: a field missing, unknown or not a number.
+        """
+        try:
+            rest = {name: _number(value) for name, value in fields.items() if name != "law"}
+            law = FrictionLaw(**{name: _number(value) for name, value in fields["law"].items()})
+            return cls(law, **rest)
+        except (KeyError, TypeError, AttributeError) as error:
+            raise DermisError("the friction screen is malformed", where="friction screen", value=str(error)) from error
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"{value!r} is not a number")
+    return float(value)

@@ -1,0 +1,168 @@
+"""The gradient field of a height map, and reading it at any point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+
+Array = NDArray[np.float64]
+Map = NDArray[np.float32]
+# Points a pass: the work arrays of a chunk stay in the processor's second-level cache.
+CHUNK = 16384
+
+
+@dataclass(frozen=True, eq=False)
+class GradientField:
+    """Slopes of a height map on a screen.
+
+    Attributes:
+        slopes: dF/dx and dF/dy [m/m], row 0 at the bottom, float32, shape (2, rows, columns).
+        size: width and height of the screen [m].
+    """
+
+    slopes: Map
+    size: tuple[float, float]
+
+    def at(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Return dF/dx and dF/dy [m/m] at points [m] from the screen's centre, each shape (n,)."""
+        both = bilinear(self.slopes, self.size, x, y)
+        return both[0].astype(np.float64), both[1].astype(np.float64)
+
+    def steepest(self) -> float:
+        """Return the largest slope [m/m] of any pixel; bilinear reading never exceeds it."""
+        return steepest(self.slopes)
+
+
+def field(heights: NDArray[np.floating], size: tuple[float, float], height_unit: float) -> GradientField:
+    """Return the gradient field of heights over a screen.
+
+    Args:
+        heights: F towards the viewer, row 0 at the bottom, shape (rows, columns).
+        size: width and height of the screen [m]; pixels need not be square.
+        height_unit: metres that one unit of the map stands for. With 0 the map has no physical unit, and one unit
+            counts as the width of the screen.
+
+    Raises:
+        DermisError: no pixels, a size or a unit that is not positive and finite, heights that are not finite.
+
+    Source: [S4] eq. 3
+    """
+    check_map(heights, size, height_unit)
+    rows, columns = heights.shape
+    slopes = np.empty((2, rows, columns), np.float32)
+    gradient(heights, (size[0] / columns, size[1] / rows), scale=metres_of(size, height_unit), out=slopes)
+    return GradientField(slopes, size)
+
+
+def metres_of(size: tuple[float, float], height_unit: float) -> float:
+    """Return how many metres one unit of a map stands for: `height_unit`, or the screen's width where that is 0."""
+    return height_unit if height_unit > 0 else size[0]
+
+
+def gradient(
+    heights: NDArray[np.floating], spacing: tuple[float, float], *, scale: float = 1.0, out: Map | None = None
+) -> Map:
+    """Return dF/dx and dF/dy by central differences, one-sided at the border, shape (2, rows, columns).
+
+    The border is of first order on purpose: such a difference is a slope that the surface really has somewhere
+    (mean value theorem), so the steepest slope, which scales a whole bake, is never exaggerated there.
+
+    Args:
+        heights: shape (rows, columns).
+        spacing: width and height of a pixel [m].
+        scale: metres a unit of height.
+        out: float32, shape (2, rows, columns), to be written to; one row or column has no slope along itself.
+
+    Source: [S4] eq. 2 and 3
+    """
+    rows, columns = heights.shape
+    if out is None:
+        out = np.empty((2, rows, columns), np.float32)
+    along_x, along_y = out
+    same = heights.dtype == np.float32
+    surface = heights if same else heights.astype(np.float64)
+    for target, source, step in ((along_x.T, surface.T, spacing[0]), (along_y, surface, spacing[1])):
+        if len(source) < 2:
+            target[...] = 0.0
+            continue
+        factor = scale / step
+        np.subtract(source[2:], source[:-2], out=target[1:-1], casting="same_kind")
+        np.subtract(source[1], source[0], out=target[0], casting="same_kind")
+        np.subtract(source[-1], source[-2], out=target[-1], casting="same_kind")
+        target[1:-1] *= np.float32(0.5 * factor)
+        target[0] *= np.float32(factor)
+        target[-1] *= np.float32(factor)
+    return out
+
+
+def steepest(slopes: Map) -> float:
+    """Return the largest length of a pixel's gradient, slopes of shape (2, rows, columns)."""
+    squares = slopes[0] * slopes[0]
+    squares += slopes[1] * slopes[1]
+    return float(np.sqrt(squares.max()))
+
+
+def bilinear(planes: Map, size: tuple[float, float], x: Array, y: Array) -> Map:
+    """Read planes of numbers at points by bilinear interpolation, shape (planes, n), float32.
+
+    A pixel's value belongs to its centre; half a pixel from the border, and beyond, the border's value goes on.
+
+    Args:
+        planes: shape (p, rows, columns).
+        size: width and height that the planes cover [m].
+        x, y: points [m] from the centre, finite, shape (n,).
+    """
+    count, rows, columns = planes.shape
+    # A single row or column is doubled, so that there always is a neighbour.
+    if rows < 2 or columns < 2:
+        planes = planes.repeat(2 if rows < 2 else 1, axis=1).repeat(2 if columns < 2 else 1, axis=2)
+    high, wide = planes.shape[1:]
+    flats = [np.ascontiguousarray(plane).ravel() for plane in planes]
+    per_x, per_y = columns / size[0], rows / size[1]
+    out = np.empty((count, len(x)), np.float32)
+    for start in range(0, len(x), CHUNK):
+        part = slice(start, start + CHUNK)
+        across = np.clip(x[part] * per_x + (0.5 * columns - 0.5), 0, columns - 1)
+        up = np.clip(y[part] * per_y + (0.5 * rows - 0.5), 0, rows - 1)
+        column = np.minimum(across.astype(np.int32), wide - 2)
+        row = np.minimum(up.astype(np.int32), high - 2)
+        right = (across - column).astype(np.float32)
+        above = (up - row).astype(np.float32)
+        corner = row.astype(np.intp) * wide + column
+        for flat, target in zip(flats, out, strict=True):
+            low, low_right = flat.take(corner, mode="clip"), flat[1:].take(corner, mode="clip")
+            top, top_right = flat[wide:].take(corner, mode="clip"), flat[wide + 1 :].take(corner, mode="clip")
+            low_right -= low
+            low_right *= right
+            low += low_right
+            top_right -= top
+            top_right *= right
+            top += top_right
+            top -= low
+            top *= above
+            np.add(low, top, out=target[part])
+    return out
+
+
+def check_map(heights: NDArray[np.floating], size: tuple[float, float], height_unit: float, where: str = "") -> None:
+    """Refuse a map that has no gradient.
+
+    Raises:
+        DermisError: see `field`.
+    """
+    where = where or "depth map"
+    if heights.ndim not in (2, 3) or heights.size == 0:
+        raise DermisError("the map has no pixels", where=where, value=" x ".join(map(str, heights.shape)),
+                          limit="rows x columns, at least 1 x 1", remedy="Choose an image for the touch screen")  # fmt: skip
+    if not all(np.isfinite(s) and s > 0 for s in size):
+        raise DermisError("the screen has no area", where=where, value=f"{size[0]} x {size[1]} m", limit="> 0")
+    if not (np.isfinite(height_unit) and height_unit >= 0):
+        raise DermisError("the height unit must be positive, or 0 for none", where=where, value=height_unit)
+    broken = heights.size - int(np.count_nonzero(np.isfinite(heights)))
+    if broken:
+        raise DermisError("the map has heights that are not finite numbers", where=where, value=f"{broken} pixels",
+                          remedy="Read it through core.effects.depth_map, which fills holes")  # fmt: skip

@@ -1,0 +1,156 @@
+"""A finger sliding over a slope: direction of motion, and the friction that the slope asks for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+
+Array = NDArray[np.float64]
+
+FULL = 100.0  # the strongest friction of [S4]'s scale of 0 to 100
+LEAST = 1.0  # the weakest that Table 1 renders
+STILL_SPEED = 1e-4  # [m/s]; slower is rest: float32 poses of a parented finger tremble by up to some 2e-5 m/s
+STEEPEST_NORMAL = 0.05  # n_z below this (steeper than 87 degrees) is limited
+DOWNHILL = ("rectify", "offset", "absolute")
+PROFILES = ("slope", "height", "rectangle")
+
+
+def directions(x: Array, y: Array, touching: NDArray[np.bool_], rate: float, window: float) -> Array:
+    """Return the unit direction of motion in contact, shape (n, 2); zero before the first movement of a touch.
+
+    Each step is a unit vector (eq. 4); the steps of the last `window` seconds are averaged and made a unit vector
+    again, as eq. 5 needs one. While the finger does not move (slower than 0.1 mm/s), and at the instant of a
+    reversal where the average vanishes, the last direction is held. Every touch begins anew.
+
+    Args:
+        x, y: position on the screen [m], shape (n,).
+        touching: shape (n,).
+        rate: samples a second [Hz].
+        window: length of the moving average [s]; 0 is eq. 4 itself.
+
+    Source: [S4] eq. 4; the hold is ours, 0/0 is left open there.
+    """
+    count = len(x)
+    result = np.zeros((count, 2))
+    if count < 2:
+        return result
+    steps = np.stack([np.diff(x), np.diff(y)], axis=1)
+    lengths = np.hypot(steps[:, 0], steps[:, 1])
+    moved = (lengths > STILL_SPEED / rate) & touching[1:] & touching[:-1]
+    units = np.zeros((count, 2))
+    units[1:][moved] = steps[moved] / lengths[moved, None]
+    index = np.arange(count)
+    begins = touching & ~np.concatenate([[False], touching[:-1]])
+    begin = np.maximum.accumulate(np.where(begins, index, 0))
+    length = max(1, round(window * rate))
+    sums = np.concatenate([np.zeros((1, 2)), np.cumsum(units, axis=0)])
+    mean = sums[index + 1] - sums[np.maximum(index + 1 - length, begin)]
+    size = np.hypot(mean[:, 0], mean[:, 1])
+    # Half a step's weight: below it the window holds as much of one direction as of its opposite.
+    known = np.concatenate([[False], moved]) & (size > 0.5)
+    last = np.maximum.accumulate(np.where(known, index, -1))
+    valid = touching & (last >= begin)
+    held = last[valid]
+    result[valid] = mean[held] / size[held, None]
+    return result
+
+
+def friction_of_slope(slope_x: Array, slope_y: Array, direction: Array, scale: float | Array) -> Array:
+    """Return f = f0 grad F . v, signed: above zero uphill.
+
+    Args:
+        slope_x, slope_y: gradient of the height towards the viewer [m/m], shape (n,).
+        direction: unit vectors of the motion, shape (n, 2).
+        scale: f0, friction for a slope of 1.
+
+    Source: [S4] eq. 5
+    """
+    return np.asarray(scale * (slope_x * direction[..., 0] + slope_y * direction[..., 1]))
+
+
+def friction_of_normal(normal: Array, direction: Array, scale: float) -> tuple[Array, int]:
+    """Return f = -f0 n_xy . v / n_z, which equals eq. 5 on the same surface, and how many normals were limited.
+
+    A surface seen from the side has n_z = 0 and an infinite slope; n_z is held at 0.05 or above.
+
+    Args:
+        normal: unit normals of the mesh in the screen's axes, towards the viewer, shape (n, 3).
+        direction: unit vectors of the motion, shape (n, 2).
+
+    Source: [S4] eq. 6, with the sign and the division that make it equal to eq. 5
+    """
+    limited = int(np.count_nonzero(normal[:, 2] < STEEPEST_NORMAL))
+    upward = np.maximum(normal[:, 2], STEEPEST_NORMAL)
+    along = normal[:, 0] * direction[:, 0] + normal[:, 1] * direction[:, 1]
+    return -scale * along / upward, limited
+
+
+def friction_of_normal_printed(normal: Array, direction: Array, scale: float) -> Array:
+    """Return f = f0 n . [v, 0] as printed: the opposite sign of eq. 5, and compressed to within -f0 .. f0.
+
+    Source: [S4] eq. 6
+    """
+    return np.asarray(scale * (normal[:, 0] * direction[:, 0] + normal[:, 1] * direction[:, 1]))
+
+
+def without_downhill(friction: Array, way: str) -> Array:
+    """Return friction as a screen can show it, which cannot push.
+
+    Args:
+        friction: signed, above zero uphill.
+        way: 'rectify' (downhill is free), 'offset' (flat ground lies at half of the range, downhill below it) or
+            'absolute' (downhill resists like uphill).
+
+    Raises:
+        DermisError: another way.
+    """
+    if way == "rectify":
+        return np.maximum(friction, 0.0)
+    if way == "offset":
+        return np.maximum(0.5 * (FULL + friction), 0.0)
+    if way == "absolute":
+        return np.abs(friction)
+    raise DermisError("unknown way downhill", value=way, limit=", ".join(DOWNHILL))
+
+
+def bump_height(x: Array, height: float, centre: float, width: float) -> Array:
+    """Return the Gaussian bump A exp(-(x - m)^2 / (2 sigma^2)).
+
+    Source: [S4] Table 1
+    """
+    return np.asarray(height * np.exp(-0.5 * ((x - centre) / width) ** 2))
+
+
+def bump_friction(
+    x: Array, profile: str, height: float, centre: float, width: float, *, full_height: float = 1.0,
+    threshold: float = 0.5, downhill: str = "rectify",
+) -> Array:  # fmt: skip
+    """Return the friction over a Gaussian bump for a finger moving towards +x, from 1 to 100.
+
+    height: 1 + 99 F / A_full. slope: F' is largest at m - sigma, where it is A / (sigma sqrt(e)); divided by that
+    of the full height it gives g = (A / A_full) (m - x) / sigma exp(1/2 - (x - m)^2 / (2 sigma^2)), within +-1,
+    and 1 + 99 g uphill ('rectify'), 1 + 99 (1 + g) / 2 ('offset') or 1 + 99 |g| ('absolute'). rectangle: 100 where
+    F is at least `threshold` of its own height, else 1. Table 1 prints no constants: the normalisation is ours.
+
+    Args:
+        full_height: the height that reaches 100, so that a lower bump is felt as lower.
+
+    Raises:
+        DermisError: another profile or way downhill.
+
+    Source: [S4] Table 1
+    """
+    span = FULL - LEAST
+    surface = bump_height(x, height, centre, width)
+    if profile == "height":
+        return LEAST + span * surface / full_height
+    if profile == "slope":
+        relative = math.sqrt(math.e) * (centre - x) / width * surface / full_height
+        return LEAST + span * without_downhill(FULL * relative, downhill) / FULL
+    if profile == "rectangle":
+        return np.where(surface >= threshold * height, FULL, LEAST)
+    raise DermisError("unknown profile", value=profile, limit=", ".join(PROFILES))

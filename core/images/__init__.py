@@ -1,0 +1,79 @@
+"""Height images read without Blender: PNG, netpbm, PFM and NPY."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from ..errors import DermisError
+from . import netpbm, npy, png
+from .raster import Raster, grey_of
+
+__all__ = ["Raster", "grey_of", "read", "sequence"]
+
+READABLE = "PNG, PGM, PPM, PFM and NPY"
+_NETPBM = (b"P2", b"P3", b"P5", b"P6", b"Pf", b"PF")
+_OTHERS = {
+    b"II*\0": "TIFF", b"MM\0*": "TIFF", b"\xff\xd8\xff": "JPEG", b"\x76\x2f\x31\x01": "OpenEXR", b"RIFF": "WebP",
+    b"GIF8": "GIF", b"BM": "BMP", b"P1": "PBM", b"P4": "PBM", b"#?RA": "Radiance HDR",
+}  # fmt: skip
+
+
+def read(path: str | Path) -> Raster:
+    """Read one image, whatever its suffix says: the first bytes decide.
+
+    Raises:
+        DermisError: missing, empty, 0 x 0, damaged, or of a kind that is not read here.
+    """
+    path = Path(path)
+    where = f"image '{path.name}'"
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise DermisError(
+            "the image cannot be read", where=where, value=error.strerror or str(error),
+            remedy=f"Check the path {path}",
+        ) from error  # fmt: skip
+    if not data:
+        raise DermisError("the image file is empty", where=where)
+    if data.startswith(png.SIGNATURE):
+        return png.decode(data, where)
+    if data.startswith(npy.MAGIC):
+        return npy.decode(data, where)
+    if data[:2] in _NETPBM:
+        return netpbm.decode(data, where)
+    kind = next((name for magic, name in _OTHERS.items() if data.startswith(magic)), "unknown")
+    raise DermisError(
+        "this kind of image is not read here", where=where, value=kind, limit=READABLE,
+        remedy="Save it as a 16-bit PNG, or open it in Blender and choose it there",
+    )  # fmt: skip
+
+
+def sequence(path: str | Path) -> tuple[Path, ...]:
+    """Return the numbered files that `path` belongs to, in order; only itself where its name ends in no digit.
+
+    The sequence is the unbroken run of numbers around the file that was named.
+
+    Raises:
+        DermisError: the file does not exist.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise DermisError("no such image", where=f"image '{path.name}'", value=str(path))
+    match = re.fullmatch(r"(.*?)(\d+)", path.stem)
+    if not match:
+        return (path,)
+    prefix, digits = match.group(1), match.group(2)
+    pattern = re.compile(re.escape(prefix) + r"(\d+)" + re.escape(path.suffix))
+    found: dict[int, Path] = {}
+    for other in sorted(path.parent.iterdir()):
+        number = pattern.fullmatch(other.name)
+        if number and (len(number.group(1)) == len(digits) or not digits.startswith("0")):
+            found.setdefault(int(number.group(1)), other)
+    first = last = int(digits)
+    found[first] = path
+    while first - 1 in found:
+        first -= 1
+    while last + 1 in found:
+        last += 1
+    return tuple(found[i] for i in range(first, last + 1))

@@ -1,0 +1,101 @@
+"""PGM and PPM (plain and raw, 8 and 16 bit) and PFM, the simplest images there are."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from .raster import Raster, checked_size, grey_of
+
+_WHITE = b" \t\n\r\v\f"
+
+
+def decode(data: bytes, where: str) -> Raster:
+    """Read P2, P3, P5, P6 (16 bit is big-endian, as the format says), Pf and PF (either byte order).
+
+    Raises:
+        DermisError: a malformed header, missing pixels, or a value above the declared maximum.
+    """
+    kind = data[:2].decode()
+    fields, start = _header(data, where)
+    columns, rows = (_whole(f, where) for f in fields[:2])
+    checked_size(columns, rows, where)
+    channels = 3 if kind in ("P3", "P6", "PF") else 1
+    count = rows * columns * channels
+    if kind in ("Pf", "PF"):
+        pixels = _floats(data, start, fields[2], count, where).reshape(rows, columns, channels)
+        grey, findings = grey_of(pixels, where)
+        # PFM alone stores its bottom row first, which is our order already.
+        return Raster(grey, np.zeros(grey.shape, bool), 0, findings)
+    most = _whole(fields[2], where)
+    if not 1 <= most <= 65535:
+        raise DermisError("the largest value is out of range", where=where, value=most, limit="1 to 65535")
+    numbers = _plain(data, start, count, where) if kind in ("P2", "P3") else _raw(data, start, most, count, where)
+    if int(numbers.max()) > most:
+        raise DermisError("a pixel is brighter than the declared maximum", where=where, value=int(numbers.max()),
+                          limit=f"{most}")  # fmt: skip
+    grey, findings = grey_of(numbers.reshape(rows, columns, channels) / np.float64(most), where)
+    return Raster(np.ascontiguousarray(grey[::-1]), np.zeros(grey.shape, bool), most + 1, findings)
+
+
+def _header(data: bytes, where: str) -> tuple[list[bytes], int]:
+    """Return the three fields after the magic, and where the pixels start (one white space after the last)."""
+    fields: list[bytes] = []
+    at = 2
+    while len(fields) < 3:
+        while at < len(data) and (data[at] in _WHITE or data[at] == ord("#")):
+            if data[at] == ord("#"):
+                end = data.find(b"\n", at)
+                at = len(data) if end < 0 else end
+            at += 1
+        begin = at
+        while at < len(data) and data[at] not in _WHITE:
+            at += 1
+        if begin == at:
+            raise DermisError("the image header is cut short", where=where)
+        fields.append(data[begin:at])
+    return fields, at + 1
+
+
+def _whole(text: bytes, where: str) -> int:
+    if not text.isdigit() or len(text) > 9:
+        raise DermisError("the image header is malformed", where=where, value=text[:20].decode("latin-1"),
+                          limit="a whole number")  # fmt: skip
+    return int(text)
+
+
+def _missing(where: str, found: int, wanted: int) -> DermisError:
+    return DermisError("the image is cut short", where=where, value=f"{found} values", limit=f"{wanted} values")
+
+
+def _plain(data: bytes, start: int, count: int, where: str) -> NDArray[np.int64]:
+    lines = (line.split(b"#", 1)[0] for line in data[start:].split(b"\n"))
+    words = b" ".join(lines).split()[:count]
+    if len(words) < count:
+        raise _missing(where, len(words), count)
+    return np.array([_whole(word, where) for word in words], dtype=np.int64)
+
+
+def _raw(data: bytes, start: int, most: int, count: int, where: str) -> NDArray[np.int64]:
+    kind = np.dtype(">u2") if most > 255 else np.dtype("u1")
+    found = max(len(data) - start, 0) // kind.itemsize
+    if found < count:
+        raise _missing(where, found, count)
+    return np.frombuffer(data, kind, count, start).astype(np.int64)
+
+
+def _floats(data: bytes, start: int, scale: bytes, count: int, where: str) -> NDArray[np.float32]:
+    try:
+        factor = float(scale)
+    except ValueError:
+        factor = 0.0
+    if factor == 0.0 or not np.isfinite(factor):
+        raise DermisError("the PFM scale is malformed", where=where, value=scale[:20].decode("latin-1"),
+                          limit="a number, below zero for little-endian")  # fmt: skip
+    kind = np.dtype("<f4") if factor < 0 else np.dtype(">f4")
+    found = max(len(data) - start, 0) // 4
+    if found < count:
+        raise _missing(where, found, count)
+    # The magnitude of the scale is a display hint that writers leave at 1; heights are taken as stored.
+    return np.frombuffer(data, kind, count, start).astype(np.float32)

@@ -1,0 +1,44 @@
+"""NPY files as heights. Objects inside are refused: nothing is ever unpickled."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+
+from ..errors import DermisError
+from .raster import Raster, checked_size, grey_of
+
+MAGIC = b"\x93NUMPY"
+
+
+def decode(data: bytes, where: str) -> Raster:
+    """Read an array of shape (rows, columns) or (rows, columns, 1, 3 or 4), first row at the top, any byte order.
+
+    Whole numbers are divided by the largest of their type, so that 8 and 16 bit run from 0 to 1.
+
+    Raises:
+        DermisError: damaged, not numbers, or another shape.
+    """
+    try:
+        array = np.load(io.BytesIO(data), allow_pickle=False)
+    except (ValueError, OSError, EOFError) as error:
+        raise DermisError("the array cannot be read", where=where, value=str(error)) from error
+    if array.dtype.kind not in "buif":
+        raise DermisError("the array does not hold real numbers", where=where, value=str(array.dtype))
+    if array.ndim == 2:
+        array = array[..., None]
+    if array.ndim != 3 or array.shape[2] not in (1, 3, 4):
+        raise DermisError("the array is not an image", where=where, value=array.shape, limit="(rows, columns[, 1, 3, 4])")
+    checked_size(array.shape[1], array.shape[0], where)
+    levels = 0
+    kind = array.dtype
+    scaled = array.astype(np.float64)
+    if kind.kind in "ui":
+        levels = int(np.iinfo(kind).max) + 1
+        scaled /= levels - 1
+    elif kind.kind == "b":
+        levels = 2
+    holes = scaled[..., 3] == 0 if scaled.shape[2] == 4 else np.zeros(scaled.shape[:2], bool)
+    grey, findings = grey_of(scaled[..., :3] if scaled.shape[2] == 4 else scaled, where)
+    return Raster(np.ascontiguousarray(grey[::-1]), np.ascontiguousarray(holes[::-1]), levels, findings)

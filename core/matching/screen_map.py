@@ -1,0 +1,269 @@
+"""ScreenMap: heights, profile and law in one; answers where a finger is with what the screen shall do.
+
+A bake asks it at every sample, and so does whoever follows a real finger: the same file, the same answer.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices.friction_screen import FrictionScreen
+from ..effects.gradient import Map, bilinear, check_map, gradient, metres_of, steepest
+from ..effects.slide import DOWNHILL, FULL, LEAST, PROFILES, friction_of_slope, without_downhill
+from ..errors import DermisError
+from ..files import read_bytes, write_bytes
+
+Array = NDArray[np.float64]
+
+SCHEMA = "dermis-screen-map 1"
+
+
+@dataclass(frozen=True)
+class Relief:
+    """What a finger finds under it, each of shape (n,); all zero off the screen.
+
+    Attributes:
+        friction: from 0 to 100, before the law. grad_x, grad_y: slopes [m/m]. height: above the lowest point [m].
+    """
+
+    friction: Array
+    grad_x: Array
+    grad_y: Array
+    height: Array
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the screen shall do for one touch.
+
+    Attributes:
+        amplitude: [V], never above the device's limit. carrier: [Hz]. friction: what was asked for.
+        limited: the law asked for more than the limit.
+    """
+
+    amplitude: float
+    carrier: float
+    friction: float
+    limited: bool
+
+
+@dataclass(frozen=True, eq=False)
+class ScreenMap:
+    """Everything that turns a touch into a voltage.
+
+    Attributes:
+        heights: row 0 at the bottom, float32, shape (k, rows, columns).
+        size: width and height of the screen [m].
+        height_unit: metres a unit of height, 0 where it has none (then the screen's width counts).
+        device: law and limits.
+        profile: 'slope', 'height' or 'rectangle'. downhill: see `without_downhill`; for 'slope' only.
+        scale: f0: friction for a slope of 1, or friction for a metre of height; 'rectangle' has none.
+        offset: friction of the lowest point, for 'height'.
+        threshold: fraction of the height range from which 'rectangle' is on.
+        lowest, highest: range of heights over the whole bake [units of the map].
+        maps_per_second, start: of a sequence; when its first map is shown [s]. Between two maps the heights blend.
+        direction_window: length of the moving average of the direction [s], for who follows a real finger.
+    """
+
+    heights: Map
+    size: tuple[float, float]
+    height_unit: float
+    device: FrictionScreen
+    profile: str = "slope"
+    downhill: str = "rectify"
+    scale: float = 0.0
+    offset: float = 0.0
+    threshold: float = 0.5
+    lowest: float = 0.0
+    highest: float = 0.0
+    maps_per_second: float = 0.0
+    start: float = 0.0
+    direction_window: float = 0.0
+    _slopes: dict[int, Map] = field(default_factory=dict, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.heights.ndim != 3:
+            raise DermisError("the maps are not (count, rows, columns)", where="screen map", value=self.heights.shape)
+        check_map(self.heights, self.size, self.height_unit, "screen map")
+        if self.profile not in PROFILES:
+            raise DermisError("unknown profile", where="screen map", value=self.profile, limit=", ".join(PROFILES))
+        if self.downhill not in DOWNHILL:
+            raise DermisError("unknown way downhill", where="screen map", value=self.downhill, limit=", ".join(DOWNHILL))
+        for name in ("scale", "offset", "threshold", "lowest", "highest", "start"):
+            if not math.isfinite(getattr(self, name)):
+                raise DermisError(f"'{name}' is not a finite number", where="screen map", value=getattr(self, name))
+        for name in ("maps_per_second", "direction_window"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
+                raise DermisError(f"'{name}' must be zero or more", where="screen map", value=getattr(self, name))
+
+    @property
+    def metres(self) -> float:
+        """Metres that one unit of the map stands for."""
+        return metres_of(self.size, self.height_unit)
+
+    def on_screen(self, x: Array, y: Array) -> NDArray[np.bool_]:
+        """Return which points [m] lie on the screen, its border included."""
+        return (np.abs(x) <= 0.5 * self.size[0]) & (np.abs(y) <= 0.5 * self.size[1])
+
+    def relief(
+        self, x: Array, y: Array, direction: Array, times: Array | None = None, *, scale: float | Array | None = None,
+        threshold: float | Array | None = None,
+    ) -> Relief:  # fmt: skip
+        """Return what a finger feels at points of the screen.
+
+        Args:
+            x, y: [m] from the screen's centre, finite, shape (n,).
+            direction: unit vectors of the motion, or zero before the first movement, shape (n, 2).
+            times: [s], for a sequence of maps, shape (n,).
+            scale, threshold: animated values instead of the map's own, shape (n,).
+
+        Source: [S4] eq. 5 and Table 1
+        """
+        height = (self._read(x, y, times, slopes=False)[0] - self.lowest) * self.metres
+        grad_x, grad_y = self._read(x, y, times, slopes=True)
+        f0 = self.scale if scale is None else scale
+        if self.profile == "slope":
+            friction = without_downhill(friction_of_slope(grad_x, grad_y, direction, f0), self.downhill)
+        elif self.profile == "height":
+            friction = self.offset + f0 * height
+        else:
+            level = (self.threshold if threshold is None else threshold) * (self.highest - self.lowest) * self.metres
+            friction = np.where((height >= level) & (self.highest > self.lowest), FULL, LEAST)
+        inside = self.on_screen(x, y)
+        return Relief(*(np.where(inside, values, 0.0) for values in (friction, grad_x, grad_y, height)))
+
+    def answer(self, x: float, y: float, direction: tuple[float, float], time: float = 0.0) -> Answer:
+        """Return the command for one touch, limited to what the device allows.
+
+        Args:
+            x, y: [m] from the screen's centre. direction: of the motion, of any length; (0, 0) before it moved.
+            time: [s], for a sequence of maps.
+
+        Raises:
+            DermisError: a number that is not finite.
+        """
+        numbers = (x, y, *direction, time)
+        if not all(math.isfinite(n) for n in numbers):
+            raise DermisError("the touch is not finite", where="screen map", value=numbers)
+        length = math.hypot(*direction) or 1.0
+        unit = np.array([[direction[0] / length, direction[1] / length]])
+        friction = float(self.relief(np.array([x]), np.array([y]), unit, np.array([time])).friction[0])
+        volts = float(self.device.law.volts(friction))
+        return Answer(min(volts, self.device.limit), self.device.carrier, friction, volts > self.device.limit)
+
+    def _read(self, x: Array, y: Array, times: Array | None, *, slopes: bool) -> tuple[Array, ...]:
+        """Read heights, or both slopes, at points; of a sequence blended in time."""
+        count = len(self.heights)
+        at = np.zeros(len(x)) if times is None else (times - self.start) * self.maps_per_second
+        at = np.clip(at, 0.0, count - 1)
+        first = np.floor(at)
+        later = at - first
+        out = np.zeros((2 if slopes else 1, len(x)))
+        for index in range(int(first.min(initial=0)), int(np.ceil(at.max(initial=0))) + 1):
+            weight = np.where(first == index, 1.0 - later, np.where(first == index - 1, later, 0.0))
+            used = weight > 0
+            if not used.any():
+                continue
+            planes = self._slopes_of(index) if slopes else self.heights[index : index + 1]
+            out[:, used] += weight[used] * bilinear(planes, self.size, x[used], y[used])
+        return tuple(out)
+
+    def _slopes_of(self, index: int) -> Map:
+        """Return one map's slopes; the last two stay in memory, as many as a moment of a sequence needs."""
+        if index not in self._slopes:
+            rows, columns = self.heights.shape[1:]
+            spacing = (self.size[0] / columns, self.size[1] / rows)
+            while len(self._slopes) > 1:
+                del self._slopes[next(iter(self._slopes))]
+            self._slopes[index] = gradient(self.heights[index], spacing, scale=self.metres)
+        return self._slopes[index]
+
+    def save(self, path: str | Path) -> None:
+        """Write the map and the law as one file, whole or not at all, the same bytes every time.
+
+        An .npz (a ZIP of .npy) of two arrays: 'heights', and 'meta', the rest as UTF-8 JSON in bytes.
+
+        Raises:
+            DermisError: the file cannot be written.
+        """
+        meta = {"schema": SCHEMA, "device": self.device.as_dict(), **{name: getattr(self, name) for name in _FIELDS}}
+        meta["size"] = list(self.size)
+        text = json.dumps(meta, sort_keys=True, indent=1, allow_nan=False).encode()
+        arrays = {"meta": np.frombuffer(text, np.uint8), "heights": self.heights.astype("<f4")}
+        packed = io.BytesIO()
+        with zipfile.ZipFile(packed, "w", zipfile.ZIP_STORED) as archive:
+            for name, array in arrays.items():
+                entry = zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0))
+                entry.create_system, entry.external_attr = 3, 0o644 << 16
+                member = io.BytesIO()
+                np.lib.format.write_array(member, np.ascontiguousarray(array), (1, 0), allow_pickle=False)
+                archive.writestr(entry, member.getvalue())
+        write_bytes(Path(path), packed.getvalue())
+
+    @classmethod
+    def load(cls, path: str | Path) -> ScreenMap:
+        """Read what `save` wrote.
+
+        Raises:
+            DermisError: missing, damaged, or of another version.
+        """
+        where = f"screen map '{Path(path).name}'"
+        try:
+            with np.load(io.BytesIO(read_bytes(Path(path))), allow_pickle=False) as archive:
+                heights = np.asarray(archive["heights"])
+                meta: dict[str, Any] = json.loads(archive["meta"].astype(np.uint8).tobytes().decode())
+        except DermisError:
+            raise
+        except (ValueError, KeyError, OSError, EOFError, AttributeError, zipfile.BadZipFile) as error:
+            raise DermisError("the file is not a screen map, or is damaged", where=where, value=str(error)) from error
+        if not isinstance(meta, dict) or meta.get("schema") != SCHEMA:
+            found = meta.get("schema") if isinstance(meta, dict) else meta
+            raise DermisError("another version of the format", where=where, value=found, limit=SCHEMA)
+        wanted = {"schema", "device", *_FIELDS}
+        if set(meta) != wanted:
+            raise DermisError("fields missing or unknown", where=where, value=", ".join(sorted(set(meta) ^ wanted)))
+        if heights.dtype.kind != "f":
+            raise DermisError("the heights are not floating-point numbers", where=where, value=str(heights.dtype))
+        try:
+            width, height = (float(s) for s in meta["size"])
+            numbers = {n: float(meta[n]) for n in _FIELDS if n not in ("size", "profile", "downhill")}
+        except (TypeError, ValueError) as error:
+            raise DermisError("a field is not a number", where=where, value=str(error)) from error
+        return cls(
+            heights=heights.astype(np.float32), size=(width, height), device=FrictionScreen.from_dict(meta["device"]),
+            profile=meta["profile"], downhill=meta["downhill"], **numbers,
+        )  # fmt: skip
+
+
+_FIELDS = (
+    "size", "height_unit", "profile", "downhill", "scale", "offset", "threshold", "lowest", "highest",
+    "maps_per_second", "start", "direction_window",
+)  # fmt: skip
+
+
+def height_range(heights: Map) -> tuple[float, float]:
+    """Return the lowest and highest height of all maps of a bake."""
+    return float(heights.min()), float(heights.max())
+
+
+def steepest_of_all(heights: Map, size: tuple[float, float], height_unit: float) -> float:
+    """Return the steepest slope [m/m] over all maps of a bake, shape (k, rows, columns), one in memory at a time."""
+    return max(_slopes_of_all(heights, size, height_unit))
+
+
+def _slopes_of_all(heights: Map, size: tuple[float, float], height_unit: float) -> Iterator[float]:
+    rows, columns = heights.shape[1:]
+    buffer = np.empty((2, rows, columns), np.float32)
+    for surface in heights:
+        spacing = (size[0] / columns, size[1] / rows)
+        yield steepest(gradient(surface, spacing, scale=metres_of(size, height_unit), out=buffer))

@@ -22,7 +22,7 @@ import time
 import xml.etree.ElementTree as ElementTree
 import zipfile
 from pathlib import Path
-from typing import Any, NamedTuple  # noqa: UP035  older Pythons must get a sentence
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"

@@ -87,7 +87,7 @@ def as_json(results: list[Result]) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    """Run the named benchmarks (all of them where none is named); 1 where one could not run, 2 for unknown names."""
+    """Run the named benchmarks, or all; return 1 where one could not run or is wrong, 2 where there is none to run."""
     parser = argparse.ArgumentParser(prog="bench", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="names, or parts of names, of benchmarks")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file")
@@ -108,7 +108,7 @@ def main(arguments: list[str]) -> int:
         partial = options.json.with_name(options.json.name + ".part")
         partial.write_text(as_json(results), encoding="utf-8", newline="\n")
         os.replace(partial, options.json)
-    return 1 if any(r.value is None for r in results) else 0
+    return 1 if any(r.value is None or r.error for r in results) else 0
 
 
 if __name__ == "__main__":

@@ -1,0 +1,207 @@
+"""build_addon.py: what goes into the zip, the same bytes twice, pinned packages, and clear refusals."""
+
+from __future__ import annotations
+
+import ast
+import ctypes
+import hashlib
+import os
+import platform
+import re
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import build_addon
+
+ROOT = Path(__file__).resolve().parents[2]
+LOCKS = sorted((ROOT / ".ci").glob("*.txt"))
+
+
+@pytest.fixture
+def wheels(tmp_path: Path) -> dict[str, Path]:
+    """Two files that stand for wheels."""
+    made = {}
+    for name in ("scipy-1.17.1-cp313-cp313-win_amd64.whl", "scipy-1.17.1-cp311-cp311-win_amd64.whl"):
+        path = tmp_path / name
+        path.write_bytes(name.encode())
+        made[name] = path
+    return made
+
+
+def test_zip_is_the_same_bytes_twice(tmp_path: Path, wheels: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = tmp_path / "a.zip", tmp_path / "b.zip"
+    build_addon.write_zip(first, "windows-x64", wheels)
+    files = build_addon.sources()
+    monkeypatch.setattr(build_addon, "sources", lambda: dict(reversed(files.items())))
+    os.utime(wheels["scipy-1.17.1-cp313-cp313-win_amd64.whl"], (1e9, 1e9))
+    build_addon.write_zip(second, "windows-x64", dict(reversed(wheels.items())))
+    assert hashlib.sha256(first.read_bytes()).digest() == hashlib.sha256(second.read_bytes()).digest()
+
+
+def test_zip_holds_addon_engine_presets_and_licence(tmp_path: Path, wheels: dict[str, Path]) -> None:
+    path = tmp_path / "a.zip"
+    build_addon.write_zip(path, "windows-x64", wheels)
+    with zipfile.ZipFile(path) as archive:
+        assert archive.testzip() is None
+        names = archive.namelist()
+        for name, source in (("_core.py", "blender_addon/_core.py"), ("core/units.py", "core/units.py"),
+                             ("LICENSE", "LICENSE")):  # fmt: skip
+            assert archive.read(name) == (ROOT / source).read_bytes()
+        manifest = tomllib.loads(archive.read("blender_manifest.toml").decode())
+        infos = archive.infolist()
+    presets = {f"presets/{p.relative_to(ROOT / 'presets').as_posix()}" for p in (ROOT / "presets").rglob("*.json")}
+    assert presets <= set(names)
+    assert names == sorted(names) and len(set(names)) == len(names)
+    assert {i.date_time for i in infos} == {(1980, 1, 1, 0, 0, 0)}
+    assert not [n for n in names if "__pycache__" in n or n.endswith(".pyc") or "/." in n or "numpy" in n]
+    assert {f"./{n}" for n in names if n.startswith("wheels/")} == set(manifest["wheels"])
+    assert manifest["platforms"] == ["windows-x64"]
+
+
+def test_manifest_differs_from_the_template_by_platform_and_wheels_only() -> None:
+    template = tomllib.loads(build_addon.TEMPLATE.read_text(encoding="utf-8"))
+    filled = tomllib.loads(build_addon.manifest("linux-x64", ["b.whl", "a.whl"]))
+    added = {"platforms": ["linux-x64"], "wheels": ["./wheels/a.whl", "./wheels/b.whl"]}
+    assert filled == {**template, **added}
+    assert tomllib.loads(build_addon.manifest(None, [])) == template
+
+
+def test_manifest_says_what_blender_asks_for() -> None:
+    template = tomllib.loads(build_addon.TEMPLATE.read_text(encoding="utf-8"))
+    assert template["id"] == "dermis" and template["license"] == ["SPDX:GPL-3.0-or-later"]
+    assert re.fullmatch(r"\d+\.\d+\.\d+", template["version"])
+    assert set(template["permissions"]) <= {"files", "network", "clipboard", "camera", "microphone"}
+    for reason in (*template["permissions"].values(), template["tagline"]):
+        assert 0 < len(reason) <= 64 and not reason.endswith(".")
+
+
+def test_licence_is_the_gpl() -> None:
+    text = (ROOT / "LICENSE").read_text(encoding="utf-8")
+    assert "GNU GENERAL PUBLIC LICENSE" in text and "Version 3, 29 June 2007" in text
+    assert "15. Disclaimer of Warranty." in text and "END OF TERMS AND CONDITIONS" in text
+
+
+@pytest.mark.parametrize("lock", LOCKS, ids=lambda p: p.name)
+def test_every_package_is_pinned_and_hashed_and_comes_from_nowhere_in_particular(lock: Path) -> None:
+    text = lock.read_text(encoding="utf-8")
+    assert "://" not in text and not re.search(r"^\s*(-i|-f|--index|--extra|--find|--trusted)", text, re.M)
+    lines = [line for line in text.splitlines() if line and not line.startswith("#")]
+    entries = "\n".join(lines).replace("\\\n", " ").split("\n")
+    for entry in entries:
+        assert re.fullmatch(r"[A-Za-z0-9._-]+==[^\s;]+(\s*;[^\\]*?)?(\s+--hash=sha256:[0-9a-f]{64})+", entry), entry
+
+
+def test_scipy_stays_out_of_blenders_environment_and_numpy_out_of_the_zip() -> None:
+    names = {lock.name: {m.group(1).lower() for m in re.finditer(r"^([\w.-]+)==", lock.read_text(), re.M)}
+             for lock in LOCKS}  # fmt: skip
+    assert names["wheels.txt"] == {"scipy", "onnxruntime", "pyserial"}
+    for tag in ("cp311", "cp313"):
+        assert {"bpy", "numpy", "pytest", "ruff"} <= names[f"environment-{tag}.txt"]
+        assert not names[f"environment-{tag}.txt"] & names["wheels.txt"]
+
+
+def test_build_addon_needs_the_standard_library_only() -> None:
+    tree = ast.parse((ROOT / "build_addon.py").read_text(encoding="utf-8"))
+    roots = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            roots |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level
+            roots.add((node.module or "").partition(".")[0])
+    assert roots <= sys.stdlib_module_names | {"__future__"}
+
+
+@pytest.mark.parametrize("verb", ["", "demo", "test", "build", "dev", "bench"])
+def test_help_everywhere(verb: str) -> None:
+    done = run(*verb.split(), "--help")
+    assert done.returncode == 0 and "usage:" in done.stdout
+
+
+@pytest.mark.parametrize("arguments", [["fly"], ["build", "--fast"], ["build", "--python", "3.12"], []])
+def test_what_it_does_not_know_is_refused(arguments: list[str]) -> None:
+    assert run(*arguments).returncode == 2
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run build_addon.py in a process of its own."""
+    return subprocess.run([sys.executable, str(ROOT / "build_addon.py"), *arguments], capture_output=True, text=True)
+
+
+@pytest.mark.parametrize("version", [(3, 10, 2), (3, 12, 0), (3, 14, 0)])
+def test_another_python_gets_a_sentence(
+    version: tuple[int, int, int], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "version_info", version)
+    monkeypatch.setattr(platform, "python_version", lambda: ".".join(map(str, version)))
+    monkeypatch.setattr(build_addon, "runs", lambda name: name == "python3.13")
+    monkeypatch.setattr(sys, "argv", ["build_addon.py", "demo"])
+    assert build_addon.main(["demo"]) == 1
+    said = capsys.readouterr().err
+    assert "3.11" in said and "3.13" in said and ".".join(map(str, version)) in said
+    assert "Try: python3.13 build_addon.py demo" in said and said.count("\n") == 1
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the shim is a shell script")
+def test_a_command_that_is_no_python_is_not_trusted(tmp_path: Path) -> None:
+    shim = tmp_path / "python3.13"
+    shim.write_text("#!/bin/sh\necho 'command not found in this version' >&2\nexit 127\n")
+    shim.chmod(0o755)
+    assert not build_addon.runs(str(shim))
+    assert not build_addon.runs(str(tmp_path / "nowhere"))
+    assert build_addon.runs(sys.executable)
+
+
+def test_missing_libraries_are_named_with_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    def load(name: str) -> None:
+        if name in ("libXi.so.6", "libSM.so.6"):
+            raise OSError(name)
+
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(ctypes, "CDLL", load)
+    missing = build_addon.missing_libraries()
+    assert missing == ["libXi.so.6", "libSM.so.6"]
+    monkeypatch.setattr(build_addon.shutil, "which", lambda name: f"/usr/bin/{name}")
+    monkeypatch.setattr(build_addon.os, "geteuid", lambda: 1000, raising=False)
+    with pytest.raises(build_addon.Stop, match="sudo apt-get install -y libxi6 libsm6$"):
+        build_addon.need_packages([build_addon.NEEDED_LIBRARIES[name] for name in missing], "Blender needs libraries")
+    monkeypatch.setattr(build_addon.shutil, "which", lambda name: None)
+    with pytest.raises(build_addon.Stop, match="libxi6 libsm6"):
+        build_addon.need_packages(["libxi6", "libsm6"], "Blender needs libraries")
+
+
+def test_a_wheel_that_changed_on_disk_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(build_addon, "VENV", tmp_path)
+    folder = tmp_path / "wheels" / "linux-x64-cp311"
+    folder.mkdir(parents=True)
+    build_addon.stamp(folder, ROOT / ".ci" / "wheels.txt")
+    (folder / "scipy-1.17.1-cp311-cp311-linux_x86_64.whl").write_bytes(b"not the pinned wheel")
+    with pytest.raises(build_addon.Stop, match="not the pinned file"):
+        build_addon.wheel_folder(Path(sys.executable), "linux-x64", "3.11")
+
+
+def test_an_environment_is_made_again_when_its_list_changes(tmp_path: Path) -> None:
+    lock = tmp_path / "lock.txt"
+    lock.write_text("a==1\n")
+    assert not build_addon.fresh(tmp_path, lock)
+    build_addon.stamp(tmp_path, lock)
+    assert build_addon.fresh(tmp_path, lock)
+    lock.write_text("a==2\n")
+    assert not build_addon.fresh(tmp_path, lock)
+
+
+def test_linking_leaves_the_sources_when_links_are_removed(tmp_path: Path) -> None:
+    source, package = tmp_path / "source", tmp_path / "package"
+    (source / "inner").mkdir(parents=True)
+    (source / "inner" / "kept.py").write_text("kept = True\n")
+    package.mkdir()
+    build_addon.link(source / "inner", package / "inner")
+    build_addon.link(source / "inner" / "kept.py", package / "kept.py")
+    assert (package / "inner" / "kept.py").read_text() == "kept = True\n"
+    build_addon.unlink_tree(package)
+    assert not package.exists() and (source / "inner" / "kept.py").read_text() == "kept = True\n"

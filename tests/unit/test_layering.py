@@ -1,0 +1,186 @@
+"""Who may import whom: the architecture's table, held against the source text."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+CORE = ROOT / "core"
+ADDON = ROOT / "blender_addon"
+
+BASE = {"errors", "units", "version", "files", "cache", "interpolate", "devices.spec"}
+SCENE = BASE | {"presets", "scene"}
+CONTACT = SCENE | {"skin", "motion", "contact", "images"}
+STIMULUS = CONTACT | {"stimulus", "sensor", "track"}
+DEVICES = STIMULUS | {"devices"}
+EFFECTS = DEVICES | {"effects"}
+MATCHING = EFFECTS | {"surrogate", "matching"}
+# unit: what it may import. A unit is a file or a folder of core/; a folder may always import within itself.
+MAY_IMPORT: dict[str, set[str]] = {
+    "errors": set(),
+    "version": set(),
+    "units": {"errors"},
+    "files": {"errors"},
+    "interpolate": {"errors", "units"},
+    "cache": {"errors", "units", "version", "files"},
+    "devices.spec": {"errors", "units"},  # only a device's description: tracks carry it, so it stands below them
+    "limiter": {"errors", "units", "devices.spec"},
+    "presets": BASE,
+    "scene": BASE,
+    "images": BASE,
+    "motion": BASE | {"scene"},
+    "skin": SCENE | {"images"},
+    "contact": CONTACT,
+    "stimulus": CONTACT | {"stimulus"},
+    "sensor": CONTACT | {"stimulus", "sensor"},
+    "track": BASE | {"limiter"},
+    "devices": STIMULUS,
+    "effects": DEVICES,
+    "surrogate": DEVICES | {"surrogate"},
+    "matching": MATCHING,
+    "design": MATCHING | {"design"},
+    "formats": SCENE | {"track", "images"},
+    "stream": SCENE | {"track", "formats"},
+    "plot": BASE | {"track"},
+    "work": BASE,
+}
+SEES_ALL = {"pipeline", "__init__", "__main__"}
+MAY_SEE_PIPELINE = {"__init__", "__main__"}
+BLENDER = {"bpy", "bmesh", "mathutils", "bl_ext", "bpy_extras", "gpu", "blf"}
+UNSAFE = {"pickle", "shelve", "marshal", "dill", "joblib"}
+
+
+def module_name(path: Path) -> tuple[str, ...]:
+    """Return a core file's name inside core: ('contact', 'gap')."""
+    parts = path.relative_to(CORE).with_suffix("").parts
+    return parts[:-1] if parts[-1] == "__init__" and len(parts) > 1 else parts
+
+
+def unit_of(name: tuple[str, ...]) -> str:
+    """Return the row of the table that a module belongs to."""
+    if name[:2] == ("devices", "spec"):
+        return "devices.spec"
+    return name[0] if name else "__init__"
+
+
+def relative_targets(path: Path, tree: ast.AST) -> list[tuple[int, tuple[str, ...]]]:
+    """Return the modules that a file's relative imports name (line, name inside core), those in functions included."""
+    package = path.relative_to(CORE).parent.parts
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            assert node.level - 1 <= len(package), f"{path.name}:{node.lineno} imports from above core"
+            base = package[: len(package) - node.level + 1]
+            if node.module:
+                stem = (*base, *node.module.split("."))
+                deeper = [(*stem, a.name) for a in node.names if is_module((*stem, a.name))]
+                found += [(node.lineno, name) for name in deeper or [stem]]
+            else:
+                found += [(node.lineno, (*base, alias.name)) for alias in node.names]
+    return found
+
+
+def is_module(name: tuple[str, ...]) -> bool:
+    """Tell whether a name inside core is a module, not something in one."""
+    return CORE.joinpath(*name).with_suffix(".py").is_file() or CORE.joinpath(*name, "__init__.py").is_file()
+
+
+def absolute_roots(tree: ast.AST) -> list[tuple[int, str]]:
+    """Return the top-level names that a file's absolute imports load."""
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found += [(node.lineno, alias.name.partition(".")[0]) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and not node.level and node.module:
+            found.append((node.lineno, node.module.partition(".")[0]))
+    return found
+
+
+def files(folder: Path) -> list[Path]:
+    """Return a package's sources."""
+    return sorted(p for p in folder.rglob("*.py") if "__pycache__" not in p.parts)
+
+
+def parsed(path: Path) -> ast.Module:
+    """Parse one source."""
+    return ast.parse(path.read_text(encoding="utf-8"), str(path))
+
+
+@pytest.mark.parametrize("path", files(CORE), ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_core_imports_only_what_the_table_allows(path: Path) -> None:
+    tree, unit = parsed(path), unit_of(module_name(path))
+    assert unit in MAY_IMPORT or unit in SEES_ALL, f"core/{unit} has no row in the table: decide where it stands"
+    wrong = []
+    for line, name in relative_targets(path, tree):
+        target = unit_of(name)
+        if target == "pipeline" and unit not in MAY_SEE_PIPELINE:
+            wrong.append(f"line {line}: only __init__ and __main__ may import pipeline")
+        elif unit not in SEES_ALL and target not in MAY_IMPORT[unit] | {unit}:
+            wrong.append(f"line {line}: {unit} must not import {target} ({'.'.join(name)})")
+    for line, root in absolute_roots(tree):
+        if root in BLENDER:
+            wrong.append(f"line {line}: core knows no Blender ({root})")
+        if root in UNSAFE:
+            wrong.append(f"line {line}: {root} runs what it reads")
+        if root in ("core", "tests", "blender_addon"):
+            wrong.append(f"line {line}: inside core imports are relative, or the installed extension breaks ({root})")
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("path", files(ADDON), ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_addon_reaches_the_engine_through_the_seam(path: Path) -> None:
+    tree = parsed(path)
+    wrong = []
+    if path != ADDON / "_core.py":
+        wrong += [f"line {n}: core is imported by _core.py only" for n, root in absolute_roots(tree) if root == "core"]
+        depth = len(path.relative_to(ADDON).parent.parts)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and node.level:
+                assert node.level - 1 <= depth, f"line {node.lineno} imports from above the add-on"
+                at_top = node.level - 1 == depth
+                names = [(node.module or "").partition(".")[0]] if node.module else [a.name for a in node.names]
+                if at_top and "core" in names:
+                    wrong.append(f"line {node.lineno}: there is no .core in a source checkout; go through _core")
+    wrong += [f"line {n}: {root} runs what it reads" for n, root in absolute_roots(tree) if root in UNSAFE]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("path", files(CORE) + files(ADDON), ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_nothing_bends_imports_or_runs_text(path: Path) -> None:
+    wrong = []
+    for node in ast.walk(parsed(path)):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "sys":
+            # core/work.py hands the path on to its children, which is reading it.
+            if node.attr == "modules" or (node.attr == "path" and path != CORE / "work.py"):
+                wrong.append(f"line {node.lineno}: sys.{node.attr}")
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("eval", "exec"):
+            wrong.append(f"line {node.lineno}: {node.func.id}()")
+        if isinstance(node, ast.keyword) and node.arg == "allow_pickle":
+            if not (isinstance(node.value, ast.Constant) and node.value.value is False):
+                wrong.append(f"line {node.value.lineno}: allow_pickle")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_the_table_has_no_circle() -> None:
+    """Layers are layers: following the table never leads back."""
+    left = {unit: allowed - {unit} for unit, allowed in MAY_IMPORT.items()}
+    while left:
+        free = [unit for unit, allowed in left.items() if not allowed & set(left)]
+        assert free, f"these may import each other in a circle: {', '.join(sorted(left))}"
+        for unit in free:
+            del left[unit]
+
+
+def test_a_breach_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The test can fail: a skin that knows contact, inside a function, and a bpy in core are both found."""
+    monkeypatch.setitem(globals(), "CORE", tmp_path)
+    (tmp_path / "skin").mkdir()
+    (tmp_path / "contact").mkdir()
+    (tmp_path / "contact" / "gap.py").touch()
+    bad = tmp_path / "skin" / "model.py"
+    bad.write_text("def f():\n    from ..contact import gap\n    import bpy\n    from core import units\n")
+    with pytest.raises(AssertionError, match=r"(?s)skin must not import contact.*no Blender.*relative"):
+        test_core_imports_only_what_the_table_allows(bad)

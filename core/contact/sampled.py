@@ -1,0 +1,146 @@
+"""SampledTouch: who touches what, how near and where, at every sample of the sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Finding
+from ..motion import Motion, MotionSamples, Spline
+from ..scene import Mesh
+from .centre import centre_of
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PairTouch:
+    """One pad and one body that come within reach of each other.
+
+    Attributes:
+        gap: signed distance of the pad's centre [m], inf beyond reach, shape (n,).
+        normal: outward normal of the body in world axes, zero beyond reach, shape (n, 3).
+        point: closest point in the body's carried space (scaled, not rotated) [m], zero beyond reach, shape (n, 3).
+        surface_velocity: of the closest point of a deforming body in its carried space [m/s], or None if rigid.
+    """
+
+    gap: Array
+    normal: Array
+    point: Array
+    surface_velocity: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SampledTouch:
+    """The touch of a whole range.
+
+    Only pairs that ever come within reach are kept, in `pairs`; `gap`, `normal` and `local_point` spread them over
+    all fingers and bodies for those who want dense arrays.
+
+    Attributes:
+        frames, times: scene frame and time [s] of each sample, shape (n,).
+        fingers, bodies, screens: object-to-world matrices, shape (count, n, 4, 4).
+        pairs: by finger and body index.
+        centres: centre of gravity of deforming bodies in their object space, shape (n, 3).
+        channels: animated parameters over the whole range, shape (n,).
+        skipped: how much work the scene did not need, by name.
+        findings: what was repaired or refused.
+    """
+
+    frames: Array
+    times: Array
+    fingers: Array
+    bodies: Array
+    screens: Array
+    pairs: Mapping[tuple[int, int], PairTouch] = field(default_factory=dict)
+    centres: Mapping[int, Array] = field(default_factory=dict)
+    channels: Mapping[str, Array] = field(default_factory=dict)
+    skipped: Mapping[str, int] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+    _kept: dict[Any, Any] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def gap(self) -> Array:
+        """Signed distance between pads and bodies [m], inf beyond reach, shape (F, B, n)."""
+        dense = np.full((len(self.fingers), len(self.bodies), len(self.times)), np.inf)
+        for (f, b), pair in self.pairs.items():
+            dense[f, b] = pair.gap
+        return dense
+
+    @cached_property
+    def normal(self) -> Array:
+        """Outward normals in world axes, zero beyond reach, shape (F, B, n, 3)."""
+        dense = np.zeros((len(self.fingers), len(self.bodies), len(self.times), 3))
+        for (f, b), pair in self.pairs.items():
+            dense[f, b] = pair.normal
+        return dense
+
+    @cached_property
+    def local_point(self) -> Array:
+        """Closest points in the bodies' carried space [m], zero beyond reach, shape (F, B, n, 3)."""
+        dense = np.zeros((len(self.fingers), len(self.bodies), len(self.times), 3))
+        for (f, b), pair in self.pairs.items():
+            dense[f, b] = pair.point
+        return dense
+
+    def finger_motion(self, finger: int) -> Motion:
+        """Return the smooth motion of a finger, computed once."""
+        return self._keep(("finger", finger), lambda: Motion(self.times, self.fingers[finger]))
+
+    def body_motion(self, body: int) -> Motion:
+        """Return the smooth motion of a body, computed once."""
+        return self._keep(("body", body), lambda: Motion(self.times, self.bodies[body]))
+
+    def finger_at(self, finger: int, times: Array) -> MotionSamples:
+        """Return a finger's motion at times that are asked for again and again, computed once."""
+        return self._keep(("finger at", finger, len(times)), lambda: self.finger_motion(finger).at(times), times)
+
+    def body_at(self, body: int, times: Array) -> MotionSamples:
+        """Return a body's motion at times that are asked for again and again, computed once."""
+        return self._keep(("body at", body, len(times)), lambda: self.body_motion(body).at(times), times)
+
+    def centre(self, body: int, mesh: Mesh | None) -> Spline:
+        """Return the path of a body's centre of gravity in the world [m], computed once."""
+
+        def path() -> Spline:
+            if body in self.centres:
+                centre = self.centres[body]
+            else:
+                middle = np.zeros(3) if mesh is None else centre_of(mesh)
+                centre = np.broadcast_to(middle, (len(self.times), 3))
+            pose = self.bodies[body]
+            return Spline(self.times, np.einsum("nij,nj->ni", pose[:, :3, :3], centre) + pose[:, :3, 3])
+
+        return self._keep(("centre", body), path)
+
+    def series(
+        self, key: str, constants: Mapping[str, Any], default: float, times: Array, *, step: bool = False
+    ) -> float | Array:
+        """Return an animated parameter at times, shape (m,), or its constant value where it is not animated.
+
+        Args:
+            key: such as 'body/3/friction'; its last part is the name in `constants`.
+            constants: the parameters of its owner.
+            default: what holds where neither says anything.
+            times: [s], shape (m,).
+            step: hold each sample's value until the next (switches); otherwise interpolate linearly.
+        """
+        if key not in self.channels:
+            return float(constants.get(key.rpartition("/")[2], default))
+        values = self.channels[key]
+        if (values == values[0]).all():
+            return float(values[0])
+        if not step:
+            return np.interp(times, self.times, values)
+        return values[np.clip(np.searchsorted(self.times, times + 1e-9, side="right") - 1, 0, None)]
+
+    def _keep(self, key: Any, make: Any, times: Array | None = None) -> Any:
+        known = self._kept.get(key)
+        if known is None or (times is not None and known.times is not times and not np.array_equal(known.times, times)):
+            self._kept[key] = known = make()
+        return known

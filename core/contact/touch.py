@@ -1,0 +1,379 @@
+"""TouchSampler: from chunks of poses to the gap between every pad and every body, sample by sample.
+
+The broad phase compares boxes over a whole chunk, then per sample; what is farther apart than the reach costs nothing
+more and is counted. The narrow phase asks a body's `Surface` for its gap to the pads' centres, in the body's *carried*
+space: its object space after scale and shear, before rotation and translation, so that lengths are metres. Bodies
+whose scale changes, and bodies that deform, get a surface per sample, but only where a pad is near.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError, Finding
+from ..motion import SINGULAR, rotations
+from ..scene import Chunk, Mesh, TactileScene
+from .centre import centre_of
+from .gap import GapQuery, Surface, surface_of
+from .sampled import PairTouch, SampledTouch
+
+Array = NDArray[np.float64]
+
+# A pad that comes nearer faster than this [m/s] may be noticed only at the sample in which it arrives.
+FASTEST_APPROACH = 12.0
+# A body's surface is used again as long as its scale stays within this fraction (Blender's matrices are float32).
+SAME_STRETCH = 1e-5
+# Where a finger's bone is, from the pad along +Z [m]: on that side of an open surface the finger is outside.
+BONE_HEIGHT = 0.006
+
+
+@dataclass
+class _Pair:
+    """What is known about a finger and a body so far."""
+
+    start: list[NDArray[np.intp]] = field(default_factory=list)
+    gap: list[Array] = field(default_factory=list)
+    normal: list[Array] = field(default_factory=list)
+    point: list[Array] = field(default_factory=list)
+    surface_velocity: list[Array] = field(default_factory=list)
+    last: int = -2  # the last sample at which the gap was known
+    side: int = 1  # of an open surface
+
+
+class TouchSampler:
+    """Collects the touch of a scene, one chunk after the other.
+
+    Args:
+        scene: its header; the chunks are handed to `add`.
+    """
+
+    def __init__(self, scene: TactileScene) -> None:
+        self._scene = scene
+        distances = [float(f.parameters.get("touch_distance", 0.0)) for f in scene.fingers]
+        self.reach = max(distances, default=0.0) + FASTEST_APPROACH / scene.rate
+        self._chunks: list[Chunk] = []
+        self._count = 0
+        self._pairs: dict[tuple[int, int], _Pair] = {}
+        self._stretched: dict[int, tuple[Array, Surface]] = {}
+        self._previous: dict[int, tuple[float, Array, NDArray[np.int32]]] = {}
+        self._centres: dict[int, list[Array]] = {}
+        self._bad: dict[tuple[str, str], list[float]] = {}
+        self._last_pose: dict[tuple[str, int], Array] = {}
+        self._skipped = {"pair_samples_far": 0, "surfaces_far": 0}
+        self._noted: dict[int, tuple[Finding, ...]] = {}
+
+    def add(self, chunk: Chunk) -> None:
+        """Take in the next samples.
+
+        Raises:
+            DermisError: shapes that do not fit the header, or a finger of scale 0.
+        """
+        count = len(chunk.times)
+        scene = self._scene
+        sizes = {"fingers": len(scene.fingers), "bodies": len(scene.bodies), "screens": len(scene.screens)}
+        for name, size in sizes.items():
+            if getattr(chunk, name).shape != (size, count, 4, 4):
+                raise DermisError(f"a chunk's {name} do not fit the scene", where=f"scene '{scene.name}'",
+                                  value=getattr(chunk, name).shape, limit=f"({size}, {count}, 4, 4)")  # fmt: skip
+        if count == 0:
+            return
+        names = [[item.name for item in items] for items in (scene.fingers, scene.bodies, scene.screens)]
+        fingers = self._repaired("finger", names[0], chunk.fingers, chunk.frames)
+        bodies = self._repaired("object", names[1], chunk.bodies, chunk.frames)
+        screens = self._repaired("screen", names[2], chunk.screens, chunk.frames)
+        for i, name in enumerate(names[0]):
+            try:
+                rotations(fingers[i, :, :3, :3])
+            except DermisError as error:
+                raise DermisError(error.what, where=f"finger '{name}'", limit=error.limit,
+                                  remedy="Give the finger a scale other than 0") from error  # fmt: skip
+        self._chunks.append(Chunk(chunk.frames, chunk.times, fingers, bodies, screens, {}, chunk.channels))
+        self._sweep(chunk, fingers, bodies)
+        self._count += count
+
+    def finish(self) -> SampledTouch:
+        """Return everything that was taken in.
+
+        Raises:
+            DermisError: there was no sample, times do not rise, or a channel is missing from some chunks.
+        """
+        if self._count == 0:
+            raise DermisError("no samples", where=f"scene '{self._scene.name}'", remedy="Check the frame range")
+        times = np.concatenate([c.times for c in self._chunks])
+        if not (np.diff(times) > 0.0).all():
+            raise DermisError("the samples' times do not rise", where=f"scene '{self._scene.name}'")
+        frames = np.concatenate([c.frames for c in self._chunks])
+        channels = self._channels(frames)
+        pairs = {key: self._assembled(pair) for key, pair in sorted(self._pairs.items()) if pair.start}
+        return SampledTouch(
+            frames=frames,
+            times=times,
+            fingers=np.concatenate([c.fingers for c in self._chunks], axis=1),
+            bodies=np.concatenate([c.bodies for c in self._chunks], axis=1),
+            screens=np.concatenate([c.screens for c in self._chunks], axis=1),
+            pairs=pairs,
+            centres={b: np.concatenate(parts) for b, parts in self._centres.items()},
+            channels=channels,
+            skipped={k: v for k, v in self._skipped.items() if v},
+            findings=tuple(self._findings(frames)),
+        )
+
+    # -- broad phase ---------------------------------------------------------------------------------------------
+
+    def _sweep(self, chunk: Chunk, fingers: Array, bodies: Array) -> None:
+        pads = fingers[:, :, :3, 3]
+        total = len(fingers) * len(chunk.times)
+        for b, middle, half in self._boxes(chunk, bodies):
+            low = (middle - half).min(axis=0) - self.reach
+            high = (middle + half).max(axis=0) + self.reach
+            close = np.flatnonzero(((pads.min(axis=1) <= high) & (pads.max(axis=1) >= low)).all(axis=1))
+            near = [
+                (int(f), np.flatnonzero((np.abs(pads[f] - middle) <= half + self.reach).all(axis=1))) for f in close
+            ]
+            near = [(f, index) for f, index in near if index.size]
+            self._skipped["pair_samples_far"] += total - sum(index.size for _, index in near)
+            deforming = b in chunk.surfaces
+            if near:
+                self._narrow(b, chunk, fingers, bodies[b], near)
+            elif deforming:
+                self._skipped["surfaces_far"] += len(chunk.times)
+            if deforming:
+                last = chunk.surfaces[b][-1]
+                self._previous[b] = (float(chunk.times[-1]), last.vertices, last.triangles)
+
+    def _boxes(self, chunk: Chunk, bodies: Array) -> Iterator[tuple[int, Array, Array]]:
+        """Yield each body's world bounding boxes: middle and half size, shape (n, 3) each."""
+        for b, body in enumerate(self._scene.bodies):
+            if b in chunk.surfaces:
+                meshes = chunk.surfaces[b]
+                if len(meshes) != len(chunk.times):
+                    raise DermisError("a deforming object needs one surface per sample", where=f"object '{body.name}'",
+                                      value=len(meshes), limit=str(len(chunk.times)))  # fmt: skip
+                boxes = np.array([_box(m) for m in meshes])
+                if body.parameters.get("weight_on", True) or body.parameters.get("content_on", False):
+                    self._centres.setdefault(b, []).append(np.array([centre_of(m) for m in meshes]))
+            elif body.mesh is not None:
+                boxes = _box(body.mesh)[None]
+            else:
+                raise DermisError("a deforming object has no surface", where=f"object '{body.name}'",
+                                  remedy="Give it faces, or stop it being touchable")  # fmt: skip
+            middle, half = boxes.mean(axis=1), (boxes[:, 1] - boxes[:, 0]) / 2.0
+            linear = bodies[b, :, :3, :3]
+            yield (b, np.einsum("nij,nj->ni", linear, np.broadcast_to(middle, (len(linear), 3))) + bodies[b, :, :3, 3],
+                   np.einsum("nij,nj->ni", np.abs(linear), np.broadcast_to(half, (len(linear), 3))))  # fmt: skip
+
+    # -- narrow phase --------------------------------------------------------------------------------------------
+
+    def _narrow(
+        self, b: int, chunk: Chunk, fingers: Array, poses: Array, near: list[tuple[int, NDArray[np.intp]]]
+    ) -> None:
+        """Measure the gaps between one body and the pads that are near it."""
+        wanted = np.unique(np.concatenate([index for _, index in near]))
+        linear = poses[wanted, :3, :3]
+        volume = np.sqrt(np.einsum("nij,nij->nj", linear, linear)).prod(axis=1)
+        flat = np.abs(np.linalg.det(linear)) <= SINGULAR * volume
+        if flat.any():
+            key = ("zero-scale", self._scene.bodies[b].name)
+            self._bad.setdefault(key, []).extend(chunk.frames[wanted[flat]].tolist())
+            wanted, linear = wanted[~flat], linear[~flat]
+            near = [(f, index[np.isin(index, wanted)]) for f, index in near]
+            near = [(f, index) for f, index in near if index.size]
+        if not near:
+            return
+        if (linear == linear[0]).all():
+            rotation = np.broadcast_to(rotations(linear[:1])[0], linear.shape)
+        else:
+            rotation = rotations(linear)
+        turn = np.zeros((len(chunk.times), 3, 3))
+        turn[wanted] = rotation
+        stretch = np.swapaxes(rotation, 1, 2) @ linear
+        local = {f: np.einsum("nji,nj->ni", turn[i], fingers[f, i, :3, 3] - poses[i, :3, 3]) for f, i in near}
+        for surface, group, velocity in self._surfaces(b, chunk, wanted, stretch):
+            for f, index in near:
+                chosen = np.flatnonzero(np.isin(index, group)) if group.size < wanted.size else np.arange(index.size)
+                if chosen.size:
+                    self._measure(f, b, surface, index[chosen], local[f][chosen], turn, fingers[f], velocity)
+
+    def _surfaces(
+        self, b: int, chunk: Chunk, wanted: NDArray[np.intp], stretch: Array
+    ) -> Iterator[tuple[Surface, NDArray[np.intp], Array | None]]:
+        """Yield each surface of a body with the samples it holds for and, if it deforms, its vertices' velocities."""
+        mesh = self._scene.bodies[b].mesh
+        if b in chunk.surfaces:
+            for i, carry in zip(wanted, stretch, strict=True):
+                now = chunk.surfaces[b][i]
+                yield Surface.build(now.vertices @ carry.T, _faces(now, carry)), np.array([i]), self._velocity(
+                    b, chunk, int(i), carry)  # fmt: skip
+            return
+        assert mesh is not None
+        left = np.arange(len(wanted))
+        while left.size:
+            known = self._stretched.get(b)
+            if known is None:
+                first = stretch[left[0]]
+                plain = bool(_alike(first[None], np.eye(3))[0])
+                known = (np.eye(3), surface_of(mesh)) if plain else (first, surface_of(mesh, first))
+                self._stretched[b] = known
+                self._noted[b] = known[1].findings(f"object '{self._scene.bodies[b].name}'")
+            same = _alike(stretch[left], known[0])
+            if not same.any():  # the scale is animated: this one serves until it changes again
+                carry = stretch[left[0]]
+                known = (carry, Surface.build(mesh.vertices @ carry.T, _faces(mesh, carry)))
+                self._stretched[b] = known
+                same = _alike(stretch[left], carry)
+            yield known[1], wanted[left[same]], None
+            left = left[~same]
+
+    def _velocity(self, b: int, chunk: Chunk, i: int, carry: Array) -> Array | None:
+        """Velocity of a deforming surface's vertices in carried space [m/s] since the last sample, or None."""
+        now = chunk.surfaces[b][i]
+        if i > 0:
+            before = chunk.surfaces[b][i - 1]
+            time, vertices, triangles = float(chunk.times[i - 1]), before.vertices, before.triangles
+        elif b in self._previous:
+            time, vertices, triangles = self._previous[b]
+        else:
+            return None
+        if vertices.shape != now.vertices.shape or not (
+            triangles is now.triangles or np.array_equal(triangles, now.triangles)
+        ):
+            return None  # another topology: its points cannot be followed
+        return (now.vertices - vertices) @ carry.T / (float(chunk.times[i]) - time)
+
+    def _measure(
+        self, f: int, b: int, surface: Surface, index: NDArray[np.intp], local: Array, turn: Array, finger: Array,
+        velocity: Array | None,
+    ) -> None:  # fmt: skip
+        """Ask the surface, and keep the samples at which it is within reach."""
+        low, high = surface.box
+        inside = ((local >= low - self.reach) & (local <= high + self.reach)).all(axis=1)
+        self._skipped["pair_samples_far"] += int((~inside).sum())
+        index, local = index[inside], local[inside]
+        if index.size == 0:
+            return
+        found = surface.query(local, self.reach)
+        known = np.isfinite(found.gap)
+        if not known.any():
+            return
+        pair = self._pairs.setdefault((f, b), _Pair())
+        index = index[known]
+        gap, normal = found.gap[known], found.normal[known]
+        if not surface.closed:
+            side = self._sides(pair, surface, index, local[known], turn, finger)
+            gap, normal = gap * side, normal * side[:, None]
+        moving = np.zeros((index.size, 3))
+        if velocity is not None:
+            moving = _interpolated(surface, found, known, velocity)
+        pair.last = self._count + int(index[-1])
+        pair.start.append(self._count + index)
+        pair.gap.append(gap)
+        pair.normal.append(np.einsum("nij,nj->ni", turn[index], normal))
+        pair.point.append(found.point[known])
+        pair.surface_velocity.append(moving)
+
+    def _sides(
+        self, pair: _Pair, surface: Surface, index: NDArray[np.intp], local: Array, turn: Array, finger: Array
+    ) -> Array:
+        """Which side of an open surface the finger came from, +1 or -1: decided once, when it comes within reach."""
+        side = np.empty(index.size)
+        follows = self._count + index == np.concatenate([[pair.last], self._count + index[:-1]]) + 1
+        for k, (i, known) in enumerate(zip(index, follows, strict=True)):
+            if not known:
+                up = finger[i, :3, 2] / np.sqrt(finger[i, :3, 2] @ finger[i, :3, 2])
+                pair.side = surface.side_of(local[k] + BONE_HEIGHT * (turn[i].T @ up))
+            side[k] = pair.side
+        return side
+
+    def _assembled(self, pair: _Pair) -> PairTouch:
+        """Spread what is known over all samples."""
+        index = np.concatenate(pair.start)
+        gap = np.full(self._count, np.inf)
+        gap[index] = np.concatenate(pair.gap)
+        arrays = []
+        for parts in (pair.normal, pair.point, pair.surface_velocity):
+            full = np.zeros((self._count, 3))
+            full[index] = np.concatenate(parts)
+            arrays.append(full)
+        return PairTouch(gap, arrays[0], arrays[1], arrays[2] if arrays[2].any() else None)
+
+    # -- repairs -------------------------------------------------------------------------------------------------
+
+    def _repaired(self, kind: str, names: list[str], poses: Array, frames: Array) -> Array:
+        """Hold the last good pose where one is not finite, and remember where that was."""
+        good = np.isfinite(poses.reshape(*poses.shape[:2], 16)).all(axis=2)
+        if not good.all():
+            poses = poses.copy()
+            for i in np.flatnonzero(~good.all(axis=1)):
+                self._bad.setdefault((f"not-finite {kind}", names[i]), []).extend(frames[~good[i]].tolist())
+                start = self._last_pose.get((kind, int(i)))
+                if start is None:
+                    first = np.flatnonzero(good[i])
+                    start = poses[i, first[0]] if first.size else np.eye(4)
+                last = np.maximum.accumulate(np.where(good[i], np.arange(len(frames)), -1))
+                poses[i] = np.where((last >= 0)[:, None, None], poses[i, np.maximum(last, 0)], start)
+        for i in range(len(names)):
+            if good[i].any():
+                self._last_pose[kind, i] = poses[i, -1]
+        return poses
+
+    def _channels(self, frames: Array) -> dict[str, Array]:
+        """Join the animated parameters, and hold the last good value where one is not finite."""
+        joined: dict[str, Array] = {}
+        for key in sorted({key for c in self._chunks for key in c.channels}):
+            if not all(key in c.channels for c in self._chunks):
+                raise DermisError("an animated value is missing from some of the chunks", where=key)
+            values = np.concatenate([np.asarray(c.channels[key], dtype=np.float64) for c in self._chunks])
+            if len(values) != len(frames):
+                raise DermisError("an animated value needs one number per sample", where=key, value=len(values),
+                                  limit=str(len(frames)))  # fmt: skip
+            good = np.isfinite(values)
+            if not good.any():
+                raise DermisError("an animated value is never a finite number", where=key,
+                                  remedy="Look at its keyframes and drivers")  # fmt: skip
+            if not good.all():
+                self._bad["not-finite value", key] = frames[~good].tolist()
+                last = np.maximum.accumulate(np.where(good, np.arange(len(values)), -1))
+                values = np.where(last >= 0, values[np.maximum(last, 0)], values[np.flatnonzero(good)[0]])
+            joined[key] = values
+        return joined
+
+    def _findings(self, frames: Array) -> Iterator[Finding]:
+        for (code, name), bad in sorted(self._bad.items()):
+            if code == "zero-scale":
+                yield Finding("error", code, "the object is scaled to 0 or flat, so it cannot be touched there",
+                              f"object '{name}'", limit="a scale other than 0", frame=bad[0], count=len(bad),
+                              remedy="Scale its vertices instead, or stop it being touchable")  # fmt: skip
+            else:
+                what = "pose" if not code.endswith("value") else "value"
+                where = name if what == "value" else f"{code.split()[1]} '{name}'"
+                yield Finding("error", "not-finite", f"the {what} is not a finite number; the last good one was held",
+                              where, remedy="Look at its drivers and constraints",
+                              frame=bad[0], count=len(bad))  # fmt: skip
+        for b in sorted(self._noted):
+            yield from self._noted[b]
+
+
+def _box(mesh: Mesh) -> Array:
+    """Lower and upper corner of a mesh, shape (2, 3)."""
+    return np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
+
+
+def _faces(mesh: Mesh, stretch: Array) -> NDArray[np.int32]:
+    """The triangles, turned over where the object is mirrored."""
+    return mesh.triangles[:, ::-1] if np.linalg.det(stretch) < 0.0 else mesh.triangles
+
+
+def _alike(stretch: Array, reference: Array) -> NDArray[np.bool_]:
+    """Whether linear maps (n, 3, 3) equal another within what float32 matrices resolve, shape (n,)."""
+    off: Array = np.abs(stretch - reference).max(axis=(1, 2))
+    return off <= SAME_STRETCH * float(np.abs(reference).max())
+
+
+def _interpolated(surface: Surface, found: GapQuery, known: NDArray[np.bool_], velocity: Array) -> Array:
+    """A vertex quantity at the closest points, shape (n, 3)."""
+    corners = np.asarray(surface.triangles)[found.triangle[known]]
+    return np.einsum("nc,ncj->nj", found.weights[known], velocity[corners])

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+import zipfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from .errors import DermisError
+
+_EPOCH = (1980, 1, 1, 0, 0, 0)  # the first date that a zip can hold: equal contents give equal bytes
 
 
 @contextmanager
@@ -33,7 +40,8 @@ def atomic(path: Path) -> Iterator[Path]:
             remedy="Choose a folder that exists, is writable and has room",
         ) from error  # fmt: skip
     finally:
-        part.unlink(missing_ok=True) if part.parent.is_dir() else None
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
 
 
 def write_bytes(path: Path, data: bytes) -> None:
@@ -59,3 +67,32 @@ def read_bytes(path: Path) -> bytes:
             "the file cannot be read", where=str(path), value=error.strerror or str(error),
             remedy="Check the path and that you may read it",
         ) from error  # fmt: skip
+
+
+def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays as an .npz whose bytes depend on nothing but the arrays; whole or not at all.
+
+    Raises:
+        DermisError: an array of Python objects, or the file cannot be written.
+    """
+    with atomic(path) as part, zipfile.ZipFile(part, "w", allowZip64=True) as archive:
+        for name in arrays:
+            put_array(archive, name, arrays[name])
+
+
+def put_array(archive: zipfile.ZipFile, name: str, array: NDArray[Any]) -> None:
+    """Add an array to a zip as NAME.npy, stored without compression and without a date.
+
+    Raises:
+        DermisError: it holds Python objects.
+    """
+    array = np.asarray(array)
+    if array.dtype.hasobject:
+        raise DermisError("an array of Python objects cannot be written", where=name, value=str(array.dtype))
+    with archive.open(zipfile.ZipInfo(f"{name}.npy", _EPOCH), "w", force_zip64=True) as member:
+        np.lib.format.write_array(member, np.asarray(array, order="C"), allow_pickle=False)
+
+
+def put_text(archive: zipfile.ZipFile, name: str, text: str) -> None:
+    """Add a text to a zip, stored without compression and without a date."""
+    archive.writestr(zipfile.ZipInfo(name, _EPOCH), text.encode("utf-8"))

@@ -1,0 +1,137 @@
+"""The command line: `python -m core render | check | work`, for scenes sampled to a file and for their tracks."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Generator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
+
+from .errors import SEVERITIES, DermisError, Finding, worst
+from .version import version
+
+if TYPE_CHECKING:
+    from .pipeline import Bake, Progress
+
+# What a child process may be asked to do: name -> module of this package, function.
+JOBS = {"probe": (".work", "probe")}
+
+FAILED, REFUSED = 1, 2  # findings of severity error; nothing could be done
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit status: 0, 1 for findings of severity error, 2 for a refusal."""
+    options = _parser().parse_args(arguments)
+    try:
+        return int(options.run(options))
+    except DermisError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return REFUSED
+    except KeyboardInterrupt:
+        print("stopped", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        sys.stderr.close()
+        return REFUSED
+
+
+def render(options: argparse.Namespace) -> int:
+    """Render a sampled scene and write its tracks."""
+    from . import pipeline, scene_file
+    from .presets import Library
+
+    steps = pipeline.render(scene_file.load(options.scene), Library(options.presets))
+    bake = _drain(steps, quiet=options.quiet)
+    written = pipeline.export(bake, options.out, plots=options.plots)
+    for path in written:
+        print(path)
+    for name in sorted(bake.skipped):
+        if bake.skipped[name] and not options.quiet:
+            print(f"skipped: {bake.skipped[name]} {name}", file=sys.stderr)
+    return _tell(bake.all_findings, sys.stderr)
+
+
+def check(options: argparse.Namespace) -> int:
+    """Check a track and say what is wrong with it."""
+    from .formats import csv
+
+    track = csv.read(options.track)
+    findings = track.check()
+    if options.json:
+        report = {
+            "file": str(options.track), "device": track.spec.key, "samples": len(track.times),
+            "duration_s": track.duration, "rate_hz": track.spec.rate,
+            "worst": worst(findings), "findings": [f.as_dict() for f in findings],
+        }  # fmt: skip
+        print(json.dumps(report, indent=1, ensure_ascii=False, default=str))
+        return FAILED if worst(findings) == "error" else 0
+    print(f"{options.track}: {track.spec.name}, {len(track.channels)} channels, {len(track.times)} samples, "
+          f"{track.duration:.6g} s at {track.spec.rate:g} Hz")  # fmt: skip
+    status = _tell(findings, sys.stdout)
+    if not findings:
+        print("no findings")
+    return status
+
+
+def work(options: argparse.Namespace) -> int:
+    """Take jobs from standard input."""
+    from .work import serve
+
+    return serve(JOBS)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m core", description="Dermis without Blender: render sampled scenes, check command tracks.",
+        epilog="Exit status: 0; 1 where a finding has the severity error; 2 where nothing could be done.",
+    )  # fmt: skip
+    parser.add_argument("--version", action="version", version=f"dermis {version()}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    one = commands.add_parser("render", help="render a sampled scene to one CSV track per finger and device",
+                              description="Render a sampled scene to one CSV track per finger and device.")  # fmt: skip
+    one.add_argument("scene", type=Path, metavar="FILE", help="a scene sampled to a file (.npz)")
+    one.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the tracks; made if needed")
+    one.add_argument("--plots", action="store_true", help="also write a picture of each track")
+    one.add_argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
+    one.add_argument("--quiet", action="store_true", help="no progress")
+    one.set_defaults(run=render)
+
+    one = commands.add_parser("check", help="check a track against its device's limits",
+                              description="Check a track against the limits of its device.")  # fmt: skip
+    one.add_argument("track", type=Path, metavar="TRACK.csv", help="a command track")
+    one.add_argument("--json", action="store_true", help="the report as JSON")
+    one.set_defaults(run=check)
+
+    one = commands.add_parser("work", help="take jobs from a parent process (not for people)",
+                              description="Take jobs as JSON lines from standard input.")  # fmt: skip
+    one.set_defaults(run=work)
+    return parser
+
+
+def _drain(steps: Generator[Progress, None, Bake], *, quiet: bool) -> Bake:
+    """Run a rendering to its end; show each tenth of each stage once."""
+    shown = ("", -1)
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as stop:
+            bake: Bake = stop.value
+            return bake
+        now = (step.stage, 10 * step.done // max(step.total, 1))
+        if now != shown and not quiet:
+            print(f"{step.stage}: {step.done} of {step.total}", file=sys.stderr)
+            shown = now
+
+
+def _tell(findings: Sequence[Finding], stream: TextIO) -> int:
+    """Print findings, the worst first; return the exit status that they ask for."""
+    for finding in sorted(findings, key=lambda f: -SEVERITIES.index(f.severity)):
+        print(finding, file=stream)
+    return FAILED if worst(findings) == "error" else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

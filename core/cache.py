@@ -1,0 +1,117 @@
+"""A folder of results that can be computed again: content-addressed, size-capped, safe to delete at any time."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from .errors import DermisError
+from .files import atomic
+
+_KEY = re.compile(r"[0-9a-f]{16,128}")
+_ABANDONED = 24 * 3600.0  # an unfinished file older than this belongs to nobody [s]
+_TAG = b"Signature: 8a477f597d28d172789f06886806bc55\n# Dermis keeps results here that it can compute again.\n"
+
+
+def cache_key(*parts: str | bytes) -> str:
+    """Return a key for what a result depends on: SHA-256 over the parts and their lengths."""
+    sha = hashlib.sha256()
+    for part in parts:
+        data = part.encode("utf-8") if isinstance(part, str) else part
+        sha.update(len(data).to_bytes(8, "little"))
+        sha.update(data)
+    return sha.hexdigest()
+
+
+class Cache:
+    """Files by key; when they are more than the limit, those not used for the longest time go first.
+
+    Several processes may share the folder. A file may vanish at any time: who finds it gone computes it again.
+
+    Args:
+        folder: made when the first file is put.
+        limit_bytes: size to keep to after every put; the newest file stays even if it is larger.
+    """
+
+    def __init__(self, folder: Path, limit_bytes: int) -> None:
+        if limit_bytes < 0:
+            raise DermisError(
+                "the cache's size must not be negative", where=str(folder), value=limit_bytes, limit=">= 0"
+            )
+        self.folder, self.limit_bytes = Path(folder), limit_bytes
+
+    def get(self, key: str) -> Path | None:
+        """Return the file of a key, which counts as used now, or None."""
+        path = self._path(key)
+        try:
+            os.utime(path)
+        except FileNotFoundError:
+            return None
+        except OSError:  # a read-only cache still serves
+            return path if path.is_file() else None
+        return path
+
+    def put(self, key: str, writer: Callable[[Path], None]) -> Path:
+        """Store what `writer` writes to the path it is given, whole or not at all; return where it lies.
+
+        Raises:
+            DermisError: the folder cannot be written.
+        """
+        path = self._path(key)
+        with atomic(path) as part:
+            writer(part)
+        tag = self.folder / "CACHEDIR.TAG"  # tells backup programs to leave it out
+        if not tag.exists():
+            with contextlib.suppress(OSError):
+                tag.write_bytes(_TAG)
+        self._trim(keep=path)
+        return path
+
+    def size(self) -> int:
+        """Return how many bytes all files have."""
+        return sum(size for _, _, size in self._files())
+
+    def clear(self) -> int:
+        """Delete all files; return how many went."""
+        return sum(self._remove(path) for _, path, _ in self._files())
+
+    def _path(self, key: str) -> Path:
+        if not _KEY.fullmatch(key):
+            raise DermisError("not a cache key", value=key, limit="16 to 128 hexadecimal digits in lower case")
+        return self.folder / key[:2] / key
+
+    def _files(self) -> list[tuple[float, Path, int]]:
+        """Return time of last use, path and size of all files, the oldest first."""
+        found = []
+        for path in self.folder.glob("[0-9a-f][0-9a-f]/*"):
+            try:
+                stat = path.stat()
+            except OSError:
+                continue
+            if _KEY.fullmatch(path.name):
+                found.append((stat.st_mtime, path, stat.st_size))
+            elif path.suffix == ".part" and time.time() - stat.st_mtime > _ABANDONED:
+                self._remove(path)
+        return sorted(found)
+
+    def _trim(self, keep: Path) -> None:
+        files = self._files()
+        total = sum(size for _, _, size in files)
+        for _, path, size in files:
+            if total <= self.limit_bytes:
+                return
+            if path != keep and self._remove(path):
+                total -= size
+
+    @staticmethod
+    def _remove(path: Path) -> bool:
+        try:
+            path.unlink()
+        except OSError:  # open in another process (Windows), or gone already
+            return False
+        return True

@@ -347,7 +347,7 @@ def test(options: argparse.Namespace) -> int:
 def lint(env: Environment) -> list[str]:
     """Run the checkers; return the names of those that found something."""
     failed = []
-    for name, command in (("ruff", ["ruff", "check", "."]), ("mypy", ["mypy"])):
+    for name, command in (("ruff", ["ruff", "check", "--output-format=concise", "."]), ("mypy", ["mypy"])):
         if name == "mypy" and sys.version_info[:2] != (3, 13):
             continue
         say(f"== {name}")

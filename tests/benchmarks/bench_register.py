@@ -3,7 +3,7 @@
 The zip (DERMIS_ZIP, set by build_addon.py) is installed into a profile once; then fresh processes load bpy, turn the
 add-on on and report the time of that one call: import of the package and register(), with the bytecode cached as on
 every start but the first. scipy, onnxruntime or serial loaded by it is an error, whatever the time. Peer: Blender's own
-io_scene_gltf2 (an add-on of comparable kind) in the same process, before ours.
+node_wrangler (operators and panels, pure Python) in the same process, before ours.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def timed(module):
     assert found is not None, f"{module} could not be enabled"
     return took
 
-peer = timed("io_scene_gltf2")
+peer = timed("node_wrangler")
 before = set(sys.modules)
 ours = timed(walkthrough.PACKAGE)
 heavy = sorted({n.partition(".")[0] for n in set(sys.modules) - before} & {"scipy", "onnxruntime", "serial"})
@@ -68,7 +68,7 @@ def register() -> Result:
     ours, peer = timing([a["ours"] for a in answers]), timing([a["peer"] for a in answers])
     heavy = sorted({name for a in answers for name in a["heavy"]})
     error = f"registering loads {', '.join(heavy)}" if heavy else None
-    return Result(NAME, ours.median, "ms", ours.p95, {"io_scene_gltf2": peer.median}, error)
+    return Result(NAME, ours.median, "ms", ours.p95, {"node_wrangler": peer.median}, error)
 
 
 def blender(code: str, profile: str) -> Any:

@@ -20,6 +20,7 @@ _RELEVANT = ("Object", "Action", "Armature", "Camera", "Collection", "Curve", "C
 _dirty: set[str] = set()
 _muted = 0
 _generation = 0
+_ticks = 0
 
 
 def dirty() -> frozenset[str]:
@@ -32,8 +33,15 @@ def generation() -> int:
     return _generation
 
 
+def ticks() -> int:
+    """Return a number that rises with everything that happens to the scene, for caches of what panels draw."""
+    return _ticks
+
+
 def mark_dirty(name: str = "settings") -> None:
     """Note that something changed."""
+    global _ticks
+    _ticks += 1
     if not _muted:
         _dirty.add(name)
 
@@ -56,6 +64,8 @@ def muted() -> Iterator[None]:
 
 @persistent
 def _on_depsgraph(_scene: bpy.types.Scene, depsgraph: Any = None) -> None:
+    global _ticks
+    _ticks += 1
     if _muted or depsgraph is None:
         return
     for update in depsgraph.updates:
@@ -73,20 +83,22 @@ def _on_frame(scene: bpy.types.Scene, depsgraph: Any = None) -> None:
         return
     from . import live
 
-    live.on_frame(scene, depsgraph)
+    live.on_frame(scene)
 
 
 @persistent
 def _on_history(*_: Any) -> None:
-    global _generation
+    global _generation, _ticks
     _generation += 1
+    _ticks += 1
     _dirty.add("undo")
 
 
 @persistent
 def _on_load(*_: Any) -> None:
-    global _generation
+    global _generation, _ticks
     _generation += 1
+    _ticks += 1
     _dirty.clear()
     _dirty.add("file")
     from . import reporting, results

@@ -63,7 +63,8 @@ class Preview:
 class _Trail:
     generation: int = -1
     scene: int = 0
-    samples: list[Any] = field(default_factory=list)  # TactileScene with one sample each
+    samples: list[Any] = field(default_factory=list)  # `sampling.Snapshot`s
+    reader: Any = None  # keeps surfaces that do not change, so that the engine can keep what it built on them
     preview: Preview | None = None
 
 
@@ -92,30 +93,36 @@ def preview(scene: bpy.types.Scene) -> Preview | None:
     return _memo_preview
 
 
-def on_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+def on_frame(scene: bpy.types.Scene) -> None:
     """Take the new frame into the trail; called after every frame change in the window."""
-    if not scene.dermis.live_preview or not any(o.dermis.role == "FINGER" for o in scene.objects):
+    if scene != bpy.context.scene or not scene.dermis.live_preview:
+        return
+    if not any(o.dermis.role == "FINGER" for o in scene.objects):
         return
     if results.state(scene) == "fresh":
         _trail.samples.clear()
         return
-    step(scene, depsgraph)
+    step(bpy.context)
 
 
-def step(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Preview:
+def step(context: bpy.types.Context) -> Preview:
     """Extend the trail by the scene as it is now, or start a new one, and render it."""
     from . import sampling
+    from .sampling_meshes import MeshReader
 
     errors = core_module("errors")
+    scene = context.scene
     frame = frame_of(scene)
+    if _trail.reader is None or _trail.generation != handlers.generation():
+        _trail.reader = MeshReader()
     try:
-        sample = sampling.sample_now(scene, depsgraph)
+        sample = sampling.sample_now(context, _trail.reader)
         if not _continues(scene, sample, frame):
             _trail.samples = []
         _trail.samples.append(sample)
         del _trail.samples[: -int(setting("live_trail"))]
         _trail.generation, _trail.scene = handlers.generation(), scene.session_uid
-        _trail.preview = _render(scene, frame)
+        _trail.preview = _render(frame)
     except errors.DermisError as error:
         _trail.samples = []
         _trail.scene = scene.session_uid
@@ -127,7 +134,7 @@ def step(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Preview:
 def reset() -> None:
     """Forget the trail; the next frame starts from rest."""
     global _memo, _memo_preview
-    _trail.samples, _trail.preview = [], None
+    _trail.samples, _trail.preview, _trail.reader = [], None, None
     _memo, _memo_preview = (), None
 
 
@@ -141,26 +148,26 @@ def _continues(scene: bpy.types.Scene, sample: Any, frame: float) -> bool:
     if not _trail.samples or _trail.scene != scene.session_uid or _trail.generation != handlers.generation():
         return False
     before = _trail.samples[-1]
-    gap = (frame - _frame(before)) / float(sample.fps)
-    return 1e-9 < gap <= STEP_SECONDS and _shape(before) == _shape(sample)
+    gap = (frame - _frame(before)) / float(sample.scene.fps)
+    return 1e-9 < gap <= STEP_SECONDS and _cast(before) == _cast(sample)
 
 
 def _frame(sample: Any) -> float:
-    return float(sample.chunks[0].frames[0])
+    return float(sample.chunk.frames[0])
 
 
-def _shape(sample: Any) -> tuple[Any, ...]:
-    """What must not change along a trail: who is there and how it is set up, the file's version of it."""
-    return (sample.fingers, tuple((b.name, b.parameters) for b in sample.bodies),
-            tuple((s.name, s.size, s.parameters) for s in sample.screens), sample.fps)  # fmt: skip
+def _cast(sample: Any) -> tuple[Any, ...]:
+    """Who takes part; a trail cannot go on where this changes."""
+    scene = sample.scene
+    return (tuple(f.name for f in scene.fingers), tuple(b.name for b in scene.bodies),
+            tuple(s.name for s in scene.screens), scene.fps)  # fmt: skip
 
 
-def _render(scene: bpy.types.Scene, frame: float) -> Preview:
+def _render(frame: float) -> Preview:
     samples = _trail.samples
     bake = _run(_joined(samples))
-    fps = float(samples[0].fps)
-    result = results.Result(bake, fps, _frame(samples[0]) - 1.0, -1, ())
     first = _frame(samples[0])
+    result = results.Result(bake, float(samples[0].scene.fps), first - 1.0, -1, ())
     note = f"live, from rest at frame {first:g}" + (": play or step forward" if len(samples) == 1 else "")
     rows = tuple(_row(result, output, frame) for output in bake.outputs)
     return Preview(frame, "live", note, rows)
@@ -169,21 +176,21 @@ def _render(scene: bpy.types.Scene, frame: float) -> Preview:
 def _joined(samples: list[Any]) -> Any:
     """Return the trail as a scene of its own; it starts one frame earlier, at rest in the first pose."""
     chunk = core_module("scene").Chunk
-    parts = [samples[0].chunks[0], *(s.chunks[0] for s in samples)]
+    parts = [samples[0].chunk, *(s.chunk for s in samples)]
     frames = np.array([float(p.frames[0]) for p in parts])
     frames[0] -= 1.0
     keys = set.intersection(*(set(p.channels) for p in parts))
     surfaces = set.intersection(*(set(p.surfaces) for p in parts))
     joined = chunk(
         frames=frames,
-        times=(frames - frames[0]) / float(samples[0].fps),
+        times=(frames - frames[0]) / float(samples[0].scene.fps),
         fingers=np.concatenate([p.fingers for p in parts], axis=1),
         bodies=np.concatenate([p.bodies for p in parts], axis=1),
         screens=np.concatenate([p.screens for p in parts], axis=1),
         surfaces={i: tuple(p.surfaces[i][0] for p in parts) for i in sorted(surfaces)},
         channels={k: np.concatenate([p.channels[k] for p in parts]) for k in sorted(keys)},
     )
-    last = samples[-1]
+    last = samples[-1].scene
     span = (int(np.floor(frames[0])), int(np.ceil(frames[-1])))
     return replace(last, frame_range=span, rate=float(last.fps), chunks=(joined,))
 

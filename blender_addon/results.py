@@ -46,16 +46,18 @@ def fingerprint(scene: bpy.types.Scene) -> tuple[Any, ...]:
     """Return the settings of a scene that a bake depends on and that change without a depsgraph update."""
     render, units, mine = scene.render, scene.unit_settings, scene.dermis
     return (
-        render.fps, render.fps_base, scene.frame_start, scene.frame_end, units.scale_length, scene.use_gravity,
+        render.fps, render.fps_base, scene.frame_start, scene.frame_end, scene.use_preview_range,
+        scene.frame_preview_start, scene.frame_preview_end, units.system, units.scale_length, scene.use_gravity,
         tuple(scene.gravity), mine.sample_rate, mine.use_range, mine.frame_start, mine.frame_end,
     )  # fmt: skip
 
 
 def keep(scene: bpy.types.Scene, bake: Any) -> None:
     """Take over the result of a bake that has just ended: from here on changes make it out of date."""
-    fps = scene.render.fps / scene.render.fps_base
-    first = scene.dermis.frame_start if scene.dermis.use_range else scene.frame_start
-    _results[scene.session_uid] = Result(bake, fps, float(first), handlers.generation(), fingerprint(scene))
+    from .sampling import frame_range, frames_per_second
+
+    fps, first = float(frames_per_second(scene)), float(frame_range(scene)[0])
+    _results[scene.session_uid] = Result(bake, fps, first, handlers.generation(), fingerprint(scene))
     handlers.clear_dirty()
 
 

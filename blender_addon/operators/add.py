@@ -1,0 +1,126 @@
+# mypy: disable-error-code="valid-type"
+"""Add > Dermis: a finger, a touch screen, the demo scene."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
+from mathutils import Euler, Matrix
+
+from .. import properties
+
+
+def _unit(scene: bpy.types.Scene) -> float:
+    from ..sampling_roster import metres_per_unit
+
+    return metres_per_unit(scene)
+
+
+def _place(context: bpy.types.Context, obj: bpy.types.Object) -> None:
+    """Link an object at the cursor and make it the only selected one."""
+    context.collection.objects.link(obj)
+    obj.matrix_world = Matrix.LocRotScale(context.scene.cursor.location, Euler((0.0, 0.0, 0.0)), None)
+    for other in context.selected_objects:
+        other.select_set(False)
+    obj.select_set(True)
+    context.view_layer.objects.active = obj
+    properties.stamp(context.scene)
+
+
+def _zoom(context: bpy.types.Context) -> None:
+    """Bring what was added into view: a fingertip is a speck in a view made for a two-metre cube."""
+    area = context.area
+    if area is None or area.type != "VIEW_3D" or bpy.app.background:
+        return
+    region = next((r for r in area.regions if r.type == "WINDOW"), None)
+    if region is not None:
+        with context.temp_override(area=area, region=region):
+            bpy.ops.view3d.view_selected()
+
+
+class DERMIS_OT_add_finger(bpy.types.Operator):
+    """Add a fingertip at the 3D cursor: origin at the pad, +Y to the tip, +Z to the nail"""
+
+    bl_idname = "dermis.add_finger"
+    bl_label = "Add Finger"
+    bl_options = {"REGISTER", "UNDO"}
+
+    device: StringProperty(name="Device", description="Preset of a device to put on it", default="")
+    frame_view: BoolProperty(name="Zoom In", description="Bring the finger into view", default=True)
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need object mode."""
+        cls.poll_message_set("Leave edit mode first")
+        return context.mode == "OBJECT"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add it."""
+        from ..fingertip import mesh
+
+        obj = bpy.data.objects.new("Finger", mesh(_unit(context.scene)))
+        _place(context, obj)
+        obj.dermis.role = "FINGER"
+        if self.device:
+            obj.dermis.finger.devices.add().preset = self.device
+        if self.frame_view:
+            _zoom(context)
+        return {"FINISHED"}
+
+
+class DERMIS_OT_add_screen(bpy.types.Operator):
+    """Add a touch screen at the 3D cursor: a rectangle that looks up, with a relief to feel"""
+
+    bl_idname = "dermis.add_screen"
+    bl_label = "Add Touch Screen"
+    bl_options = {"REGISTER", "UNDO"}
+
+    width: FloatProperty(name="Width", default=120.0, min=1.0, soft_max=600.0, unit="CAMERA")
+    depth: FloatProperty(name="Height", default=75.0, min=1.0, soft_max=600.0, unit="CAMERA")
+    relief: EnumProperty(
+        name="Relief", description="What there is to feel at first",
+        items=(("BUMPS", "Bumps", "An image of round bumps to start from"), ("NONE", "None", "Choose an image later")),
+    )  # fmt: skip
+    frame_view: BoolProperty(name="Zoom In", description="Bring the screen into view", default=True)
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need object mode."""
+        cls.poll_message_set("Leave edit mode first")
+        return context.mode == "OBJECT"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add it."""
+        from .. import demo_scene
+
+        size = (self.width * 1e-3, self.depth * 1e-3)
+        image = demo_scene.bumps_image(size) if self.relief == "BUMPS" else None
+        obj = demo_scene.screen_object(size, image, _unit(context.scene))
+        _place(context, obj)
+        if self.frame_view:
+            _zoom(context)
+        return {"FINISHED"}
+
+
+class DERMIS_OT_demo_scene(bpy.types.Operator):
+    """Open an example in a scene of its own: fingers stroke a plate, lift a box and feel a touch screen"""
+
+    bl_idname = "dermis.demo_scene"
+    bl_label = "Demo Scene"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Build it and look at it."""
+        from .. import demo_scene
+        from ..panels import choices
+
+        choices.refresh()
+        scene = demo_scene.build(choices.first_of_kind("shear_tactor"), choices.first_of_kind("friction_screen"))
+        if context.window is None:
+            self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")
+            return {"FINISHED"}
+        context.window.scene = scene
+        demo_scene.look(context)
+        self.report({"INFO"}, "Play the animation, then press Bake in the Dermis tab")
+        return {"FINISHED"}
+
+
+CLASSES = (DERMIS_OT_add_finger, DERMIS_OT_add_screen, DERMIS_OT_demo_scene)

@@ -1,0 +1,93 @@
+# mypy: disable-error-code="valid-type"
+"""The devices of a finger: choose, add, remove."""
+
+from typing import Any
+
+import bpy
+from bpy.props import StringProperty
+
+from .. import handlers, properties, reporting
+from ..preferences import core_module, library
+
+
+def _finger(context: bpy.types.Context, name: str) -> Any:
+    obj = context.scene.objects.get(name) if name else context.object
+    return obj if obj is not None and obj.dermis.role == "FINGER" else None
+
+
+class DERMIS_OT_choose_device(bpy.types.Operator):
+    """Choose a device for a finger from the presets"""
+
+    bl_idname = "dermis.choose_device"
+    bl_label = "Add Device"
+
+    finger: StringProperty(name="Finger", description="Object name; empty for the active object")
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Read the presets, then open the menu."""
+        return self.execute(context)
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        """Read the presets, then open the menu."""
+        from ..panels import choices
+
+        choices.refresh()
+        choices.aim(self.finger)
+        bpy.ops.wm.call_menu(name="DERMIS_MT_devices")
+        return {"FINISHED"}
+
+
+class DERMIS_OT_add_device(bpy.types.Operator):
+    """Put this device on the finger"""
+
+    bl_idname = "dermis.add_device"
+    bl_label = "Add Device"
+    bl_options = {"REGISTER", "UNDO"}
+
+    preset: StringProperty(name="Device", description="Key of a device preset")
+    finger: StringProperty(name="Finger", description="Object name; empty for the active object")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add it, if its preset can be used."""
+        errors = core_module("errors")
+        obj = _finger(context, self.finger)
+        if obj is None:
+            reporting.report(self, errors.DermisError("not a finger", where=f"object '{self.finger}'" if self.finger else "",
+                                                      remedy="Select a finger"))  # fmt: skip
+            return {"CANCELLED"}
+        try:
+            library().device(self.preset)
+        except errors.DermisError as error:
+            reporting.report(self, error)
+            return {"CANCELLED"}
+        obj.dermis.finger.devices.add().preset = self.preset
+        obj.dermis.finger.active_device = len(obj.dermis.finger.devices) - 1
+        properties.stamp(context.scene)
+        handlers.mark_dirty(obj.name)
+        return {"FINISHED"}
+
+
+class DERMIS_OT_remove_device(bpy.types.Operator):
+    """Take the selected device off the finger"""
+
+    bl_idname = "dermis.remove_device"
+    bl_label = "Remove Device"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a finger that has a device."""
+        cls.poll_message_set("The active object is no finger with a device")
+        return _finger(context, "") is not None and bool(context.object.dermis.finger.devices)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Remove it."""
+        finger = context.object.dermis.finger
+        index = min(finger.active_device, len(finger.devices) - 1)
+        finger.devices.remove(index)
+        finger.active_device = max(0, min(index, len(finger.devices) - 1))
+        handlers.mark_dirty(context.object.name)
+        return {"FINISHED"}
+
+
+CLASSES = (DERMIS_OT_choose_device, DERMIS_OT_add_device, DERMIS_OT_remove_device)

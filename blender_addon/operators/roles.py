@@ -1,0 +1,123 @@
+# mypy: disable-error-code="valid-type"
+"""What an object is to Dermis: touchable with a material, a finger, a screen, or nothing."""
+
+from typing import Any
+
+import bpy
+from bpy.props import EnumProperty, StringProperty
+
+from .. import handlers, properties, reporting
+from ..preferences import core_module, library
+
+
+def _meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
+    chosen = list(context.selected_objects)
+    if context.object is not None and context.object not in chosen:
+        chosen.append(context.object)
+    return [o for o in chosen if o.type == "MESH"]
+
+
+class DERMIS_OT_make_touchable(bpy.types.Operator):
+    """Let fingers feel the selected mesh objects, with a haptic material from a preset or by hand"""
+
+    bl_idname = "dermis.make_touchable"
+    bl_label = "Make Touchable"
+    bl_options = {"REGISTER", "UNDO"}
+
+    preset: StringProperty(name="Material", description="Preset to take the values from; empty keeps the values")
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a mesh object."""
+        cls.poll_message_set("Select a mesh object")
+        return bool(_meshes(context))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Set role and material of every selected mesh."""
+        errors = core_module("errors")
+        values: dict[str, Any] = {}
+        if self.preset:
+            try:
+                values = library().material(self.preset)
+            except errors.DermisError as error:
+                reporting.report(self, error)
+                return {"CANCELLED"}
+        fingers = 0
+        for obj in _meshes(context):
+            if obj.dermis.role in ("FINGER", "SCREEN") and obj is not context.object:
+                fingers += 1  # a finger that is merely also selected stays one
+                continue
+            obj.dermis.role = "TOUCHABLE"
+            properties.apply_parameters(obj.dermis.material, values)
+            if self.preset:
+                obj.dermis.material.preset = self.preset
+        properties.stamp(context.scene)
+        if fingers:
+            self.report({"INFO"}, f"Left {fingers} selected finger(s) or screen(s) as they are")
+        return {"FINISHED"}
+
+
+class DERMIS_OT_choose_material(bpy.types.Operator):
+    """Choose a haptic material for the selected mesh objects"""
+
+    bl_idname = "dermis.choose_material"
+    bl_label = "Choose Haptic Material"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a mesh object that may become touchable."""
+        cls.poll_message_set("Select the mesh object that fingers shall feel")
+        return context.object is not None and context.object.type == "MESH" and context.mode == "OBJECT" and (
+            context.object.dermis.role in ("NONE", "TOUCHABLE")
+        )
+
+    def invoke(self, _context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Read the presets, then open the menu."""
+        return self.execute(_context)
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        """Read the presets, then open the menu."""
+        from ..panels import choices
+
+        choices.refresh()
+        bpy.ops.wm.call_menu(name="DERMIS_MT_materials")
+        return {"FINISHED"}
+
+
+class DERMIS_OT_set_role(bpy.types.Operator):
+    """Change what the active object is to Dermis; its settings are kept"""
+
+    bl_idname = "dermis.set_role"
+    bl_label = "Set Role"
+    bl_options = {"REGISTER", "UNDO"}
+
+    role: EnumProperty(
+        name="Role",
+        items=(("NONE", "Nothing", "Dermis ignores it"), ("FINGER", "Finger", "It feels"),
+               ("TOUCHABLE", "Touchable", "It can be felt"), ("SCREEN", "Touch Screen", "It renders friction")),
+    )  # fmt: skip
+
+    @classmethod
+    def description(cls, _context: bpy.types.Context, properties: Any) -> str:
+        """Say what the button does."""
+        return {
+            "NONE": "Dermis shall ignore this object; its settings are kept",
+            "FINGER": "This object feels: its origin is the pad's centre, +Y points to the tip, +Z to the nail",
+            "SCREEN": "This object is a touch screen: a rectangle in its own XY plane, looking along +Z",
+        }.get(properties.role, "Fingers can feel this object")
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need an active object."""
+        cls.poll_message_set("Select an object")
+        return context.object is not None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Set it."""
+        context.object.dermis.role = self.role
+        properties.stamp(context.scene)
+        handlers.mark_dirty(context.object.name)
+        return {"FINISHED"}
+
+
+CLASSES = (DERMIS_OT_make_touchable, DERMIS_OT_choose_material, DERMIS_OT_set_role)

@@ -1,0 +1,22 @@
+"""The Dermis tab and its menus: they draw, and do nothing else."""
+
+import bpy
+
+from . import bake, choices, main, menus, object, preview
+
+CLASSES = (*main.CLASSES, *preview.CLASSES, *object.CLASSES, *bake.CLASSES, *menus.CLASSES)
+
+
+def register() -> None:
+    """Register panels and menus in the order in which they appear."""
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.VIEW3D_MT_add.append(menus.draw_add)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    bpy.types.VIEW3D_MT_add.remove(menus.draw_add)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
+    choices.forget()

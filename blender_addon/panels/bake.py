@@ -1,0 +1,132 @@
+"""Settings of the bake, what it gave, and what was noticed on the way."""
+
+from typing import Any
+
+import bpy
+
+from .. import handlers, reporting, results
+from .main import DermisPanel
+from .text import paragraph
+
+SEVERITY_ICONS = {"error": "CANCEL", "warning": "ERROR", "info": "INFO"}
+MOST_FINDINGS = 12
+
+
+class DERMIS_PT_bake(DermisPanel, bpy.types.Panel):
+    """How to bake."""
+
+    bl_idname = "DERMIS_PT_bake"
+    bl_label = "Bake Settings"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw rate, range and output."""
+        settings = context.scene.dermis
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(settings, "sample_rate")
+        layout.prop(settings, "use_range")
+        if settings.use_range:
+            column = layout.column(align=True)
+            column.prop(settings, "frame_start")
+            column.prop(settings, "frame_end")
+        layout.prop(settings, "output_dir")
+        layout.prop(settings, "plots")
+        layout.operator("dermis.export_scene", icon="FILE_CACHE")
+
+
+class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
+    """What the last bake gave."""
+
+    bl_idname = "DERMIS_PT_result"
+    bl_label = "Result"
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        """Mark a result that is out of date."""
+        if results.state(context.scene) == "stale":
+            self.layout.label(text="", icon="ERROR")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw tracks, counters and times."""
+        layout, scene = self.layout, context.scene
+        state, result = results.state(scene), results.current(scene)
+        if result is None:
+            if scene.dermis.bake_key:
+                paragraph(layout, context, "A bake of an earlier session is stored.")
+                layout.operator("dermis.load_result", icon="FILE_REFRESH")
+            else:
+                paragraph(layout, context, "Nothing baked yet.")
+            return
+        if state == "stale":
+            box = layout.box()
+            changed = sorted(handlers.dirty())
+            cause = f" ({', '.join(changed[:3])}{', ...' if len(changed) > 3 else ''})" if changed else ""
+            paragraph(box, context, f"Out of date: the scene changed since{cause}. Bake again.", "ERROR")
+        elif state == "earlier":
+            paragraph(layout, context, "From an earlier session; the scene may have changed since.", "INFO")
+        self._tracks(result.bake)
+        self._figures(result.bake)
+
+    def _tracks(self, bake: Any) -> None:
+        for output in bake.outputs:
+            box = self.layout.box().column(align=True)
+            track = output.track
+            icon = "DESKTOP" if track.spec.kind == "friction_screen" else "MOD_WARP"
+            box.label(text=f"{output.finger}: {track.spec.name}", icon=icon)
+            duration = float(track.times[-1] - track.times[0]) if len(track.times) else 0.0
+            row = box.row()
+            row.active = False
+            row.label(text=f"{len(track.times):,} samples, {duration:.2f} s at {track.spec.rate:g} Hz", icon="BLANK1")
+            for name, count in track.limited.items():
+                if count:
+                    box.label(text=f"{name}: {count:,} samples limited", icon="ERROR")
+
+    def _figures(self, bake: Any) -> None:
+        column = self.layout.column(align=True)
+        column.active = False
+        column.scale_y = 0.85
+        for name, count in bake.skipped.items():
+            if count:
+                column.label(text=f"Skipped, {name.replace('_', ' ')}: {count:,}")
+        if bake.stage_seconds:
+            times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in bake.stage_seconds.items())
+            paragraph(column, bpy.context, f"Took {times}")
+
+
+class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
+    """What was noticed while sampling, rendering and checking."""
+
+    bl_idname = "DERMIS_PT_findings"
+    bl_label = "Findings"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Show only where there are any."""
+        return bool(reporting.findings(context.scene))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw errors first, each with a way to its place."""
+        rank = {"error": 0, "warning": 1, "info": 2}
+        numbered = sorted(enumerate(reporting.findings(context.scene)), key=lambda item: rank[item[1].severity])
+        for index, finding in numbered[:MOST_FINDINGS]:
+            box = self.layout.box()
+            row = box.row(align=True)
+            text = row.column(align=True)
+            head = f"{finding.where}: {finding.what}" if finding.where else finding.what
+            if finding.count > 1:
+                head += f" ({finding.count:,} samples)"
+            paragraph(text, context, head, SEVERITY_ICONS[finding.severity])
+            if finding.value is not None or finding.limit:
+                parts = [f"found {finding.value}"] if finding.value is not None else []
+                parts += [f"allowed: {finding.limit}"] if finding.limit else []
+                paragraph(text, context, "; ".join(parts), "BLANK1")
+            if finding.remedy:
+                paragraph(text, context, finding.remedy, "BLANK1")
+            if finding.frame is not None or "'" in finding.where:
+                row.operator("dermis.go_to_finding", text="", icon="VIEWZOOM", emboss=False).index = index
+        if len(numbered) > MOST_FINDINGS:
+            self.layout.label(text=f"and {len(numbered) - MOST_FINDINGS} more")
+
+
+CLASSES = (DERMIS_PT_result, DERMIS_PT_findings, DERMIS_PT_bake)

@@ -1,0 +1,82 @@
+"""The Dermis tab's head: what to do next, and the way from here to a track."""
+
+import bpy
+
+from .. import results
+from . import census
+from .text import paragraph
+
+
+class DermisPanel:
+    """Where our panels live."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Dermis"
+
+
+class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
+    """Next step, Bake and Export."""
+
+    bl_idname = "DERMIS_PT_main"
+    bl_label = "Dermis"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the steps that are left, then the actions."""
+        layout, scene = self.layout, context.scene
+        found = census.of(scene)
+        if found.newer:
+            box = layout.box()
+            paragraph(box, context, f"This file was saved by a newer Dermis (its format {found.newer}). "
+                      "Update Dermis before you save it: newer settings are not shown here.", "ERROR")  # fmt: skip
+        if not found.fingers and not found.touchables and not found.screens:
+            self._welcome(context)
+            return
+        self._steps(context, found)
+        ready = bool(found.fingers) and bool(found.touchables or found.screens) and len(found.idle) < len(found.fingers)
+        column = layout.column(align=True)
+        column.scale_y = 1.35
+        column.active = ready
+        column.operator("dermis.bake", icon="REC")
+        row = layout.row(align=True)
+        row.enabled = results.state(scene) != "none"
+        row.operator("dermis.export_tracks", icon="EXPORT")
+
+    def _welcome(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        paragraph(layout, context, "Animate a finger over an object; Dermis works out what a tactile device on that "
+                  "finger should do.")  # fmt: skip
+        column = layout.column(align=True)
+        column.scale_y = 1.2
+        column.operator("dermis.add_finger", text="1.  Add a Finger", icon="VIEW_PAN")
+        column.operator("dermis.choose_material", text="2.  Make an Object Touchable", icon="MATERIAL")
+        column.operator("dermis.bake", text="3.  Bake", icon="REC")
+        layout.separator()
+        paragraph(layout, context, "Or look at a finished example first:")
+        layout.operator("dermis.demo_scene", icon="SCENE_DATA")
+
+    def _steps(self, context: bpy.types.Context, found: census.Census) -> None:
+        layout = self.layout
+        if not found.fingers:
+            paragraph(layout, context, "Next: add the finger that feels.", "RIGHTARROW")
+            layout.operator("dermis.add_finger", icon="VIEW_PAN")
+        elif not found.touchables and not found.screens:
+            paragraph(layout, context, "Next: give it something to touch. Select a mesh object and make it touchable, "
+                      "or add a touch screen.", "RIGHTARROW")  # fmt: skip
+            row = layout.row(align=True)
+            row.operator("dermis.choose_material", text="Make Touchable", icon="MATERIAL")
+            row.operator("dermis.add_screen", text="Touch Screen", icon="DESKTOP")
+        elif found.idle:
+            paragraph(layout, context, f"Next: give {_names(found.idle)} a device.", "RIGHTARROW")
+            operator = layout.operator("dermis.choose_device", icon="ADD")
+            operator.finger = found.idle[0]
+        elif results.state(context.scene) == "none":
+            paragraph(layout, context, "Next: bake. Animate the finger first; what does not move feels little.",
+                      "RIGHTARROW")  # fmt: skip
+
+
+def _names(names: tuple[str, ...]) -> str:
+    return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+
+
+CLASSES = (DERMIS_PT_main,)

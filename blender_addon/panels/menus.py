@@ -1,0 +1,78 @@
+"""Menus: Add > Dermis, and the presets to choose from. They draw what their operators have read before."""
+
+from typing import Any
+
+import bpy
+
+from . import choices
+
+
+class DERMIS_MT_add(bpy.types.Menu):
+    """Things to add."""
+
+    bl_idname = "DERMIS_MT_add"
+    bl_label = "Dermis"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the entries."""
+        layout = self.layout
+        layout.operator_context = "INVOKE_REGION_WIN"
+        layout.operator("dermis.add_finger", text="Finger", icon="VIEW_PAN")
+        layout.operator("dermis.add_screen", text="Touch Screen", icon="DESKTOP")
+        layout.separator()
+        layout.operator("dermis.demo_scene", text="Demo Scene", icon="SCENE_DATA")
+
+
+def _broken(layout: Any, entries: list[Any]) -> None:
+    if entries:
+        layout.separator()
+    for entry in entries:
+        column = layout.column(align=True)
+        column.active = False
+        column.label(text=f"{entry.key}: cannot be used", icon="ERROR")
+        column.label(text=str(entry.error)[:110], icon="BLANK1")
+
+
+class DERMIS_MT_devices(bpy.types.Menu):
+    """Device presets."""
+
+    bl_idname = "DERMIS_MT_devices"
+    bl_label = "Add Device"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw one entry a preset; broken ones with their reason."""
+        layout = self.layout
+        for entry in choices.devices():
+            if entry.error is None:
+                icon = "DESKTOP" if choices.kind_of(entry.key) == "friction_screen" else "MOD_WARP"
+                text = f"{entry.name}{' (yours)' if entry.user else ''}"
+                operator = layout.operator("dermis.add_device", text=text, icon=icon)
+                operator.preset = entry.key
+                operator.finger = choices.target()
+        _broken(layout, [e for e in choices.devices() if e.error is not None])
+
+
+class DERMIS_MT_materials(bpy.types.Menu):
+    """Haptic materials."""
+
+    bl_idname = "DERMIS_MT_materials"
+    bl_label = "Haptic Material"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw one entry a preset; broken ones with their reason."""
+        layout = self.layout
+        for entry in choices.materials():
+            if entry.error is None:
+                text = f"{entry.name}{' (yours)' if entry.user else ''}"
+                layout.operator("dermis.make_touchable", text=text, icon="MATERIAL").preset = entry.key
+        layout.separator()
+        layout.operator("dermis.make_touchable", text="By Hand", icon="OPTIONS").preset = ""
+        _broken(layout, [e for e in choices.materials() if e.error is not None])
+
+
+def draw_add(self: Any, _context: bpy.types.Context) -> None:
+    """Draw our entry in the Add menu."""
+    self.layout.menu("DERMIS_MT_add", icon="VIEW_PAN")
+
+
+CLASSES = (DERMIS_MT_add, DERMIS_MT_devices, DERMIS_MT_materials)

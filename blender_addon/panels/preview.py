@@ -1,0 +1,40 @@
+"""The devices at the current frame, as figures, and how the view shows them."""
+
+import bpy
+
+from .. import live
+from .main import DermisPanel
+from .text import paragraph, quantity
+
+
+class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
+    """What the devices do now."""
+
+    bl_idname = "DERMIS_PT_preview"
+    bl_label = "Preview"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the view's settings and each device's values."""
+        layout, settings = self.layout, context.scene.dermis
+        row = layout.row(align=True)
+        row.prop(settings, "live_preview", toggle=True, icon="PLAY")
+        row.prop(settings, "show_twin", toggle=True, icon="MOD_WARP", text="Twin")
+        row.prop(settings, "show_readout", toggle=True, icon="INFO", text="Readout")
+        if settings.show_twin:
+            layout.prop(settings, "twin_exaggeration", slider=True)
+        shown = live.preview(context.scene)
+        if shown is None:
+            paragraph(layout, context, "Move along the timeline to see the devices at work.")
+            return
+        icon = {"bake": "CHECKMARK", "live": "PLAY"}.get(shown.source, "ERROR")
+        paragraph(layout, context, shown.note[:1].upper() + shown.note[1:], icon)
+        for row_of in shown.rows:
+            box = layout.box().column(align=True)
+            box.label(text=f"{row_of.finger}: {row_of.title}")
+            for name, value in row_of.values.items():
+                split = box.split(factor=0.5)
+                split.label(text=name.replace("_", " "))
+                split.label(text=quantity(value, row_of.units[name]))
+
+
+CLASSES = (DERMIS_PT_preview,)

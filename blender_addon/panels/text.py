@@ -1,0 +1,33 @@
+"""Words in panels: wrapped to the sidebar's width, numbers with their unit."""
+
+import textwrap
+from typing import Any
+
+import bpy
+
+
+def paragraph(layout: Any, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
+    """Write a text over as many lines as the sidebar's width needs."""
+    scale = context.preferences.system.ui_scale
+    width = context.region.width if context.region else 300
+    letters = max(int((width - 60 * scale) / (6.1 * scale)), 16)
+    column = layout.column(align=True)
+    column.scale_y = 0.85
+    for i, line in enumerate(textwrap.wrap(text, letters) or [""]):
+        if icon == "NONE":
+            column.label(text=line)
+        else:
+            column.label(text=line, icon=icon if i == 0 else "BLANK1")
+
+
+def quantity(value: float, unit: str) -> str:
+    """Return a number for people: millimetres below a metre, degrees for radians."""
+    if unit == "m":
+        return f"{value * 1e3:+.3f} mm"
+    if unit == "rad":
+        return f"{value * 57.29577951308232:+.2f}°"
+    if unit == "V":
+        return f"{value:.1f} V"
+    if unit == "Hz":
+        return f"{value:.0f} Hz"
+    return f"{value:.4g} {unit}" if unit != "1" else f"{value:.4g}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -156,7 +156,7 @@ class PngCanvas:
         away = np.hypot(columns - x0 - along * (x1 - x0), rows - y0 - along * (y1 - y0))
         self._blend(top, left, np.clip(half + 0.5 - away, 0.0, 1.0), colour)
 
-    def _blend(self, top: int, left: int, cover: Array, colour: Colour) -> None:
+    def _blend(self, top: int, left: int, cover: NDArray[Any], colour: Colour) -> None:
         """Lay a colour over pixels, as much of it as `cover` says; what lies outside is left out."""
         rows, columns, _ = self._pixels.shape
         a, b = max(top, 0), min(top + cover.shape[0], rows)

@@ -40,7 +40,7 @@ def width(text: str) -> float:
 
 
 def plain(text: str) -> str:
-    """Return a text in the letters that this font has: accents go, what is missing stays as it is and shows as a box."""
+    """Return a text in the letters that this font has: accents go; what is missing will show as a box."""
     letters = []
     for letter in text:
         if letter in _MORE or " " <= letter <= "~":

@@ -132,7 +132,7 @@ def _panel(
             canvas.rectangle(t - 1.5, float(y_of(values[part.start])) - 1.5, 3, 3, colour)
         else:
             t_part, v_part = thinned(times[part], values[part], MOST_POINTS)
-            canvas.curve(_across(t_part, first, last), y_of(v_part), colour, 1.3)
+            canvas.curve(LEFT + (WIDTH - LEFT - RIGHT) * (t_part - first) / (last - first), y_of(v_part), colour, 1.3)
     name = f"{channel.name} [{unit}]" if unit else channel.name
     canvas.rectangle(LEFT + 5, top + 4, 5.6 * len(name) + 10, 15, PAPER)
     canvas.text(LEFT + 10, top + 15, name, 7.5, colour)
@@ -202,8 +202,8 @@ def _runs(mask: NDArray[np.bool_]) -> list[slice]:
     return [slice(a, b) for a, b in edges.reshape(-1, 2).tolist()]
 
 
-def _across(t: Array | float, first: float, last: float) -> Array:
-    return LEFT + (WIDTH - LEFT - RIGHT) * (np.asarray(t) - first) / (last - first)
+def _across(t: float, first: float, last: float) -> float:
+    return LEFT + (WIDTH - LEFT - RIGHT) * (t - first) / (last - first)
 
 
 def _label(value: float, all_values: list[float]) -> str:

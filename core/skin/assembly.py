@@ -50,7 +50,8 @@ def geometry(mesh: TetraMesh) -> Geometry:
     gradients = np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1)
 
     count = len(mesh.nodes)
-    nodal = np.bincount(mesh.tetrahedra.ravel(), np.repeat(volumes / 4.0, 4), minlength=count)
+    nodal = np.zeros(count)
+    np.add.at(nodal, mesh.tetrahedra, volumes[:, None] / 4.0)
     weight = (volumes / 4.0)[:, None, None] * gradients
     row = np.broadcast_to(mesh.tetrahedra[:, :, None, None], (len(volumes), 4, 4, 3))
     column = 3 * mesh.tetrahedra[:, None, :, None] + np.arange(3)

@@ -182,5 +182,6 @@ def _cost(levels: list[Index], is_pad: NDArray[np.bool_]) -> float:
         n = len(level)
         following = len(levels[i + 1]) if i + 1 < len(levels) else 0
         active += int(np.count_nonzero(is_pad[level]))
-        total += n**3 / 3 + n**2 * following + n * following**2 + n**2 * active + n * following * active * 2 + n * active**2
+        total += n**3 / 3 + n**2 * following + n * following**2
+        total += active * (n**2 + 2 * n * following + n * active)
     return total

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +13,18 @@ from numpy.typing import NDArray
 from ..errors import DermisError
 from .shape import FingertipShape
 
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
 Array = NDArray[np.float64]
 Index = NDArray[np.int32]
 Complex = NDArray[np.complex128]
 
-PAD_SIZE = 0.21  # half size of the fine square at the pad, as a fraction of the chart's radius
-PAD_BULGE = 0.12  # bows the square's sides outward, so that its corners have 117 degrees, near the ideal 120
-DEPTH_GROWTH = 2.6  # thickness of the layer at the bone over that at the skin
+# The fine block in the chart, whose radius is 1: its half width, and how far it runs back from the pad's centre and
+# forward over the tip.
+PAD_HALF, PAD_BACK, PAD_FRONT = 0.17, 0.19, 0.26
+PAD_BULGE = 0.10  # bows the block's sides outward, so that its corners come nearer to the ideal 120 degrees
+DEPTH_GROWTH = 2.0  # thickness of the layer at the bone over that at the skin, under the pad; less where tissue is thin
 PAD_TILT = -0.1  # skin whose outward normal has a smaller Z may touch
 
 # Five tetrahedra of a hexahedron whose vertices 0, 2, 5, 7 (first) or 1, 3, 4, 6 (second) are of the even colour.
@@ -30,23 +36,30 @@ _SPLIT = (
 
 @dataclass(frozen=True)
 class Level:
-    """How fine a mesh is: cells across the pad (even), rings from the pad to the cut end, layers from bone to skin."""
+    """How fine a mesh is.
+
+    Attributes:
+        across, along: cells of the fine block across and along the pad, both even.
+        rings: rings of cells from the block to the cut end.
+        layers: from bone to skin.
+    """
 
     across: int
+    along: int
     rings: int
     layers: int
 
     @property
     def tetrahedra(self) -> int:
         """Number of tetrahedra."""
-        return 5 * self.layers * self.across * (self.across + 4 * self.rings)
+        return 5 * self.layers * (self.across * self.along + 2 * (self.across + self.along) * self.rings)
 
 
 LEVELS: dict[str, Level] = {
-    "draft": Level(6, 3, 3),
-    "standard": Level(10, 5, 4),
-    "fine": Level(16, 8, 7),
-    "reference": Level(24, 12, 10),
+    "draft": Level(4, 8, 3, 3),
+    "standard": Level(8, 12, 4, 5),
+    "fine": Level(14, 20, 7, 7),
+    "reference": Level(20, 30, 10, 11),
 }
 
 
@@ -103,6 +116,17 @@ class TetraMesh:
         return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
     @cached_property
+    def averaging(self) -> csr_array:
+        """Takes values per element to their volume average around each node, sparse (n, e)."""
+        from scipy.sparse import csr_array as csr
+
+        count = len(self.tetrahedra)
+        nodal = np.bincount(self.tetrahedra.ravel(), np.repeat(self.volumes, 4), minlength=len(self.nodes))
+        shares = np.repeat(self.volumes, 4) / nodal[self.tetrahedra.ravel()]
+        starts = np.arange(0, 4 * count + 1, 4)
+        return csr((shares, self.tetrahedra.ravel(), starts), (count, len(self.nodes))).T.tocsr()
+
+    @cached_property
     def _node_vectors(self) -> Array:
         a, b, c = (self.nodes[self.surface[:, i]] for i in range(3))
         vectors = np.cross(b - a, c - a) / 6.0
@@ -137,7 +161,8 @@ def fingertip_mesh(shape: FingertipShape | None = None, level: str | Level = "st
     Bone surface and nail are fixed. Pad nodes are those of the palmar skin, without the rim of the cut end.
 
     Args:
-        level: 'draft' (about 1.4k tetrahedra), 'standard' (6k), 'fine' (27k), 'reference' (88k), or a `Level`.
+        level: 'draft' (about 1.6k tetrahedra), 'standard' (6.4k), 'fine' (26k), 'reference' (88k, for tests), or
+            a `Level`.
 
     Raises:
         DermisError: an unknown level, or a shape so uneven that elements would be inverted.
@@ -149,12 +174,14 @@ def fingertip_mesh(shape: FingertipShape | None = None, level: str | Level = "st
         level = LEVELS[level]
     if level.layers < 1:
         raise DermisError("too few layers", where="fingertip mesh", value=level.layers, limit=">= 1")
-    disk = disk_quads(level.across, level.rings)
+    disk = disk_quads(level.across, level.along, level.rings)
     count = len(disk.chart)
     skin, bone = (mirrored(surface, disk.mirror) for surface in (shape.skin(disk.chart), shape.bone(disk.chart)))
-    depth = np.linspace(1.0, 0.0, level.layers + 1)
-    share = 1.0 - np.expm1(np.log(DEPTH_GROWTH) * depth) / (DEPTH_GROWTH - 1.0)
-    nodes = (bone[None] + share[:, None, None] * (skin - bone)[None]).reshape(-1, 3)
+    thickness = np.linalg.norm(skin - bone, axis=1)
+    rate = np.log(DEPTH_GROWTH) * np.minimum(1.0, thickness / shape.pulp)
+    depth = np.linspace(1.0, 0.0, level.layers + 1)[:, None]
+    share = 1.0 - np.expm1(rate * depth) / np.expm1(rate)
+    nodes = (bone[None] + share[:, :, None] * (skin - bone)[None]).reshape(-1, 3)
 
     starts = (np.arange(level.layers, dtype=np.int32) * count)[:, None, None]
     hexahedra = np.concatenate([disk.quads[None] + starts, disk.quads[None] + starts + np.int32(count)], axis=2)
@@ -186,51 +213,58 @@ def pad_nodes(mesh: TetraMesh, exclude: NDArray[np.integer] | None = None) -> In
     return np.flatnonzero(palmar).astype(np.int32)
 
 
-def disk_quads(across: int, rings: int) -> DiskQuads:
+def disk_quads(across: int, along: int, rings: int) -> DiskQuads:
     """Return a graded disk of quadrilaterals, symmetric under conjugation.
 
     Raises:
-        DermisError: `across` is odd (there would be no vertices on the mirror plane) or below 2, no rings.
+        DermisError: an odd or too small number of cells (the mirror plane needs vertices on it), no rings.
     """
-    if across < 2 or across % 2:
-        raise DermisError("cells across the pad must be even", where="fingertip mesh", value=across, limit="2, 4, 6 ...")
+    for label, cells in (("across", across), ("along", along)):
+        if cells < 2 or cells % 2:
+            what = f"cells {label} the pad must be even"
+            raise DermisError(what, where="fingertip mesh", value=cells, limit="2, 4, 6 ...")
     if rings < 1:
         raise DermisError("too few rings", where="fingertip mesh", value=rings, limit=">= 1")
-    n = across
-    line = np.linspace(-1.0, 1.0, n + 1)
+    n, m = across, along
     # Rows run along the finger (real part: towards the cut end), columns across it.
-    real, imag = np.meshgrid(line, line, indexing="ij")
-    square = PAD_SIZE * (real * (1 + PAD_BULGE * (1 - imag**2)) + 1j * imag * (1 + PAD_BULGE * (1 - real**2)))
-    number = np.arange((n + 1) ** 2, dtype=np.int32).reshape(n + 1, n + 1)
+    real, imag = np.meshgrid(np.linspace(-1.0, 1.0, m + 1), np.linspace(-1.0, 1.0, n + 1), indexing="ij")
+    half = 0.5 * (PAD_BACK + PAD_FRONT)
+    middle = 0.5 * (PAD_BACK - PAD_FRONT)
+    block = middle + half * real * (1 + PAD_BULGE * (1 - imag**2))
+    block = block + 1j * PAD_HALF * imag * (1 + PAD_BULGE * (1 - real**2))
+    inner = (m + 1) * (n + 1)
+    number = np.arange(inner, dtype=np.int32).reshape(m + 1, n + 1)
     around = np.concatenate([number[:-1, 0], number[-1, :-1], number[:0:-1, -1], number[0, :0:-1]])
-    start = -0.75 * np.pi
-    circle = np.exp(1j * (start + 0.5 * np.pi * np.arange(4 * n) / n))
-    border = square.ravel()[around]
+    border = block.ravel()[around]
+    length = len(around)
 
-    first = 2.0 * PAD_SIZE / n / (1.0 - PAD_SIZE * (1 + PAD_BULGE))
-    growth = _growth(first, rings)
-    steps = np.cumsum(growth ** np.arange(rings))
-    shares = steps / steps[-1]
-    outer = border[None] + shares[:, None] * (circle - border)[None]
-    chart = np.concatenate([square.ravel(), outer.ravel()])
+    # The rim is divided evenly between the angles of the block's corners.
+    back, front = np.arctan2(PAD_HALF, PAD_BACK), np.pi - np.arctan2(PAD_HALF, PAD_FRONT)
+    angle = np.concatenate([
+        np.linspace(-front, -back, m + 1)[:-1], np.linspace(-back, back, n + 1)[:-1],
+        np.linspace(back, front, m + 1)[:-1], np.linspace(front, 2 * np.pi - front, n + 1)[:-1],
+    ])  # fmt: skip
+    rim = np.exp(1j * angle)
+    first = 2.0 * half / m / (1.0 - PAD_BACK)
+    steps = np.cumsum(_growth(first, rings) ** np.arange(rings))
+    outer = border[None] + (steps / steps[-1])[:, None] * (rim - border)[None]
+    chart = np.concatenate([block.ravel(), outer.ravel()])
 
-    loops = np.concatenate([around[None], (n + 1) ** 2 + np.arange(rings * 4 * n).reshape(rings, -1)]).astype(np.int32)
+    loops = np.concatenate([around[None], inner + np.arange(rings * length).reshape(rings, -1)]).astype(np.int32)
     inner_quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
     ring_quads = np.stack(
         [loops[:-1], loops[1:], np.roll(loops[1:], -1, axis=1), np.roll(loops[:-1], -1, axis=1)], axis=-1
     ).reshape(-1, 4)
     quads = np.concatenate([inner_quads, ring_quads]).astype(np.int32)
 
-    i, j = np.divmod(np.arange((n + 1) ** 2), n + 1)
-    ring, place = np.divmod(np.arange(rings * 4 * n), 4 * n)
+    i, j = np.divmod(np.arange(inner), n + 1)
+    ring, place = np.divmod(np.arange(rings * length), length)
     colour = np.concatenate([i + j, place + ring + 1]) % 2
-    mirror = np.concatenate([i * (n + 1) + n - j, (n + 1) ** 2 + ring * 4 * n + _reflect(place, n)])
+    # A loop starts at the front left corner, goes back, across, forward and across: conjugation reverses it about
+    # the middle of the back side.
+    reflected = (2 * m + n - place) % length
+    mirror = np.concatenate([i * (n + 1) + n - j, inner + ring * length + reflected])
     return DiskQuads(chart, quads, colour.astype(np.int32), loops[-1], mirror.astype(np.int32))
-
-
-def _reflect(place: NDArray[np.integer], n: int) -> NDArray[np.integer]:
-    """Return the place on a loop of 4 n vertices that conjugation takes each to: angle -3/4 pi + q to 3/4 pi - q."""
-    return (3 * n - place) % (4 * n)
 
 
 def _growth(first: float, count: int) -> float:

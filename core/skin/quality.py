@@ -100,13 +100,15 @@ def check_mesh(mesh: TetraMesh) -> None:
     where = f"skin mesh '{mesh.name}'"
     nodes, tetrahedra = mesh.nodes, mesh.tetrahedra
     if nodes.ndim != 2 or nodes.shape[1] != 3 or tetrahedra.ndim != 2 or tetrahedra.shape[1] != 4:
-        raise DermisError("nodes must be (n, 3) and tetrahedra (e, 4)", where=where, value=(nodes.shape, tetrahedra.shape))
+        shapes = (nodes.shape, tetrahedra.shape)
+        raise DermisError("nodes must be (n, 3) and tetrahedra (e, 4)", where=where, value=shapes)
     if len(tetrahedra) == 0:
         raise DermisError("there are no tetrahedra", where=where)
     if not np.isfinite(nodes).all():
         bad = int(np.flatnonzero(~np.isfinite(nodes).all(axis=1))[0])
         raise DermisError("a node is not a finite number", where=where, value=f"node {bad}")
-    for label, array in (("tetrahedra", tetrahedra), ("fixed", mesh.fixed), ("pad", mesh.pad), ("surface", mesh.surface)):
+    for label in ("tetrahedra", "fixed", "pad", "surface"):
+        array = getattr(mesh, label)
         if array.size and (array.min() < 0 or array.max() >= len(nodes)):
             raise DermisError(
                 f"'{label}' names a node that does not exist", where=where,
@@ -205,9 +207,9 @@ def _check_sets(mesh: TetraMesh, where: str) -> None:
     missing = np.setdiff1d(mesh.pad, mesh.surface)
     if len(missing):
         raise DermisError("a pad node is not on the surface", where=where, value=int(missing[0]))
-    label = _components(len(mesh.nodes), mesh.tetrahedra)
-    parts = np.unique(label)
-    held = np.array([np.count_nonzero(label[mesh.fixed] == p) for p in parts])
+    part_of = _components(len(mesh.nodes), mesh.tetrahedra)
+    parts = np.unique(part_of)
+    held = np.array([np.count_nonzero(part_of[mesh.fixed] == p) for p in parts])
     if (held < 3).any():
         raise DermisError(
             "a part of the mesh is not held", where=where, value=f"{np.count_nonzero(held < 3)} of {len(parts)} parts",
@@ -234,4 +236,4 @@ def _components(count: int, tetrahedra: NDArray[np.integer]) -> NDArray[np.integ
 
 def _face_normal(corners: Array, face: tuple[int, ...]) -> Array:
     a, b, c = (corners[:, i] for i in face)
-    return np.cross(b - a, c - a)
+    return np.asarray(np.cross(b - a, c - a), np.float64)

@@ -58,7 +58,8 @@ class FingertipShape:
         self._below("bone_width", self.bone_width, "width - tissue", self.width - 2 * MIN_TISSUE)
         room = self.thickness * PALM_SHARE - MIN_TISSUE + self.height_back
         self._below("bone_bed + bone_thickness", self.bone_bed + self.bone_thickness, "thickness - tissue", room)
-        self._below("bone_margin + half the bone's width", self.bone_margin + self.bone_width / 2, "length", self.length)
+        head = self.bone_margin + self.bone_width / 2
+        self._below("bone_margin + half the bone's width", head, "length", self.length)
         if self.bone_bed < MIN_TISSUE or self.bone_margin < MIN_TISSUE:
             raise DermisError(
                 "too little soft tissue round the bone", where="fingertip, bone_bed or bone_margin",
@@ -74,6 +75,11 @@ class FingertipShape:
     def height_back(self) -> float:
         """Height of the back above the widest part [m]."""
         return self.thickness * (1.0 - PALM_SHARE)
+
+    @property
+    def pulp(self) -> float:
+        """Soft tissue between the pad's centre and the bone [m]."""
+        return self.thickness - self.bone_bed - self.bone_thickness
 
     @property
     def reach(self) -> float:
@@ -117,12 +123,10 @@ class FingertipShape:
         radius, angle, axial = self._tube(chart)
         half = 0.5 * self.bone_width
         centre = self.tip - self.bone_margin - half
-        t = np.maximum(-axial, 0.0)
-        # Behind the bone's head the section is constant; the chart's speed there is matched to first order, so that
-        # layers of elements do not kink.
-        span = centre - (self.tip - self.length)
-        back = half * t + (span - half * self.reach) * (t / self.reach) ** 2
-        y = centre + half * np.maximum(axial, 0.0) - back
+        # Behind the head each point of the bone approaches the section of its point of the skin, so that the layers
+        # between them are not sheared where the tissue is thin.
+        behind = np.maximum(-axial, 0.0)
+        y = half * np.maximum(axial, 0.0) - self.tip * behind + centre * (1.0 - behind / self.reach) ** 2
         middle = self.thickness - self.bone_bed - 0.5 * self.bone_thickness
         x = -half * radius * angle.imag
         z = middle - 0.5 * self.bone_thickness * radius * angle.real
@@ -156,19 +160,19 @@ class FingertipShape:
             )  # fmt: skip
 
 
-def fingertip_surface(shape: FingertipShape, *, across: int = 12, rings: int = 8) -> Mesh:
+def fingertip_surface(shape: FingertipShape, *, across: int = 12, along: int = 16, rings: int = 8) -> Mesh:
     """Return the closed skin of a fingertip for drawing and for modelling: quads split alike, outward.
 
     Args:
-        across: cells across the pad, even.
+        across, along: cells across and along the pad, even.
         rings: rings of cells from the pad to the cut end.
 
     Raises:
-        DermisError: `across` is odd or too small.
+        DermisError: an odd or too small number of cells.
     """
     from .mesh import disk_quads, split_quads
 
-    disk = disk_quads(across, rings)
+    disk = disk_quads(across, along, rings)
     points = shape.skin(disk.chart)
     triangles = split_quads(disk.quads, disk.colour)
     rim = disk.rim

@@ -41,6 +41,13 @@ class StressOperator:
     material: Elastic
     element: Element = "anp"
 
+    def with_material(self, material: Elastic) -> StressOperator:
+        """Return the operator of another material on the same mesh, sharing what does not depend on it."""
+        other = StressOperator(self.mesh, material, self.element)
+        shared = ("geometry", "strain_matrix", "volumetric_matrix", "weights")
+        other.__dict__.update({name: self.__dict__[name] for name in shared if name in self.__dict__})
+        return other
+
     @cached_property
     def geometry(self) -> Geometry:
         """Gradients and volumes of the mesh."""
@@ -141,14 +148,8 @@ def von_mises(stress: Array) -> Array:
 
 def nodal_average(mesh: TetraMesh, values: Array) -> Array:
     """Return the volume average at each node of values per element, shape (e, ...) to (n, ...)."""
-    from scipy.sparse import coo_array
-
     count = len(mesh.tetrahedra)
-    index = (mesh.tetrahedra.ravel(), np.repeat(np.arange(count), 4))
-    around = coo_array((np.repeat(mesh.volumes, 4), index), shape=(len(mesh.nodes), count)).tocsr()
-    flat = values.reshape(count, -1)
-    sums = around @ flat / np.asarray(around.sum(axis=1)).reshape(-1, 1)
-    return sums.reshape(len(mesh.nodes), *values.shape[1:])
+    return (mesh.averaging @ values.reshape(count, -1)).reshape(len(mesh.nodes), *values.shape[1:])
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,323 @@
+"""SkinModel: a fingertip condensed to the nodes that may touch. Made once per skin, kept on disk."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cache import Cache, cache_key
+from ..errors import DermisError
+from ..files import put_array
+from .assembly import Element, degrees, stiffness
+from .condense import Condensed, condense
+from .material import Elastic
+from .mesh import LEVELS, TetraMesh, fingertip_mesh
+from .quality import check_mesh
+from .shape import FingertipShape, shape_from_parameters
+from .stress import Probes, StressOperator, receptor_probes
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.floating[Any]]
+
+MODEL_VERSION = 1  # part of every key: raise it whenever mesh, assembly or condensation changes
+MATERIAL_PARAMETERS = ("young", "poisson", "alpha")
+_ARRAYS = ("nodes", "tetrahedra", "fixed", "pad", "surface", "compliance")
+
+
+@dataclass(frozen=True, eq=False)
+class SkinModel:
+    """A linear skin, condensed to its pad.
+
+    Forces are those on the skin [N], displacements [m], both in the finger's frame, x, y, z by pad node in the order of
+    `mesh.pad`; (m, 3) and (3 m,) are both accepted. Nothing but `compliance` and what follows from it assumes that
+    skin is linear: a state that stiffens adds an offset and a low-rank term to it (see `Stimulus`, which goes through
+    these methods only).
+
+    Attributes:
+        mesh: the tissue.
+        material: E, Poisson's ratio and alpha. E and alpha only scale.
+        element: 'anp' (averaged nodal pressure) or 'p1'.
+        unit_compliance: displacement of the pad for force on it at E = 1 Pa, symmetric positive definite [1/m],
+            shape (3 m, 3 m).
+        key: what the model depends on besides E and alpha, 64 hexadecimal digits.
+        cache: where larger tables go, or None.
+    """
+
+    mesh: TetraMesh
+    material: Elastic
+    element: Element
+    unit_compliance: Array
+    key: str
+    cache: Cache | None = None
+
+    @property
+    def pad_count(self) -> int:
+        """Number of pad nodes, m."""
+        return len(self.mesh.pad)
+
+    @property
+    def positions(self) -> Array:
+        """Pad nodes at rest [m], shape (m, 3)."""
+        return self.mesh.nodes[self.mesh.pad]
+
+    @property
+    def normals(self) -> Array:
+        """Outward unit normals of the pad nodes at rest, shape (m, 3)."""
+        return self.mesh.pad_normals
+
+    @property
+    def areas(self) -> Array:
+        """Skin that belongs to each pad node [m^2], shape (m,)."""
+        return self.mesh.pad_areas
+
+    @cached_property
+    def compliance(self) -> Array:
+        """Displacement of the pad for force on it [m/N], shape (3 m, 3 m)."""
+        return self.unit_compliance / self.material.modulus
+
+    @cached_property
+    def compliance32(self) -> NDArray[np.float32]:
+        """`compliance` in single precision, for iterations that a float64 residual checks afterwards."""
+        return self.compliance.astype(np.float32)
+
+    def with_material(self, *, young: float | None = None, alpha: float | None = None) -> SkinModel:
+        """Return the same skin of another stiffness: no work, all tables are shared."""
+        material = replace(
+            self.material, young=self.material.young if young is None else young,
+            alpha=self.material.alpha if alpha is None else alpha,
+        )  # fmt: skip
+        other = replace(self, material=material)
+        shared = ("unit_response", "_unit_stress", "probes")
+        other.__dict__.update({name: self.__dict__[name] for name in shared if name in self.__dict__})
+        if "operator" in self.__dict__:
+            other.__dict__["operator"] = self.operator.with_material(material)
+        return other
+
+    def pad_displacement(self, force: Floats) -> Array:
+        """Return the displacement of the pad nodes, shape (m, 3)."""
+        return (self.compliance @ self._force(force)).reshape(-1, 3)
+
+    def displacement(self, force: Floats) -> Array:
+        """Return the displacement of all nodes, shape (n, 3); the pad's is exact, the others' to float32."""
+        flat = self._force(force)
+        active = np.flatnonzero(flat.reshape(-1, 3).any(axis=1))
+        out = np.zeros((len(self.mesh.nodes), 3))
+        if len(active) == 0:
+            return out
+        rows = self.unit_response
+        if 2 * len(active) < self.pad_count:  # most of a pad is not touched: read only what is
+            chosen = degrees(active)
+            rows, flat32 = rows[chosen], flat[chosen]
+        else:
+            flat32 = flat
+        # scaled in float64 before and after, so that single precision sees numbers near one
+        scale = float(np.abs(flat32).max())
+        moved = (flat32 / scale).astype(np.float32) @ rows
+        out[self.mesh.free] = moved.astype(np.float64).reshape(-1, 3) * (scale / self.material.modulus)
+        out[self.mesh.pad] = self.pad_displacement(force)
+        return out
+
+    def stress(self, force: Floats) -> Array:
+        """Return the stress of each element in the nail's frame [Pa], xx, yy, zz, yz, xz, xy, shape (e, 6)."""
+        return self.operator.stress(self.displacement(force))
+
+    def energy(self, force: Floats) -> float:
+        """Return the strain energy [J]."""
+        flat = self._force(force)
+        return 0.5 * float(flat @ (self.compliance @ flat))
+
+    def energy_density(self, force: Floats) -> Array:
+        """Return the strain energy density of each element [J/m^3], shape (e,)."""
+        return self.operator.energy_density(self.displacement(force))
+
+    @cached_property
+    def operator(self) -> StressOperator:
+        """From displacement to stress."""
+        return StressOperator(self.mesh, self.material, self.element)
+
+    @cached_property
+    def probes(self) -> Probes:
+        """Probes under the pad nodes at the depths of receptors (0.3, 1.6 and 2.0 mm)."""
+        return receptor_probes(self.mesh)
+
+    @cached_property
+    def unit_response(self) -> NDArray[np.float32]:
+        """Displacement of the free nodes for force on the pad at E = 1 Pa, transposed [1/m], shape (3 m, 3 free).
+
+        Computed when first asked for, and then read from the cache without loading what is not needed.
+        """
+        key = cache_key(self.key, "response")
+        if self.cache is not None:
+            path = self.cache.get(key)
+            table = None if path is None else _read_table(path, (3 * self.pad_count, 3 * len(self.mesh.free)))
+            if table is not None:
+                return table
+        full = _condensed(self.mesh, self.material, self.element, response=True).response
+        assert full is not None
+        if self.cache is not None:
+            path = self.cache.put(key, lambda part: _write_table(part, full))
+            return _read_table(path, full.shape) if path.exists() else full  # type: ignore[return-value]
+        return full
+
+    def stress_components(self, count: int | None = None, forces: Floats | None = None) -> Array:
+        """Return W: few numbers whose norm is the stress's, sigma_k = W f.
+
+        The 2-norm of W f equals the volume-weighted L2 norm of the stress (shear counted twice) [Pa m^1.5], exactly
+        with all 3 m components and nearly with the `count` that matter most.
+
+        Args:
+            count: components to keep; all where None.
+            forces: samples that say what matters [N], shape (s, 3 m); unit forces on each node where None.
+
+        Returns:
+            shape (count, 3 m).
+
+        Raises:
+            DermisError: more components than there are.
+        """
+        size = 3 * self.pad_count
+        count = size if count is None else count
+        if not 1 <= count <= size:
+            raise DermisError("as many components as there are", where="skin stress", value=count, limit=f"1 to {size}")
+        root = self._unit_stress
+        samples = root if forces is None else root @ np.asarray(forces, np.float64).reshape(-1, size).T
+        values, vectors = np.linalg.eigh(samples @ samples.T)
+        keep = vectors[:, np.argsort(values)[::-1][:count]]
+        keep = keep * np.where(keep[np.abs(keep).argmax(axis=0), np.arange(count)] < 0, -1.0, 1.0)
+        return keep.T @ root
+
+    @cached_property
+    def _unit_stress(self) -> Array:
+        """Return H (3 m, 3 m) with |H f| the stress norm of f; stress does not depend on E when forces are given."""
+        weighted = StressOperator(self.mesh, self.material.unit, self.element).weighted_matrix
+        weighted = weighted[:, degrees(self.mesh.free)].tocsr()
+        normal = (weighted.T.tocsr() @ weighted).tocsr()
+        response = self.unit_response
+        gram = np.empty((len(response), len(response)))
+        for start in range(0, len(response), 256):
+            part = np.asarray(response[start : start + 256], np.float64)
+            forced = normal @ part.T
+            gram[:, start : start + 256] = np.asarray(response, np.float32) @ forced.astype(np.float32)
+        values, vectors = np.linalg.eigh(0.5 * (gram + gram.T))
+        return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+
+    def _force(self, force: Floats) -> Array:
+        flat = np.ascontiguousarray(force, np.float64).reshape(-1)
+        if flat.size != 3 * self.pad_count:
+            raise DermisError(
+                "forces do not fit the pad", where=f"skin '{self.mesh.name}'", value=np.shape(force),
+                limit=f"({self.pad_count}, 3)",
+            )  # fmt: skip
+        return flat
+
+
+def fingertip_skin(
+    shape: FingertipShape | None = None, material: Elastic | None = None, *, level: str = "standard",
+    element: Element = "anp", cache: Cache | None = None,
+) -> SkinModel:  # fmt: skip
+    """Return the skin of a parametric fingertip, from the cache where it is there.
+
+    Args:
+        level: 'draft', 'standard', 'fine' or 'reference'.
+
+    Raises:
+        DermisError: an unknown level or element, or a shape that cannot be meshed.
+    """
+    shape, material = shape or FingertipShape(), material or Elastic()
+    if level not in LEVELS:
+        raise DermisError("unknown accuracy", where="skin", value=level, limit=", ".join(LEVELS))
+    what = json.dumps({"shape": asdict(shape), "level": asdict(LEVELS[level])}, sort_keys=True)
+    return _cached(what, "fingertip", lambda: fingertip_mesh(shape, level), material, element, cache)
+
+
+def mesh_skin(
+    mesh: TetraMesh, material: Elastic | None = None, *, element: Element = "anp", cache: Cache | None = None
+) -> SkinModel:
+    """Return the skin of any tetrahedral mesh, from the cache where it is there.
+
+    Raises:
+        DermisError: the mesh cannot be solved on (see `check_mesh`).
+    """
+    check_mesh(mesh)
+    return _cached(mesh.hash, mesh.name, lambda: mesh, material or Elastic(), element, cache)
+
+
+def skin_from_parameters(
+    parameters: Mapping[str, Any], *, level: str = "standard", cache: Cache | None = None, where: str = "skin"
+) -> SkinModel:
+    """Return the skin that a preset's parameters describe, in SI: lengths of `FingertipShape`, young, poisson, alpha.
+
+    Raises:
+        DermisError: an unknown parameter, or values out of range.
+    """
+    lengths = {f.name for f in fields(FingertipShape)}
+    for name in parameters:
+        if name not in lengths and name not in MATERIAL_PARAMETERS:
+            known = ", ".join([*sorted(lengths), *MATERIAL_PARAMETERS])
+            raise DermisError("unknown parameter", where=where, value=name, limit=known)
+    material = Elastic(**{n: float(parameters[n]) for n in MATERIAL_PARAMETERS if n in parameters})
+    shape = shape_from_parameters({n: v for n, v in parameters.items() if n in lengths}, where=where)
+    return fingertip_skin(shape, material, level=level, cache=cache)
+
+
+def _cached(
+    what: str, name: str, build: Callable[[], TetraMesh], material: Elastic, element: Element, cache: Cache | None
+) -> SkinModel:
+    key = cache_key(f"dermis-skin-model {MODEL_VERSION}", what, repr(material.poisson), element)
+    if cache is not None:
+        path = cache.get(key)
+        arrays = None if path is None else _read_model(path)
+        if arrays is not None:
+            mesh = TetraMesh(**{n: arrays[n] for n in _ARRAYS[:5]}, name=name)
+            return SkinModel(mesh, material, element, arrays["compliance"], key, cache)
+    mesh = build()
+    compliance = _condensed(mesh, material, element).compliance
+    if cache is not None:
+        cache.put(key, lambda part: _write_model(part, mesh, compliance))
+    return SkinModel(mesh, material, element, compliance, key, cache)
+
+
+def _condensed(mesh: TetraMesh, material: Elastic, element: Element, *, response: bool = False) -> Condensed:
+    free = degrees(mesh.free)
+    matrix = stiffness(mesh, material.unit, element)[free][:, free]
+    return condense(matrix, np.searchsorted(mesh.free, mesh.pad), response=response)
+
+
+def _write_model(path: Path, mesh: TetraMesh, compliance: Array) -> None:
+    with zipfile.ZipFile(path, "w", allowZip64=True) as archive:
+        for name in _ARRAYS[:5]:
+            put_array(archive, name, getattr(mesh, name))
+        put_array(archive, "compliance", compliance)
+
+
+def _read_model(path: Path) -> dict[str, NDArray[Any]] | None:
+    """Read a model; None where the file is gone or damaged, so that it is computed again."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in _ARRAYS}
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None
+    size = 3 * len(arrays["pad"])
+    return arrays if arrays["compliance"].shape == (size, size) else None
+
+
+def _write_table(path: Path, table: NDArray[np.float32]) -> None:
+    with path.open("wb") as file:
+        np.lib.format.write_array(file, table, allow_pickle=False)
+
+
+def _read_table(path: Path, shape: tuple[int, ...]) -> NDArray[np.float32] | None:
+    """Map a table into memory; None where the file is gone or damaged."""
+    try:
+        table = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, EOFError):
+        return None
+    return table if table.shape == shape and table.dtype == np.float32 else None

@@ -41,7 +41,8 @@ class FrictionLaw:
         if not math.isfinite(self.intercept):
             raise DermisError("the law's intercept must be finite", where="friction law", value=self.intercept)
         if not (math.isfinite(self.base) and self.base > 1):
-            raise DermisError("the logarithm's base must be above one", where="friction law", value=self.base, limit="> 1")
+            raise DermisError("the logarithm's base must be above one", where="friction law", value=self.base,
+                              limit="> 1")  # fmt: skip
 
     def volts(self, friction: NDArray[np.floating] | float) -> Array:
         """Return the voltage [V] for a friction; 0 V where friction is zero or less, NaN stays NaN."""
@@ -128,12 +129,14 @@ class FrictionScreen:
         findings = []
         if weak.any():
             findings.append(Finding(
-                "info", "below-measured-span", "the friction law is extrapolated below the voltages it was measured at",
+                "info", "below-measured-span",
+                "the friction law is extrapolated below the voltages it was measured at",
                 where=where, value=f"{volts[weak].min():.3g} V", limit=span, count=int(weak.sum()),
             ))  # fmt: skip
         if strong.any():
             findings.append(Finding(
-                "warning", "above-measured-span", "the friction law is extrapolated above the voltages it was measured at",
+                "warning", "above-measured-span",
+                "the friction law is extrapolated above the voltages that it was measured at",
                 where=where, value=f"{volts[strong].max():.4g} V", limit=span, count=int(strong.sum()),
                 remedy="Lower the scale, or choose the automatic one",
             ))  # fmt: skip

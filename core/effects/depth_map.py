@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import images
-from ..errors import DermisError, Finding
+from ..errors import DermisError, Finding, Severity
 from .repair import FEWEST_LEVELS, filled, holes_in, smoothed, staircase
 
 Meaning = Literal["height", "depth"]
 Steps = Literal["smooth", "keep"]
 MEANINGS: tuple[Meaning, ...] = ("height", "depth")
+STEPS: tuple[Steps, ...] = ("smooth", "keep")
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,21 +56,25 @@ def read(
     paths = [source] if isinstance(source, str | Path) else list(source)
     if not paths:
         raise DermisError("no image", where="depth map", remedy="Choose an image for the touch screen")
-    rasters = [images.read(path) for path in paths]
-    for raster, path in zip(rasters, paths, strict=True):
-        if raster.values.shape != rasters[0].values.shape:
-            raise DermisError(
-                "the images of a sequence differ in size", where=f"image '{Path(path).name}'",
-                value="{1} x {0}".format(*raster.values.shape), limit="{1} x {0}, as the first".format(*rasters[0].values.shape),
-            )  # fmt: skip
     first = f"image '{Path(paths[0]).name}'"
     where = first if len(paths) == 1 else f"{first} and {len(paths) - 1} more"
-    values, holes = np.stack([r.values for r in rasters]), np.stack([r.holes for r in rasters])
-    if len(paths) == 1:
-        values, holes = values[0], holes[0]
-    noticed = tuple(f for r in rasters for f in r.findings)
-    cleaned = from_array(values, meaning=meaning, hole=hole, steps=steps, declared=holes, where=where)
-    return DepthMap(cleaned.heights, _merged(noticed) + cleaned.findings)
+    noticed: list[Finding] = []
+    work = _Repair(meaning, hole, steps, where)
+    heights: NDArray[np.float32] | None = None
+    for index, path in enumerate(paths):  # one image in memory at a time: a sequence has hundreds
+        raster = images.read(path)
+        shape = raster.values.shape
+        if heights is None:
+            heights = np.empty((len(paths), *shape), np.float32)
+        if heights.shape[1:] != shape:
+            raise DermisError(
+                "the images of a sequence differ in size", where=f"image '{Path(path).name}'",
+                value=f"{shape[1]} x {shape[0]}", limit=f"{heights.shape[2]} x {heights.shape[1]}, as the first",
+            )  # fmt: skip
+        heights[index] = work.repaired(raster.values, raster.holes, f"image '{Path(path).name}'")
+        noticed += raster.findings
+    assert heights is not None
+    return DepthMap(heights if len(paths) > 1 else heights[0], _merged(noticed) + work.findings())
 
 
 def from_array(
@@ -99,78 +104,87 @@ def from_array(
     if array.ndim not in (2, 3) or array.size == 0:
         raise DermisError("the map has no pixels", where=where, value=" x ".join(map(str, array.shape)) or "a number",
                           limit="rows x columns, at least 1 x 1", remedy="Choose another image")  # fmt: skip
-    if meaning not in MEANINGS or first_row not in ("bottom", "top") or steps not in ("smooth", "keep"):
-        raise DermisError("unknown way to read a map", where=where, value=f"{meaning}, {first_row}, {steps}",
-                          limit="height or depth; bottom or top; smooth or keep")  # fmt: skip
+    if first_row not in ("bottom", "top"):
+        raise DermisError("unknown first row", where=where, value=first_row, limit="bottom, top")
     if declared is not None and declared.shape != array.shape:
         raise DermisError("the holes do not fit the map", where=where, value=declared.shape, limit=str(array.shape))
-    heights = array.astype(np.float64)
-    empty = holes_in(heights, declared)
-    if hole is not None:
-        empty |= heights == hole
-    if first_row == "top":
-        heights, empty = heights[..., ::-1, :], empty[..., ::-1, :]
-    if meaning == "depth":
-        heights = -heights
-    stack, gaps = (heights, empty) if heights.ndim == 3 else (heights[None], empty[None])
-    repaired, findings = _repaired(stack, gaps, steps, where)
-    result = repaired.astype(np.float32).reshape(heights.shape)
-    return DepthMap(np.ascontiguousarray(result), findings)
+    work = _Repair(meaning, hole, steps, where)
+    single = array.ndim == 2
+    stack = array[None] if single else array
+    gaps = [None] * len(stack) if declared is None else list(declared[None] if single else declared)
+    heights = np.empty(stack.shape, np.float32)
+    for index, (values_, gap) in enumerate(zip(stack, gaps, strict=True)):
+        place = where if single else f"{where}, map {index + 1} of {len(stack)}"
+        repaired = work.repaired(values_, gap, place)
+        heights[index] = repaired if first_row == "bottom" else repaired[::-1]
+    return DepthMap(heights[0] if single else heights, work.findings())
 
 
-def _repaired(
-    stack: NDArray[np.float64], gaps: NDArray[np.bool_], steps: Steps, where: str
-) -> tuple[NDArray[np.float64], tuple[Finding, ...]]:
-    findings: list[Finding] = []
-    if gaps.all(axis=(1, 2)).any():
-        index = int(np.flatnonzero(gaps.all(axis=(1, 2)))[0])
-        raise DermisError("the map has no height anywhere: every pixel is a hole", where=where,
-                          value=f"map {index + 1} of {len(stack)}", remedy="Check that the surface lies in view")  # fmt: skip
-    holes = int(np.count_nonzero(gaps))
-    # Looked for before holes are filled: the filling adds levels of its own.
-    found = [staircase(np.where(g, v[~g].min(), v)) for v, g in zip(stack, gaps, strict=True)]
-    result = np.empty_like(stack)
-    stepped = 0
-    for index, (heights, gap) in enumerate(zip(stack, gaps, strict=True)):
-        whole = filled(np.where(gap, 0.0, heights), gap)
-        if found[index].found and steps == "smooth":
-            whole = smoothed(whole, found[index].step)
-            stepped += 1
-        result[index] = whole
-    if holes:
-        findings.append(Finding(
-            "warning", "holes-filled", "pixels without a height were filled smoothly from their rims", where=where,
-            value=f"{100.0 * holes / gaps.size:.3g} %", count=holes,
-        ))  # fmt: skip
-    if stepped:
-        findings.append(Finding(
-            "warning", "staircase-smoothed", "the heights are stored in few levels and were smoothed by up to half a level",
-            where=where, value=f"{max(f.levels for f in found)} levels", limit="more than 256 levels",
-            remedy="A 16-bit image keeps small slopes", count=stepped,
-        ))  # fmt: skip
-    elif any(f.found for f in found):
-        findings.append(Finding(
-            "warning", "staircase-kept", "the heights are stored in few levels, and each step will be felt", where=where,
-            value=f"{max(f.levels for f in found)} levels", count=sum(f.found for f in found),
-        ))  # fmt: skip
-    flat = sum(1 for heights in result if heights.max() == heights.min())
-    if flat:
-        findings.append(Finding("warning", "flat-map", "the map is flat", where=where, count=flat,
-                                remedy="Check that the right image was chosen"))  # fmt: skip
-    few = sum(1 for f in found if 2 <= f.levels < FEWEST_LEVELS)
-    if few:
-        findings.append(Finding("info", "few-levels", "the map has only a few heights, which are kept as they are",
-                                where=where, value=max(f.levels for f in found), count=few))  # fmt: skip
-    return result, tuple(findings)
+class _Repair:
+    """Repairs map after map, and counts."""
+
+    def __init__(self, meaning: Meaning, hole: float | None, steps: Steps, where: str) -> None:
+        if meaning not in MEANINGS or steps not in STEPS:
+            raise DermisError("unknown way to read a map", where=where, value=f"{meaning}, {steps}",
+                              limit="height or depth; smooth or keep")  # fmt: skip
+        self._sign = -1.0 if meaning == "depth" else 1.0
+        self._hole, self._smooth, self._where = hole, steps == "smooth", where
+        self._pixels = self._holes = self._smoothed = self._kept = self._flat = self._few = self._levels = 0
+
+    def repaired(self, values: NDArray[Any], declared: NDArray[np.bool_] | None, where: str) -> NDArray[np.float64]:
+        """Return one map's heights towards the viewer without holes and staircases, shape (rows, columns)."""
+        heights = values.astype(np.float64)
+        gaps = holes_in(heights, declared)
+        if self._hole is not None:
+            # As the file's own precision would store it: 0.1 is another number in float32.
+            gaps |= values == np.asarray(self._hole).astype(values.dtype)
+        known = ~gaps
+        if not known.any():
+            raise DermisError("the map has no height anywhere: every pixel is a hole", where=where,
+                              remedy="Check that the surface lies in view")  # fmt: skip
+        self._pixels += gaps.size
+        self._holes += int(np.count_nonzero(gaps))
+        heights = np.where(known, self._sign * np.where(known, heights, 0.0), 0.0)
+        # Looked for before holes are filled, because the filling adds levels of its own.
+        found = staircase(np.where(known, heights, heights[known].min()))
+        heights = filled(heights, gaps)
+        if found.found:
+            self._levels = max(self._levels, found.levels)
+            self._smoothed += self._smooth
+            self._kept += not self._smooth
+            heights = smoothed(heights, found.step) if self._smooth else heights
+        self._few += 2 <= found.levels < FEWEST_LEVELS
+        self._flat += bool(heights.max() == heights.min())
+        return heights
+
+    def findings(self) -> tuple[Finding, ...]:
+        """Return what was repaired and noticed, one finding a kind."""
+        levels = f"{self._levels} levels"
+        share = f"{100.0 * self._holes / max(self._pixels, 1):.3g} %"
+        rows: tuple[tuple[int, Severity, str, str, str | None, str], ...] = (
+            (self._holes, "warning", "holes-filled", "pixels without a height were filled smoothly from their rims",
+             share, ""),
+            (self._smoothed, "warning", "staircase-smoothed", "the heights are stored in few levels and were "
+             "smoothed by up to half a level", levels, "A 16-bit image keeps small slopes"),
+            (self._kept, "warning", "staircase-kept", "the heights are stored in few levels: each step will be "
+             "felt", levels, "A 16-bit image keeps small slopes"),
+            (self._flat, "warning", "flat-map", "the map is flat", None, "Check that the right image was chosen"),
+            (self._few, "info", "few-levels", f"the map has fewer than {FEWEST_LEVELS} heights, which are kept",
+             None, ""),
+        )  # fmt: skip
+        return tuple(
+            Finding(severity, code, what, self._where, value=value, remedy=remedy, count=count)
+            for count, severity, code, what, value, remedy in rows
+            if count
+        )
 
 
-def _merged(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+def _merged(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Return one finding a code, with the counts added: a sequence has hundreds of images."""
     by_code: dict[str, Finding] = {}
     for finding in findings:
         known = by_code.get(finding.code)
         if known is not None:
-            finding = Finding(known.severity, known.code, known.what, known.where, known.value, known.limit,
-                              known.remedy, known.frame, known.count + finding.count)  # fmt: skip
+            finding = replace(known, count=known.count + finding.count)
         by_code[finding.code] = finding
     return tuple(by_code.values())

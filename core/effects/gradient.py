@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 Map = NDArray[np.float32]
 # Points a pass: the work arrays of a chunk stay in the processor's second-level cache.
 CHUNK = 16384
+# Pixels a run of the gradient: long enough to pay for numpy's calls, short enough for the cache.
+RUN = 131072
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,34 +70,39 @@ def gradient(
 ) -> Map:
     """Return dF/dx and dF/dy by central differences, one-sided at the border, shape (2, rows, columns).
 
-    The border is of first order on purpose: such a difference is a slope that the surface really has somewhere
+    A single row or column has no slope along itself. The border is of first order on purpose: such a difference is a slope that the surface really has somewhere
     (mean value theorem), so the steepest slope, which scales a whole bake, is never exaggerated there.
 
     Args:
         heights: shape (rows, columns).
         spacing: width and height of a pixel [m].
         scale: metres a unit of height.
-        out: float32, shape (2, rows, columns), to be written to; one row or column has no slope along itself.
+        out: to be written to, contiguous float32, shape (2, rows, columns).
 
     Source: [S4] eq. 2 and 3
     """
     rows, columns = heights.shape
     if out is None:
         out = np.empty((2, rows, columns), np.float32)
-    along_x, along_y = out
-    same = heights.dtype == np.float32
-    surface = heights if same else heights.astype(np.float64)
-    for target, source, step in ((along_x.T, surface.T, spacing[0]), (along_y, surface, spacing[1])):
-        if len(source) < 2:
-            target[...] = 0.0
-            continue
-        factor = scale / step
-        np.subtract(source[2:], source[:-2], out=target[1:-1], casting="same_kind")
-        np.subtract(source[1], source[0], out=target[0], casting="same_kind")
-        np.subtract(source[-1], source[-2], out=target[-1], casting="same_kind")
-        target[1:-1] *= np.float32(0.5 * factor)
-        target[0] *= np.float32(factor)
-        target[-1] *= np.float32(factor)
+    surface = np.ascontiguousarray(heights, None if heights.dtype == np.float32 else np.float64)
+    flat, factors = surface.ravel(), [scale / step for step in spacing]
+    targets = [plane.reshape(-1) for plane in out]
+    # Along the memory in runs, x and y in turn, each scaled while it is still in the cache. Differences along x run
+    # over the rows' ends too: those two columns are written last.
+    for begin in range(0, flat.size, RUN):
+        for target, stride, factor in zip(targets, (1, columns), factors, strict=True):
+            first, last = max(begin, stride), min(begin + RUN, flat.size - stride)
+            if first < last:
+                part = target[first:last]
+                ahead, behind = flat[first + stride : last + stride], flat[first - stride : last - stride]
+                np.subtract(ahead, behind, out=part, casting="same_kind")
+                part *= np.float32(0.5 * factor)
+    for ends, lines, factor in ((out[0].T, surface.T, factors[0]), (out[1], surface, factors[1])):
+        if len(lines) < 2:
+            ends[...] = 0.0
+        else:
+            ends[0] = (lines[1] - lines[0]) * factor
+            ends[-1] = (lines[-1] - lines[-2]) * factor
     return out
 
 
@@ -157,7 +164,8 @@ def check_map(heights: NDArray[np.floating], size: tuple[float, float], height_u
     where = where or "depth map"
     if heights.ndim not in (2, 3) or heights.size == 0:
         raise DermisError("the map has no pixels", where=where, value=" x ".join(map(str, heights.shape)),
-                          limit="rows x columns, at least 1 x 1", remedy="Choose an image for the touch screen")  # fmt: skip
+                          limit="rows x columns, at least 1 x 1",
+                          remedy="Choose an image for the touch screen")  # fmt: skip
     if not all(np.isfinite(s) and s > 0 for s in size):
         raise DermisError("the screen has no area", where=where, value=f"{size[0]} x {size[1]} m", limit="> 0")
     if not (np.isfinite(height_unit) and height_unit >= 0):

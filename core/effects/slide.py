@@ -19,7 +19,14 @@ DOWNHILL = ("rectify", "offset", "absolute")
 PROFILES = ("slope", "height", "rectangle")
 
 
-def directions(x: Array, y: Array, touching: NDArray[np.bool_], rate: float, window: float) -> Array:
+def directions(
+    x: Array,
+    y: Array,
+    touching: NDArray[np.bool_],
+    rate: float,
+    window: float,
+    resting: NDArray[np.bool_] | None = None,
+) -> Array:
     """Return the unit direction of motion in contact, shape (n, 2); zero before the first movement of a touch.
 
     Each step is a unit vector (eq. 4); the steps of the last `window` seconds are averaged and made a unit vector
@@ -31,6 +38,7 @@ def directions(x: Array, y: Array, touching: NDArray[np.bool_], rate: float, win
         touching: shape (n,).
         rate: samples a second [Hz].
         window: length of the moving average [s]; 0 is eq. 4 itself.
+        resting: where the finger is known to be at rest at the end of a step, whatever x and y say, shape (n,).
 
     Source: [S4] eq. 4; the hold is ours, 0/0 is left open there.
     """
@@ -41,6 +49,8 @@ def directions(x: Array, y: Array, touching: NDArray[np.bool_], rate: float, win
     steps = np.stack([np.diff(x), np.diff(y)], axis=1)
     lengths = np.hypot(steps[:, 0], steps[:, 1])
     moved = (lengths > STILL_SPEED / rate) & touching[1:] & touching[:-1]
+    if resting is not None:
+        moved &= ~resting[1:]
     units = np.zeros((count, 2))
     units[1:][moved] = steps[moved] / lengths[moved, None]
     index = np.arange(count)

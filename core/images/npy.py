@@ -29,7 +29,9 @@ def decode(data: bytes, where: str) -> Raster:
     if array.ndim == 2:
         array = array[..., None]
     if array.ndim != 3 or array.shape[2] not in (1, 3, 4):
-        raise DermisError("the array is not an image", where=where, value=array.shape, limit="(rows, columns[, 1, 3, 4])")
+        raise DermisError(
+            "the array is not an image", where=where, value=array.shape, limit="(rows, columns[, 1, 3, 4])"
+        )
     checked_size(array.shape[1], array.shape[0], where)
     levels = 0
     kind = array.dtype

@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import zlib
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,7 @@ def decode(data: bytes, where: str) -> Raster:
     """
     header, chunks = _chunks(data, where)
     samples = _samples(header, _filtered(header, chunks.get(b"IDAT", b""), where), where)
+    pixels: NDArray[Any]
     if header.colour == PALETTE:
         pixels, holes = _painted(samples[..., 0], chunks, where)
         largest = 255
@@ -172,9 +174,7 @@ def _unfilter_diagonals(kinds: NDArray[np.uint8], coded: NDArray[np.uint8]) -> N
         row_kind = kind[first : last + 1]
         # Paeth: whichever neighbour is nearest to left + up - corner, ties in that order.
         to_left, to_up, to_corner = np.abs(up - corner), np.abs(left - corner), np.abs(left + up - 2 * corner)
-        paeth = np.where(
-            (to_left <= to_up) & (to_left <= to_corner), left, np.where(to_up <= to_corner, up, corner)
-        )
+        paeth = np.where((to_left <= to_up) & (to_left <= to_corner), left, np.where(to_up <= to_corner, up, corner))
         predicted = np.where(row_kind == _PAETH, paeth, 0)
         predicted += np.where(row_kind == _AVERAGE, (left + up) >> 1, 0)
         predicted += np.where(row_kind == _SUB, left, 0)

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from ..devices.friction_screen import AMPLITUDE, CARRIER, FrictionScreen
 from ..devices.spec import DeviceSpec
 from ..effects.gradient import check_map, metres_of
-from ..effects.slide import FULL, LEAST, directions
+from ..effects.slide import FULL, LEAST, STILL_SPEED, directions
 from ..errors import DermisError, Finding
-from ..motion import Motion
+from ..motion import Spline
 from ..scene import DeviceUse, Screen, TactileScene
 from ..track import CommandTrack
 from .rendered import Rendered
@@ -38,12 +38,13 @@ SHEAR = 1e-3
 
 @dataclass(frozen=True)
 class _Path:
-    """A pad's path in a screen's own axes, at the device's times: x, y, z [m], touching."""
+    """A pad's path in a screen's own axes, at the device's times: x, y, z [m], touching, at rest."""
 
     x: Array
     y: Array
     z: Array
     touching: NDArray[np.bool_]
+    resting: NDArray[np.bool_]
 
 
 def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
@@ -51,10 +52,10 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
 
     `DeviceUse.screen` names the screen; empty, the finger feels every screen, at each moment the one it is nearest
     to among those it touches. A screen's `height_map` may be a sequence (k, rows, columns): `map_fps` maps a second
-    (default: one a frame), the first at scene frame `map_start` (default: the range's first).
+    (default: one a frame), the first at scene frame `sequence_start` (default: the range's first).
 
     Raises:
-        DermisError: no such screen, a map or setting that cannot be used, a screen without area, a broken pose.
+        DermisError: no such screen, a map or setting that cannot be used, a screen without area.
 
     Source: [S4] eq. 1 to 5
     """
@@ -86,7 +87,7 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
         felt = mine & contact
         if not felt.any():
             continue
-        direction = directions(path.x, path.y, felt, spec.rate, window)[felt]
+        direction = directions(path.x, path.y, felt, spec.rate, window, path.resting)[felt]
         relief = maps[index].relief(
             path.x[felt], path.y[felt], direction, settings.times[felt],
             scale=None if scale is None else scale[felt], threshold=None if threshold is None else threshold[felt],
@@ -98,14 +99,17 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
     volts = device.law.volts(signals["friction"])
     animated = settings.series("carrier")
     carrier = np.full(n, device.carrier) if animated is None else animated
-    signals = {"contact": contact.astype(np.float64), "screen": np.where(contact, np.array(relevant)[chosen], -1.0), **signals}
+    signals = {
+        "contact": contact.astype(np.float64),
+        "screen": np.where(contact, np.array(relevant)[chosen], -1.0),
+        **signals,
+    }
 
     if not contact.any():
         nearest = min(float(np.abs(p.z).min()) for p in paths)
         findings.append(Finding("warning", "never-touches", "the finger never touches a screen", where=where,
                                 value=f"{nearest * 1e3:.3g} mm from its plane at the nearest",
                                 remedy="Bring the pad to the screen, or raise its touch distance"))  # fmt: skip
-    findings += settings.findings
     findings += _flat_findings(maps, scene)
     findings += device.check(volts, carrier, where)
     values = np.empty((n, len(spec.channels)))
@@ -141,14 +145,12 @@ def screen_maps(touch: SampledTouch, scene: TactileScene, use: DeviceUse, spec: 
         steepest = max(steepest_of_all(*entry) for entry in screens.values())
         scale = FULL / steepest if steepest > 0 else 0.0
     elif mode == "auto" and profile == "height":
-        tallest = max(
-            (ranges[i][1] - ranges[i][0]) * metres_of(size, unit) for i, (_, size, unit) in screens.items()
-        )
+        tallest = max((ranges[i][1] - ranges[i][0]) * metres_of(size, unit) for i, (_, size, unit) in screens.items())
         scale, offset = ((FULL - LEAST) / tallest if tallest > 0 else 0.0), LEAST
     result = {}
     for index, (heights, size, unit) in screens.items():
         parameters = scene.screens[index].parameters
-        begin = float(parameters.get("map_start", scene.frame_range[0]))
+        begin = float(parameters.get("sequence_start", scene.frame_range[0]))
         result[index] = ScreenMap(
             heights, size, unit, device, profile, given.get("downhill", "rectify"), scale, offset,
             float(given.get("threshold", THRESHOLD)), *ranges[index],
@@ -187,10 +189,6 @@ def _path(touch: SampledTouch, scene: TactileScene, finger: int, index: int, set
     screen, matrices = scene.screens[index], touch.screens[index]
     where = f"screen '{screen.name}'"
     pads = touch.fingers[finger, :, :3, 3]
-    broken = ~(np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(pads).all(axis=1))
-    if broken.any():
-        raise DermisError("a pose is not finite", where=f"{where} or its finger", value=f"frame {touch.frames[broken][0]:g}",
-                          remedy="Look for a driver or a constraint that fails there")  # fmt: skip
     axes = matrices[:, :3, :3]
     lengths = np.linalg.norm(axes, axis=1)
     volume = np.abs(np.linalg.det(axes))
@@ -202,12 +200,24 @@ def _path(touch: SampledTouch, scene: TactileScene, finger: int, index: int, set
     # Across the screen the map goes with its object; from its plane the true distance counts.
     local[:, :2] *= lengths[0, :2]
     local[:, 2] *= volume / np.linalg.norm(np.cross(axes[:, :, 0], axes[:, :, 1]), axis=1)
-    poses = np.tile(np.eye(4), (len(local), 1, 1))
-    poses[:, :3, 3] = local
-    x, y, z = Motion(touch.times, poses).at(settings.times).position.T
+    x, y, z = Spline(touch.times, local).at(settings.times).T
     reach = settings.touch_distance(index)
     inside = (np.abs(x) <= 0.5 * screen.size[0] * lengths[0, 0]) & (np.abs(y) <= 0.5 * screen.size[1] * lengths[0, 1])
-    return _Path(x, y, z, inside & (z <= reach) & (z >= -BEHIND))
+    resting = _resting(touch.times, local, settings.times)
+    return _Path(x, y, z, inside & (z <= reach) & (z >= -BEHIND), resting)
+
+
+def _resting(sampled: Array, local: Array, times: Array) -> NDArray[np.bool_]:
+    """Return at which times the two samples around the step that ends there lie at one place of the screen.
+
+    After an abrupt stop a spline swings by micrometres, and its last swing would be taken for the direction to hold.
+    """
+    if len(sampled) < 2:
+        return np.ones(len(times), bool)
+    chord = np.diff(local[:, :2], axis=0)
+    still = np.hypot(chord[:, 0], chord[:, 1]) <= STILL_SPEED * np.diff(sampled)
+    middle = times - 0.5 * (times[1] - times[0] if len(times) > 1 else 0.0)
+    return np.asarray(still[np.clip(np.searchsorted(sampled, middle) - 1, 0, len(still) - 1)])
 
 
 class _Settings:
@@ -218,7 +228,6 @@ class _Settings:
     ) -> None:
         # The last sample is the last moment that is known; a rounding error must not cost it.
         self.times = np.arange(int(touch.times[-1] * rate + 1e-6) + 1) / rate
-        self.findings: list[Finding] = []
         self._touch, self._scene, self._finger, self._where = touch, scene, finger, where
         self._given: Mapping[str, Any] = use.parameters
         devices = scene.fingers[finger].devices
@@ -252,25 +261,17 @@ class _Settings:
         values = self._touch.channels.get(key)
         if values is None:
             return None
-        known = np.isfinite(values)
-        if not known.all():
-            self.findings.append(Finding(
-                "error", "animation-not-finite", "an animated setting is not a finite number; its neighbours were joined",
-                where=f"{self._where}, {key}", frame=float(self._touch.frames[~known][0]), count=int((~known).sum()),
-            ))  # fmt: skip
-            if not known.any():
-                return None
-        return np.interp(self.times, self._touch.times[known], values[known])
+        return np.interp(self.times, self._touch.times, values)
 
 
 def _scale_findings(matrices: Array, name: str) -> list[Finding]:
     """Say where a screen is deformed while it moves, because the map keeps the size that it has at the start."""
     findings = []
     lengths = np.linalg.norm(matrices[:, :3, :3], axis=1)
-    changed = (np.abs(lengths / lengths[0] - 1.0) > SCALE_CHANGE).any(axis=1)
+    changed = (np.abs(lengths / np.maximum(lengths[0], 1e-30) - 1.0) > SCALE_CHANGE).any(axis=1)
     if changed.any():
-        findings.append(Finding("warning", "screen-scale-animated", "the screen's scale changes; slopes are those of its "
-                                "size at the start", where=f"screen '{name}'", count=int(changed.sum())))  # fmt: skip
+        findings.append(Finding("warning", "screen-scale-animated", "the screen's scale changes; slopes are those of "
+                                "its size at the start", where=f"screen '{name}'", count=int(changed.sum())))  # fmt: skip
     units = matrices[:, :3, :3] / np.maximum(lengths, 1e-30)[:, None, :]
     sheared = np.abs(np.einsum("ni,ni->n", units[:, :, 0], units[:, :, 1])) > SHEAR
     if sheared.any():
@@ -282,7 +283,7 @@ def _scale_findings(matrices: Array, name: str) -> list[Finding]:
 
 def _flat_findings(maps: Mapping[int, ScreenMap], scene: TactileScene) -> list[Finding]:
     return [
-        Finding("warning", "flat-map", "the map is flat: nothing will be felt", where=f"screen '{scene.screens[i].name}'",
+        Finding("warning", "flat-map", "the map is flat: no slope, no bump", where=f"screen '{scene.screens[i].name}'",
                 remedy="Check its image, or its mesh")
         for i, m in maps.items()
         if m.highest == m.lowest

@@ -98,7 +98,9 @@ class ScreenMap:
         if self.profile not in PROFILES:
             raise DermisError("unknown profile", where="screen map", value=self.profile, limit=", ".join(PROFILES))
         if self.downhill not in DOWNHILL:
-            raise DermisError("unknown way downhill", where="screen map", value=self.downhill, limit=", ".join(DOWNHILL))
+            raise DermisError(
+                "unknown way downhill", where="screen map", value=self.downhill, limit=", ".join(DOWNHILL)
+            )
         for name in ("scale", "offset", "threshold", "lowest", "highest", "start"):
             if not math.isfinite(getattr(self, name)):
                 raise DermisError(f"'{name}' is not a finite number", where="screen map", value=getattr(self, name))

@@ -45,7 +45,8 @@ def test_map_without_a_unit_counts_one_as_the_screens_width():
     assert field(ramp, size, 0.0).slopes[0, 2, 5] == pytest.approx(0.1 * 0.2 / (0.2 / 11), rel=1e-6)
 
 
-def test_agrees_with_numpy_to_single_precision(rng=np.random.default_rng(3)):
+def test_agrees_with_numpy_to_single_precision():
+    rng = np.random.default_rng(3)
     heights = rng.normal(size=(37, 53)).astype(np.float32)
     along_y, along_x = np.gradient(heights.astype(float), 0.02, 0.05)
     found = gradient(heights, (0.05, 0.02))
@@ -85,7 +86,8 @@ def test_border_never_exceeds_the_surfaces_own_steepest_slope():
     assert steepest(gradient(curved, (1 / 16, 1 / 16))) <= 3.0
 
 
-def test_bilinear_is_exact_on_bilinear_functions_and_goes_on_flat_outside(rng=np.random.default_rng(1)):
+def test_bilinear_is_exact_on_bilinear_functions_and_goes_on_flat_outside():
+    rng = np.random.default_rng(1)
     size = (0.4, 0.2)
     gx, gy = centres(30, 20, size)
     plane = (2 + 3 * gx - 5 * gy + 7 * gx * gy).astype(np.float32)
@@ -97,7 +99,8 @@ def test_bilinear_is_exact_on_bilinear_functions_and_goes_on_flat_outside(rng=np
     np.testing.assert_array_equal(bilinear(plane[None], size, gx.ravel(), gy.ravel())[0], plane.ravel())
 
 
-def test_both_components_agree_with_each_other(rng=np.random.default_rng(2)):
+def test_both_components_agree_with_each_other():
+    rng = np.random.default_rng(2)
     slopes = rng.normal(size=(2, 8, 9)).astype(np.float32)
     x, y = rng.uniform(-0.5, 0.5, 50), rng.uniform(-0.5, 0.5, 50)
     grad_x, grad_y = GradientField(slopes, (1.0, 1.0)).at(x, y)
@@ -184,7 +187,8 @@ def surface_normals(x, y):
     return fx, fy, normal / np.linalg.norm(normal, axis=1)[:, None]
 
 
-def test_mesh_form_equals_the_gradient_form(rng=np.random.default_rng(5)):
+def test_mesh_form_equals_the_gradient_form():
+    rng = np.random.default_rng(5)
     x, y = rng.uniform(-0.4, 0.4, (2, 500))
     fx, fy, normal = surface_normals(x, y)
     angle = rng.uniform(0, 2 * np.pi, 500)
@@ -238,13 +242,19 @@ def test_bump_height_profile():
 
 def test_bump_slope_profile_is_the_normalised_derivative():
     with mpmath.workdps(40):
-        steepest_slope = mpmath.diff(lambda t: mpmath.exp(-((t - CENTRE) ** 2) / (2 * mpmath.mpf(SIGMA) ** 2)), CENTRE - SIGMA)
+        steepest_slope = mpmath.diff(
+            lambda t: mpmath.exp(-((t - CENTRE) ** 2) / (2 * mpmath.mpf(SIGMA) ** 2)), CENTRE - SIGMA
+        )
         assert mpmath.almosteq(steepest_slope, 1 / (SIGMA * mpmath.sqrt(mpmath.e)), 1e-20)
         for x in (70.0, 80.0, 93.5, 100.0, 125.0):
             own = mpmath.diff(lambda t: mpmath.exp(-((t - CENTRE) ** 2) / (2 * mpmath.mpf(SIGMA) ** 2)), x)
             g = float(own / steepest_slope)
             at = np.array([x])
-            for way, value in (("rectify", 1 + 99 * max(g, 0)), ("offset", 50.5 + 49.5 * g), ("absolute", 1 + 99 * abs(g))):
+            for way, value in (
+                ("rectify", 1 + 99 * max(g, 0)),
+                ("offset", 50.5 + 49.5 * g),
+                ("absolute", 1 + 99 * abs(g)),
+            ):
                 found = bump_friction(at, "slope", 1.0, CENTRE, SIGMA, downhill=way)[0]
                 assert found == pytest.approx(value, rel=1e-12), (x, way)
     whole = bump_friction(np.linspace(0, 200, 20001), "slope", 1.0, CENTRE, SIGMA, downhill="offset")

@@ -1,0 +1,407 @@
+"""[S4] from an animated finger to volts: every figure from the closed form of the surface it slides over."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from core.contact.touch import TouchSampler
+from core.errors import DermisError
+from core.matching.perceptual import render, screen_maps
+from core.matching.screen_map import ScreenMap
+from core.presets import Library
+from core.scene import Chunk, DeviceUse, Finger, Screen, TactileScene
+
+RATE = 240.0
+SIZE = (0.2, 0.1)
+SPEC = Library().device("electrovibration")
+
+
+def volts(friction):
+    """Eq. 1 solved for the voltage, base 10; nothing for friction of zero or less."""
+    friction = np.asarray(friction, float)
+    return np.where(friction > 0, 10 ** ((np.log10(np.maximum(friction, 1e-300)) + 1.05) / 1.24), 0.0)
+
+
+def centres(rows, columns, size=SIZE):
+    x = ((np.arange(columns) + 0.5) / columns - 0.5) * size[0]
+    y = ((np.arange(rows) + 0.5) / rows - 0.5) * size[1]
+    return np.meshgrid(x, y)
+
+
+SIGMA, TOP = 0.015, 0.003  # a bump in the middle of the screen
+
+
+def bump(rows=400, columns=800):
+    x, y = centres(rows, columns)
+    return (TOP * np.exp(-(x**2 + y**2) / (2 * SIGMA**2))).astype(np.float32)
+
+
+BUMP = bump()
+STEEPEST = TOP / (SIGMA * math.sqrt(math.e))
+
+
+def scene_of(path, *, heights=BUMP, unit=1.0, parameters=None, device=None, screen_at=None, size=SIZE,
+             finger_world=None, screens=1, use_screen="Pad", channels=None):  # fmt: skip
+    """A finger whose pad follows `path` (n, 3) in the screen's own frame, sampled at 240 Hz."""
+    path = np.asarray(path, float)
+    n = len(path)
+    matrices = np.tile(np.eye(4), (n, 1, 1)) if screen_at is None else np.asarray(screen_at, float)
+    fingers = np.tile(np.eye(4), (n, 1, 1))
+    fingers[:, :3, 3] = (
+        np.einsum("nij,nj->ni", matrices[:, :3, :3], path) + matrices[:, :3, 3]
+        if finger_world is None
+        else finger_world
+    )
+    use = DeviceUse("electrovibration", device or {}, use_screen)
+    screen = Screen("Pad", size, heights, unit, parameters or {})
+    all_screens = (screen,) + tuple(dataclasses.replace(screen, name=f"Pad {i + 2}") for i in range(screens - 1))
+    poses = np.stack([matrices] + [offset(matrices, 0.5 * (i + 1)) for i in range(screens - 1)])
+    chunk = Chunk(
+        frames=1 + np.arange(n) * 24 / RATE, times=np.arange(n) / RATE, fingers=fingers[None],
+        bodies=np.zeros((0, n, 4, 4)), screens=poses, channels=channels or {},
+    )  # fmt: skip
+    last = 1 + max(1, math.ceil((n - 1) * 24 / RATE))
+    return TactileScene("test", Fraction(24), (1, last), RATE, (Finger("Index", (use,)),), (), all_screens, [chunk])
+
+
+def offset(matrices, along_x):
+    moved = matrices.copy()
+    moved[:, 0, 3] += along_x
+    return moved
+
+
+def sampled(scene):
+    sampler = TouchSampler(scene)
+    for chunk in scene.chunks:
+        sampler.add(chunk)
+    return sampler.finish()
+
+
+def rendered(scene, spec=SPEC):
+    return render(sampled(scene), scene, 0, scene.fingers[0].devices[0], spec)
+
+
+def stroke(start, end, seconds=1.0, z=0.0):
+    t = np.linspace(0, 1, round(seconds * RATE) + 1)[:, None]
+    line = np.asarray(start) + t * (np.asarray(end) - np.asarray(start))
+    return np.column_stack([line, np.full(len(line), z)])
+
+
+ACROSS = stroke((-0.08, 0.0), (0.08, 0.0))
+
+
+def exact_slope(x, y=0.0):
+    """dF/dx of the bump, in parts of the steepest: +-1 at -+sigma."""
+    return -x / SIGMA * np.exp(0.5 - (x**2 + y**2) / (2 * SIGMA**2))
+
+
+def codes(result):
+    return {f.code: f for f in result.findings}
+
+
+@pytest.mark.parametrize(
+    ("downhill", "expected"),
+    [
+        ("rectify", lambda g: 100 * np.maximum(g, 0)),
+        ("offset", lambda g: 50 + 50 * g),
+        ("absolute", lambda g: 100 * np.abs(g)),
+    ],
+)
+def test_slope_profile_over_a_bump(downhill, expected):
+    result = rendered(scene_of(ACROSS, device={"downhill": downhill}))
+    track = result.track
+    np.testing.assert_allclose(track.times, np.arange(1001) / 1000, rtol=0, atol=1e-12)
+    x = -0.08 + 0.16 * track.times
+    np.testing.assert_allclose(result.signals["x"], x, atol=1e-12)
+    friction = expected(exact_slope(x))
+    # The first sample of a touch has no direction yet.
+    assert result.signals["friction"][0] == (50.0 if downhill == "offset" else 0.0)
+    assert np.abs(result.signals["friction"][1:] - friction[1:]).max() < 0.1
+    np.testing.assert_allclose(track.column("amplitude"), volts(result.signals["friction"]), rtol=1e-12)
+    assert track.column("amplitude").max() == pytest.approx(288.189, abs=0.2)
+    assert (track.column("carrier") == 60.0).all()
+    assert result.signals["contact"].all()
+
+
+def test_uphill_resists_from_either_side():
+    back = rendered(scene_of(ACROSS[::-1]))
+    x = back.signals["x"]
+    friction = back.signals["friction"]
+    assert np.abs(friction[1:] - 100 * np.maximum(-exact_slope(x), 0)[1:]).max() < 0.1
+    assert friction[(x > 0.01) & (x < 0.02)].min() > 80
+    assert friction[x < -0.005].max() < 0.1
+
+
+def test_oblique_path_takes_the_slope_along_it():
+    path = stroke((-0.06, -0.03), (0.04, 0.045), seconds=0.5)
+    result = rendered(scene_of(path, device={"downhill": "absolute"}))
+    x, y = result.signals["x"], result.signals["y"]
+    vector = np.array([0.8, 0.6])
+    along = exact_slope(x, y) * vector[0] + exact_slope(y, x) * vector[1]
+    assert np.abs(result.signals["friction"][1:] - 100 * np.abs(along[1:])).max() < 0.2
+    np.testing.assert_allclose(result.signals["direction_x"][1:], 0.8, atol=1e-9)
+    np.testing.assert_allclose(result.signals["direction_y"][1:], 0.6, atol=1e-9)
+
+
+def test_slopes_are_physical():
+    result = rendered(scene_of(ACROSS, heights=BUMP * 1e3, unit=1e-3, device={"scale_mode": "manual", "scale": 250.0}))
+    grad = result.signals["grad_x"]
+    exact = STEEPEST * exact_slope(result.signals["x"])
+    assert np.abs(grad - exact).max() < 1e-3 * STEEPEST
+    up = exact > 0.01
+    np.testing.assert_allclose(result.signals["friction"][up], 250 * grad[up], rtol=1e-12)
+
+
+def test_height_profile():
+    result = rendered(scene_of(ACROSS, device={"profile": "height"}))
+    x = result.signals["x"]
+    # The largest pixel is not the exact top; the lowest is the far corner, zero within 1e-9.
+    assert np.abs(result.signals["friction"] - (1 + 99 * np.exp(-(x**2) / (2 * SIGMA**2)))).max() < 0.05
+    manual = rendered(scene_of(ACROSS, device={"profile": "height", "scale_mode": "manual", "scale": 20000.0}))
+    assert manual.signals["friction"].max() == pytest.approx(20000 * TOP, rel=1e-3)
+
+
+def test_rectangle_profile_is_on_within_its_level():
+    result = rendered(scene_of(ACROSS, device={"profile": "rectangle", "threshold": 0.5}))
+    x = np.abs(result.signals["x"])
+    half = SIGMA * math.sqrt(2 * math.log(2))
+    pixel = SIZE[0] / BUMP.shape[1]
+    assert (result.signals["friction"][x < half - pixel] == 100).all()
+    assert (result.signals["friction"][x > half + pixel] == 1).all()
+    levels = np.unique(np.round(result.track.column("amplitude"), 1))
+    np.testing.assert_allclose(levels, [7.0, 288.2], atol=0.05)
+
+
+def test_contact_needs_distance_and_rectangle():
+    z = np.array([0.0006, 0.0005, 0.0, -0.004, -0.021])
+    for height, touching in zip(z, (False, True, True, True, False), strict=True):
+        result = rendered(scene_of(stroke((-0.01, 0), (0.01, 0), 0.1, z=height)))
+        assert result.signals["contact"].all() == touching, height
+        assert ("never-touches" in codes(result)) == (not touching)
+    leaving = rendered(
+        scene_of(stroke((0.0, 0.0), (0.2, 0.0)), heights=np.tile(np.arange(9, dtype=np.float32), (2, 1)))
+    )
+    inside = leaving.signals["x"] <= 0.1
+    np.testing.assert_array_equal(leaving.signals["contact"], inside)
+    assert (leaving.track.column("amplitude")[~inside] == 0).all()
+    assert leaving.track.column("amplitude")[inside][1:-60].min() > 280
+
+
+def test_touch_distance_of_the_screen_goes_before_the_fingers():
+    scene = scene_of(stroke((-0.01, 0), (0.01, 0), 0.1, z=0.002), parameters={"touch_distance": 0.001})
+    finger = dataclasses.replace(scene.fingers[0], parameters={"touch_distance": 0.003})
+    assert not rendered(dataclasses.replace(scene, fingers=(finger,))).signals["contact"].any()
+    wide = dataclasses.replace(scene.screens[0], parameters={})
+    assert rendered(dataclasses.replace(scene, fingers=(finger,), screens=(wide,))).signals["contact"].all()
+
+
+def turned_screen(n):
+    """A screen that is scaled by 2 x 0.5, mirrored in x, turned, and travels."""
+    angle, t = 0.7, np.arange(n) / RATE
+    turn = np.array([[math.cos(angle), 0, math.sin(angle)], [0, 1, 0], [-math.sin(angle), 0, math.cos(angle)]])
+    matrices = np.tile(np.eye(4), (n, 1, 1))
+    matrices[:, :3, :3] = turn @ np.diag([-2.0, 0.5, 3.0])
+    matrices[:, :3, 3] = np.stack([5 + 0.3 * np.sin(9 * t), t**2, -2 * t], axis=1)
+    return matrices
+
+
+def test_a_moving_mirrored_scaled_screen_feels_like_one_at_rest():
+    # The same surface in metres: the object's own size is halved in x and doubled in y, the scale undoes it.
+    straight = rendered(scene_of(ACROSS))
+    moved = rendered(scene_of(ACROSS * [0.5, 2.0, 1.0], size=(0.1, 0.2), screen_at=turned_screen(len(ACROSS))))
+    np.testing.assert_allclose(moved.signals["x"], straight.signals["x"], atol=1e-12)
+    np.testing.assert_allclose(moved.track.column("amplitude")[1:], straight.track.column("amplitude")[1:], atol=1e-3)
+    assert "screen-scale-animated" not in codes(moved)
+    assert "screen-sheared" not in codes(moved)
+
+
+def test_a_finger_that_rides_on_the_screen_is_at_rest():
+    n = 121
+    result = rendered(scene_of(np.tile([-0.015, 0.0, 0.0], (n, 1)), screen_at=turned_screen(n), size=(0.1, 0.2)))
+    assert result.signals["contact"].all()
+    assert (result.track.column("amplitude") == 0).all()
+
+
+def test_direction_is_held_after_an_abrupt_stop():
+    stop = np.concatenate([stroke((-0.055, 0), (-0.015, 0), 0.4), np.tile([-0.015, 0, 0], (96, 1))])
+    for window in (0.0, 0.02):
+        result = rendered(scene_of(stop, device={"direction_window": window}))
+        after = result.track.times > 0.4
+        assert result.signals["direction_x"][1:].min() > 0.999, window
+        # On the steepest flank, at rest: full friction stays.
+        assert np.abs(result.signals["friction"][after] - 100).max() < 1.0
+
+
+def test_automatic_scale_is_that_of_the_whole_sequence():
+    # The relief grows to three times its height; never is a single frame scaled by itself.
+    stack = np.stack([BUMP, 3 * BUMP])
+    parameters = {"map_fps": 2.0}  # shown at 0 and at 0.5 s, then held
+    result = rendered(scene_of(ACROSS, heights=stack, parameters=parameters, device={"downhill": "absolute"}))
+    t, x = result.track.times, result.signals["x"]
+    grown = 1 + 2 * np.minimum(t / 0.5, 1)
+    assert np.abs(result.signals["friction"][1:] - (100 / 3 * grown * np.abs(exact_slope(x)))[1:]).max() < 0.1
+    alone = rendered(scene_of(ACROSS))
+    assert alone.track.column("amplitude").max() == pytest.approx(result.track.column("amplitude").max(), rel=1e-3)
+
+
+def test_sequence_starts_at_its_scene_frame_with_one_map_a_frame():
+    stack = np.stack([BUMP * 0, BUMP])
+    result = rendered(scene_of(ACROSS, heights=stack, parameters={"sequence_start": 13}))  # frame 13 is 0.5 s
+    t, height = result.track.times, result.signals["height"]
+    assert (height[t <= 0.5] == 0).all()
+    late = t > 0.5 + 1 / 24 + 1e-9
+    exact = TOP * np.exp(-(result.signals["x"] ** 2) / (2 * SIGMA**2))
+    assert np.abs(height - exact)[late].max() < 1e-3 * TOP
+
+
+def test_animated_settings_override_the_constant_ones():
+    t = np.arange(len(ACROSS)) / RATE
+    channels = {
+        "device/0/0/carrier": 60 + 140 * t,
+        "device/0/0/scale": 100 * t,
+        "screen/0/touch_distance": 0.001 - 0.002 * t,
+    }
+    result = rendered(
+        scene_of(ACROSS, device={"scale_mode": "manual", "scale": 7.0, "carrier": 80.0}, channels=channels)
+    )
+    times = result.track.times
+    np.testing.assert_allclose(result.track.column("carrier"), 60 + 140 * times)
+    touching = times <= 0.5
+    np.testing.assert_array_equal(result.signals["contact"], touching)
+    up = (result.signals["x"] < -0.001) & touching & (times > 0.002)
+    np.testing.assert_allclose(result.signals["friction"][up], (100 * times * result.signals["grad_x"])[up], rtol=1e-9)
+
+
+def test_without_a_name_the_finger_feels_every_screen():
+    path = np.concatenate([stroke((-0.03, 0), (0.0, 0), 0.25), stroke((0.47, 0), (0.5, 0), 0.25)])
+    result = rendered(scene_of(path, screens=2, use_screen=""))
+    assert set(np.unique(result.signals["screen"])) >= {0.0, 1.0}
+    late = result.track.times > 0.3
+    assert (result.signals["screen"][late] == 1).all()
+    np.testing.assert_allclose(result.signals["x"][late].max(), 0.0, atol=1e-4)
+    assert np.abs(result.signals["friction"] - 100 * np.maximum(exact_slope(result.signals["x"]), 0))[late].max() < 0.2
+
+
+def test_manual_scale_above_the_span_is_counted_and_left_for_the_limiter():
+    result = rendered(scene_of(ACROSS, device={"scale_mode": "manual", "scale": 300 / STEEPEST}))
+    friction = 300 * np.maximum(exact_slope(result.signals["x"]), 0)
+    finding = codes(result)["above-measured-span"]
+    assert abs(finding.count - int((friction > 100).sum())) <= 2
+    assert result.track.column("amplitude").max() == pytest.approx(float(volts(300.0)), rel=2e-3)
+    assert result.track.column("amplitude").max() > SPEC.channel("amplitude").high
+
+
+def test_flat_map_says_so():
+    result = rendered(scene_of(ACROSS, heights=np.ones((4, 4), np.float32)))
+    assert codes(result)["flat-map"].severity == "warning"
+    assert (result.track.column("amplitude") == 0).all()
+
+
+def test_rate_does_not_depend_on_the_frame_rate():
+    scene = scene_of(ACROSS)
+    ntsc = dataclasses.replace(scene, fps=Fraction(30000, 1001))
+    np.testing.assert_array_equal(rendered(scene).track.times, rendered(ntsc).track.times)
+    np.testing.assert_array_equal(rendered(scene).track.values, rendered(ntsc).track.values)
+
+
+def screens_scaled(*scale):
+    matrices = np.tile(np.eye(4), (len(ACROSS), 1, 1))
+    matrices[:, :3, :3] = np.diag(scale)
+    return matrices
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"heights": np.zeros((0, 0), np.float32)}, "no pixels"),
+        ({"heights": np.full((2, 2), np.nan, np.float32)}, "not finite"),
+        ({"use_screen": "Gone"}, "no such touch screen"),
+        ({"size": (0.0, 0.1)}, "no area"),
+        ({"unit": -1.0}, "height unit"),
+        ({"screen_at": screens_scaled(1, 0, 1), "finger_world": ACROSS}, "no area|nothing"),
+        ({"screen_at": screens_scaled(1, 1, 0), "finger_world": ACROSS}, "scaled to nothing"),
+        ({"device": {"profile": "sine"}}, "profile"),
+        ({"device": {"downhill": "free"}}, "downhill"),
+        ({"device": {"scale_mode": "guess"}}, "scale"),
+        ({"device": {"scale_mode": "manual", "scale": 0.0}}, "zero"),
+        ({"device": {"scale_mode": "manual", "scale": math.nan}}, "zero"),
+        ({"device": {"direction_window": -1.0}}, "direction_window"),
+        ({"parameters": {"map_fps": -1.0}}, "maps_per_second"),
+    ],
+)
+def test_refuses_with_a_reason(options, message):
+    with pytest.raises(DermisError, match=message):
+        rendered(scene_of(ACROSS, **options))
+
+
+def test_scene_without_a_screen():
+    scene = dataclasses.replace(scene_of(ACROSS), screens=())
+    with pytest.raises(DermisError, match="no touch screen"):
+        screen_maps(sampled_without_screens(scene), scene, scene.fingers[0].devices[0], SPEC)
+
+
+def sampled_without_screens(scene):
+    chunk = dataclasses.replace(scene.chunks[0], screens=np.zeros((0, len(ACROSS), 4, 4)))
+    return sampled(dataclasses.replace(scene, chunks=[chunk]))
+
+
+# --- the map for a real finger
+
+
+def test_exported_map_answers_like_the_bake(tmp_path):
+    stack = np.stack([BUMP, 2 * BUMP])
+    for profile in ("slope", "height", "rectangle"):
+        scene = scene_of(ACROSS, heights=stack, parameters={"map_fps": 1.0}, device={"profile": profile})
+        touch, use = sampled(scene), scene.fingers[0].devices[0]
+        result = render(touch, scene, 0, use, SPEC)
+        screen_maps(touch, scene, use, SPEC)[0].save(tmp_path / "pad.npz")
+        live = ScreenMap.load(tmp_path / "pad.npz")
+        for i in range(7, 1000, 31):
+            answer = live.answer(result.signals["x"][i], 0.0, (0.25, 0.0), result.track.times[i])
+            assert answer.amplitude == pytest.approx(result.track.column("amplitude")[i], rel=1e-6, abs=1e-9), profile
+            assert answer.carrier == 60.0
+            assert not answer.limited
+        assert live.answer(0.3, 0.0, (1.0, 0.0)).amplitude == 0.0
+
+
+def test_live_answer_never_exceeds_the_limit(tmp_path):
+    scene = scene_of(ACROSS, device={"scale_mode": "manual", "scale": 300 / STEEPEST})
+    live = screen_maps(sampled(scene), scene, scene.fingers[0].devices[0], SPEC)[0]
+    answer = live.answer(-SIGMA, 0.0, (1.0, 0.0))
+    assert (answer.amplitude, answer.limited) == (300.0, True)
+    assert answer.friction == pytest.approx(300, rel=1e-3)
+    assert live.answer(-SIGMA, 0.0, (0.0, 0.0)).amplitude == 0.0
+    with pytest.raises(DermisError, match="not finite"):
+        live.answer(math.nan, 0.0, (1.0, 0.0))
+
+
+def test_export_gives_the_same_bytes_and_refuses_what_it_does_not_know(tmp_path):
+    scene = scene_of(ACROSS)
+    made = screen_maps(sampled(scene), scene, scene.fingers[0].devices[0], SPEC)[0]
+    first, second = tmp_path / "a.npz", tmp_path / "b.npz"
+    made.save(first)
+    ScreenMap.load(first).save(second)
+    assert first.read_bytes() == second.read_bytes()
+    with np.load(first, allow_pickle=False) as archive:
+        np.testing.assert_array_equal(archive["heights"][0], BUMP)
+        text = archive["meta"].tobytes().decode()
+    for broken_text, message in ((text.replace("map 1", "map 2"), "version"),
+                                 (text.replace('"offset"', '"off"'), "fields"), (text.replace('"rectify"', '"free"'), "downhill"), ("[]", "version")):  # fmt: skip
+        np.savez(second, heights=BUMP[None], meta=np.frombuffer(broken_text.encode(), np.uint8))
+        with pytest.raises(DermisError, match=message):
+            ScreenMap.load(second)
+    np.savez(second, meta=np.frombuffer(text.encode(), np.uint8))
+    with pytest.raises(DermisError, match="damaged"):
+        ScreenMap.load(second)
+    second.write_bytes(first.read_bytes()[:500])
+    with pytest.raises(DermisError, match="damaged"):
+        ScreenMap.load(second)
+    with pytest.raises(DermisError, match="cannot be read"):
+        ScreenMap.load(tmp_path / "none.npz")
+    with pytest.raises(DermisError, match="cannot be written"):
+        made.save(tmp_path / "a.npz" / "inside.npz")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -50,6 +50,7 @@ class SampledTouch:
         channels: animated parameters over the whole range, shape (n,).
         skipped: how much work the scene did not need, by name.
         findings: what was repaired or refused.
+        kept: what was derived from all this once, so that several devices share it.
     """
 
     frames: Array
@@ -62,7 +63,7 @@ class SampledTouch:
     channels: Mapping[str, Array] = field(default_factory=dict)
     skipped: Mapping[str, int] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
-    _kept: dict[Any, Any] = field(default_factory=dict, repr=False)
+    kept: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     @cached_property
     def gap(self) -> Array:
@@ -90,19 +91,19 @@ class SampledTouch:
 
     def finger_motion(self, finger: int) -> Motion:
         """Return the smooth motion of a finger, computed once."""
-        return self._keep(("finger", finger), lambda: Motion(self.times, self.fingers[finger]))
+        return self.keep(("finger", finger), lambda: Motion(self.times, self.fingers[finger]))
 
     def body_motion(self, body: int) -> Motion:
         """Return the smooth motion of a body, computed once."""
-        return self._keep(("body", body), lambda: Motion(self.times, self.bodies[body]))
+        return self.keep(("body", body), lambda: Motion(self.times, self.bodies[body]))
 
     def finger_at(self, finger: int, times: Array) -> MotionSamples:
         """Return a finger's motion at times that are asked for again and again, computed once."""
-        return self._keep(("finger at", finger, len(times)), lambda: self.finger_motion(finger).at(times), times)
+        return self.keep(("finger at", finger, len(times)), lambda: self.finger_motion(finger).at(times), times)
 
     def body_at(self, body: int, times: Array) -> MotionSamples:
         """Return a body's motion at times that are asked for again and again, computed once."""
-        return self._keep(("body at", body, len(times)), lambda: self.body_motion(body).at(times), times)
+        return self.keep(("body at", body, len(times)), lambda: self.body_motion(body).at(times), times)
 
     def centre(self, body: int, mesh: Mesh | None) -> Spline:
         """Return the path of a body's centre of gravity in the world [m], computed once."""
@@ -116,7 +117,7 @@ class SampledTouch:
             pose = self.bodies[body]
             return Spline(self.times, np.einsum("nij,nj->ni", pose[:, :3, :3], centre) + pose[:, :3, 3])
 
-        return self._keep(("centre", body), path)
+        return self.keep(("centre", body), path)
 
     def series(
         self, key: str, constants: Mapping[str, Any], default: float, times: Array, *, step: bool = False
@@ -139,8 +140,9 @@ class SampledTouch:
             return np.interp(times, self.times, values)
         return values[np.clip(np.searchsorted(self.times, times + 1e-9, side="right") - 1, 0, None)]
 
-    def _keep(self, key: Any, make: Any, times: Array | None = None) -> Any:
-        known = self._kept.get(key)
+    def keep(self, key: Any, make: Callable[[], Any], times: Array | None = None) -> Any:
+        """Return what was made under a key, making it once; with `times`, only for an object of the same times."""
+        known = self.kept.get(key)
         if known is None or (times is not None and known.times is not times and not np.array_equal(known.times, times)):
-            self._kept[key] = known = make()
+            self.kept[key] = known = make()
         return known

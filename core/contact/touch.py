@@ -304,7 +304,7 @@ class TouchSampler:
 
     def _repaired(self, kind: str, names: list[str], poses: Array, frames: Array) -> Array:
         """Hold the last good pose where one is not finite, and remember where that was."""
-        good = np.isfinite(poses.reshape(*poses.shape[:2], 16)).all(axis=2)
+        good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(poses), axis=(2, 3))
         if not good.all():
             poses = poses.copy()
             for i in np.flatnonzero(~good.all(axis=1)):

@@ -1,0 +1,246 @@
+"""Encounter: one pad on one body, at the device's own rate.
+
+Between the samples of the sweep the gap is a cubic Hermite curve whose slopes are the pad's velocity along the normal,
+relative to the body. For a plane, and for motion that is itself a cubic between samples, that is exact; so the instant
+of contact is found between two commands, not rounded to one.
+
+Positions and velocities are in the body's *carried* space: turned with the body, but metric.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..motion import MotionSamples
+from .sampled import PairTouch, SampledTouch
+
+Array = NDArray[np.float64]
+Which = slice | NDArray[np.intp]
+
+# Iterations of the root finder; it stops when the gap is this near to the touch distance [m].
+ROOT_STEPS = 60
+ROOT_TOLERANCE = 1e-13
+# A pad whose samples all stay this far above the touch distance [m] is not followed between them.
+DIP = 0.01
+
+
+class Encounter:
+    """When a pad touches a body, where, and how it moves over it.
+
+    Args:
+        touch: the sampled touch.
+        finger, body: indices of a pair that came within reach.
+        times: the device's times [s], shape (m,).
+        distance: the pad touches at or below this gap [m], one number or shape (m,).
+    """
+
+    def __init__(self, touch: SampledTouch, finger: int, body: int, times: Array, distance: float | Array) -> None:
+        self.times = times
+        self.finger, self.body, self.distance = finger, body, distance
+        self._touch = touch
+        self._pair: PairTouch = touch.pairs[finger, body]
+
+    @cached_property
+    def gap(self) -> Array:
+        """Signed gap at the device's times [m], inf where unknown, shape (m,)."""
+        return self._gap_at(self.times)
+
+    @cached_property
+    def touching(self) -> NDArray[np.bool_]:
+        """Whether the pad touches, shape (m,)."""
+        return self.gap <= self.distance
+
+    @cached_property
+    def which(self) -> Which:
+        """The touching samples: a slice where they are consecutive, which costs no copy, else their indices."""
+        index = np.flatnonzero(self.touching)
+        if index.size and index[-1] - index[0] + 1 == index.size:
+            return slice(int(index[0]), int(index[-1]) + 1)
+        return index
+
+    @cached_property
+    def any(self) -> bool:
+        """Whether the pad ever touches."""
+        near = self._pair.gap[np.isfinite(self._pair.gap)]
+        return bool(near.size and near.min() <= np.max(self.distance) + DIP and self.touching.any())
+
+    @cached_property
+    def onsets(self) -> Array:
+        """Instants of making contact [s], shape (e,). A pad that touches from the first sample on makes none."""
+        began = np.flatnonzero(self.touching[1:] & ~self.touching[:-1]) + 1
+        if began.size == 0:
+            return np.zeros(0)
+        known = np.isfinite(self.gap[began - 1])
+        instants = self.times[began].copy()  # a pad that came out of nowhere: the sample itself
+        instants[known] = self._roots(began[known])
+        return instants
+
+    @cached_property
+    def onset_velocities(self) -> Array:
+        """Velocity of the pad relative to the body at each onset, in world axes [m/s], shape (e, 3)."""
+        if self.onsets.size == 0:
+            return np.zeros((0, 3))
+        finger = self._touch.finger_motion(self.finger).at(self.onsets)
+        body = self._touch.body_motion(self.body).at(self.onsets)
+        relative = _relative_velocity(finger, body)
+        moving = self._pair.surface_velocity
+        if moving is not None:
+            local = moving[self._nearest(self.onsets)]
+            relative = relative - np.einsum("nij,nj->ni", body.rotation, local)
+        return relative
+
+    @cached_property
+    def velocity(self) -> Array:
+        """Velocity of the pad over the body at the touching samples, in carried space [m/s], shape (k, 3)."""
+        finger = self._touch.finger_at(self.finger, self.times)
+        body = self._touch.body_at(self.body, self.times)
+        local = turned_back(body, self.which, _relative_velocity(finger, body, self.which))
+        moving = self._pair.surface_velocity
+        return local if moving is None else local - self._between(moving)
+
+    @cached_property
+    def normal(self) -> Array:
+        """Outward normal of the body at the touching samples, in carried space, shape (k, 3)."""
+        n = self._between(self._carried_normal)
+        return n / np.maximum(np.sqrt(np.einsum("ij,ij->i", n, n)), 1e-300)[:, None]
+
+    @cached_property
+    def point(self) -> Array:
+        """Closest point of the body at the touching samples, in carried space [m], shape (k, 3).
+
+        The pad's own path is followed at the device's rate; only the short way from it to the surface is interpolated.
+        """
+        finger = self._touch.finger_at(self.finger, self.times)
+        body = self._touch.body_at(self.body, self.times)
+        offset = finger.position[self.which] - body.position[self.which]
+        return turned_back(body, self.which, offset) + self._between(self._to_surface)
+
+    # -- between the samples -------------------------------------------------------------------------------------
+
+    @cached_property
+    def _at_samples(self) -> tuple[MotionSamples, MotionSamples]:
+        touch = self._touch
+        return touch.finger_at(self.finger, touch.times), touch.body_at(self.body, touch.times)
+
+    @cached_property
+    def _carried_normal(self) -> Array:
+        return turned_back(self._at_samples[1], slice(None), self._pair.normal)
+
+    @cached_property
+    def _to_surface(self) -> Array:
+        finger, body = self._at_samples
+        return self._pair.point - turned_back(body, slice(None), finger.position - body.position)
+
+    @cached_property
+    def _slope(self) -> Array:
+        """Rate of the gap at the samples [m/s], shape (n,)."""
+        rate = np.einsum("ij,ij->i", self._pair.normal, _relative_velocity(*self._at_samples))
+        moving = self._pair.surface_velocity
+        return rate if moving is None else rate - np.einsum("ij,ij->i", self._carried_normal, moving)
+
+    def _gap_at(self, t: Array) -> Array:
+        times, gap = self._touch.times, self._pair.gap
+        if len(times) == 1:
+            return np.full(len(t), gap[0])
+        index, since = self._touch.finger_motion(self.finger).positions.piece(t)
+        start, end = gap[index], gap[index + 1]
+        known = np.isfinite(start) & np.isfinite(end)
+        if known.all():
+            return self._hermite(index, since)
+        # Beside an unknown sample only the known one itself counts.
+        out = np.where(since == 0.0, start, np.where(t == times[index + 1], end, np.inf))
+        out[known] = self._hermite(index[known], since[known])
+        return out
+
+    def _hermite(self, index: NDArray[np.intp], since: Array) -> Array:
+        times, gap, slope = self._touch.times, self._pair.gap, self._slope
+        step = times[index + 1] - times[index]
+        u = since / step
+        start, rise = gap[index], gap[index + 1] - gap[index]
+        first, last = slope[index] * step, slope[index + 1] * step
+        return start + u * (first + u * (3.0 * rise - 2.0 * first - last + u * (first + last - 2.0 * rise)))
+
+    def _roots(self, began: NDArray[np.intp]) -> Array:
+        """When the gap falls to the touch distance before each sample, by the Illinois form of regula falsi."""
+        distance = np.broadcast_to(self.distance, self.times.shape)[began]
+        low, high = self.times[began - 1], self.times[began]
+        f_low, f_high = np.maximum(self.gap[began - 1] - distance, 0.0), self.gap[began] - distance
+        root = high.copy()
+        for _ in range(ROOT_STEPS):
+            span = f_low - f_high
+            root = np.where(span > 0.0, high - f_high * (low - high) / np.where(span > 0.0, span, 1.0), high)
+            value = self._gap_at(root) - distance
+            if (np.abs(value) <= ROOT_TOLERANCE).all():
+                break
+            left = value > 0.0
+            # The end that stays put counts half, so that both ends close in.
+            f_high = np.where(left, f_high * 0.5, value)
+            f_low = np.where(left, value, f_low * 0.5)
+            low, high = np.where(left, root, low), np.where(left, high, root)
+        return root
+
+    def _nearest(self, t: Array) -> NDArray[np.intp]:
+        """The sample nearest to each time at which the gap is known."""
+        known = np.flatnonzero(np.isfinite(self._pair.gap))
+        after = np.clip(np.searchsorted(self._touch.times[known], t), 1, max(len(known) - 1, 1))
+        if len(known) == 1:
+            return np.full(len(t), known[0])
+        earlier, later = known[after - 1], known[after]
+        nearer = t - self._touch.times[earlier] <= self._touch.times[later] - t
+        return np.where(nearer, earlier, later)
+
+    @cached_property
+    def _weights(self) -> tuple[NDArray[np.intp], Array]:
+        index, since = self._touch.finger_motion(self.finger).positions.piece(self.times[self.which])
+        if len(self._touch.times) == 1:
+            return index, np.zeros(len(index))
+        u = since / (self._touch.times[index + 1] - self._touch.times[index])
+        # Where only one of the two samples is known, that one holds.
+        known = np.isfinite(self._pair.gap)
+        u = np.where(known[index + 1], np.where(known[index], u, 1.0), 0.0)
+        return index, u
+
+    def _between(self, samples: Array) -> Array:
+        """Interpolate a series of samples (n, 3) linearly at the touching times."""
+        index, u = self._weights
+        if len(samples) == 1:
+            return samples[index]
+        start = samples.take(index, axis=0)
+        return start + u[:, None] * (samples.take(index + 1, axis=0) - start)
+
+
+def encounter(
+    touch: SampledTouch, finger: int, body: int, times: Array, distance: float | Array
+) -> Encounter | None:
+    """Return the encounter of a pair, computed once per set of times, or None if they never touch."""
+    if (finger, body) not in touch.pairs:
+        return None
+    made: Encounter = touch.keep(
+        ("encounter", finger, body, len(times)), lambda: Encounter(touch, finger, body, times, distance), times
+    )
+    return made if made.any else None
+
+
+def turned_back(samples: MotionSamples, which: Which, vectors: Array) -> Array:
+    """Return world vectors (k, 3) in the axes of a moving frame, at the samples chosen."""
+    if samples.turns:
+        return np.einsum("nji,nj->ni", samples.rotation[which], vectors)
+    return vectors @ samples.rotation[0]
+
+
+def turned(samples: MotionSamples, which: Which, vectors: Array) -> Array:
+    """Return vectors (k, 3) in a moving frame's axes in those of the world, at the samples chosen."""
+    if samples.turns:
+        return np.einsum("nij,nj->ni", samples.rotation[which], vectors)
+    return vectors @ samples.rotation[0].T
+
+
+def _relative_velocity(finger: MotionSamples, body: MotionSamples, which: Which = slice(None)) -> Array:
+    """Velocity of the pad relative to the body's matter where the pad is, in world axes [m/s]."""
+    relative = finger.velocity[which] - body.velocity[which]
+    if not body.turns:
+        return relative
+    return relative - np.cross(body.angular_velocity[which], finger.position[which] - body.position[which])

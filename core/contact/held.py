@@ -1,0 +1,89 @@
+"""When an object counts as held, and by which fingers.
+
+* 'auto': by opposed fingers. A finger holds a body while it touches it and another finger touches it too, with
+  outward normals at least 120 degrees apart: thumb and index on either side of a cube. A finger that only rests on top
+  carries nothing.
+* 'keyed': while the body's keyable `held` is on, by every finger that touches it.
+* 'never'.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from ..scene import TactileScene
+from .encounter import Encounter, encounter
+from .sampled import SampledTouch
+
+if TYPE_CHECKING:
+    Array = NDArray[np.float64]
+
+MODES = ("auto", "keyed", "never")
+TOUCH_DISTANCE = 0.0005  # [m], where a finger does not say
+# Normals that make an angle of at least 120 degrees are opposed.
+OPPOSED = -0.5
+
+
+def meet(touch: SampledTouch, scene: TactileScene, finger: int, body: int, times: Array) -> Encounter | None:
+    """Return the encounter of a finger and a body at the finger's touch distance, or None if they never touch."""
+    if (finger, body) not in touch.pairs:
+        return None
+    distance = touch.series(
+        f"finger/{finger}/touch_distance", scene.fingers[finger].parameters, TOUCH_DISTANCE, times
+    )
+    return encounter(touch, finger, body, times, distance)
+
+
+def held(
+    touch: SampledTouch, scene: TactileScene, finger: int, body: int, times: Array
+) -> NDArray[np.bool_] | None:
+    """Return when a finger holds a body, shape (m,), or None if it never does.
+
+    Args:
+        times: the device's times [s], shape (m,).
+
+    Raises:
+        DermisError: an unknown `held_mode`.
+    """
+    parameters = scene.bodies[body].parameters
+    mode = parameters.get("held_mode", "auto")
+    if mode not in MODES:
+        raise DermisError("unknown way of holding", where=f"object '{scene.bodies[body].name}'", value=mode,
+                          limit=", ".join(MODES))  # fmt: skip
+    if mode == "never":
+        return None
+    own = meet(touch, scene, finger, body, times)
+    if own is None:
+        return None
+    if mode == "keyed":
+        switch = touch.series(f"body/{body}/held", parameters, 0.0, times, step=True)
+        holds = own.touching & (np.asarray(switch) > 0.5)
+    else:
+        holds = np.zeros(len(times), dtype=bool)
+        for other in range(len(scene.fingers)):
+            theirs = None if other == finger else meet(touch, scene, other, body, times)
+            if theirs is not None:
+                holds |= own.touching & theirs.touching & _opposed(touch, finger, other, body, times)
+    return holds if holds.any() else None
+
+
+def _opposed(touch: SampledTouch, finger: int, other: int, body: int, times: Array) -> NDArray[np.bool_]:
+    """Whether two fingers' normals oppose, from the nearest sample of the sweep, shape (m,)."""
+    first, second = sorted((finger, other))
+
+    def at_times() -> NDArray[np.bool_]:
+        a, b = touch.pairs[first, body].normal, touch.pairs[second, body].normal
+        samples = np.einsum("ij,ij->i", a, b) <= OPPOSED
+        if samples.all() or not samples.any():
+            return np.full(len(times), bool(samples[0]))
+        middles = (touch.times[1:] + touch.times[:-1]) / 2.0
+        return samples[np.searchsorted(middles, times)]
+
+    known: tuple[Array, NDArray[np.bool_]] | None = touch.kept.get(("opposed", first, second, body, len(times)))
+    if known is None or not np.array_equal(known[0], times):
+        known = touch.kept["opposed", first, second, body, len(times)] = (times, at_times())
+    return known[1]

@@ -33,7 +33,8 @@ def mesh(metres_per_unit: float = 1.0) -> bpy.types.Mesh:
     data = bpy.data.meshes.new("Fingertip")
     data.from_pydata((vertices * 1e-3 / metres_per_unit).tolist(), [], faces)
     data.polygons.foreach_set("material_index", material)
-    data.polygons.foreach_set("use_smooth", np.ones(len(faces), dtype=bool))
+    smooth = np.array([len(face) <= 4 for face in faces])  # the cut end stays flat
+    data.polygons.foreach_set("use_smooth", smooth)
     data.materials.append(_material("Fingertip Skin", SKIN, 0.5))
     data.materials.append(_material("Fingertip Nail", NAIL, 0.25))
     data.update()

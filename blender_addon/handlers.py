@@ -21,6 +21,7 @@ _dirty: set[str] = set()
 _muted = 0
 _generation = 0
 _ticks = 0
+_edits = 0
 
 
 def dirty() -> frozenset[str]:
@@ -38,11 +39,17 @@ def ticks() -> int:
     return _ticks
 
 
+def edits() -> int:
+    """Return a number that rises with every change of the scene, but not with the frame."""
+    return _edits + _generation
+
+
 def mark_dirty(name: str = "settings") -> None:
     """Note that something changed."""
-    global _ticks
+    global _edits, _ticks
     _ticks += 1
     if not _muted:
+        _edits += 1
         _dirty.add(name)
 
 
@@ -64,7 +71,7 @@ def muted() -> Iterator[None]:
 
 @persistent
 def _on_depsgraph(_scene: bpy.types.Scene, depsgraph: Any = None) -> None:
-    global _ticks
+    global _edits, _ticks
     _ticks += 1
     if _muted or depsgraph is None:
         return
@@ -74,6 +81,7 @@ def _on_depsgraph(_scene: bpy.types.Scene, depsgraph: Any = None) -> None:
             type(update.id).__name__ in _RELEVANT or isinstance(update.id, bpy.types.Object | bpy.types.Action)
         ):
             _dirty.add(update.id.name)
+            _edits += 1
 
 
 @persistent

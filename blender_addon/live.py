@@ -63,8 +63,8 @@ class Preview:
 class _Trail:
     generation: int = -1
     scene: int = 0
-    samples: list[Any] = field(default_factory=list)  # `sampling.Snapshot`s
-    reader: Any = None  # keeps surfaces that do not change, so that the engine can keep what it built on them
+    samples: list[Any] = field(default_factory=list)  # `TactileScene`s of one sample each
+    edits: int = -1  # of `handlers`, when `sampling` last forgot its surfaces and reliefs
     preview: Preview | None = None
 
 
@@ -108,15 +108,15 @@ def on_frame(scene: bpy.types.Scene) -> None:
 def step(context: bpy.types.Context) -> Preview:
     """Extend the trail by the scene as it is now, or start a new one, and render it."""
     from . import sampling
-    from .sampling_meshes import MeshReader
 
     errors = core_module("errors")
     scene = context.scene
     frame = frame_of(scene)
-    if _trail.reader is None or _trail.generation != handlers.generation():
-        _trail.reader = MeshReader()
+    if _trail.edits != handlers.edits():
+        sampling.forget()
+        _trail.edits = handlers.edits()
     try:
-        sample = sampling.sample_now(context, _trail.reader)
+        sample = sampling.sample_now(scene, context.evaluated_depsgraph_get())
         if not _continues(scene, sample, frame):
             _trail.samples = []
         _trail.samples.append(sample)
@@ -134,7 +134,7 @@ def step(context: bpy.types.Context) -> Preview:
 def reset() -> None:
     """Forget the trail; the next frame starts from rest."""
     global _memo, _memo_preview
-    _trail.samples, _trail.preview, _trail.reader = [], None, None
+    _trail.samples, _trail.preview = [], None
     _memo, _memo_preview = (), None
 
 
@@ -148,26 +148,25 @@ def _continues(scene: bpy.types.Scene, sample: Any, frame: float) -> bool:
     if not _trail.samples or _trail.scene != scene.session_uid or _trail.generation != handlers.generation():
         return False
     before = _trail.samples[-1]
-    gap = (frame - _frame(before)) / float(sample.scene.fps)
+    gap = (frame - _frame(before)) / float(sample.fps)
     return 1e-9 < gap <= STEP_SECONDS and _cast(before) == _cast(sample)
 
 
 def _frame(sample: Any) -> float:
-    return float(sample.chunk.frames[0])
+    return float(sample.chunks[0].frames[0])
 
 
 def _cast(sample: Any) -> tuple[Any, ...]:
     """Who takes part; a trail cannot go on where this changes."""
-    scene = sample.scene
-    return (tuple(f.name for f in scene.fingers), tuple(b.name for b in scene.bodies),
-            tuple(s.name for s in scene.screens), scene.fps)  # fmt: skip
+    return (tuple(f.name for f in sample.fingers), tuple(b.name for b in sample.bodies),
+            tuple(s.name for s in sample.screens), sample.fps)  # fmt: skip
 
 
 def _render(frame: float) -> Preview:
     samples = _trail.samples
     bake = _run(_joined(samples))
     first = _frame(samples[0])
-    result = results.Result(bake, float(samples[0].scene.fps), first - 1.0, -1, ())
+    result = results.Result(bake, float(samples[0].fps), first - 1.0, -1, ())
     note = f"live, from rest at frame {first:g}" + (": play or step forward" if len(samples) == 1 else "")
     rows = tuple(_row(result, output, frame) for output in bake.outputs)
     return Preview(frame, "live", note, rows)
@@ -176,21 +175,21 @@ def _render(frame: float) -> Preview:
 def _joined(samples: list[Any]) -> Any:
     """Return the trail as a scene of its own; it starts one frame earlier, at rest in the first pose."""
     chunk = core_module("scene").Chunk
-    parts = [samples[0].chunk, *(s.chunk for s in samples)]
+    parts = [samples[0].chunks[0], *(s.chunks[0] for s in samples)]
     frames = np.array([float(p.frames[0]) for p in parts])
     frames[0] -= 1.0
     keys = set.intersection(*(set(p.channels) for p in parts))
     surfaces = set.intersection(*(set(p.surfaces) for p in parts))
     joined = chunk(
         frames=frames,
-        times=(frames - frames[0]) / float(samples[0].scene.fps),
+        times=(frames - frames[0]) / float(samples[0].fps),
         fingers=np.concatenate([p.fingers for p in parts], axis=1),
         bodies=np.concatenate([p.bodies for p in parts], axis=1),
         screens=np.concatenate([p.screens for p in parts], axis=1),
         surfaces={i: tuple(p.surfaces[i][0] for p in parts) for i in sorted(surfaces)},
         channels={k: np.concatenate([p.channels[k] for p in parts]) for k in sorted(keys)},
     )
-    last = samples[-1].scene
+    last = samples[-1]
     span = (int(np.floor(frames[0])), int(np.ceil(frames[-1])))
     return replace(last, frame_range=span, rate=float(last.fps), chunks=(joined,))
 

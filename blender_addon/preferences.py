@@ -24,9 +24,14 @@ def user_folder(name: str, *, create: bool = False) -> Path:
     return folder
 
 
+def presets_folder() -> Path:
+    """Return the folder of the user's own presets; it need not exist."""
+    return user_folder("presets")
+
+
 def library() -> Any:
     """Return the presets at hand: the built-in ones and the user's own."""
-    return core_module("presets").Library(user_folder("presets"))
+    return core_module("presets").Library(presets_folder())
 
 
 def core_module(name: str) -> Any:

@@ -52,13 +52,13 @@ class DERMIS_OT_add_device(bpy.types.Operator):
         errors = core_module("errors")
         obj = _finger(context, self.finger)
         if obj is None:
-            reporting.report(self, errors.DermisError("not a finger", where=f"object '{self.finger}'" if self.finger else "",
+            reporting.report_error(self, errors.DermisError("not a finger", where=f"object '{self.finger}'" if self.finger else "",
                                                       remedy="Select a finger"))  # fmt: skip
             return {"CANCELLED"}
         try:
             library().device(self.preset)
         except errors.DermisError as error:
-            reporting.report(self, error)
+            reporting.report_error(self, error, self.bl_label)
             return {"CANCELLED"}
         obj.dermis.finger.devices.add().preset = self.preset
         obj.dermis.finger.active_device = len(obj.dermis.finger.devices) - 1

@@ -40,7 +40,7 @@ class DERMIS_OT_make_touchable(bpy.types.Operator):
             try:
                 values = library().material(self.preset)
             except errors.DermisError as error:
-                reporting.report(self, error)
+                reporting.report_error(self, error, self.bl_label)
                 return {"CANCELLED"}
         fingers = 0
         for obj in _meshes(context):

@@ -101,14 +101,17 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
     bl_label = "Findings"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def poll(cls, _context: bpy.types.Context) -> bool:
         """Show only where there are any."""
-        return bool(reporting.findings(context.scene))
+        return bool(reporting.findings())
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw errors first, each with a way to its place."""
-        rank = {"error": 0, "warning": 1, "info": 2}
-        numbered = sorted(enumerate(reporting.findings(context.scene)), key=lambda item: rank[item[1].severity])
+        numbered = tuple(enumerate(reporting.findings()))
+        if reporting.source():
+            row = self.layout.row()
+            row.active = False
+            row.label(text=reporting.source())
         for index, finding in numbered[:MOST_FINDINGS]:
             box = self.layout.box()
             row = box.row(align=True)

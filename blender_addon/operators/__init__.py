@@ -1,0 +1,19 @@
+"""What buttons do, one file per topic."""
+
+import bpy
+
+from . import add, bake, devices, export, housekeeping, roles
+
+CLASSES = (*add.CLASSES, *roles.CLASSES, *devices.CLASSES, *bake.CLASSES, *export.CLASSES, *housekeeping.CLASSES)
+
+
+def register() -> None:
+    """Register the operators."""
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

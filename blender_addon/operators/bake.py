@@ -1,0 +1,48 @@
+"""Bake: sample the animation, render every device, keep the tracks."""
+
+from typing import Any
+
+import bpy
+
+from .. import jobs, live, reporting, results
+from ..preferences import library
+
+
+class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
+    """Work out what every device on every finger does over the frame range; Esc cancels"""
+
+    bl_idname = "dermis.bake"
+    bl_label = "Bake"
+    bl_options = {"REGISTER"}
+    job_title = "Bake"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need an object mode in which the scene is evaluated as it will be played."""
+        cls.poll_message_set("Leave edit mode first")
+        return context.mode in ("OBJECT", "POSE")
+
+    def steps(self, context: bpy.types.Context) -> Any:
+        """Return sampling and rendering as one generator."""
+        from ..panels import choices
+
+        choices.refresh()  # the list of devices shall say what this bake sees
+        return jobs.bake(context.scene, library())
+
+    def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
+        """Keep the result in memory and outside the .blend; say what it is worth."""
+        scene = context.scene
+        live.reset()
+        results.keep(scene, result)
+        found = list(result.all_findings)
+        try:
+            results.store(scene, results.current(scene))
+        except ValueError as error:  # a full disk must not cost the bake
+            found.append(reporting.as_finding(error))
+        tracks = len(result.outputs)
+        done = f"Baked {tracks} track{'' if tracks == 1 else 's'}."
+        reporting.report_findings(self, found, f"Bake of {scene.name}", done)
+        return {"FINISHED"}
+
+
+CLASSES = (DERMIS_OT_bake,)

@@ -1,0 +1,122 @@
+# mypy: disable-error-code="valid-type"
+"""Files: tracks as CSV, the sampled scene, the stored result of an earlier session."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty, StringProperty
+
+from .. import properties, reporting, results
+from ..preferences import core_module
+
+
+class DERMIS_OT_export_tracks(bpy.types.Operator):
+    """Write one CSV file for each finger and device of the last bake"""
+
+    bl_idname = "dermis.export_tracks"
+    bl_label = "Export Tracks"
+    bl_options = {"REGISTER"}
+
+    directory: StringProperty(name="Folder", description="Where the files go; empty: the scene's output folder",
+                              subtype="DIR_PATH")  # fmt: skip
+    plots: BoolProperty(name="With Plots", description="Write a PNG plot beside each track", default=False)
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a bake."""
+        cls.poll_message_set("Bake first")
+        return results.current(context.scene) is not None
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Write to the scene's output folder; ask where that is relative to a file that was never saved."""
+        settings = context.scene.dermis
+        self.plots = settings.plots
+        self.directory = ""
+        if settings.output_dir.startswith("//") and not bpy.data.filepath:
+            context.window_manager.fileselect_add(self)
+            return {"RUNNING_MODAL"}
+        return self.execute(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Write the files."""
+        errors, pipeline = core_module("errors"), core_module("pipeline")
+        scene = context.scene
+        folder = Path(bpy.path.abspath(self.directory or scene.dermis.output_dir))
+        result = results.current(scene)
+        try:
+            if not folder.is_absolute():
+                raise errors.DermisError("the folder is relative to a file that was never saved", where="output folder",
+                                         value=str(folder), remedy="Save the file, or choose another folder")  # fmt: skip
+            written = pipeline.export(result.bake, folder, plots=self.plots)
+        except errors.DermisError as error:
+            return reporting.report_error(self, error, "Export")
+        text = f"Wrote {len(written)} file{'' if len(written) == 1 else 's'} to {folder}"
+        if results.state(scene) == "stale":
+            self.report({"WARNING"}, f"{text}. The scene has changed since the bake")
+        else:
+            self.report({"INFO"}, text)
+        return {"FINISHED"}
+
+
+class DERMIS_OT_export_scene(bpy.types.Operator):
+    """Sample the animation and save it for 'python -m core render', for a machine without Blender"""
+
+    bl_idname = "dermis.export_scene"
+    bl_label = "Save Sampled Scene"
+    bl_options = {"REGISTER"}
+
+    filepath: StringProperty(name="File", subtype="FILE_PATH")
+    filter_glob: StringProperty(default="*.npz", options={"HIDDEN"})
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for the file."""
+        self.filepath = f"{bpy.path.clean_name(context.scene.name)}.npz"
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Sample and write."""
+        from .. import sampling
+
+        errors = core_module("errors")
+        path = Path(bpy.path.abspath(self.filepath))
+        if not path.suffix:
+            path = path.with_suffix(".npz")
+        try:
+            tactile = sampling.sample(context.scene)
+            try:
+                core_module("scene_file").save(tactile, path)
+            finally:
+                tactile.chunks.close()
+        except errors.DermisError as error:
+            return reporting.report_error(self, error, "Save Sampled Scene")
+        found = (*tactile.findings, *tactile.chunks.findings)
+        reporting.report_findings(self, found, "Save Sampled Scene", f"Wrote {path}.")
+        return {"FINISHED"}
+
+
+class DERMIS_OT_load_result(bpy.types.Operator):
+    """Read the stored result of this scene's last bake"""
+
+    bl_idname = "dermis.load_result"
+    bl_label = "Show Stored Bake"
+    bl_options = {"REGISTER"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Read it."""
+        errors = core_module("errors")
+        scene: Any = context.scene
+        try:
+            result = results.load(scene)
+        except errors.DermisError as error:
+            return reporting.report_error(self, error, "Stored bake")
+        if result is None:
+            scene.dermis.bake_key = properties.DermisScene.bl_rna.properties["bake_key"].default
+            self.report({"WARNING"}, "The stored bake is gone; bake again")
+            return {"CANCELLED"}
+        reporting.show(result.bake.all_findings, f"Stored bake of {scene.name}")
+        return {"FINISHED"}
+
+
+CLASSES = (DERMIS_OT_export_tracks, DERMIS_OT_export_scene, DERMIS_OT_load_result)

@@ -1,0 +1,70 @@
+# mypy: disable-error-code="valid-type"
+"""Small helpers: jump to what a finding is about, open and clear the extension's folders."""
+
+import re
+
+import bpy
+from bpy.props import IntProperty
+
+from .. import reporting, results
+from ..preferences import presets_folder
+
+
+class DERMIS_OT_go_to_finding(bpy.types.Operator):
+    """Go to the frame and select the object that this is about"""
+
+    bl_idname = "dermis.go_to_finding"
+    bl_label = "Show"
+    bl_options = {"REGISTER", "UNDO"}
+
+    index: IntProperty(name="Finding", default=0, min=0)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Set frame and selection."""
+        findings = reporting.findings()
+        if self.index >= len(findings):
+            self.report({"WARNING"}, "That finding is no longer in the list")
+            return {"CANCELLED"}
+        finding = findings[self.index]
+        if finding.frame is not None:
+            whole = int(finding.frame // 1)
+            context.scene.frame_set(whole, subframe=finding.frame - whole)
+        named = (context.scene.objects.get(name) for name in re.findall(r"'([^']+)'", finding.where))
+        obj = next((o for o in named if o is not None), None)
+        if obj is not None and obj.visible_get():
+            for other in context.selected_objects:
+                other.select_set(False)
+            obj.select_set(True)
+            context.view_layer.objects.active = obj
+        return {"FINISHED"}
+
+
+class DERMIS_OT_open_presets(bpy.types.Operator):
+    """Open the folder for presets of your own: put devices/NAME.json or materials/NAME.json there"""
+
+    bl_idname = "dermis.open_presets"
+    bl_label = "Open Presets Folder"
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        """Make the folders if needed and open them."""
+        folder = presets_folder()
+        for group in ("devices", "materials"):
+            (folder / group).mkdir(parents=True, exist_ok=True)
+        bpy.ops.wm.path_open(filepath=str(folder))
+        return {"FINISHED"}
+
+
+class DERMIS_OT_clear_results(bpy.types.Operator):
+    """Delete the stored bakes of every file; tracks that you exported stay"""
+
+    bl_idname = "dermis.clear_results"
+    bl_label = "Delete Stored Bakes"
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        """Empty the folder."""
+        results.cache().clear()
+        self.report({"INFO"}, "Deleted the stored bakes")
+        return {"FINISHED"}
+
+
+CLASSES = (DERMIS_OT_go_to_finding, DERMIS_OT_open_presets, DERMIS_OT_clear_results)

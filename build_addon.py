@@ -109,7 +109,7 @@ def need_packages(packages: list[str], why: str) -> None:
     if not shutil.which("apt-get"):
         raise Stop(f"{why}. On Debian or Ubuntu the packages are called: {names}. Install your system's and try again.")
     if not root:
-        raise Stop(f"{why}. Install it with:\n  sudo apt-get update && sudo apt-get install -y {names}")
+        raise Stop(f"{why}. Install with:\n  sudo apt-get update && sudo apt-get install -y {names}")
     say(f"{why}: installing {names}")
     environment = dict(os.environ, DEBIAN_FRONTEND="noninteractive")
     install = ["apt-get", "install", "-y", "--no-install-recommends", *names.split()]
@@ -148,17 +148,14 @@ def environment() -> Environment:
     python = folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     lock = LOCKS / f"environment-{tag}.txt"
     this_platform()
-    libraries = missing_libraries()
-    if libraries:
-        packages = [NEEDED_LIBRARIES[name] for name in libraries]
-        need_packages(packages, f"Blender needs system libraries that are missing ({', '.join(libraries)})")
-    if not fresh(folder, lock):
-        try:
-            import ensurepip  # noqa: F401
-            import venv  # noqa: F401
-        except ImportError:
-            name = f"python{sys.version_info[0]}.{sys.version_info[1]}-venv"
-            need_packages([name], "This Python cannot make environments")
+    made = fresh(folder, lock)
+    missing = [] if made or can_make_environments() else ["the venv module of this Python"]
+    packages = [f"python{sys.version_info[0]}.{sys.version_info[1]}-venv"] if missing else []
+    missing += missing_libraries()
+    packages += [NEEDED_LIBRARIES[name] for name in missing if name in NEEDED_LIBRARIES]
+    if packages:
+        need_packages(packages, f"This machine lacks what Blender as a module needs ({', '.join(missing)})")
+    if not made:
         say(f"making {folder.relative_to(ROOT)} (Blender {BLENDER[sys.version_info[:2]]} as a module; about 400 MB)")
         quietly([sys.executable, "-m", "venv", "--clear", str(folder)], "The environment could not be made")
         pip(python, "install", "-r", str(lock))
@@ -176,6 +173,16 @@ def environment() -> Environment:
             "-r", str(lock))  # fmt: skip
         stamp(wheels, lock)
     return Environment(python, wheels)
+
+
+def can_make_environments() -> bool:
+    """Tell whether this Python has venv and pip; Debian keeps them in a package of their own."""
+    try:
+        import ensurepip  # noqa: F401
+        import venv  # noqa: F401
+    except ImportError:
+        return False
+    return True
 
 
 def fresh(folder: Path, lock: Path) -> bool:

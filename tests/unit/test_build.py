@@ -175,6 +175,18 @@ def test_missing_libraries_are_named_with_the_command(monkeypatch: pytest.Monkey
         build_addon.need_packages(["libxi6", "libsm6"], "Blender needs libraries")
 
 
+def test_libraries_and_venv_are_asked_for_in_one_command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A bare Debian lacks both; whoever may not install them needs one line to paste, not two rounds."""
+    monkeypatch.setattr(build_addon, "VENV", tmp_path)
+    monkeypatch.setattr(build_addon, "can_make_environments", lambda: False)
+    monkeypatch.setattr(build_addon, "missing_libraries", lambda: ["libXi.so.6", "libGL.so.1"])
+    monkeypatch.setattr(build_addon.shutil, "which", lambda name: f"/usr/bin/{name}")
+    monkeypatch.setattr(build_addon.os, "geteuid", lambda: 1000, raising=False)
+    python = f"python{sys.version_info[0]}.{sys.version_info[1]}"
+    with pytest.raises(build_addon.Stop, match=f"sudo apt-get install -y {python}-venv libxi6 libgl1$"):
+        build_addon.environment()
+
+
 def test_a_wheel_that_changed_on_disk_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(build_addon, "VENV", tmp_path)
     folder = tmp_path / "wheels" / "linux-x64-cp311"

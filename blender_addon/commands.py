@@ -1,0 +1,169 @@
+"""Dermis without a window: `blender --command dermis render scene.blend --out DIR`, and `sample`.
+
+The exit status is 0 if all went well, 1 if there is a finding of severity error or the work was refused, 2 if the
+command line was not understood.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import traceback
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from . import jobs, sampling
+from ._core import core
+
+_errors = import_module(".errors", core.__name__)
+DermisError = _errors.DermisError
+
+COMMAND = "dermis"
+
+_handle: Any = None
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run one command line, without the program's name; return the exit status."""
+    try:
+        options = _parser().parse_args(list(arguments))
+    except SystemExit as stop:  # argparse has said what was wrong, or printed the help
+        return stop.code if isinstance(stop.code, int) else 2
+    try:
+        return int(options.run(options))
+    except DermisError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    except Exception:
+        # Blender would go on to exit with status 0.
+        traceback.print_exc()
+        return 1
+
+
+def render(options: argparse.Namespace) -> int:
+    """Render a file's scene and write one CSV per finger and device."""
+    pipeline = import_module(".pipeline", core.__name__)
+    scene = _open(options)
+    made = jobs.drain(jobs.bake(scene, _library(options), span=_span(options)), _teller(options))
+    _end_of_progress(options)
+    written = pipeline.export(made, Path(options.out), plots=options.plots)
+    for path in written:
+        print(path)
+    return _status(made.all_findings)
+
+
+def sample(options: argparse.Namespace) -> int:
+    """Sample a file's scene and write it for `python -m core render`."""
+    scene_file = import_module(".scene_file", core.__name__)
+    scene = _open(options)
+    tactile = sampling.sample(scene, span=_span(options))
+    try:
+        scene_file.save(tactile, Path(options.out))
+    finally:
+        tactile.chunks.close()
+    print(options.out)
+    return _status((*tactile.findings, *tactile.chunks.findings))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=f"blender --command {COMMAND}", description="Tactile tracks from animated scenes, without a window."
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    shared = argparse.ArgumentParser(add_help=False)
+    shared.add_argument("blend", help="the .blend file")
+    shared.add_argument("--scene", default="", help="name of the scene; the file's active one if left out")
+    shared.add_argument("--range", default="", metavar="FIRST:LAST", dest="span",
+                        help="frames to bake, both included; the scene's own if left out")  # fmt: skip
+    shared.add_argument("--quiet", action="store_true", help="no progress")
+    one = commands.add_parser("render", parents=[shared], help="write a CSV track per finger and device")
+    one.add_argument("--out", required=True, metavar="DIR", help="folder for the tracks; it is made if missing")
+    one.add_argument("--plots", action="store_true", help="write a PNG plot beside each track")
+    one.add_argument("--presets", metavar="DIR", type=Path, help="folder of your own presets, instead of the extension's")
+    one.set_defaults(run=render)
+    two = commands.add_parser("sample", parents=[shared], help="write the sampled scene for 'python -m core render'")
+    two.add_argument("--out", required=True, metavar="FILE", help="the scene file to write, such as scene.npz")
+    two.set_defaults(run=sample)
+    return parser
+
+
+def _open(options: argparse.Namespace) -> bpy.types.Scene:
+    path = Path(options.blend).absolute()
+    if not path.is_file():
+        raise DermisError("no such file", where=str(path), remedy="Give the path of a .blend file")
+    try:
+        # Whether the file's scripts may run is decided where Blender decides it: -y, -Y and the preferences.
+        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
+    except RuntimeError as error:
+        raise DermisError("Blender cannot open the file", where=str(path), value=str(error).strip()) from error
+    if not options.scene:
+        return bpy.context.scene
+    scene = bpy.data.scenes.get(options.scene)
+    if scene is None:
+        raise DermisError("no such scene", where=str(path), value=options.scene,
+                          limit=", ".join(s.name for s in bpy.data.scenes))  # fmt: skip
+    return scene
+
+
+def _span(options: argparse.Namespace) -> tuple[int, int] | None:
+    if not options.span:
+        return None
+    try:
+        first, last = (int(part) for part in options.span.split(":"))
+    except ValueError:
+        raise DermisError("the range is not understood", where="--range", value=options.span,
+                          limit="FIRST:LAST, such as 1:250") from None  # fmt: skip
+    return first, last
+
+
+def _library(options: argparse.Namespace) -> Any:
+    if options.presets:
+        return import_module(".presets", core.__name__).Library(options.presets)
+    from . import preferences
+
+    return preferences.library()
+
+
+def _teller(options: argparse.Namespace) -> Any:
+    """Print progress in place, a line at a time, and only where somebody watches."""
+    if options.quiet or not sys.stderr.isatty():
+        return None
+    shown = ""
+
+    def tell(progress: Any) -> None:
+        nonlocal shown
+        text = f"{progress.stage}: {100 * progress.done // max(progress.total, 1)} %"
+        if text != shown:
+            shown = text
+            print(f"\r{text:<40}", end="", file=sys.stderr, flush=True)
+
+    return tell
+
+
+def _end_of_progress(options: argparse.Namespace) -> None:
+    if _teller(options) is not None:
+        print(file=sys.stderr)
+
+
+def _status(findings: Sequence[Any]) -> int:
+    for finding in findings:
+        print(finding, file=sys.stderr)
+    return 1 if _errors.worst(findings) == "error" else 0
+
+
+def register() -> None:
+    """Give Blender the command."""
+    global _handle
+    _handle = bpy.utils.register_cli_command(COMMAND, main)
+
+
+def unregister() -> None:
+    """Take the command back."""
+    global _handle
+    if _handle is not None:
+        bpy.utils.unregister_cli_command(_handle)
+        _handle = None

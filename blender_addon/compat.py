@@ -1,0 +1,84 @@
+"""Every branch on Blender's version, and what its versions share about animation data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import bpy
+import numpy as np
+
+
+def channelbags(action: Any) -> Iterator[Any]:
+    """Yield every channel bag of an action, whichever slot it belongs to (Blender 5 has no `action.fcurves`)."""
+    for layer in action.layers:
+        for strip in layer.strips:
+            if strip.type == "KEYFRAME":
+                yield from strip.channelbags
+
+
+def channelbag(owner: bpy.types.ID, *, action_name: str = "") -> Any:
+    """Return the channel bag that animates an ID, making action, slot, layer and strip where they are missing."""
+    animation = owner.animation_data or owner.animation_data_create()
+    action = animation.action
+    if action is None:
+        action = animation.action = bpy.data.actions.new(action_name or f"{owner.name}Action")
+    slot = animation.action_slot
+    if slot is None:
+        slot = action.slots.new(id_type=owner.id_type, name=owner.name)
+        animation.action_slot = slot
+    if bpy.app.version >= (5, 0, 0):
+        from bpy_extras import anim_utils
+
+        return anim_utils.action_ensure_channelbag_for_slot(action, slot)
+    layer = action.layers[0] if action.layers else action.layers.new("Layer")
+    strip = layer.strips[0] if layer.strips else layer.strips.new(type="KEYFRAME")
+    return strip.channelbag(slot, ensure=True)
+
+
+def set_keys(
+    owner: bpy.types.ID, path: str, index: int, frames: Sequence[float], values: Sequence[float], *,
+    interpolation: str = "LINEAR",
+) -> Any:  # fmt: skip
+    """Replace the keys of one F-curve in one go, thousands at a time; return the F-curve.
+
+    Args:
+        path, index: data path and array index (0 for a plain property).
+        frames, values: one of each per key.
+        interpolation: 'CONSTANT', 'LINEAR' or 'BEZIER'.
+    """
+    bag = channelbag(owner)
+    curve = bag.fcurves.find(path, index=index) or bag.fcurves.new(path, index=index)
+    curve.keyframe_points.clear()
+    curve.keyframe_points.add(len(frames))
+    points = np.column_stack([np.asarray(frames, np.float32), np.asarray(values, np.float32)])
+    curve.keyframe_points.foreach_set("co", points.ravel())
+    code = bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items[interpolation].value
+    curve.keyframe_points.foreach_set("interpolation", np.full(len(frames), code, np.int32))
+    curve.update()
+    return curve
+
+
+def animated_paths(owner: bpy.types.ID) -> set[str]:
+    """Return the data paths of an ID that an action, an NLA strip or a driver may write.
+
+    Only the paths are looked at; values always come from evaluation.
+    """
+    animation = owner.animation_data
+    if animation is None:
+        return set()
+    paths = {curve.data_path for curve in animation.drivers}
+    actions = [animation.action] if animation.action else []
+    for track in animation.nla_tracks:
+        actions += [a for strip in track.strips for a in _strip_actions(strip)]
+    for action in actions:
+        for bag in channelbags(action):
+            paths.update(curve.data_path for curve in bag.fcurves)
+    return paths
+
+
+def _strip_actions(strip: Any) -> Iterator[Any]:
+    if strip.action:
+        yield strip.action
+    for inner in strip.strips:  # meta strips
+        yield from _strip_actions(inner)

@@ -1,0 +1,184 @@
+"""Drains the engine's generators: a few milliseconds at a time in the window, straight through elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Generator
+from dataclasses import replace
+from importlib import import_module
+from typing import Any
+
+import bpy
+
+from . import reporting, sampling
+from ._core import core
+
+_errors = import_module(".errors", core.__name__)
+
+BUDGET = 0.05
+"""[s] of work between two looks at the keyboard."""
+INTERVAL = 0.01
+"""[s] from one timer event to the next."""
+
+Steps = Generator[Any, None, Any]
+
+_running: list[Steps] = []
+
+
+def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None = None) -> Steps:
+    """Sample a scene and render it; yield progress after every sample, return the engine's `Bake`.
+
+    The generator may be closed at any moment: frame and handlers are then as they were.
+
+    Raises:
+        DermisError: the scene cannot be sampled or rendered.
+    """
+    pipeline = import_module(".pipeline", core.__name__)
+    yield pipeline.Progress("preparing", 0, 1)
+    tactile = sampling.sample(scene, span=span)
+    sweep = tactile.chunks
+    steps = pipeline.render(tactile, library)
+    try:
+        while True:
+            while not sweep.advance():
+                yield pipeline.Progress("sampling", sweep.done, sweep.total)
+            try:
+                yield next(steps)
+            except StopIteration as stop:
+                made = stop.value
+                return replace(made, findings=(*made.findings, *sweep.findings))
+    finally:
+        steps.close()
+        sweep.close()
+
+
+def drain(steps: Steps, tell: Callable[[Any], None] | None = None) -> Any:
+    """Run a generator to its end and return its value; `tell` is given each progress."""
+    while True:
+        try:
+            progress = next(steps)
+        except StopIteration as stop:
+            return stop.value
+        if tell is not None:
+            tell(progress)
+
+
+class Job:
+    """Mixin for operators that work long: modal with Esc and progress in a window, straight through elsewhere.
+
+    An operator gives `steps` and `finished`; it may give `cancelled`. Nothing of Blender is kept between two events
+    but the generator, which looks its objects up anew.
+    """
+
+    job_title = "Dermis"
+    _steps: Steps | None = None
+    _timer: Any = None
+
+    def steps(self, context: bpy.types.Context) -> Steps:
+        """Return the work, not yet begun."""
+        raise NotImplementedError
+
+    def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
+        """Take the result; return what the operator shall return."""
+        raise NotImplementedError
+
+    def cancelled(self, context: bpy.types.Context) -> None:
+        """Clean up after Esc; the generator has been closed."""
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Run straight through: from a script, in background, or as 'redo'."""
+        try:
+            result = drain(self.steps(context))
+            return self.finished(context, result)
+        except _errors.DermisError as error:
+            return reporting.report_error(self, error, self.job_title)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Start working beside the window's events."""
+        if bpy.app.background or context.window is None:
+            return self.execute(context)
+        self._steps = self.steps(context)
+        _running.append(self._steps)
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(INTERVAL, window=context.window)
+        manager.progress_begin(0.0, 1.0)
+        context.window.cursor_modal_set("WAIT")
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Work for a while at each timer event; everything else waits, but Esc ends it."""
+        if event.type == "ESC" and event.value == "PRESS":
+            self._end(context)
+            self.cancelled(context)
+            self.report({"INFO"}, f"{self.job_title} was cancelled; nothing was changed")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"RUNNING_MODAL"}
+        if self._steps not in _running:  # the add-on was disabled meanwhile
+            self._end(context)
+            return {"CANCELLED"}
+        end = time.perf_counter() + BUDGET
+        try:
+            progress = None
+            while time.perf_counter() < end:
+                progress = next(self._steps)  # type: ignore[arg-type]
+            self._tell(context, progress)
+        except StopIteration as stop:
+            self._end(context)
+            return self._finish(context, stop.value)
+        except _errors.DermisError as error:
+            self._end(context)
+            return reporting.report_error(self, error, self.job_title)  # type: ignore[arg-type]
+        except BaseException:
+            self._end(context)  # a defect: Blender prints it; the window must not stay locked
+            raise
+        return {"RUNNING_MODAL"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Stop because Blender stops the operator, such as when a file is opened."""
+        self._end(context)
+        self.cancelled(context)
+
+    def _finish(self, context: bpy.types.Context, result: Any) -> set[str]:
+        try:
+            return self.finished(context, result)
+        except _errors.DermisError as error:
+            return reporting.report_error(self, error, self.job_title)  # type: ignore[arg-type]
+
+    def _tell(self, context: bpy.types.Context, progress: Any) -> None:
+        if progress is None or not progress.total:
+            return
+        share = min(progress.done / progress.total, 1.0)
+        context.window_manager.progress_update(share)
+        if context.workspace is not None:
+            done = f"{progress.stage} {progress.done} of {progress.total} ({share:.0%})"
+            context.workspace.status_text_set(f"{self.job_title}: {done}   |   Esc: cancel")
+
+    def _end(self, context: bpy.types.Context) -> None:
+        """Close the generator, which restores the scene, and give the window back."""
+        steps, self._steps = self._steps, None
+        if steps is not None:
+            steps.close()
+            if steps in _running:
+                _running.remove(steps)
+        timer, self._timer = self._timer, None
+        if timer is None:
+            return
+        manager = context.window_manager
+        manager.event_timer_remove(timer)
+        manager.progress_end()
+        if context.window is not None:
+            context.window.cursor_modal_restore()
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)
+
+
+def register() -> None:
+    """Nothing to register: jobs are part of the operators that use them."""
+
+
+def unregister() -> None:
+    """Stop whatever still runs, so that nothing of the add-on works on after it."""
+    while _running:
+        _running.pop().close()

@@ -1,0 +1,83 @@
+"""Errors and findings, on their way to the person: the status bar, the console, and the list in the sidebar.
+
+The list lives in this module, for the session only: findings are results, and results are not saved in the .blend.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from importlib import import_module
+from typing import Any
+
+import bpy
+
+from ._core import core
+
+_errors = import_module(".errors", core.__name__)
+
+LEVELS = {"info": "INFO", "warning": "WARNING", "error": "ERROR"}
+"""Severity of a finding -> type of Blender's report."""
+
+_findings: tuple[Any, ...] = ()
+_source = ""
+
+
+def findings() -> tuple[Any, ...]:
+    """Return the findings of the last work, the worst first."""
+    return _findings
+
+
+def source() -> str:
+    """Return what the findings are of, such as 'Bake of Scene'."""
+    return _source
+
+
+def show(found: Iterable[Any], what: str = "") -> None:
+    """Put findings into the list, the worst first and otherwise in their order; equal ones once."""
+    global _findings, _source
+    order = {severity: i for i, severity in enumerate(reversed(_errors.SEVERITIES))}
+    unique = {str(f): f for f in found}
+    _findings = tuple(sorted(unique.values(), key=lambda f: order[f.severity]))
+    _source = what
+    _redraw()
+
+
+def clear() -> None:
+    """Empty the list."""
+    show(())
+
+
+def as_finding(error: Exception) -> Any:
+    """Return an error as a finding of severity error, so that it stays in the list."""
+    if isinstance(error, _errors.DermisError):
+        return _errors.Finding("error", "refused", error.what, error.where, error.value, error.limit, error.remedy)
+    return _errors.Finding("error", "failed", f"{type(error).__name__}: {error}")
+
+
+def report_error(operator: bpy.types.Operator, error: Exception, what: str = "") -> set[str]:
+    """Report an error on an operator and in the list; return what the operator shall return."""
+    show((as_finding(error),), what)
+    operator.report({"ERROR"}, str(error))
+    return {"CANCELLED"}
+
+
+def report_findings(operator: bpy.types.Operator, found: Sequence[Any], what: str, done: str) -> None:
+    """Report that work is done, with the number of findings and the worst of them, and fill the list."""
+    show(found, what)
+    # Blender turns a report of type ERROR into an exception for scripts: the work was done, so it is a warning.
+    severity = _errors.worst(_findings)
+    if severity in (None, "info"):
+        operator.report({"INFO"}, done)
+        return
+    bad = [f for f in _findings if f.severity != "info"]
+    more = f" and {len(bad) - 1} more" if len(bad) > 1 else ""
+    operator.report({"WARNING"}, f"{done} {bad[0]}{more}")
+
+
+def _redraw() -> None:
+    if bpy.app.background:
+        return
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()

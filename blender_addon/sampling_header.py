@@ -1,0 +1,254 @@
+"""What the engine must know before the first sample: names, parameters, surfaces, reliefs, and what is wrong with them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib import import_module
+from typing import Any
+
+import bpy
+import numpy as np
+
+from . import heightmaps, properties, sampling_roster
+from ._core import core
+from .sampling_meshes import MeshReader, zero_area_finding
+from .sampling_roster import Entry, InstanceKey, Roster
+from .sampling_simulated import Simulations
+
+_errors = import_module(".errors", core.__name__)
+DermisError, Finding = _errors.DermisError, _errors.Finding
+_scene = import_module(".scene", core.__name__)
+
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+"""[m/s^2] what a new Blender scene has."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """The engine's header, and the roster of those that made it in, in the same order."""
+
+    roster: Roster
+    fingers: tuple[Any, ...]
+    bodies: tuple[Any, ...]
+    screens: tuple[Any, ...]
+
+
+def scene_findings(scene: bpy.types.Scene) -> list[Any]:
+    """Report what is peculiar about a scene's settings."""
+    findings = []
+    where = f"scene '{scene.name_full}'"
+    version = int(scene.dermis.file_version)
+    if version > properties.FILE_VERSION:
+        findings.append(Finding(
+            "warning", "newer-version", "the file was made with a newer Dermis; settings that this one does not know are ignored",
+            where=where, value=version, limit=f"up to {properties.FILE_VERSION}", remedy="Update Dermis",
+        ))  # fmt: skip
+    if bpy.app.autoexec_fail:
+        findings.append(Finding(
+            "warning", "scripts-blocked", "Blender did not run the file's scripted drivers, so what they drive stands still",
+            where=where, value=bpy.app.autoexec_fail_message, remedy="If you trust the file, allow it to run scripts (-y)",
+        ))  # fmt: skip
+    if scene.use_preview_range and not scene.dermis.use_range:
+        findings.append(Finding("info", "preview-range", "the preview range is on, so only that is baked", where=where,
+                                value=f"{scene.frame_preview_start} to {scene.frame_preview_end}"))  # fmt: skip
+    return findings
+
+
+def gravity(scene: bpy.types.Scene, findings: list[Any]) -> tuple[float, float, float]:
+    """Return gravity [m/s^2] in world space.
+
+    Blender keeps it in scene units. One that was left at the default in a scene of millimetres or feet would stand for
+    a fraction of the Earth's; what is meant is the Earth's, and a finding says so.
+    """
+    if not scene.use_gravity:
+        return (0.0, 0.0, 0.0)
+    unit = sampling_roster.metres_per_unit(scene)
+    g = tuple(float(f"{c:.7g}") for c in scene.gravity)
+    if unit != 1.0 and g == STANDARD_GRAVITY:
+        findings.append(Finding(
+            "info", "default-gravity", "gravity was left at Blender's default, so weight uses the Earth's",
+            where=f"scene '{scene.name_full}'", value=f"{g[2] * unit:.6g} m/s^2 in this scene's units",
+        ))  # fmt: skip
+        return STANDARD_GRAVITY
+    return (g[0] * unit, g[1] * unit, g[2] * unit)
+
+
+def roster(
+    scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, view_layer: bpy.types.ViewLayer, simulations: Simulations,
+    deforming: frozenset[int] | None, presence: Mapping[InstanceKey, Any],
+) -> Roster:  # fmt: skip
+    """List who takes part, at the current frame.
+
+    Args:
+        deforming: session uids of objects whose surface depends on time; None if every surface may.
+        presence: the instances of the range, see `sampling._survey`.
+    """
+    out = Roster(scene.name_full, view_layer.name, sampling_roster.metres_per_unit(scene))
+    fingers, bodies, screens = [], [], []
+    for obj in sampling_roster.taking_part(scene, view_layer, out.findings):
+        matrix = np.array(obj.evaluated_get(depsgraph).matrix_world, np.float64)
+        entry = Entry(
+            obj.name_full, obj.session_uid, mirrored=bool(np.linalg.det(matrix[:3, :3]) < 0),
+            simulated=obj.session_uid in simulations.uids, blinking=sampling_roster.comes_and_goes(obj),
+            channels=sampling_roster.animated_channels(obj),
+        )  # fmt: skip
+        role = sampling_roster.role_of(obj)
+        if role == "FINGER":
+            fingers.append(_finger_entry(entry, out.findings))
+        elif role == "SCREEN":
+            screens.append(entry)
+        elif obj.name_full in simulations.fluids:
+            out.findings.append(Finding(
+                "error", "fluid", "the surface of a fluid simulation cannot be followed, so it is left out",
+                where=f"object '{obj.name_full}'", remedy="Touch a mesh that stands for it",
+            ))  # fmt: skip
+        else:
+            bodies.append(replace(entry, deforming=deforming is None or obj.session_uid in deforming))
+    bodies += _instance_entries(depsgraph, simulations, deforming, presence)
+    out.fingers, out.bodies, out.screens = tuple(fingers), tuple(bodies), tuple(screens)
+    return out
+
+
+def header(depsgraph: bpy.types.Depsgraph, roster: Roster, reader: MeshReader, *, live: bool = False) -> Header:
+    """Read parameters, surfaces and reliefs at the current frame; leave out, with a finding, what cannot be used.
+
+    Args:
+        live: for the preview: surfaces come with the chunks, reliefs are kept, animated parameters have their defaults.
+    """
+    findings = roster.findings
+    objects = sampling_roster.look_up({e.uid for e in roster.entries})
+    screens, screen_entries = [], []
+    for entry in roster.screens:
+        obj = objects[entry.uid]
+        try:
+            made = heightmaps.build(obj, depsgraph, roster.unit, mirrored=entry.mirrored, keep=live)
+            centre, _ = heightmaps.bounds(obj, depsgraph)
+        except DermisError as error:
+            findings.append(_left_out(error, "screen-unusable"))
+            continue
+        centre[0] *= -1.0 if entry.mirrored else 1.0
+        screens.append(made)
+        screen_entries.append(replace(entry, offset=tuple(centre.tolist())))
+    names = {s.name for s in screens}
+    if live:
+        screens = [replace(s, parameters=_defaults(s.parameters, objects[e.uid], e))
+                   for s, e in zip(screens, screen_entries, strict=True)]  # fmt: skip
+    fingers = [_finger(objects[e.uid], names, findings) for e in roster.fingers]
+    if live:
+        fingers = [_live_finger(f, objects[e.uid], e) for f, e in zip(fingers, roster.fingers, strict=True)]
+    bodies, body_entries = [], []
+    for entry in roster.bodies:
+        obj = objects[entry.uid]
+        mesh = reader.read(obj.evaluated_get(depsgraph), roster.unit, entry.mirrored)
+        try:
+            _scene.check_mesh(mesh, entry.name)
+        except DermisError as error:
+            findings.append(_left_out(error, "mesh-unusable"))
+            continue
+        if entry.instance is None and not live and (flaw := zero_area_finding(mesh, entry.name)):
+            findings.append(flaw)
+        parameters = properties.parameters(obj.dermis.material)
+        if live:
+            parameters = _defaults(parameters, obj, entry)
+        own = entry.deforming or entry.blinking
+        bodies.append(_scene.Body(entry.name, None if own else mesh, parameters, simulated=entry.simulated))
+        body_entries.append(entry)
+    bodies = [_with_content(b, e, objects, {x.name for x in bodies}, findings)
+              for b, e in zip(bodies, body_entries, strict=True)]  # fmt: skip
+    kept = replace(roster, bodies=tuple(body_entries), screens=tuple(screen_entries))
+    return Header(kept, tuple(fingers), tuple(bodies), tuple(screens))
+
+
+def _finger_entry(entry: Entry, findings: list[Any]) -> Entry:
+    if entry.mirrored:
+        findings.append(Finding(
+            "warning", "mirrored-finger", "it has a negative scale; its frame stays right-handed along its own Y and Z",
+            where=f"finger '{entry.name}'", remedy="Apply the scale",
+        ))  # fmt: skip
+    return replace(entry, mirrored=False)
+
+
+def _finger(obj: bpy.types.Object, screens: set[str], findings: list[Any]) -> Any:
+    where = f"finger '{obj.name_full}'"
+    uses = []
+    for device in obj.dermis.finger.devices:
+        if not device.enabled:
+            continue
+        screen = device.screen.name_full if device.screen is not None else ""
+        if not device.preset:
+            findings.append(Finding("error", "no-preset", "one of its devices has no preset", where=where,
+                                    remedy="Choose one in the Dermis tab under Devices"))  # fmt: skip
+        elif screen and screen not in screens:
+            findings.append(Finding(
+                "error", "screen-missing", "its touch screen is not in the scene, or cannot be used", where=where,
+                value=screen, limit=", ".join(sorted(screens)) or "no usable touch screen here",
+                remedy="Choose another screen in the Dermis tab under Devices",
+            ))  # fmt: skip
+        # Kept all the same: the numbers of its neighbours' channels must not change.
+        uses.append(_scene.DeviceUse(device.preset, properties.parameters(device), screen))
+    return _scene.Finger(obj.name_full, tuple(uses), properties.parameters(obj.dermis.finger))
+
+
+def _with_content(body: Any, entry: Entry, objects: Mapping[int, Any], names: set[str], findings: list[Any]) -> Any:
+    material = objects[entry.uid].dermis.material
+    if entry.instance is not None or material.content_kind != "child":
+        return body
+    inside = tuple(sorted(c.name_full for c in objects[entry.uid].children if c.name_full in names))
+    if material.content_on and not inside:
+        findings.append(Finding(
+            "warning", "no-content", "its content should be its child objects, but none of them is touchable",
+            where=f"object '{body.name}'", remedy="Parent a touchable object to it, or choose another kind of content",
+        ))  # fmt: skip
+    return replace(body, content=inside)
+
+
+def _instance_entries(
+    depsgraph: bpy.types.Depsgraph, simulations: Simulations,
+    deforming: frozenset[int] | None, presence: Mapping[InstanceKey, Any],
+) -> list[Entry]:  # fmt: skip
+    if not presence:
+        return []
+    now = {key: np.array(i.matrix_world, np.float64) for key, _, i in sampling_roster.instances(depsgraph)}
+    objects = sampling_roster.look_up({u for key in presence for u in (key.instancer, key.object)})
+    out = []
+    for key, first_seen in presence.items():
+        shown, maker = objects[key.object], objects[key.instancer]
+        matrix = now.get(key, first_seen)
+        out.append(Entry(
+            sampling_roster.instance_name(shown, maker, key), key.object, key,
+            mirrored=matrix is not None and bool(np.linalg.det(matrix[:3, :3]) < 0),
+            deforming=deforming is None or key.object in deforming,
+            simulated=key.object in simulations.uids or key.instancer in simulations.uids,
+            blinking=first_seen is not None, channels=sampling_roster.animated_channels(shown),
+        ))  # fmt: skip
+    return sorted(out, key=lambda e: e.name)
+
+
+def _defaults(parameters: Mapping[str, Any], obj: bpy.types.Object, entry: Entry) -> dict[str, Any]:
+    """Return parameters in which the animated ones have their defaults."""
+    out = dict(parameters)
+    for name, path, factor in entry.channels:
+        if not name.startswith("device/"):
+            out[name] = _default(obj, path) * factor
+    return out
+
+
+def _live_finger(finger: Any, obj: bpy.types.Object, entry: Entry) -> Any:
+    uses = list(finger.devices)
+    for name, path, factor in entry.channels:
+        if name.startswith("device/"):
+            _, number, parameter = name.split("/")
+            use = uses[int(number)]
+            uses[int(number)] = replace(use, parameters={**use.parameters, parameter: _default(obj, path) * factor})
+    return replace(finger, devices=tuple(uses), parameters=_defaults(finger.parameters, obj, entry))
+
+
+def _default(obj: bpy.types.Object, path: str) -> Any:
+    group_path, _, attribute = path.rpartition(".")
+    return obj.dermis.path_resolve(group_path).bl_rna.properties[attribute].default
+
+
+def _left_out(error: Any, code: str) -> Any:
+    remedy = f"{error.remedy}. It is left out" if error.remedy else "It is left out"
+    return Finding("error", code, error.what, where=error.where, value=error.value, limit=error.limit, remedy=remedy)

@@ -1,0 +1,87 @@
+"""Small exact scenes for the tests that need Blender."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import bpy
+import numpy as np
+
+from blender_addon import compat
+
+
+def empty(name: str, location: Sequence[float] = (0.0, 0.0, 0.0)) -> bpy.types.Object:
+    """Add an empty to the scene."""
+    obj = bpy.data.objects.new(name, None)
+    bpy.context.scene.collection.objects.link(obj)
+    obj.location = location
+    return obj
+
+
+def mesh_object(name: str, vertices: Any, faces: Any, location: Sequence[float] = (0.0, 0.0, 0.0)) -> bpy.types.Object:
+    """Add a mesh object to the scene."""
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata([tuple(map(float, v)) for v in vertices], [], [tuple(map(int, f)) for f in faces])
+    mesh.update()
+    obj = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(obj)
+    obj.location = location
+    return obj
+
+
+CUBE = [(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
+CUBE_FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+
+
+def cube(name: str = "Cube", size: float = 1.0, location: Sequence[float] = (0.0, 0.0, 0.0)) -> bpy.types.Object:
+    """Add a touchable cube of an edge length."""
+    obj = mesh_object(name, np.array(CUBE) * size, CUBE_FACES, location)
+    obj.dermis.role = "TOUCHABLE"
+    return obj
+
+
+def finger(name: str = "Finger", location: Sequence[float] = (0.0, 0.0, 5.0)) -> bpy.types.Object:
+    """Add a finger without a device."""
+    obj = empty(name, location)
+    obj.dermis.role = "FINGER"
+    return obj
+
+
+def screen(name: str = "Screen", width: float = 0.2, height: float = 0.1) -> bpy.types.Object:
+    """Add a touch screen of a size, in the XY plane."""
+    w, h = width / 2, height / 2
+    obj = mesh_object(name, [(-w, -h, 0), (w, -h, 0), (w, h, 0), (-w, h, 0)], [(0, 1, 2, 3)])
+    obj.dermis.role = "SCREEN"
+    return obj
+
+
+def keys(owner: bpy.types.ID, path: str, frames: Sequence[float], values: Any, interpolation: str = "LINEAR") -> None:
+    """Key a property, or each component of a vector given as rows of `values`."""
+    table = np.asarray(values, np.float64)
+    columns = table[:, None] if table.ndim == 1 else table
+    for index in range(columns.shape[1]):
+        compat.set_keys(owner, path, index, frames, columns[:, index].tolist(), interpolation=interpolation)
+
+
+def span(first: int, last: int, fps: int = 24, fps_base: float = 1.0) -> bpy.types.Scene:
+    """Set the scene's range and frame rate; return the scene."""
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = first, last
+    scene.render.fps, scene.render.fps_base = fps, fps_base
+    return scene
+
+
+def joined(tactile: Any) -> dict[str, Any]:
+    """Draw all chunks of a sampled scene and join their arrays."""
+    chunks = list(tactile.chunks)
+    out: dict[str, Any] = {
+        "frames": np.concatenate([c.frames for c in chunks]),
+        "times": np.concatenate([c.times for c in chunks]),
+        "fingers": np.concatenate([c.fingers for c in chunks], axis=1),
+        "bodies": np.concatenate([c.bodies for c in chunks], axis=1),
+        "screens": np.concatenate([c.screens for c in chunks], axis=1),
+        "surfaces": {b: [m for c in chunks for m in c.surfaces[b]] for b in chunks[0].surfaces},
+        "channels": {k: np.concatenate([c.channels[k] for c in chunks]) for k in chunks[0].channels},
+    }
+    return out

@@ -70,8 +70,9 @@ def gradient(
 ) -> Map:
     """Return dF/dx and dF/dy by central differences, one-sided at the border, shape (2, rows, columns).
 
-    A single row or column has no slope along itself. The border is of first order on purpose: such a difference is a slope that the surface really has somewhere
-    (mean value theorem), so the steepest slope, which scales a whole bake, is never exaggerated there.
+    A single row or column has no slope along itself. The border is of first order on purpose: such a difference is a
+    slope that the surface really has somewhere (mean value theorem), so the steepest slope, which scales a whole
+    bake, is never exaggerated there.
 
     Args:
         heights: shape (rows, columns).

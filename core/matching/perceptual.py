@@ -271,7 +271,8 @@ def _scale_findings(matrices: Array, name: str) -> list[Finding]:
     changed = (np.abs(lengths / np.maximum(lengths[0], 1e-30) - 1.0) > SCALE_CHANGE).any(axis=1)
     if changed.any():
         findings.append(Finding("warning", "screen-scale-animated", "the screen's scale changes; slopes are those of "
-                                "its size at the start", where=f"screen '{name}'", count=int(changed.sum())))  # fmt: skip
+                                "its size at the start", where=f"screen '{name}'",
+                                count=int(changed.sum())))  # fmt: skip
     units = matrices[:, :3, :3] / np.maximum(lengths, 1e-30)[:, None, :]
     sheared = np.abs(np.einsum("ni,ni->n", units[:, :, 0], units[:, :, 1])) > SHEAR
     if sheared.any():

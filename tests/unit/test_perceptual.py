@@ -391,7 +391,8 @@ def test_export_gives_the_same_bytes_and_refuses_what_it_does_not_know(tmp_path)
         np.testing.assert_array_equal(archive["heights"][0], BUMP)
         text = archive["meta"].tobytes().decode()
     for broken_text, message in ((text.replace("map 1", "map 2"), "version"),
-                                 (text.replace('"offset"', '"off"'), "fields"), (text.replace('"rectify"', '"free"'), "downhill"), ("[]", "version")):  # fmt: skip
+                                 (text.replace('"offset"', '"off"'), "fields"),
+                                 (text.replace('"rectify"', '"free"'), "downhill"), ("[]", "version")):  # fmt: skip
         np.savez(second, heights=BUMP[None], meta=np.frombuffer(broken_text.encode(), np.uint8))
         with pytest.raises(DermisError, match=message):
             ScreenMap.load(second)

@@ -1,0 +1,386 @@
+"""Height images of every kind, and their repairs, against maps that are known exactly."""
+
+from __future__ import annotations
+
+import itertools
+import struct
+import zlib
+
+import numpy as np
+import pytest
+
+from core import images
+from core.effects.depth_map import from_array, read
+from core.effects.repair import filled, smoothed, staircase
+from core.errors import DermisError
+
+# --- a PNG writer from the format's own description, one byte at a time
+
+
+def paeth(left, up, corner):
+    guess = left + up - corner
+    return min((abs(guess - left), 0, left), (abs(guess - up), 1, up), (abs(guess - corner), 2, corner))[2]
+
+
+def filtered(rows, kinds, step):
+    out, above = b"", bytes(len(rows[0]))
+    for row, kind in zip(rows, kinds, strict=True):
+        left = bytes(step) + row
+        corner = bytes(step) + above
+        guesses = [
+            (0, left[i], above[i], (left[i] + above[i]) // 2, paeth(left[i], above[i], corner[i]))[kind]
+            for i in range(len(row))
+        ]
+        out += bytes([kind]) + bytes((b - g) % 256 for b, g in zip(row, guesses, strict=True))
+        above = row
+    return out
+
+
+def chunk(name, body):
+    return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+
+
+def png(samples, depth, colour, kinds=itertools.repeat(0), extra=b"", interlace=0):
+    """Encode whole numbers of shape (rows, columns, channels), the first row at the top."""
+    rows, columns, channels = samples.shape
+    if depth == 16:
+        packed = [row.astype(">u2").tobytes() for row in samples]
+    else:
+        bits = (samples.reshape(rows, -1, 1) >> np.arange(depth - 1, -1, -1)) & 1
+        packed = [np.packbits(row.ravel().astype(np.uint8)).tobytes() for row in bits]
+    step = max(1, channels * depth // 8)
+    kinds = list(itertools.islice(kinds, rows))
+    head = struct.pack(">IIBBBBB", columns, rows, depth, colour, 0, 0, interlace)
+    body = zlib.compress(filtered(packed, kinds, step))
+    half = len(body) // 2  # two parts: readers must join them
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + extra + chunk(b"tEXt", b"a\0b") + chunk(b"IDAT", body[:half])
+            + chunk(b"IDAT", body[half:]) + chunk(b"IEND", b""))  # fmt: skip
+
+
+def numbers(rows, columns, channels, depth, seed=0):
+    return np.random.default_rng(seed).integers(0, 1 << depth, (rows, columns, channels))
+
+
+def put(tmp_path, data, name="map.png"):
+    path = tmp_path / name
+    path.write_bytes(data)
+    return path
+
+
+LUMA = np.array([0.2126, 0.7152, 0.0722])
+
+
+@pytest.mark.parametrize("kinds", [(0,), (1,), (2,), (3,), (4,), (1, 2, 0), (4, 3, 2, 1, 0)])
+@pytest.mark.parametrize(("colour", "channels"), [(0, 1), (2, 3), (4, 2), (6, 4)])
+@pytest.mark.parametrize("depth", [8, 16])
+def test_png_of_every_filter_colour_and_depth(tmp_path, kinds, colour, channels, depth):
+    samples = numbers(7, 9, channels, depth)
+    if channels in (2, 4):
+        samples[2, 3, -1] = 0
+    raster = images.read(put(tmp_path, png(samples, depth, colour, itertools.cycle(kinds))))
+    grey = samples[..., 0] if channels < 3 else samples[..., :3] @ LUMA
+    np.testing.assert_allclose(raster.values, grey[::-1] / (2**depth - 1), rtol=1e-6)
+    holes = samples[::-1, :, -1] == 0 if channels in (2, 4) else np.zeros((7, 9), bool)
+    np.testing.assert_array_equal(raster.holes, holes)
+    assert raster.levels == 2**depth
+    assert [f.code for f in raster.findings] == (["coloured-map"] if channels >= 3 else [])
+
+
+@pytest.mark.parametrize("depth", [1, 2, 4])
+@pytest.mark.parametrize("columns", [1, 7, 8, 9])
+def test_png_of_few_bits_with_ragged_rows(tmp_path, depth, columns):
+    samples = numbers(5, columns, 1, depth)
+    for kind in (0, 4):
+        raster = images.read(put(tmp_path, png(samples, depth, 0, itertools.repeat(kind))))
+        np.testing.assert_allclose(raster.values, samples[::-1, :, 0] / (2**depth - 1), rtol=1e-6)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 8), (8, 1), (40, 3), (3, 40)])
+def test_png_of_extreme_shapes(tmp_path, shape):
+    samples = numbers(*shape, 1, 16)
+    raster = images.read(put(tmp_path, png(samples, 16, 0, itertools.cycle((4, 3)))))
+    np.testing.assert_allclose(raster.values, samples[::-1, :, 0] / 65535, rtol=1e-6)
+
+
+def test_png_with_palette_and_transparent_colours(tmp_path):
+    palette = np.array([[0, 0, 0], [51, 51, 51], [255, 0, 0]], np.uint8)
+    extra = chunk(b"PLTE", palette.tobytes()) + chunk(b"tRNS", bytes([255, 0]))
+    raster = images.read(put(tmp_path, png(np.array([[[0], [1], [2], [1]]]), 2, 3, extra=extra)))
+    np.testing.assert_allclose(raster.values, [[0, 0.2, 0.2126, 0.2]], rtol=1e-6)
+    np.testing.assert_array_equal(raster.holes, [[False, True, False, True]])
+    declared = png(np.array([[[5], [700]]]), 16, 0, extra=chunk(b"tRNS", struct.pack(">H", 700)))
+    np.testing.assert_array_equal(images.read(put(tmp_path, declared)).holes, [[False, True]])
+
+
+def spoiled(data, at, new):
+    return data[:at] + new + data[at + len(new) :]
+
+
+GOOD = png(numbers(4, 4, 1, 8), 8, 0)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "empty"),
+        (b"hello", "not read here"),
+        (b"II*\0" + bytes(20), "TIFF"),
+        (b"\xff\xd8\xff\xe0" + bytes(20), "JPEG"),
+        (b"\x76\x2f\x31\x01" + bytes(20), "OpenEXR"),
+        (GOOD[:-20], "cut short"),
+        (GOOD[:8], "cut short"),
+        (spoiled(GOOD, 20, b"\7"), "checksum"),
+        (png(numbers(4, 4, 1, 8), 8, 0, interlace=1), "interlaced"),
+        (png(numbers(4, 4, 1, 8), 8, 3), "palette"),
+        (png(np.array([[[3]]]), 8, 3, extra=chunk(b"PLTE", bytes(6))), "palette of 2"),
+        (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 0, 0, 8, 0, 0, 0, 0)), "0 x 0"),
+        (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 70000, 70000, 8, 0, 0, 0, 0)), "too large"),
+        (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 4, 4, 3, 0, 0, 0, 0)), "3 bit"),
+        (GOOD[:33] + chunk(b"IDAT", b"rubbish") + chunk(b"IEND", b""), "damaged"),
+        (GOOD[:33] + chunk(b"IDAT", zlib.compress(bytes(7))) + chunk(b"IEND", b""), "missing"),
+        (GOOD[:33] + chunk(b"IDAT", zlib.compress(b"\5" + bytes(19))) + chunk(b"IEND", b""), "filter 5"),
+        (b"P5 4 4", "cut short"),
+        (b"P5 4 4 255\n123", "cut short"),
+        (b"P5 0 0 255\n", "0 x 0"),
+        (b"P5 x 4 255\n", "malformed"),
+        (b"P5 1 1 70000\n\0\0", "1 to 65535"),
+        (b"P2 1 1 9 10", "brighter"),
+        (b"P2 2 1 9 1", "cut short"),
+        (b"Pf 1 1 0\n\0\0\0\0", "scale"),
+        (b"Pf 2 2 -1\n\0\0\0\0", "cut short"),
+        (b"\x93NUMPY\x01\x00", "cannot be read"),
+    ],
+)
+def test_refuses_what_it_cannot_read(tmp_path, data, message):
+    with pytest.raises(DermisError, match=message):
+        images.read(put(tmp_path, data))
+
+
+def test_refuses_a_missing_file(tmp_path):
+    with pytest.raises(DermisError, match="cannot be read"):
+        read(tmp_path / "none.png")
+    with pytest.raises(DermisError, match="no such image"):
+        images.sequence(tmp_path / "none.png")
+    with pytest.raises(DermisError, match="no image"):
+        read([])
+
+
+# --- netpbm, PFM, NPY
+
+
+def test_pgm_and_ppm(tmp_path):
+    wide = np.array([[0, 256, 65535], [1, 2, 513]])
+    for data in (b"P5\n# a comment\n3 2\n65535\n" + wide.astype(">u2").tobytes(),
+                 b"P2 3 2 #x\n65535\n0 256 65535 # more\n1 2 513\n"):  # fmt: skip
+        np.testing.assert_allclose(images.read(put(tmp_path, data)).values, wide[::-1] / 65535, rtol=1e-6)
+    raster = images.read(put(tmp_path, b"P6 2 1 200\n" + bytes([100, 100, 100, 200, 0, 0])))
+    np.testing.assert_allclose(raster.values, [[0.5, 0.2126]], rtol=1e-6)
+    np.testing.assert_allclose(images.read(put(tmp_path, b"P3 1 1 10 5 5 5")).values, [[0.5]])
+    assert images.read(put(tmp_path, b"P5 1 1 255\n\n")).values[0, 0] == pytest.approx(10 / 255)
+
+
+@pytest.mark.parametrize(("kind", "scale"), [("<f4", b"-1.0"), (">f4", b"1.0")])
+def test_pfm_keeps_its_values_and_its_bottom_row_first(tmp_path, kind, scale):
+    values = np.array([[1.5, -2.0], [1e10, 0.25]], np.float32)
+    raster = images.read(put(tmp_path, b"Pf\n2 2\n" + scale + b"\n" + values.astype(kind).tobytes()))
+    np.testing.assert_array_equal(raster.values, values)
+
+
+@pytest.mark.parametrize("kind", ["u1", "<u2", ">u2", "<f4", ">f8", "?"])
+def test_npy_of_any_kind(tmp_path, kind):
+    values = np.array([[0, 1, 1], [1, 0, 1]]).astype(kind)
+    np.save(tmp_path / "a.npy", values)
+    largest = {"u1": 255, "<u2": 65535, ">u2": 65535}.get(kind, 1)
+    np.testing.assert_allclose(images.read(tmp_path / "a.npy").values, values[::-1].astype(float) / largest)
+
+
+def test_npy_never_unpickles_and_refuses_other_shapes(tmp_path):
+    for array, message in ((np.array([{"a": 1}]), "cannot be read"), (np.zeros(3), "not an image"),
+                           (np.zeros((2, 2), complex), "real numbers"), (np.zeros((0, 4)), "4 x 0")):  # fmt: skip
+        np.save(tmp_path / "b.npy", array, allow_pickle=True)
+        with pytest.raises(DermisError, match=message):
+            images.read(tmp_path / "b.npy")
+
+
+# --- sequences
+
+
+def test_sequence_is_the_unbroken_run_of_numbers(tmp_path):
+    for name in ("d_0008", "d_0009", "d_0010", "d_0012", "e_0009", "d_9", "d"):
+        put(tmp_path, GOOD, f"{name}.png")
+    names = [p.name for p in images.sequence(tmp_path / "d_0009.png")]
+    assert names == ["d_0008.png", "d_0009.png", "d_0010.png"]
+    assert images.sequence(tmp_path / "d.png") == (tmp_path / "d.png",)
+
+
+def test_sequence_is_read_as_maps_and_must_be_of_one_size(tmp_path):
+    stack = [numbers(4, 5, 1, 16, seed=i) for i in range(3)]
+    paths = [put(tmp_path, png(s, 16, 0), f"m{i}.png") for i, s in enumerate(stack)]
+    heights = read(images.sequence(paths[0])).heights
+    assert heights.shape == (3, 4, 5)
+    np.testing.assert_allclose(heights, np.stack([s[::-1, :, 0] for s in stack]) / 65535, rtol=1e-6)
+    put(tmp_path, png(numbers(5, 4, 1, 16), 16, 0), "m3.png")
+    with pytest.raises(DermisError, match=r"'m3.png'.*differ in size.*4 x 5"):
+        read(images.sequence(paths[0]))
+
+
+def test_findings_of_a_sequence_are_counted_together(tmp_path):
+    stack = [numbers(6, 6, 4, 8, seed=i) for i in range(3)]
+    for samples in stack:
+        samples[1, 1:3, 3] = 0
+        samples[0, :, 3] = 255
+    for i, samples in enumerate(stack):
+        samples[2:, :, 3] = 255
+        samples[1, 0, 3] = samples[1, 3:, 3] = 255
+        put(tmp_path, png(samples, 8, 6), f"c{i}.png")
+    findings = {f.code: f for f in read(images.sequence(tmp_path / "c0.png")).findings}
+    assert findings["holes-filled"].count == 6
+    coloured = sum(int(((s[..., 0] != s[..., 1]) | (s[..., 1] != s[..., 2])).sum()) for s in stack)
+    assert findings["coloured-map"].count == coloured
+
+
+# --- repairs
+
+
+def waves(rows=60, columns=80):
+    x, y = np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows))
+    return 0.3 * x + 0.2 * y + 0.05 * np.sin(5 * x) * np.cos(4 * y)
+
+
+def test_clean_map_is_not_touched():
+    made = from_array(waves())
+    np.testing.assert_array_equal(made.heights, waves().astype(np.float32))
+    assert made.findings == ()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e10])
+def test_holes_are_filled_within_their_rims_and_counted(value):
+    exact = waves()
+    broken = exact.copy()
+    broken[20:32, 30:50] = value
+    broken[0, :7] = value
+    made = from_array(broken)
+    np.testing.assert_array_equal(made.heights[broken == exact], exact.astype(np.float32)[broken == exact])
+    hole = made.heights[20:32, 30:50]
+    rim = exact[19:33, 29:51]
+    assert rim.min() <= hole.min()
+    assert hole.max() <= rim.max()
+    assert np.abs(hole - exact[20:32, 30:50]).max() < 0.05 * np.ptp(exact)
+    (finding,) = made.findings
+    assert (finding.code, finding.severity, finding.count) == ("holes-filled", "warning", 12 * 20 + 7)
+
+
+def test_filling_meets_a_plane_and_makes_no_cliff():
+    x, y = np.meshgrid(np.arange(64.0), np.arange(64.0))
+    plane = 2 * x - y
+    hole = (x - 30) ** 2 + (y - 33) ** 2 < 12**2
+    found = filled(np.where(hole, 0.0, plane), hole)
+    assert np.abs(found - plane).max() < 0.03 * np.ptp(plane)
+    assert np.abs(np.diff(found, axis=1)).max() < 2 * 2.0
+
+
+def test_nothing_but_holes_is_refused_and_one_pixel_is_enough():
+    with pytest.raises(DermisError, match="every pixel is a hole"):
+        from_array(np.full((3, 3), np.nan))
+    with pytest.raises(DermisError, match="map 2 of 2"):
+        from_array(np.stack([np.zeros((3, 3)), np.full((3, 3), np.inf)]))
+    single = np.full((9, 5), np.nan)
+    single[8, 0] = 0.7
+    np.testing.assert_allclose(from_array(single).heights, 0.7, rtol=1e-6)
+
+
+def test_a_depth_cameras_own_hole_value():
+    depth = np.full((8, 8), 1.5, np.float32)
+    depth[3, 3], depth[4, 4] = 0.0, 0.1
+    made = from_array(depth, meaning="depth", hole=0.1)
+    assert made.heights[4, 4] == pytest.approx(-1.5, abs=0.4)
+    assert {f.code: f.count for f in made.findings}["holes-filled"] == 1
+    assert made.heights[3, 3] == 0.0
+
+
+def test_depth_is_negated_so_that_near_is_high():
+    made = from_array(np.array([[1.0, 2.0, 3.5]]), meaning="depth")
+    np.testing.assert_array_equal(made.heights, [[-1.0, -2.0, -3.5]])
+
+
+def test_first_row_at_the_top_is_turned_over():
+    values = np.arange(12.0).reshape(4, 3) ** 1.5
+    np.testing.assert_array_equal(from_array(values, first_row="top").heights, values[::-1].astype(np.float32))
+    stack = np.stack([values, 2 * values])
+    np.testing.assert_array_equal(from_array(stack, first_row="top").heights, stack[:, ::-1].astype(np.float32))
+
+
+def bump(n=256, sigma=0.12):
+    x, y = np.meshgrid((np.arange(n) + 0.5) / n - 0.5, (np.arange(n) + 0.5) / n - 0.5)
+    return np.exp(-(x**2 + y**2) / (2 * sigma**2))
+
+
+def slope_error(found, exact):
+    return np.sqrt(np.mean((np.diff(found, axis=1) - np.diff(exact, axis=1)) ** 2))
+
+
+@pytest.mark.parametrize("levels", [255, 100, 30])
+def test_staircases_are_smoothed_by_half_a_level_at_most(levels):
+    exact = bump()
+    stored = np.rint(exact * levels) / levels
+    made = from_array(stored.astype(np.float32))
+    assert np.abs(made.heights - stored).max() <= 0.5 / levels * (1 + 1e-4)
+    assert slope_error(made.heights, exact) < slope_error(stored, exact) / 3
+    (finding,) = made.findings
+    assert (finding.code, finding.count, finding.value) == ("staircase-smoothed", 1, f"{len(np.unique(stored))} levels")
+    kept = from_array(stored, steps="keep")
+    np.testing.assert_array_equal(kept.heights, stored.astype(np.float32))
+    assert [f.code for f in kept.findings] == ["staircase-kept"]
+
+
+def test_smoothing_keeps_cliffs():
+    stored = np.rint(bump() * 255)
+    stored[:, 128:] += 100
+    found = smoothed(stored, 1.0)
+    assert np.abs(np.diff(found, axis=1)[:, 127] - np.diff(stored, axis=1)[:, 127]).max() <= 1.0
+
+
+def test_only_staircases_count_as_such():
+    rng = np.random.default_rng(4)
+    assert not staircase(bump()).found, "a smooth map in floating point"
+    assert not staircase(np.rint(bump() * 65535)).found, "16 bit"
+    assert not staircase((bump() > 0.5).astype(float)).found, "a mask is meant as it is"
+    assert not staircase(rng.integers(0, 256, (64, 64)) / 255).found, "a rough texture has no flats"
+    assert not staircase(np.ones((5, 5))).found
+    irregular = np.sort(rng.uniform(0, 1, 40))[np.rint(bump() * 39).astype(int)]
+    assert not staircase(irregular).found, "levels that are no multiples of a step"
+    assert staircase(1000 + 0.01 * np.rint(bump() * 200)).found
+
+
+def test_eight_bit_png_from_file_is_smoothed_and_sixteen_bit_is_not(tmp_path):
+    exact = bump(96)
+    eight = read(put(tmp_path, png(np.rint(exact * 255).astype(int)[..., None], 8, 0, itertools.cycle((4, 1)))))
+    sixteen = read(put(tmp_path, png(np.rint(exact * 65535).astype(int)[..., None], 16, 0, itertools.cycle((3, 2)))))
+    assert [f.code for f in eight.findings] == ["staircase-smoothed"]
+    assert sixteen.findings == ()
+    assert np.abs(sixteen.heights - exact[::-1]).max() < 1e-5
+    assert np.abs(eight.heights - exact[::-1]).max() < 1.0 / 255
+
+
+def test_flat_maps_and_masks_are_noticed():
+    assert [f.code for f in from_array(np.full((4, 4), 0.3)).findings] == ["flat-map"]
+    assert [f.code for f in from_array((bump(32) > 0.5).astype(float)).findings] == ["few-levels"]
+
+
+@pytest.mark.parametrize(
+    ("values", "options", "message"),
+    [
+        (np.zeros((0, 0)), {}, "no pixels"),
+        (np.zeros((3, 0)), {}, "no pixels"),
+        (np.zeros(4), {}, "no pixels"),
+        (np.zeros((2, 2), complex), {}, "real numbers"),
+        (np.array([["a"]]), {}, "real numbers"),
+        (np.zeros((2, 2)), {"meaning": "colour"}, "unknown way"),
+        (np.zeros((2, 2)), {"steps": "no"}, "unknown way"),
+        (np.zeros((2, 2)), {"first_row": "left"}, "first row"),
+        (np.zeros((2, 2)), {"declared": np.zeros((3, 2), bool)}, "do not fit"),
+    ],
+)
+def test_refuses_arrays_that_are_no_map(values, options, message):
+    with pytest.raises(DermisError, match=message):
+        from_array(values, **options)

@@ -23,10 +23,12 @@ def test_demo_writes_tracks_plots_and_the_scene(walked: tuple[Path, dict[str, An
     tracks = sorted(out.glob("*.csv"))
     assert tracks and (out / report["scene"]).stat().st_size > 0
     assert sorted(report["written"]) == sorted(p.name for p in out.iterdir())
+    kinds = set()
     for track in tracks:
         lines = track.read_text(encoding="utf-8").split("\n")
         assert lines[0] == "# dermis-track 1" and lines[-1] == ""
         table = [line for line in lines if line and not line.startswith("#")]
+        kinds |= {line.removeprefix("# kind: ") for line in lines if line.startswith("# kind: ")}
         times = [float(line.split(",")[0]) for line in table[1:]]
         assert table[0].startswith("t_s,") and len(times) > 1000
         steps = {round(1e6 * (b - a)) for a, b in zip(times, times[1:], strict=False)}
@@ -34,6 +36,7 @@ def test_demo_writes_tracks_plots_and_the_scene(walked: tuple[Path, dict[str, An
         moving = {line.split(",", 1)[1] for line in table[1:]}
         assert len(moving) > 100, "a demo track in which nothing happens shows nothing"
         assert_is_png(track.with_suffix(".png"))
+    assert kinds == {"shear_tactor", "friction_screen"}, "the demo shows both ways of rendering"
 
 
 def test_the_saved_scene_opens_again(walked: tuple[Path, dict[str, Any]], fresh_blender: Any) -> None:

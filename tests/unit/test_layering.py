@@ -44,7 +44,10 @@ MAY_IMPORT: dict[str, set[str]] = {
     "design": MATCHING | {"design"},
     "formats": SCENE | {"track", "images"},
     "stream": SCENE | {"track", "formats"},
-    "plot": BASE | {"track"},
+    "scene_file": BASE | {"scene"},
+    "font": set(),
+    "canvas": {"font"},
+    "plot": BASE | {"track", "canvas"},
     "work": BASE,
 }
 SEES_ALL = {"pipeline", "__init__", "__main__"}

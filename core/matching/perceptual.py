@@ -64,7 +64,7 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
     settings = _Settings(touch, scene, finger, use, spec.rate, where)
     findings: list[Finding] = []
     relevant = _screens(scene, use)
-    maps = screen_maps(touch, scene, use, spec)
+    maps = screen_maps(scene, touch.screens, use, spec)
     for index in maps:
         findings += _scale_findings(touch.screens[index], scene.screens[index].name)
 
@@ -120,11 +120,15 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
     return Rendered(track, signals, tuple(findings))
 
 
-def screen_maps(touch: SampledTouch, scene: TactileScene, use: DeviceUse, spec: DeviceSpec) -> dict[int, ScreenMap]:
+def screen_maps(scene: TactileScene, matrices: Array, use: DeviceUse, spec: DeviceSpec) -> dict[int, ScreenMap]:
     """Return the map of each screen that a use concerns, by the screen's index, ready to export with `save`.
 
     The automatic scale is one for the whole bake: over every map of every one of these screens the steepest slope
     (for 'height' the tallest relief) becomes friction 100.
+
+    Args:
+        scene: its header; no chunk is read.
+        matrices: object-to-world of all screens at one or more samples, shape (S, n, 4, 4); the first gives the scale.
 
     Raises:
         DermisError: no such screen, an unusable map or setting, a screen without area.
@@ -135,7 +139,7 @@ def screen_maps(touch: SampledTouch, scene: TactileScene, use: DeviceUse, spec: 
     where = f"device '{use.preset}'"
     if mode not in ("auto", "manual"):
         raise DermisError("unknown way to scale", where=where, value=mode, limit="auto, manual")
-    screens = {index: _map_of(scene.screens[index], touch.screens[index]) for index in _screens(scene, use)}
+    screens = {index: _map_of(scene.screens[index], matrices[index]) for index in _screens(scene, use)}
     manual = float(given.get("scale", 0.0)) if mode == "manual" else 0.0
     if mode == "manual" and profile != "rectangle" and not (np.isfinite(manual) and manual != 0.0):
         raise DermisError("the scale must not be zero", where=where, value=manual, remedy="Choose the automatic scale")

@@ -40,7 +40,7 @@ def chunk(name, body):
     return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
 
 
-def png(samples, depth, colour, kinds=itertools.repeat(0), extra=b"", interlace=0):
+def png(samples, depth, colour, kinds=None, extra=b"", interlace=0):
     """Encode whole numbers of shape (rows, columns, channels), the first row at the top."""
     rows, columns, channels = samples.shape
     if depth == 16:
@@ -49,7 +49,7 @@ def png(samples, depth, colour, kinds=itertools.repeat(0), extra=b"", interlace=
         bits = (samples.reshape(rows, -1, 1) >> np.arange(depth - 1, -1, -1)) & 1
         packed = [np.packbits(row.ravel().astype(np.uint8)).tobytes() for row in bits]
     step = max(1, channels * depth // 8)
-    kinds = list(itertools.islice(kinds, rows))
+    kinds = [0] * rows if kinds is None else list(itertools.islice(kinds, rows))
     head = struct.pack(">IIBBBBB", columns, rows, depth, colour, 0, 0, interlace)
     body = zlib.compress(filtered(packed, kinds, step))
     half = len(body) // 2  # two parts: readers must join them

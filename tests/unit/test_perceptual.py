@@ -342,12 +342,7 @@ def test_refuses_with_a_reason(options, message):
 def test_scene_without_a_screen():
     scene = dataclasses.replace(scene_of(ACROSS), screens=())
     with pytest.raises(DermisError, match="no touch screen"):
-        screen_maps(sampled_without_screens(scene), scene, scene.fingers[0].devices[0], SPEC)
-
-
-def sampled_without_screens(scene):
-    chunk = dataclasses.replace(scene.chunks[0], screens=np.zeros((0, len(ACROSS), 4, 4)))
-    return sampled(dataclasses.replace(scene, chunks=[chunk]))
+        screen_maps(scene, np.zeros((0, 1, 4, 4)), scene.fingers[0].devices[0], SPEC)
 
 
 # --- the map for a real finger
@@ -359,7 +354,7 @@ def test_exported_map_answers_like_the_bake(tmp_path):
         scene = scene_of(ACROSS, heights=stack, parameters={"map_fps": 1.0}, device={"profile": profile})
         touch, use = sampled(scene), scene.fingers[0].devices[0]
         result = render(touch, scene, 0, use, SPEC)
-        screen_maps(touch, scene, use, SPEC)[0].save(tmp_path / "pad.npz")
+        screen_maps(scene, touch.screens, use, SPEC)[0].save(tmp_path / "pad.npz")
         live = ScreenMap.load(tmp_path / "pad.npz")
         for i in range(7, 1000, 31):
             answer = live.answer(result.signals["x"][i], 0.0, (0.25, 0.0), result.track.times[i])
@@ -371,7 +366,7 @@ def test_exported_map_answers_like_the_bake(tmp_path):
 
 def test_live_answer_never_exceeds_the_limit(tmp_path):
     scene = scene_of(ACROSS, device={"scale_mode": "manual", "scale": 300 / STEEPEST})
-    live = screen_maps(sampled(scene), scene, scene.fingers[0].devices[0], SPEC)[0]
+    live = screen_maps(scene, np.eye(4)[None, None], scene.fingers[0].devices[0], SPEC)[0]
     answer = live.answer(-SIGMA, 0.0, (1.0, 0.0))
     assert (answer.amplitude, answer.limited) == (300.0, True)
     assert answer.friction == pytest.approx(300, rel=1e-3)
@@ -382,7 +377,7 @@ def test_live_answer_never_exceeds_the_limit(tmp_path):
 
 def test_export_gives_the_same_bytes_and_refuses_what_it_does_not_know(tmp_path):
     scene = scene_of(ACROSS)
-    made = screen_maps(sampled(scene), scene, scene.fingers[0].devices[0], SPEC)[0]
+    made = screen_maps(scene, np.eye(4)[None, None], scene.fingers[0].devices[0], SPEC)[0]
     first, second = tmp_path / "a.npz", tmp_path / "b.npz"
     made.save(first)
     ScreenMap.load(first).save(second)

@@ -13,8 +13,8 @@ Array = NDArray[np.float64]
 Map = NDArray[np.float32]
 # Points a pass: the work arrays of a chunk stay in the processor's second-level cache.
 CHUNK = 16384
-# Pixels a run of the gradient: long enough to pay for numpy's calls, short enough for the cache.
-RUN = 131072
+# Pixels a run of the gradient (2 MB): long enough to pay for numpy's calls, short enough for the last cache.
+RUN = 524288
 
 
 @dataclass(frozen=True, eq=False)

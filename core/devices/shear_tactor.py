@@ -1,0 +1,171 @@
+"""Shear tactor: two coaxial pulleys move a cap in the pad's plane through a rhombus of four equal links.
+
+Source: [S3] section 3; the kinematics p = l (u(q1) + u(q2)) are derived from it
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from .spec import DeviceSpec, positive
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ShearTactor:
+    """A rhombus with the pulleys' common axis at one corner and the cap at the opposite one.
+
+    Positions are of the cap in the pad's plane [m], the workspace's centre at the origin. Pulley angles [rad] count
+    from the reference pose, in which the cap is in the centre and the two rods are orthogonal.
+
+    Attributes:
+        link: length of every link, l [m].
+        radius: of the round workspace, A [m].
+        speed: top speed of the cap [m/s].
+        torque: limit of each motor, at its pulley [N m].
+        heading: direction from the pulleys' axis to the workspace's centre, from the pad's +X [rad].
+        tap_axis: unit vector in the pad's plane to which the normal part of a tap turns, shape (2,).
+    """
+
+    link: float
+    radius: float
+    speed: float
+    torque: float
+    heading: float
+    tap_axis: tuple[float, float]
+
+    @classmethod
+    def from_spec(cls, spec: DeviceSpec) -> ShearTactor:
+        """Read the mechanism from a device preset.
+
+        Raises:
+            DermisError: a parameter is missing or impossible, or the workspace reaches a singular pose.
+        """
+        where = f"device preset '{spec.key}'"
+        names = ("link_length", "range", "max_speed", "torque_limit", "axis_direction", "tap_axis")
+        for name in names:
+            if name not in spec.parameters:
+                raise DermisError(f"'{name}' is missing", where=where)
+        link, radius, speed, torque = (positive(float(spec.parameters[n]), f"{where}, {n}") for n in names[:4])
+        axis = np.asarray(spec.parameters["tap_axis"], dtype=np.float64)
+        if axis.shape != (2,) or not np.any(axis):
+            raise DermisError("the tap axis must be a direction in the pad's plane", where=where, value=axis.tolist(),
+                              limit="two numbers, not both 0")  # fmt: skip
+        axis = axis / math.hypot(*axis)
+        reach = math.sqrt(2.0) * link
+        if not (radius < reach and reach + radius < 2.0 * link):
+            raise DermisError("the links cannot reach the whole workspace", where=where, value=radius,
+                              limit=f"less than {min(reach, 2.0 * link - reach):.6g} m")  # fmt: skip
+        heading = float(spec.parameters["axis_direction"])
+        return cls(link, radius, speed, torque, heading, (float(axis[0]), float(axis[1])))
+
+    @property
+    def axis(self) -> Array:
+        """Where the pulleys' common axis is [m], shape (2,)."""
+        return -math.sqrt(2.0) * self.link * np.array([math.cos(self.heading), math.sin(self.heading)])
+
+    def inverse(self, position: Array) -> Array:
+        """Return the pulley angles [rad] for cap positions [m], shapes (..., 2).
+
+        Raises:
+            DermisError: a position that the links cannot reach.
+        """
+        x, y = np.moveaxis(np.asarray(position, dtype=np.float64) - self.axis, -1, 0)
+        cosine = np.hypot(x, y) / (2.0 * self.link)
+        if not (cosine < 1.0).all():
+            raise DermisError("the links cannot reach this position", value=float(np.max(2.0 * self.link * cosine)),
+                              limit=f"less than {2.0 * self.link:.6g} m from the pulleys' axis")  # fmt: skip
+        half = np.arccos(cosine) - math.pi / 4.0
+        # The angle from the heading, so that it never jumps at the +-180 degrees of arctan2.
+        c, s = math.cos(self.heading), math.sin(self.heading)
+        turn = np.arctan2(c * y - s * x, c * x + s * y)
+        return np.stack([turn - half, turn + half], axis=-1)
+
+    def forward(self, angles: Array) -> Array:
+        """Return the cap positions [m] for pulley angles [rad], shapes (..., 2)."""
+        q = self._absolute(angles)
+        return self.link * np.stack([np.cos(q).sum(axis=-1), np.sin(q).sum(axis=-1)], axis=-1) + self.axis
+
+    def jacobian(self, angles: Array) -> Array:
+        """Return d position / d angles [m/rad], shape (..., 2, 2)."""
+        q = self._absolute(angles)
+        return self.link * np.stack([-np.sin(q), np.cos(q)], axis=-2)
+
+    def torques(self, angles: Array, force: Array) -> Array:
+        """Return the pulley torques [N m] that press the cap against the skin with a force [N], shapes (..., 2)."""
+        return np.einsum("...ij,...i->...j", self.jacobian(angles), force)
+
+    def force(self, angles: Array, torques: Array) -> Array:
+        """Return the force of the cap [N] that pulley torques [N m] give, shapes (..., 2)."""
+        transposed = np.swapaxes(self.jacobian(angles), -1, -2)
+        return np.linalg.solve(transposed, np.asarray(torques)[..., None])[..., 0]
+
+    def weakest_force(self, angles: Array, rule: str = "per motor") -> Array:
+        """Return the force [N] that the cap has in its weakest direction, shape (...).
+
+        Args:
+            angles: [rad], shape (..., 2).
+            rule: 'per motor': each torque is limited by itself; this gives torque / l in every pose, 3.4 N for HapTip.
+                'root sum of squares': the root of the torques' squared sum is limited; the same in the reference
+                pose, and least, 2.65 N, on the workspace's rim: the paper's 'more than 2.7 N in any point'.
+
+        Raises:
+            DermisError: an unknown rule.
+        """
+        columns = self.jacobian(angles)
+        if rule == "per motor":
+            return self.torque / np.sqrt((columns**2).sum(axis=-2)).max(axis=-1)
+        if rule == "root sum of squares":
+            return self.torque / np.linalg.norm(columns, ord=2, axis=(-2, -1))
+        raise DermisError("unknown rule for the torques", value=rule, limit="per motor, root sum of squares")
+
+    def rim(self, count: int = 720) -> Array:
+        """Return cap positions around the workspace's rim [m], shape (count, 2)."""
+        angle = 2.0 * math.pi * np.arange(count) / count
+        return self.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+    def _absolute(self, angles: Array) -> Array:
+        """Angles of the two rods from the pad's +X [rad]."""
+        return np.asarray(angles) + np.array([self.heading - math.pi / 4.0, self.heading + math.pi / 4.0])
+
+
+def follow(target: Array, step: float) -> tuple[Array, int]:
+    """Return a path that follows another one by at most `step` a sample, and how many samples differ.
+
+    The cap goes straight towards where it should be, at top speed, until it has caught up. It starts at the first
+    target. Limiting the cap itself, not each pulley, keeps pulleys and cap in step.
+
+    Args:
+        target: shape (n, 2). step: largest distance between two samples, in the same unit.
+    """
+    jumps = np.diff(target, axis=0)
+    fast = np.flatnonzero(np.einsum("ij,ij->i", jumps, jumps) > (step * (1.0 + 1e-9)) ** 2) + 1
+    if fast.size == 0:
+        return target, 0
+    path = target.copy()
+    points: list[list[float]] = target.tolist()
+    changed = done = 0
+    for start in fast.tolist():
+        if start < done:
+            continue
+        x, y = points[start - 1]
+        k = start
+        while k < len(points):
+            goal_x, goal_y = points[k]
+            dx, dy = goal_x - x, goal_y - y
+            distance = math.sqrt(dx * dx + dy * dy)
+            if distance <= step * (1.0 + 1e-9):
+                break
+            x += dx * step / distance
+            y += dy * step / distance
+            path[k] = x, y
+            changed += 1
+            k += 1
+        done = k + 1
+    return path, changed

@@ -67,6 +67,14 @@ def test_interior_converges_with_order_two():
     assert np.all(np.abs(rates - 2.0) < 0.1), rates
 
 
+@pytest.mark.parametrize("run", [1, 3, 7, 100])
+def test_length_of_a_run_changes_nothing(monkeypatch, run):
+    heights = np.random.default_rng(6).normal(size=(6, 5)).astype(np.float32)
+    whole = gradient(heights, (0.5, 0.25))
+    monkeypatch.setattr("core.effects.gradient.RUN", run)
+    np.testing.assert_array_equal(gradient(heights, (0.5, 0.25)), whole)
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (2, 2)])
 def test_single_rows_and_columns(shape):
     heights = np.arange(shape[0] * shape[1], dtype=np.float32).reshape(shape)

@@ -57,7 +57,9 @@ def build(tactor: str, friction: str) -> bpy.types.Scene:
 
 
 def look(context: bpy.types.Context) -> None:
-    """Turn the window's 3D views to the scene; without a window there is nothing to turn."""
+    """Make the first finger active and turn the window's 3D views to the scene."""
+    fingers = (o for o in context.scene.objects if o.dermis.role == "FINGER")  # by name: Index comes first
+    context.view_layer.objects.active = min(fingers, key=lambda o: o.name)
     if bpy.app.background or context.window is None:
         return
     for area in context.window.screen.areas:
@@ -70,9 +72,9 @@ def look(context: bpy.types.Context) -> None:
         space.show_region_ui = True
         view = space.region_3d
         view.view_perspective = "PERSP"
-        view.view_location = Vector((0.005, 0.0, 0.012))
+        view.view_location = Vector((0.034, 0.0, 0.010))
         view.view_rotation = Euler((math.radians(58.0), 0.0, math.radians(12.0))).to_quaternion()
-        view.view_distance = 0.34
+        view.view_distance = 0.36
 
 
 def bumps_image(size: tuple[float, float]) -> bpy.types.Image:
@@ -147,6 +149,7 @@ def _stage(scene: bpy.types.Scene) -> None:
           Vector((SCREEN.x, SCREEN.y, 0.0018)), (0.05, 0.055, 0.06, 1.0))  # fmt: skip
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     camera.data.lens, camera.data.clip_start = 50.0, 0.005
+    camera.data.display_size = 0.02
     camera.location = (0.075, -0.40, 0.29)
     camera.rotation_euler = (Vector((0.008, 0.0, 0.012)) - camera.location).to_track_quat("-Z", "Y").to_euler()
     scene.collection.objects.link(camera)
@@ -231,7 +234,7 @@ def _animate_pair(index: bpy.types.Object, thumb: bpy.types.Object, box: bpy.typ
         *_lifted(side, grip),
     ])  # fmt: skip
     _keys(thumb, "location", [
-        (1, -0.02, -0.045, 0.050), (50, -0.02, -0.045, 0.050), (58, -side - 0.022, BOX.y, 0.040),
+        (1, -0.040, 0.050, 0.030), (50, -0.040, 0.050, 0.030), (58, -side - 0.022, BOX.y, 0.040),
         (64, -side - 0.010, BOX.y, grip), (67, -side, BOX.y, grip), *_lifted(-side, grip),
     ])  # fmt: skip
     quarter = 0.5 * math.pi

@@ -62,14 +62,14 @@ def _tactor(row: live.Row, exaggeration: float) -> None:
     import gpu
 
     x, y = row.values["tactor_x"] * exaggeration, row.values["tactor_y"] * exaggeration
-    # What lies behind a surface shows through it, faintly: the device sits between the pad and what it touches.
-    for test, strength, mask in (("GREATER", 0.45, False), ("LESS_EQUAL", 1.0, True)):
+    # The device sits between the pad and what it touches: what is hidden there shows through as a flat figure.
+    for test, solid in (("GREATER", False), ("LESS_EQUAL", True)):
         gpu.state.depth_test_set(test)
-        gpu.state.depth_mask_set(mask)
-        _triangles(twin.housing(), strength)
+        gpu.state.depth_mask_set(solid)
+        _triangles(twin.housing() if solid else twin.plan())
         with gpu.matrix.push_pop():
             gpu.matrix.translate((x, y, 0.0))
-            _triangles(twin.cap(), strength)
+            _triangles(twin.cap() if solid else twin.dot())
     gpu.state.depth_test_set("NONE")
     gpu.state.depth_mask_set(False)
     reach = row.high.get("tactor_x") or 2e-3
@@ -86,7 +86,7 @@ def _field(row: live.Row) -> None:
     gpu.state.depth_mask_set(False)
     colour = twin.heat(level)
     if level > 0.0:
-        _triangles(twin.glow(6e-3 + 9e-3 * level, (*colour[:3], 0.25 + 0.6 * level)), 1.0)
+        _triangles(twin.glow(6e-3 + 9e-3 * level, (*colour[:3], 0.25 + 0.6 * level)))
     _line(twin.circle(6e-3, 0.0), (*colour[:3], 0.9), 1.5)
     if level > 0.0:
         _line(twin.circle(6e-3 + 9e-3 * level, 0.0), (*colour[:3], 0.6), 1.0)
@@ -124,7 +124,7 @@ def _width_of(area: bpy.types.Area, kind: str) -> float:
 
 
 def _card_height(row: live.Row) -> float:
-    return DIAL + 3.0 * MARGIN + LINE if "tactor_x" in row.values else 4 * LINE + 2 * MARGIN
+    return DIAL + 3.0 * MARGIN + LINE if "tactor_x" in row.values else 3 * LINE + 2 * MARGIN
 
 
 def _card(row: live.Row, left: float, bottom: float, scale: float) -> None:
@@ -188,14 +188,13 @@ def _level(row: live.Row, name: str) -> float:
     return float(np.clip(row.values[name] / (row.high.get(name) or 1.0), 0.0, 1.0))
 
 
-def _triangles(part: twin.Part, strength: float) -> None:
+def _triangles(part: twin.Part) -> None:
     import gpu
     from gpu_extras.batch import batch_for_shader
 
     shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-    colours = part.colours.copy()
-    colours[:, 3] *= strength
-    batch_for_shader(shader, "TRIS", {"pos": part.positions, "color": colours}, indices=part.triangles).draw(shader)
+    batch_for_shader(shader, "TRIS", {"pos": part.positions, "color": part.colours},
+                     indices=np.ascontiguousarray(part.triangles)).draw(shader)  # fmt: skip
 
 
 def _line(points: np.ndarray, colour: tuple[float, ...], width: float) -> None:
@@ -205,6 +204,7 @@ def _line(points: np.ndarray, colour: tuple[float, ...], width: float) -> None:
     shader = gpu.shader.from_builtin("POLYLINE_SMOOTH_COLOR")
     shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
     shader.uniform_float("lineWidth", width * bpy.context.preferences.system.ui_scale)
+    gpu.state.blend_set("ALPHA")  # text drawing leaves it off
     colours = np.broadcast_to(np.asarray(colour, np.float32), (len(points), 4)).copy()
     batch_for_shader(shader, "LINE_STRIP", {"pos": points.astype(np.float32), "color": colours}).draw(shader)
 
@@ -231,6 +231,7 @@ def _fill(points: np.ndarray, triangles: np.ndarray, colour: tuple[float, ...]) 
 
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     shader.uniform_float("color", colour)
+    gpu.state.blend_set("ALPHA")  # text drawing leaves it off
     flat = np.column_stack([points, np.zeros(len(points))]).astype(np.float32)
     batch_for_shader(shader, "TRIS", {"pos": flat}, indices=triangles).draw(shader)
 

@@ -119,7 +119,7 @@ class DermisDevice(bpy.types.PropertyGroup):
         "tilted",
     )  # fmt: skip
     weight_sign: _choice(
-        "Acceleration Sign", "Sign of the acceleration term of weight ([S3] eq. 4)",
+        "Inertia Sign", "Sign of the acceleration term of weight ([S3] eq. 4)",
         (("paper", "As in the Paper", "The tactor moves with the acceleration"),
          ("inertia", "Inertia", "The tactor drags behind the acceleration, as a real mass would")),
         "paper",
@@ -165,7 +165,7 @@ class DermisFinger(bpy.types.PropertyGroup):
     """A fingertip: origin at the pad's centre, +Y towards the tip, +Z towards the nail."""
 
     touch_distance_mm: _millimetres(
-        "Touch Distance", "The pad counts as touching where a surface is at most this far from its centre", 0.5,
+        "Touch Gap", "The pad counts as touching where a surface is at most this far from its centre", 0.5,
         0.0, 1000.0, soft_max=5.0,
     )  # fmt: skip
     pattern: _choice(
@@ -288,8 +288,8 @@ class DermisScreen(bpy.types.PropertyGroup):
         name="Resolution", description="Points along the longer side when a mesh is cast onto the screen",
         default=256, min=2, max=8192, soft_max=1024, options=set(), update=_touched, override=OVERRIDE,
     )  # fmt: skip
-    touch_distance_mm: _millimetres("Touch Distance", "The finger counts as touching up to this far above the screen",
-                                    1.0, 0.0, 1000.0, soft_max=10.0)  # fmt: skip
+    touch_distance_mm: _millimetres("Touch Gap", "The finger counts as touching up to this far above the screen", 1.0,
+                                    0.0, 1000.0, soft_max=10.0)  # fmt: skip
 
 
 class DermisObject(bpy.types.PropertyGroup):

@@ -128,7 +128,7 @@ def load(scene: bpy.types.Scene) -> Result | None:
 
 
 def _key(content_hash: str) -> str:
-    return f"bake-{RESULT_VERSION}-{content_hash}"
+    return str(core_module("cache").cache_key(f"bake {RESULT_VERSION}", content_hash))
 
 
 def _write(path: Path, result: Result) -> None:

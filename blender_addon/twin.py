@@ -49,6 +49,32 @@ def cap() -> Part:
     )
 
 
+@cache
+def plan() -> Part:
+    """Return housing and hole as flat shapes in the pad's plane, for where a surface hides the solid ones."""
+    angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS + 1)
+    ring = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    n, i = len(ring), np.arange(_SEGMENTS)
+    positions = np.vstack([ring * 4.0e-3, ring * 9.4e-3, ring * 4.0e-3, np.zeros((1, 3))])
+    colours = np.repeat(np.array([[*HOUSING[:3], 0.55], [*HOUSING[:3], 0.55], [*CAP[:3], 0.55], [*CAP[:3], 0.55]]),
+                        [n, n, n, 1], axis=0)  # fmt: skip
+    triangles = np.vstack([
+        np.stack([i, n + i, n + i + 1], axis=1), np.stack([i, n + i + 1, i + 1], axis=1),
+        np.stack([2 * n + i, 2 * n + i + 1, np.full_like(i, 3 * n)], axis=1),
+    ])  # fmt: skip
+    return Part(positions.astype(np.float32), colours.astype(np.float32), triangles.astype(np.int32))
+
+
+@cache
+def dot() -> Part:
+    """Return the tactor as a flat disc in the pad's plane."""
+    rim = circle(1.8e-3)[:-1]
+    i = np.arange(len(rim))
+    positions = np.vstack([np.zeros((1, 3)), rim]).astype(np.float32)
+    triangles = np.stack([np.zeros_like(i), 1 + i, 1 + np.roll(i, -1)], axis=1).astype(np.int32)
+    return Part(positions, np.tile(np.array(TACTOR, np.float32), (len(positions), 1)), triangles)
+
+
 def circle(radius: float, height: float = 0.0) -> NDArray[np.float32]:
     """Return a closed line around the pad's centre: radius and height [m], shape (n, 3)."""
     angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS + 1)

@@ -5,6 +5,7 @@ from typing import Any
 import bpy
 
 from .. import handlers, reporting, results
+from . import census
 from .main import DermisPanel
 from .text import paragraph
 
@@ -41,6 +42,11 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
 
     bl_idname = "DERMIS_PT_result"
     bl_label = "Result"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a finger, or a result to show."""
+        return bool(census.of(context.scene).fingers) or results.current(context.scene) is not None
 
     def draw_header(self, context: bpy.types.Context) -> None:
         """Mark a result that is out of date."""

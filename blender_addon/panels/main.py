@@ -50,7 +50,9 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         column.scale_y = 1.2
         column.operator("dermis.add_finger", text="1.  Add a Finger", icon="VIEW_PAN")
         column.operator("dermis.choose_material", text="2.  Make an Object Touchable", icon="MATERIAL")
-        column.operator("dermis.bake", text="3.  Bake", icon="REC")
+        last = column.row()
+        last.enabled = False
+        last.operator("dermis.bake", text="3.  Bake", icon="REC")
         layout.separator()
         paragraph(layout, context, "Or look at a finished example first:")
         layout.operator("dermis.demo_scene", icon="SCENE_DATA")

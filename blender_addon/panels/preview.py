@@ -3,6 +3,7 @@
 import bpy
 
 from .. import live
+from . import census
 from .main import DermisPanel
 from .text import paragraph, quantity
 
@@ -13,11 +14,16 @@ class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
     bl_idname = "DERMIS_PT_preview"
     bl_label = "Preview"
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a finger."""
+        return bool(census.of(context.scene).fingers)
+
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the view's settings and each device's values."""
         layout, settings = self.layout, context.scene.dermis
         row = layout.row(align=True)
-        row.prop(settings, "live_preview", toggle=True, icon="PLAY")
+        row.prop(settings, "live_preview", toggle=True, icon="PLAY", text="Live")
         row.prop(settings, "show_twin", toggle=True, icon="MOD_WARP", text="Twin")
         row.prop(settings, "show_readout", toggle=True, icon="INFO", text="Readout")
         if settings.show_twin:

@@ -135,7 +135,8 @@ class Environment(NamedTuple):
 
     def variables(self, wheels: bool, **more: str) -> dict[str, str]:
         """Return the variables for a child: isolated from the user's own packages, one BLAS thread."""
-        dropped = ("PYTHONPATH", "PYTHONHOME", "BLENDER_USER_RESOURCES", "BLENDER_USER_EXTENSIONS")
+        dropped = ("PYTHONPATH", "PYTHONHOME", "BLENDER_USER_RESOURCES", "BLENDER_USER_EXTENSIONS",
+                   "PYTHONDONTWRITEBYTECODE")  # fmt: skip  Blender writes bytecode, so what is measured does too
         kept = {k: v for k, v in os.environ.items() if k not in dropped}
         fixed = {"PYTHONNOUSERSITE": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1"}
         return {**kept, **fixed, **({"PYTHONPATH": str(self.wheels)} if wheels else {}), **more}

@@ -73,7 +73,7 @@ def register() -> Result:
 
 def blender(code: str, profile: str) -> Any:
     """Run code in a Blender that sees the profile's wheels and no others."""
-    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONDONTWRITEBYTECODE")}
     environment.update({"BLENDER_USER_RESOURCES": profile, "DERMIS_WALKTHROUGH": str(WALKTHROUGH)})
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT, code], cwd=profile, env=environment, capture_output=True, text=True, timeout=300

@@ -122,7 +122,8 @@ class ShearTactor:
         if rule == "per motor":
             return self.torque / np.sqrt((columns**2).sum(axis=-2)).max(axis=-1)
         if rule == "root sum of squares":
-            return self.torque / np.linalg.norm(columns, ord=2, axis=(-2, -1))
+            largest: Array = np.linalg.svd(columns, compute_uv=False)[..., 0]
+            return self.torque / largest
         raise DermisError("unknown rule for the torques", value=rule, limit="per motor, root sum of squares")
 
     def rim(self, count: int = 720) -> Array:

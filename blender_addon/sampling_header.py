@@ -127,7 +127,6 @@ def header(depsgraph: bpy.types.Depsgraph, roster: Roster, reader: MeshReader, *
         except DermisError as error:
             findings.append(_left_out(error, "screen-unusable"))
             continue
-        centre[0] *= -1.0 if entry.mirrored else 1.0
         screens.append(made)
         screen_entries.append(replace(entry, offset=tuple(centre.tolist())))
     names = {s.name for s in screens}

@@ -168,7 +168,7 @@ class Recorder:
             poses[i] = self._hold(i, n)
         for i, entry in enumerate(self._entries):
             if any(entry.offset):
-                poses[i, :, :3, 3] += poses[i, :, :3, :3] @ np.array(entry.offset) * (-1.0 if entry.mirrored else 1.0)
+                poses[i, :, :3, 3] += poses[i, :, :3, :3] @ np.array(entry.offset)
             if entry.mirrored:
                 poses[i, :, :3, 0] *= -1.0
         poses[:, :, :3, 3] *= self._roster.unit

@@ -1,0 +1,139 @@
+"""Simulations: a falling body falls with 9.81 m/s2 at every sample, and twice with the same bytes."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon import sampling, sampling_simulated
+from core.motion import Motion
+from core.scene import ContentHash
+from tests.blender import build
+
+
+def rigid(obj: bpy.types.Object, kind: str = "ACTIVE") -> None:
+    bpy.context.view_layer.objects.active = obj
+    obj.select_set(True)
+    bpy.ops.rigidbody.object_add()
+    obj.rigid_body.type = kind
+    obj.rigid_body.linear_damping = obj.rigid_body.angular_damping = 0.0
+    obj.select_set(False)
+
+
+def content_hash(tactile) -> str:
+    running = ContentHash(tactile)
+    for _ in running.through(tactile.chunks):
+        pass
+    return running.hexdigest()
+
+
+@pytest.mark.parametrize("fps", [24, 25])
+def test_a_falling_cube_accelerates_at_g_at_every_sample(fps):
+    scene = build.span(1, 1 + fps, fps)
+    cube = build.cube("Cube", 1.0, (0, 0, 20))
+    cube.rotation_euler = (0.3, 0.2, 0.1)
+    cube.scale = (1, 2, 3)
+    rigid(cube)
+    build.finger()
+    tactile = sampling.sample(scene)
+    assert tactile.bodies[0].simulated
+    got = build.joined(tactile)
+    motion = Motion(got["times"], got["bodies"][0]).at(got["times"])
+    np.testing.assert_allclose(motion.acceleration[:, 2], -9.81, rtol=0.02)
+    # Bullet steps ten times a frame, velocity first: z = z0 - g (t^2 + t dt) / 2.
+    t, dt = got["times"], 1 / (10 * fps)
+    np.testing.assert_allclose(got["bodies"][0, :, 2, 3], 20 - 9.81 * (t**2 + t * dt) / 2, atol=2e-5)
+    np.testing.assert_allclose(np.linalg.norm(got["bodies"][0, :, :3, :3], axis=1), np.broadcast_to([1, 2, 3], (len(t), 3)), rtol=1e-6)
+
+
+def test_the_same_bytes_twice_fresh_and_from_the_cache():
+    scene = build.span(1, 25)
+    cube = build.cube("Cube", 1.0, (0.2, 0.1, 2))
+    cube.rotation_euler = (0.3, 0.2, 0.1)
+    floor = build.mesh_object("Floor", [(-5, -5, 0), (5, -5, 0), (5, 5, 0), (-5, 5, 0)], [(0, 1, 2, 3)])
+    rigid(cube)
+    rigid(floor, "PASSIVE")
+    build.finger()
+    first = content_hash(sampling.sample(scene))
+    scene.frame_set(17, subframe=0.5)
+    assert content_hash(sampling.sample(scene)) == first
+
+
+def test_what_hangs_on_a_simulation_is_swept_with_it_and_nothing_else():
+    scene = build.span(1, 13)
+    cube = build.cube("Cube", 1.0, (0, 0, 20))
+    rigid(cube)
+    held = build.finger("Held", (0, 0, 1))
+    held.parent = cube
+    watcher = build.cube("Watcher")
+    watcher.constraints.new("COPY_LOCATION").target = held
+    driven = build.cube("Driven")
+    curve = driven.driver_add("location", 0)
+    variable = curve.driver.variables.new()
+    variable.name, variable.type = "z", "TRANSFORMS"
+    variable.targets[0].id, variable.targets[0].transform_type = cube, "LOC_Z"
+    curve.driver.expression = "z"
+    free = build.cube("Free")
+    build.keys(free, "location", [1, 13], [(0, 0, 0), (1, 0, 0)])
+    found = sampling_simulated.find(scene)
+    by_uid = {o.session_uid: o.name for o in bpy.data.objects}
+    assert {by_uid[u] for u in found.uids} == {"Cube", "Held", "Watcher", "Driven"}
+    tactile = sampling.sample(scene)
+    assert {b.name: b.simulated for b in tactile.bodies} == {"Cube": True, "Driven": True, "Free": False, "Watcher": True}
+    got = build.joined(tactile)
+    acceleration = Motion(got["times"], got["fingers"][0]).at(got["times"]).acceleration
+    np.testing.assert_allclose(acceleration[:, 2], -9.81, rtol=0.02)
+    np.testing.assert_allclose(got["bodies"][2, :, 0, 3], got["times"] * 2, atol=1e-6)
+
+
+def test_a_range_that_begins_late_starts_the_simulation_at_its_start():
+    scene = build.span(13, 25)
+    rigid(build.cube("Cube", 1.0, (0, 0, 20)))
+    build.finger()
+    tactile = sampling.sample(scene)
+    got = build.joined(tactile)
+    t, dt = 0.5 + got["times"], 1 / 240
+    np.testing.assert_allclose(got["bodies"][0, :, 2, 3], 20 - 9.81 * (t**2 + t * dt) / 2, atol=2e-5)
+    assert tactile.chunks.done == 25 + 121
+
+
+def test_cloth_is_smooth_between_frames_and_exact_on_them():
+    scene = build.span(1, 13)
+    n = 6
+    points = [(x / n, y / n, 1.0) for y in range(n + 1) for x in range(n + 1)]
+    faces = [(r * (n + 1) + c, r * (n + 1) + c + 1, (r + 1) * (n + 1) + c + 1, (r + 1) * (n + 1) + c)
+             for r in range(n) for c in range(n)]  # fmt: skip
+    sheet = build.mesh_object("Sheet", points, faces)
+    sheet.dermis.role = "TOUCHABLE"
+    cloth = sheet.modifiers.new("Cloth", "CLOTH")
+    cloth.settings.air_damping = 0.0
+    build.finger()
+    tactile = sampling.sample(scene)
+    assert tactile.bodies[0].simulated and tactile.bodies[0].mesh is None
+    got = build.joined(tactile)
+    meshes = got["surfaces"][0]
+    assert len({id(m.triangles) for m in meshes}) == 1
+    height = np.array([m.vertices[:, 2].mean() for m in meshes])
+    whole = []
+    for frame in range(1, 14):
+        scene.frame_set(frame)
+        mesh = sheet.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+        whole.append(np.mean([v.co.z for v in mesh.vertices]))
+    np.testing.assert_allclose(height[::10], whole, atol=1e-6)
+    # Curvature follows that of the whole frames; Blender's own straight segments would give 0 and ten times as much.
+    curvature = np.diff(height, 2) * 240**2
+    at_frames = np.diff(whole, 2) * 24**2
+    expected = np.interp(np.arange(10, 111), np.arange(10, 111, 10), at_frames)
+    np.testing.assert_allclose(curvature[9:110], expected, atol=0.2 * np.abs(at_frames).max())
+
+
+def test_a_fluid_domain_is_refused_by_name():
+    scene = build.span(1, 3)
+    domain = build.cube("Water")
+    build.cube("Cup")
+    domain.modifiers.new("Fluid", "FLUID").fluid_type = "DOMAIN"
+    build.finger()
+    tactile = sampling.sample(scene)
+    assert [b.name for b in tactile.bodies] == ["Cup"]
+    assert [(f.severity, f.where) for f in tactile.findings if f.code == "fluid"] == [("error", "object 'Water'")]

@@ -89,7 +89,7 @@ def render(scene: TactileScene, library: Library) -> Generator[Progress, None, B
     """
     scene.validate()
     clock = _Stages()
-    findings = list(scene.findings)
+    findings = [*scene.findings, *(f for screen in scene.screens for f in screen.findings)]
     wanted = list(_wanted(scene, library, findings))
     content = ContentHash(scene)
 
@@ -102,8 +102,12 @@ def render(scene: TactileScene, library: Library) -> Generator[Progress, None, B
     for step, (finger, use, spec) in enumerate(wanted):
         yield Progress("devices", step, len(wanted))
         with clock.stage("devices"):
-            rendered = _renderer(spec)(touch, scene, finger, use, spec)
-            output = _finish(rendered, scene, finger, use, content_hash)
+            try:
+                rendered = _renderer(spec)(touch, scene, finger, use, spec)
+                output = _finish(rendered, scene, finger, use, content_hash)
+            except DermisError as error:  # one device that cannot be rendered does not take the others down
+                findings.append(_unavailable(scene.fingers[finger].name, error))
+                continue
         for name, count in getattr(rendered, "skipped", {}).items():
             skipped[name] = skipped.get(name, 0) + count
         outputs.append(output)
@@ -180,9 +184,7 @@ def _wanted(
                 spec = library.device(use.preset)
                 _renderer(spec)
             except DermisError as error:
-                findings.append(
-                    Finding("error", "device-unavailable", str(error).rstrip("."), where=f"finger '{finger.name}'")
-                )
+                findings.append(_unavailable(finger.name, error))
                 continue
             yield i, use, spec
 

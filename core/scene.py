@@ -87,7 +87,9 @@ class Screen:
 
     Attributes:
         size: width and height [m] before the object's matrix.
-        height_map: F, height towards the viewer, row 0 at the bottom (y = -height/2); shape (rows, columns).
+        height_map: F, height towards the viewer, row 0 at the bottom (y = -height/2); shape (rows, columns), or
+            (maps, rows, columns) for one that changes: `parameters['sequence_start']` is the scene frame of the first
+            map and 'map_fps' their rate (one a frame where it is not given).
         height_unit: metres that one unit of the map stands for (0 where the map has no physical unit).
         parameters: rendering settings (SI or plain values).
         findings: what was repaired or noticed while the map was read.

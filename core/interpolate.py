@@ -51,8 +51,11 @@ def interpolate(times: Array, values: Array, at: Array, method: Method = "linear
     width = np.diff(times)
     part = np.clip((at - times[interval]) / width[interval], 0.0, 1.0)[:, None]
     if method == "linear":
-        return _linear(values, interval, part)
-    return _hermite(values, pchip_slopes(width, values), width, interval, part)
+        result = _linear(values, interval, part)
+    else:
+        result = _hermite(values, pchip_slopes(width, values), width, interval, part)
+    result[at >= times[-1]] = values[-1]  # to the bit, as at every other sample
+    return result
 
 
 def pchip_slopes(width: Array, values: Array) -> Array:

@@ -1,0 +1,147 @@
+"""The command line, called as Blender calls it, and once in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon import commands
+from tests.blender import build
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def blend(tmp_path) -> Path:
+    build.span(1, 13)
+    build.cube("Cube", 0.2)
+    tip = build.finger("Finger", (0, 0, 0.3))
+    build.keys(tip, "location", [1, 7, 13], [(0, 0, 0.2), (0, 0, 0.1), (0.05, 0, 0.1)])
+    tip.dermis.finger.devices.add().preset = "haptip"
+    path = tmp_path / "scene.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+def test_render_writes_tracks(blend, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert commands.main(["render", str(blend), "--out", str(out)]) == 0
+    assert [p.name for p in out.iterdir()] == ["Finger.haptip.csv"]
+    assert str(out / "Finger.haptip.csv") in capsys.readouterr().out
+    from core.formats import csv
+
+    track = csv.read(out / "Finger.haptip.csv")
+    assert track.times[-1] == pytest.approx(0.5, abs=2e-3)
+    assert track.meta["frame_range"] == "1 13"
+
+
+def test_range_scene_and_two_runs_give_the_same_bytes(blend, tmp_path):
+    for name in ("a", "b"):
+        assert commands.main(["render", str(blend), "--out", str(tmp_path / name), "--range", "1:7", "--scene", "Scene"]) == 0
+    one, two = ((tmp_path / n / "Finger.haptip.csv").read_bytes() for n in ("a", "b"))
+    assert one == two and b"frame_range: 1 7" in one
+
+
+def test_a_sampled_scene_renders_to_the_same_track(blend, tmp_path):
+    from core import export, load_scene, run
+    from core.presets import Library
+
+    assert commands.main(["sample", str(blend), "--out", str(tmp_path / "scene.npz")]) == 0
+    assert commands.main(["render", str(blend), "--out", str(tmp_path / "direct")]) == 0
+    export(run(load_scene(tmp_path / "scene.npz"), Library(None)), tmp_path / "through")
+    direct, through = ((tmp_path / n / "Finger.haptip.csv").read_bytes() for n in ("direct", "through"))
+    assert direct == through
+
+
+def test_findings_of_severity_error_give_status_1_and_the_tracks_all_the_same(blend, tmp_path, capsys):
+    hollow = build.mesh_object("Hollow", [(0, 0, 0)], [])
+    hollow.dermis.role = "TOUCHABLE"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    assert commands.main(["render", str(blend), "--out", str(tmp_path / "out")]) == 1
+    assert "Hollow" in capsys.readouterr().err
+    assert (tmp_path / "out" / "Finger.haptip.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "text"),
+    [
+        (["--help"], 0, "render"),
+        (["render", "--help"], 0, "--range"),
+        ([], 2, "COMMAND"),
+        (["render", "x.blend"], 2, "--out"),
+        (["render", "gone.blend", "--out", "x"], 1, "no such file"),
+        (["render", "BLEND", "--out", "x", "--range", "1-7"], 1, "1-7"),
+        (["render", "BLEND", "--out", "x", "--range", "7:1"], 1, "no duration"),
+        (["render", "BLEND", "--out", "x", "--scene", "Nowhere"], 1, "no such scene"),
+        (["render", "BROKEN", "--out", "x"], 1, "cannot open"),
+    ],
+)
+def test_statuses(arguments, status, text, blend, tmp_path, capsys):
+    (tmp_path / "broken.blend").write_bytes(b"not a blend file")
+    replace = {"BLEND": str(blend), "BROKEN": str(tmp_path / "broken.blend")}
+    assert commands.main([replace.get(a, a) for a in arguments]) == status
+    captured = capsys.readouterr()
+    assert text in captured.out + captured.err
+
+
+def test_another_process_gives_the_same_bytes(blend, tmp_path):
+    """Blender would call the registered function; the child finds it where Blender keeps it."""
+    assert commands.main(["render", str(blend), "--out", str(tmp_path / "here")]) == 0
+    program = (
+        "import os, sys, bpy, blender_addon\n"
+        "bpy.ops.wm.read_factory_settings(use_empty=True)\n"
+        "blender_addon.register()\n"
+        "from blender_addon import commands\n"
+        "status = commands.main(sys.argv[1:])\n"
+        "sys.stdout.flush(); sys.stderr.flush()\n"
+        "os._exit(status)\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]),
+                   "BLENDER_USER_RESOURCES": str(tmp_path / "profile")}  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", program, "render", str(blend), "--out", str(tmp_path / "there")],
+        env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    here, there = ((tmp_path / n / "Finger.haptip.csv").read_bytes() for n in ("here", "there"))
+    assert here == there
+
+
+def test_the_command_is_registered_and_taken_back(capfd):
+    """Blender warns of a second command of one name, and of none where the first is gone."""
+
+    def duplicates() -> int:
+        handle = bpy.utils.register_cli_command(commands.COMMAND, commands.main)
+        bpy.utils.unregister_cli_command(handle)
+        return capfd.readouterr().err.count("duplicate")
+
+    for _ in range(3):
+        assert duplicates() == 1
+        commands.unregister()
+        assert duplicates() == 0
+        commands.register()
+
+
+def test_the_track_follows_the_scene_in_feet(blend, tmp_path):
+    """The same movement in other units gives the same track: positions in feet, and a scale that says so."""
+    assert commands.main(["render", str(blend), "--out", str(tmp_path / "metres")]) == 0
+    scene = bpy.context.scene
+    scene.unit_settings.system, scene.unit_settings.scale_length = "IMPERIAL", 0.3048
+    feet = 1 / 0.3048
+    for vertex in bpy.data.objects["Cube"].data.vertices:
+        vertex.co *= feet
+    build.keys(bpy.data.objects["Finger"], "location", [1, 7, 13],
+               np.array([(0, 0, 0.2), (0, 0, 0.1), (0.05, 0, 0.1)]) * feet)  # fmt: skip
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    assert commands.main(["render", str(blend), "--out", str(tmp_path / "feet")]) == 0
+    from core.formats import csv
+
+    one, two = (csv.read(tmp_path / n / "Finger.haptip.csv") for n in ("metres", "feet"))
+    assert np.abs(one.values).max() > 1e-4
+    np.testing.assert_allclose(two.values, one.values, atol=1e-5)

@@ -1,0 +1,123 @@
+"""Jobs: the same bake whether drained at once or a sample at a time, and everything back after Esc."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon import handlers, jobs, reporting
+from core.errors import DermisError, Finding
+from core.presets import Library
+from tests.blender import build
+
+
+@pytest.fixture
+def scene(tmp_path):
+    made = build.span(1, 25)
+    build.cube("Cube", 0.2)
+    tip = build.finger("Finger", (0, 0, 0.3))
+    build.keys(tip, "location", [1, 13, 25], [(0, 0, 0.2), (0, 0, 0.1), (0.05, 0, 0.1)])
+    tip.dermis.finger.devices.add().preset = "haptip"
+    return made
+
+
+def library() -> Library:
+    return Library(None)
+
+
+def test_a_bake_gives_a_track_and_restores_the_frame(scene):
+    scene.frame_set(9, subframe=0.5)
+    seen = []
+    bake = jobs.drain(jobs.bake(scene, library()), seen.append)
+    assert [(o.finger, o.device) for o in bake.outputs] == [("Finger", "haptip")]
+    assert (scene.frame_current, scene.frame_subframe) == (9, 0.5)
+    stages = [p.stage for p in seen]
+    assert stages[0] == "preparing" and "devices" in stages
+    sampling_steps = [p.done for p in seen if p.stage == "sampling" and p.total == 241]
+    assert sampling_steps == sorted(sampling_steps) and sampling_steps[-1] == 241
+    again = jobs.drain(jobs.bake(scene, library()))
+    assert again.content_hash == bake.content_hash
+    np.testing.assert_array_equal(again.outputs[0].track.values, bake.outputs[0].track.values)
+
+
+def test_closing_in_the_middle_restores_everything(scene):
+    scene.frame_set(9, subframe=0.5)
+    steps = jobs.bake(scene, library())
+    for _ in range(40):
+        next(steps)
+    assert scene.frame_current != 9
+    steps.close()
+    assert (scene.frame_current, scene.frame_subframe) == (9, 0.5)
+    handlers.clear_dirty()
+    handlers.mark_dirty("probe")
+    assert handlers.dirty() == {"probe"}
+
+
+def test_findings_of_the_sweep_reach_the_bake(scene):
+    build.keys(bpy.data.objects["Cube"], "hide_viewport", [1, 13], [0, 1], "CONSTANT")
+    bake = jobs.drain(jobs.bake(scene, library()))
+    assert [f.count for f in bake.findings if f.code == "absent"] == [121]
+
+
+class DERMIS_TEST_OT_job(jobs.Job, bpy.types.Operator):
+    """A job that counts"""
+
+    bl_idname = "dermis_test.job"
+    bl_label = "Job"
+    fail = False
+    seen: list = []
+
+    def steps(self, context):
+        """Yield three times."""
+        for i in range(3):
+            yield jobs.import_module("core.pipeline").Progress("counting", i, 3)
+        if type(self).fail:
+            raise DermisError("it will not", where="here", remedy="Do not")
+        return 42
+
+    def finished(self, context, result):
+        """Keep the result."""
+        self.seen.append(result)
+        return {"FINISHED"}
+
+
+@pytest.fixture
+def operator():
+    bpy.utils.register_class(DERMIS_TEST_OT_job)
+    DERMIS_TEST_OT_job.fail, DERMIS_TEST_OT_job.seen = False, []
+    yield DERMIS_TEST_OT_job
+    bpy.utils.unregister_class(DERMIS_TEST_OT_job)
+
+
+def test_an_operator_runs_straight_through_in_background(operator):
+    assert bpy.ops.dermis_test.job() == {"FINISHED"}
+    assert bpy.ops.dermis_test.job("INVOKE_DEFAULT") == {"FINISHED"}
+    assert operator.seen == [42, 42]
+
+
+def test_a_refusal_becomes_a_report_and_a_finding(operator):
+    operator.fail = True
+    with pytest.raises(RuntimeError, match="here: it will not. Do not."):
+        bpy.ops.dermis_test.job()
+    assert [(f.severity, f.what) for f in reporting.findings()] == [("error", "it will not")]
+
+
+def test_findings_are_listed_worst_first_and_once():
+    info, warning, error = (Finding(s, s, f"what {s}") for s in ("info", "warning", "error"))
+    reporting.show([info, warning, error, info], "Bake")
+    assert [f.severity for f in reporting.findings()] == ["error", "warning", "info"]
+    assert reporting.source() == "Bake"
+    reporting.clear()
+    assert reporting.findings() == ()
+
+
+def test_disabling_the_add_on_stops_what_runs(scene):
+    steps = jobs.bake(scene, library())
+    for _ in range(40):
+        next(steps)
+    jobs._running.append(steps)
+    jobs.unregister()
+    assert scene.frame_current == 1 and not jobs._running
+    with pytest.raises(StopIteration):
+        next(steps)

@@ -193,10 +193,12 @@ class TouchSampler:
         stretch = np.swapaxes(rotation, 1, 2) @ linear
         local = {f: np.einsum("nji,nj->ni", turn[i], fingers[f, i, :3, 3] - poses[i, :3, 3]) for f, i in near}
         for surface, group, velocity in self._surfaces(b, chunk, wanted, stretch):
-            for f, index in near:
-                chosen = np.flatnonzero(np.isin(index, group)) if group.size < wanted.size else np.arange(index.size)
-                if chosen.size:
-                    self._measure(f, b, surface, index[chosen], local[f][chosen], turn, fingers[f], velocity)
+            if group.size == wanted.size:
+                self._measure(b, surface, near, local, turn, fingers, velocity)
+                continue
+            chosen = {f: np.isin(index, group) for f, index in near}
+            some = [(f, index[chosen[f]]) for f, index in near if chosen[f].any()]
+            self._measure(b, surface, some, {f: local[f][chosen[f]] for f, _ in some}, turn, fingers, velocity)
 
     def _surfaces(
         self, b: int, chunk: Chunk, wanted: NDArray[np.intp], stretch: Array
@@ -245,35 +247,37 @@ class TouchSampler:
         return (now.vertices - vertices) @ carry.T / (float(chunk.times[i]) - time)
 
     def _measure(
-        self, f: int, b: int, surface: Surface, index: NDArray[np.intp], local: Array, turn: Array, finger: Array,
-        velocity: Array | None,
+        self, b: int, surface: Surface, near: list[tuple[int, NDArray[np.intp]]], local: dict[int, Array],
+        turn: Array, fingers: Array, velocity: Array | None,
     ) -> None:  # fmt: skip
-        """Ask the surface, and keep the samples at which it is within reach."""
-        low, high = surface.box
-        inside = ((local >= low - self.reach) & (local <= high + self.reach)).all(axis=1)
+        """Ask the surface about all pads at once, and keep the samples at which it is within reach."""
+        low, high = surface.box[0] - self.reach, surface.box[1] + self.reach
+        samples = np.concatenate([index for _, index in near])
+        who = np.repeat([f for f, _ in near], [index.size for _, index in near])
+        points = np.concatenate([local[f] for f, _ in near])
+        inside = ((points >= low) & (points <= high)).all(axis=1)
         self._skipped["pair_samples_far"] += int((~inside).sum())
-        index, local = index[inside], local[inside]
-        if index.size == 0:
+        if not inside.any():
             return
-        found = surface.query(local, self.reach)
+        points, samples, who = points[inside], samples[inside], who[inside]
+        found = surface.query(points, self.reach)
         known = np.isfinite(found.gap)
-        if not known.any():
-            return
-        pair = self._pairs.setdefault((f, b), _Pair())
-        index = index[known]
-        gap, normal = found.gap[known], found.normal[known]
-        if not surface.closed:
-            side = self._sides(pair, surface, index, local[known], turn, finger)
-            gap, normal = gap * side, normal * side[:, None]
-        moving = np.zeros((index.size, 3))
-        if velocity is not None:
-            moving = _interpolated(surface, found, known, velocity)
-        pair.last = self._count + int(index[-1])
-        pair.start.append(self._count + index)
-        pair.gap.append(gap)
-        pair.normal.append(np.einsum("nij,nj->ni", turn[index], normal))
-        pair.point.append(found.point[known])
-        pair.surface_velocity.append(moving)
+        moving = np.zeros((len(points), 3))
+        if velocity is not None and known.any():
+            moving[known] = _interpolated(surface, found, known, velocity)
+        for f in np.unique(who[known]).tolist():
+            own = np.flatnonzero(known & (who == f))
+            index, gap, normal = samples[own], found.gap[own], found.normal[own]
+            pair = self._pairs.setdefault((f, b), _Pair())
+            if not surface.closed:
+                side = self._sides(pair, surface, index, points[own], turn, fingers[f])
+                gap, normal = gap * side, normal * side[:, None]
+            pair.last = self._count + int(index[-1])
+            pair.start.append(self._count + index)
+            pair.gap.append(gap)
+            pair.normal.append(np.einsum("nij,nj->ni", turn[index], normal))
+            pair.point.append(found.point[own])
+            pair.surface_velocity.append(moving[own])
 
     def _sides(
         self, pair: _Pair, surface: Surface, index: NDArray[np.intp], local: Array, turn: Array, finger: Array

@@ -83,7 +83,9 @@ def _parser() -> argparse.ArgumentParser:
     one = commands.add_parser("render", parents=[shared], help="write a CSV track per finger and device")
     one.add_argument("--out", required=True, metavar="DIR", help="folder for the tracks; it is made if missing")
     one.add_argument("--plots", action="store_true", help="write a PNG plot beside each track")
-    one.add_argument("--presets", metavar="DIR", type=Path, help="folder of your own presets, instead of the extension's")
+    one.add_argument(
+        "--presets", metavar="DIR", type=Path, help="folder of your own presets, instead of the extension's"
+    )
     one.set_defaults(run=render)
     two = commands.add_parser("sample", parents=[shared], help="write the sampled scene for 'python -m core render'")
     two.add_argument("--out", required=True, metavar="FILE", help="the scene file to write, such as scene.npz")

@@ -115,7 +115,7 @@ def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float3
     if width == 0 or height == 0 or (len(image.pixels) == 0):
         raise DermisError("the image has no pixels", where=f"{where}, image '{image.name_full}'",
                           value=f"{width} x {height}", limit="at least 1 x 1",
-                          remedy="Check that its file exists; Render Result and Viewer Node give no pixels")  # fmt: skip
+                          remedy="Check that its file exists; a Viewer Node gives no pixels")  # fmt: skip
     raw = np.empty(width * height * image.channels, np.float32)
     image.pixels.foreach_get(raw)
     planes = raw.reshape(height, width, image.channels)
@@ -147,7 +147,9 @@ def cast(
     target = settings.mesh_object
     where = f"screen '{screen.name_full}'"
     if target is None:
-        raise DermisError("no mesh was chosen for its relief", where=where, remedy="Choose an object under Screen > Mesh")
+        raise DermisError(
+            "no mesh was chosen for its relief", where=where, remedy="Choose an object under Screen > Mesh"
+        )
     evaluated = target.evaluated_get(depsgraph)
     with sampling_meshes.evaluated_mesh(evaluated) as mesh:
         points = np.zeros((0, 3)) if mesh is None else sampling_meshes.positions(mesh).astype(np.float64)
@@ -166,7 +168,7 @@ def cast(
     heights = _ray_grid(local, faces, extent, shape)
     missed = int(np.isnan(heights).sum())
     if missed == heights.size:
-        raise DermisError("nothing of the mesh lies over the touch screen", where=where, value=f"object '{target.name_full}'",
+        raise DermisError("nothing of the mesh lies over the touch screen", where=where, value=target.name_full,
                           remedy="Move the mesh in front of the screen, along the screen's own Z")  # fmt: skip
     return heights, ()
 
@@ -205,7 +207,7 @@ def _key(obj: bpy.types.Object) -> Any:
     image, mesh = s.image, s.mesh_object
     return (
         s.source, s.invert, s.height_mm, s.filepath, s.resolution,
-        None if image is None else (image.session_uid, tuple(image.size), image.filepath, image.colorspace_settings.name),
+        None if image is None else (image.session_uid, tuple(image.size), image.filepath),
         None if mesh is None else (mesh.session_uid, tuple(map(tuple, mesh.matrix_world))),
         tuple(map(tuple, obj.matrix_world)) if s.source == "MESH" else None,
     )  # fmt: skip

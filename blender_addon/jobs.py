@@ -182,3 +182,4 @@ def unregister() -> None:
     """Stop whatever still runs, so that nothing of the add-on works on after it."""
     while _running:
         _running.pop().close()
+    sampling.forget()

@@ -143,12 +143,12 @@ def sample(
     if span[1] <= span[0]:
         raise DermisError("the frame range has no duration", where=f"scene '{scene.name_full}'",
                           value=f"{span[0]} to {span[1]}", limit="an end frame after the start frame",
-                          remedy="Set the range in the Output properties, or the bake's own in the Dermis tab")  # fmt: skip
+                          remedy="Set the range in the Output properties, or in the Dermis tab")  # fmt: skip
     reader = MeshReader()
     simulations = sampling_simulated.find(scene)
     with undisturbed(scene):
         deforming = _time_dependent(scene, span[0])
-        presence = _survey(scene, view_layer, span)
+        presence = _survey(scene, view_layer, span, simulations)
         scene.frame_set(span[0])
         depsgraph = depsgraph_of(scene, view_layer)
         roster = sampling_header.roster(scene, depsgraph, view_layer, simulations, deforming, presence)
@@ -236,7 +236,7 @@ def _time_dependent(scene: bpy.types.Scene, first: int) -> frozenset[int]:
 
 
 def _survey(
-    scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, span: tuple[int, int]
+    scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, span: tuple[int, int], simulations: Any
 ) -> dict[InstanceKey, Any]:
     """Look at whole frames for instances of touchable objects: the header must name those that appear later.
 
@@ -245,8 +245,11 @@ def _survey(
     if not sampling_roster.has_instancers(scene):
         return {}
     seen: dict[InstanceKey, list[Any]] = {}
-    for frame in range(span[0], span[1] + 1):
+    begin = min(simulations.start, span[0]) if simulations.uids else span[0]
+    for frame in range(begin, span[1] + 1):
         scene.frame_set(frame)
+        if frame < span[0]:
+            continue  # particles must live from their start to be where they are later
         for key, _, item in sampling_roster.instances(depsgraph_of(scene, view_layer)):
             if key not in seen:
                 seen[key] = [0, np.array(item.matrix_world, np.float64)]

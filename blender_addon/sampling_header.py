@@ -1,4 +1,4 @@
-"""What the engine must know before the first sample: names, parameters, surfaces, reliefs, and what is wrong with them."""
+"""What the engine must know before the first sample: names, parameters, surfaces, reliefs, and their flaws."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ def scene_findings(scene: bpy.types.Scene) -> list[Any]:
     version = int(scene.dermis.file_version)
     if version > properties.FILE_VERSION:
         findings.append(Finding(
-            "warning", "newer-version", "the file was made with a newer Dermis; settings that this one does not know are ignored",
+            "warning", "newer-version", "the file was made with a newer Dermis, and what this one does not know is ignored",
             where=where, value=version, limit=f"up to {properties.FILE_VERSION}", remedy="Update Dermis",
         ))  # fmt: skip
     if bpy.app.autoexec_fail:
         findings.append(Finding(
-            "warning", "scripts-blocked", "Blender did not run the file's scripted drivers, so what they drive stands still",
-            where=where, value=bpy.app.autoexec_fail_message, remedy="If you trust the file, allow it to run scripts (-y)",
+            "warning", "scripts-blocked", "Blender did not run the file's scripts, so what they drive stands still",
+            where=where, value=bpy.app.autoexec_fail_message, remedy="If you trust the file, allow its scripts (-y)",
         ))  # fmt: skip
     if scene.use_preview_range and not scene.dermis.use_range:
         findings.append(Finding("info", "preview-range", "the preview range is on, so only that is baked", where=where,
@@ -105,6 +105,12 @@ def roster(
             ))  # fmt: skip
         else:
             bodies.append(replace(entry, deforming=deforming is None or obj.session_uid in deforming))
+    if presence or sampling_roster.has_instancers(scene):
+        out.findings += [
+            Finding("warning", "finger-instance", "it is shown by an instance, and instances cannot feel",
+                    where=f"finger '{name}'", remedy="Make the instance real, or a library override of it")
+            for name in sampling_roster.fingers_in_instances(depsgraph)
+        ]  # fmt: skip
     bodies += _instance_entries(depsgraph, simulations, deforming, presence)
     out.fingers, out.bodies, out.screens = tuple(fingers), tuple(bodies), tuple(screens)
     return out

@@ -128,7 +128,9 @@ def absent_mesh() -> Any:
 def zero_area_finding(mesh: Any, name: str) -> Any | None:
     """Report faces without area, which cannot tell where outside is."""
     a, b, c = (mesh.vertices[mesh.triangles[:, i]] for i in range(3))
-    longest = np.max([np.linalg.norm(b - a, axis=1), np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1)], axis=0)
+    longest = np.max(
+        [np.linalg.norm(b - a, axis=1), np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1)], axis=0
+    )
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     # Against the square of the longest edge, a face this thin is a line in single precision.
     bad = area <= 1e-7 * longest**2

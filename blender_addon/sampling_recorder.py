@@ -46,7 +46,9 @@ class Recorder:
         self._instances = {e.instance: i for i, e in enumerate(self._entries) if e.instance is not None}
         self._instance_raw = np.full((len(self._entries), count, 4, 4), np.nan)
         self._held = {i: presence.get(key) for key, i in self._instances.items()}
-        self._blinking = [(i, int(self._place[i])) for i, e in enumerate(self._entries) if e.blinking and e.instance is None]
+        self._blinking = [
+            (i, int(self._place[i])) for i, e in enumerate(self._entries) if e.blinking and e.instance is None
+        ]
         self._present = np.ones((len(self._entries), count), bool)
         first_body = len(roster.fingers)
         self._surfaced = [
@@ -121,7 +123,11 @@ class Recorder:
     def _channel_table(self) -> list[tuple[str, int, str, float]]:
         table = []
         at = 0
-        for kind, entries in (("finger", self._roster.fingers), ("body", self._roster.bodies), ("screen", self._roster.screens)):
+        for kind, entries in (
+            ("finger", self._roster.fingers),
+            ("body", self._roster.bodies),
+            ("screen", self._roster.screens),
+        ):
             for index, entry in enumerate(entries):
                 for name, path, factor in entry.channels:
                     table.append((sampling_roster.channel_key(kind, index, name), int(self._place[at]), path, factor))
@@ -133,7 +139,7 @@ class Recorder:
                           where=f"scene '{self._roster.scene}'", remedy="Bake again")  # fmt: skip
 
     def _check_source(self, depsgraph: bpy.types.Depsgraph) -> None:
-        """See whether Blender copies evaluated matrices back to the objects, which it does for the active graph only."""
+        """See whether Blender copies evaluated matrices back to the objects; it does for the active graph only."""
         self._checked = True
         self._direct = not depsgraph_is_active(depsgraph, [bpy.data.objects[int(i)] for i in self._place])
 
@@ -207,8 +213,8 @@ class Recorder:
             name = self._entries[i].name
             if flat[i].any():
                 _note(findings, Finding(
-                    "warning", "zero-scale", f"a scale of zero was taken as {SMALLEST_SCALE:g}", where=f"object '{name}'",
-                    remedy="Give it a scale, or stop it being touchable", frame=float(frames[np.argmax(flat[i])]),
+                    "warning", "zero-scale", f"a scale of zero was taken as {SMALLEST_SCALE:g}",
+                    where=f"object '{name}'", remedy="Give it a scale, or stop it being touchable", frame=float(frames[np.argmax(flat[i])]),
                     count=int(flat[i].sum()),
                 ))  # fmt: skip
                 for k in np.flatnonzero(flat[i]):

@@ -132,6 +132,14 @@ def instances(depsgraph: bpy.types.Depsgraph) -> Iterator[tuple[InstanceKey, str
         yield key, instance_name(shown, maker, key), item
 
 
+def fingers_in_instances(depsgraph: bpy.types.Depsgraph) -> list[str]:
+    """Return the names of fingers that are only shown by instances, such as a linked hand; those cannot feel."""
+    return sorted({
+        i.object.original.name_full for i in depsgraph.object_instances
+        if i.is_instance and role_of(i.object.original) == "FINGER"
+    })  # fmt: skip
+
+
 def instance_name(shown: bpy.types.Object, maker: bpy.types.Object, key: InstanceKey) -> str:
     """Return 'Cube @ Scatter 0.3': what is shown, what makes it, and its persistent id."""
     return f"{shown.name_full} @ {maker.name_full} {'.'.join(map(str, key.ids))}"

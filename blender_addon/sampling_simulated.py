@@ -135,8 +135,12 @@ class Recording:
         if any(m.triangles is not window[0].triangles for m in window):
             return tuple(meshes[i] for i in at)
         stack = np.stack([m.vertices for m in window])
-        spline = import_module(".motion", core.__name__).Spline(self.times[low : high + 1], stack.reshape(len(window), -1))
-        return tuple(Mesh(vertices.copy(), window[0].triangles) for vertices in spline.at(times).reshape(-1, *stack.shape[1:]))
+        spline = import_module(".motion", core.__name__).Spline(
+            self.times[low : high + 1], stack.reshape(len(window), -1)
+        )
+        return tuple(
+            Mesh(vertices.copy(), window[0].triangles) for vertices in spline.at(times).reshape(-1, *stack.shape[1:])
+        )
 
 
 class Poses:

@@ -43,7 +43,10 @@ def test_render_writes_tracks(blend, tmp_path, capsys):
 
 def test_range_scene_and_two_runs_give_the_same_bytes(blend, tmp_path):
     for name in ("a", "b"):
-        assert commands.main(["render", str(blend), "--out", str(tmp_path / name), "--range", "1:7", "--scene", "Scene"]) == 0
+        assert (
+            commands.main(["render", str(blend), "--out", str(tmp_path / name), "--range", "1:7", "--scene", "Scene"])
+            == 0
+        )
     one, two = ((tmp_path / n / "Finger.haptip.csv").read_bytes() for n in ("a", "b"))
     assert one == two and b"frame_range: 1 7" in one
 

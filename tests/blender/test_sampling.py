@@ -168,7 +168,8 @@ def test_finger_on_a_bone_that_ik_moves():
     where = np.array([1.2, 0, 0.1]) + got["times"][:, None] * np.array([0.4, 0, 0.3])
     np.testing.assert_allclose(got["fingers"][0, :, :3, 3], where, atol=2e-3)  # as near as Blender's solver comes
     rotation = got["fingers"][0, :, :3, :3]
-    np.testing.assert_allclose(rotation @ rotation.transpose(0, 2, 1), np.broadcast_to(np.eye(3), (241, 3, 3)), atol=1e-12)
+    square = rotation @ rotation.transpose(0, 2, 1)
+    np.testing.assert_allclose(square, np.broadcast_to(np.eye(3), (241, 3, 3)), atol=1e-12)
     assert np.ptp(rotation[:, 0, 1]) > 0.1
 
 
@@ -188,7 +189,8 @@ def test_fingers_have_no_scale_and_stay_right_handed():
 
 def test_a_reflected_body_is_the_same_surface_without_the_reflection():
     scene = build.span(1, 3)
-    body = build.mesh_object("Wedge", [(0, 0, 0), (1, 0, 0), (0, 2, 0), (0, 0, 3)], [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)])
+    points, faces = [(0, 0, 0), (1, 0, 0), (0, 2, 0), (0, 0, 3)], [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)]
+    body = build.mesh_object("Wedge", points, faces)
     body.dermis.role = "TOUCHABLE"
     body.scale = (-2, 1, 1)
     build.finger()
@@ -295,6 +297,15 @@ def test_animated_parameters_are_channels_and_others_are_not():
     assert [d.preset for d in tactile.fingers[0].devices] == ["haptip"]
 
 
+def test_an_animated_value_that_is_not_a_number_is_refused_by_name():
+    scene = build.span(1, 25)
+    cube = build.cube()
+    build.keys(cube, "dermis.material.friction", [1, 13, 14, 25], [0.2, 0.2, math.nan, math.nan])
+    build.finger()
+    with pytest.raises(DermisError, match="channel 'body/0/friction'.*nan at frame 13"):
+        list(sampling.sample(scene).chunks)
+
+
 def test_disabled_objects_are_left_out_but_hidden_ones_take_part():
     scene = build.span(1, 3)
     build.cube("Shown")
@@ -336,7 +347,8 @@ def test_a_scale_of_zero_is_told_and_does_no_harm():
     assert (np.linalg.det(got["bodies"][:, :, :3, :3]) > 0).all()
     np.testing.assert_allclose(got["bodies"][0, 0, :3, :3], np.eye(3) * 1e-6, atol=1e-12)
     np.testing.assert_allclose(got["bodies"][1, 0, :3, :3], np.diag([1, 1e-6, 1]), atol=1e-12)
-    assert {(f.code, f.where) for f in tactile.chunks.findings} == {("zero-scale", "object 'Pop'"), ("zero-scale", "object 'Sheet'")}
+    told = {(f.code, f.where) for f in tactile.chunks.findings}
+    assert told == {("zero-scale", "object 'Pop'"), ("zero-scale", "object 'Sheet'")}
 
 
 def test_what_cannot_be_touched_is_left_out_with_the_reason():

@@ -143,7 +143,8 @@ def instance_nodes(shown: bpy.types.Object) -> bpy.types.NodeTree:
     tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     begin, end = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
     scatter, info = tree.nodes.new("GeometryNodeInstanceOnPoints"), tree.nodes.new("GeometryNodeObjectInfo")
-    compare, index, time = (tree.nodes.new(n) for n in ("FunctionNodeCompare", "GeometryNodeInputIndex", "GeometryNodeInputSceneTime"))
+    compare, index = tree.nodes.new("FunctionNodeCompare"), tree.nodes.new("GeometryNodeInputIndex")
+    time = tree.nodes.new("GeometryNodeInputSceneTime")
     info.inputs["Object"].default_value = shown
     info.inputs["As Instance"].default_value = True
     # Point i has an instance from frame 10 i on.
@@ -180,6 +181,20 @@ def test_geometry_nodes_instances_appear_and_are_absent_before():
         np.testing.assert_allclose(got["bodies"][body, :, :3, 3], expected, atol=1e-6)
     gone = {f.where: (f.frame, f.count) for f in tactile.chunks.findings if f.code == "absent"}
     assert gone == {"object 'Peg @ Row 0.1'": (0.0, 100), "object 'Peg @ Row 0.2'": (0.0, 200)}
+
+
+def test_a_finger_in_an_instance_is_told():
+    scene = build.span(1, 3)
+    hand = bpy.data.collections.new("Hand")
+    tip = build.finger("Linked")
+    scene.collection.objects.unlink(tip)
+    hand.objects.link(tip)
+    collection_instance("Instance", hand, (0, 0, 0))
+    build.finger("Real")
+    build.cube()
+    tactile = sampling.sample(scene)
+    assert [f.name for f in tactile.fingers] == ["Real"]
+    assert [f.where for f in tactile.findings if f.code == "finger-instance"] == ["finger 'Linked'"]
 
 
 def test_the_live_sample_is_the_bakes_sample_and_keeps_surfaces():

@@ -79,7 +79,9 @@ def test_a_sphere_cast_onto_a_turned_screen_has_its_exact_heights():
 def test_holes_of_a_cast_mesh_are_filled_and_counted():
     scene = build.span(1, 3)
     obj = build.screen("Screen", 0.2, 0.1)
-    plate = build.mesh_object("Plate", [(-1, -1, 0.01), (0.05, -1, 0.01), (0.05, 1, 0.01), (-1, 1, 0.01)], [(0, 1, 2, 3)])
+    plate = build.mesh_object(
+        "Plate", [(-1, -1, 0.01), (0.05, -1, 0.01), (0.05, 1, 0.01), (-1, 1, 0.01)], [(0, 1, 2, 3)]
+    )
     obj.dermis.screen.source, obj.dermis.screen.mesh_object, obj.dermis.screen.resolution = "MESH", plate, 100
     build.finger()
     screen, _ = sampled_screen(scene)
@@ -118,7 +120,9 @@ def test_files_and_sequences(tmp_path):
     assert screen.parameters["sequence_start"] == 5
 
 
-@pytest.mark.parametrize("case", ["no image", "no pixels", "no file name", "no such file", "no mesh", "beside", "no area"])
+@pytest.mark.parametrize(
+    "case", ["no image", "no pixels", "no file name", "no such file", "no mesh", "beside", "no area"]
+)
 def test_a_screen_without_a_relief_is_left_out_with_the_reason(case, tmp_path):
     scene = build.span(1, 3)
     build.cube()
@@ -148,7 +152,12 @@ def test_a_screen_without_a_relief_is_left_out_with_the_reason(case, tmp_path):
     tactile = sampling.sample(scene)
     assert tactile.screens == ()
     (finding,) = [f for f in tactile.findings if f.code == "screen-unusable"]
-    assert finding.severity == "error" and expected in str(finding) and "Screen" in str(finding) or "gone.png" in str(finding)
+    assert (
+        finding.severity == "error"
+        and expected in str(finding)
+        and "Screen" in str(finding)
+        or "gone.png" in str(finding)
+    )
     assert [f.value for f in tactile.findings if f.code == "screen-missing"] == ["Screen"]
 
 

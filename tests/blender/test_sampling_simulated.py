@@ -44,7 +44,8 @@ def test_a_falling_cube_accelerates_at_g_at_every_sample(fps):
     # Bullet steps ten times a frame, velocity first: z = z0 - g (t^2 + t dt) / 2.
     t, dt = got["times"], 1 / (10 * fps)
     np.testing.assert_allclose(got["bodies"][0, :, 2, 3], 20 - 9.81 * (t**2 + t * dt) / 2, atol=2e-5)
-    np.testing.assert_allclose(np.linalg.norm(got["bodies"][0, :, :3, :3], axis=1), np.broadcast_to([1, 2, 3], (len(t), 3)), rtol=1e-6)
+    scale = np.linalg.norm(got["bodies"][0, :, :3, :3], axis=1)
+    np.testing.assert_allclose(scale, np.broadcast_to([1, 2, 3], (len(t), 3)), rtol=1e-6)
 
 
 def test_the_same_bytes_twice_fresh_and_from_the_cache():
@@ -80,7 +81,12 @@ def test_what_hangs_on_a_simulation_is_swept_with_it_and_nothing_else():
     by_uid = {o.session_uid: o.name for o in bpy.data.objects}
     assert {by_uid[u] for u in found.uids} == {"Cube", "Held", "Watcher", "Driven"}
     tactile = sampling.sample(scene)
-    assert {b.name: b.simulated for b in tactile.bodies} == {"Cube": True, "Driven": True, "Free": False, "Watcher": True}
+    assert {b.name: b.simulated for b in tactile.bodies} == {
+        "Cube": True,
+        "Driven": True,
+        "Free": False,
+        "Watcher": True,
+    }
     got = build.joined(tactile)
     acceleration = Motion(got["times"], got["fingers"][0]).at(got["times"]).acceleration
     np.testing.assert_allclose(acceleration[:, 2], -9.81, rtol=0.02)
@@ -137,3 +143,23 @@ def test_a_fluid_domain_is_refused_by_name():
     tactile = sampling.sample(scene)
     assert [b.name for b in tactile.bodies] == ["Cup"]
     assert [(f.severity, f.where) for f in tactile.findings if f.code == "fluid"] == [("error", "object 'Water'")]
+
+
+def test_particles_that_show_a_touchable_object_fall_smoothly():
+    scene = build.span(1, 25)
+    pebble = build.cube("Pebble", 0.1, (0, 0, -50))
+    source = build.mesh_object("Source", [(0, 0, 9), (1, 0, 9), (0, 1, 9)], [(0, 1, 2)])
+    source.modifiers.new("Particles", "PARTICLE_SYSTEM")
+    settings = source.particle_systems[0].settings
+    settings.count, settings.frame_start, settings.frame_end, settings.lifetime = 2, 1, 1, 500
+    settings.render_type, settings.instance_object, settings.particle_size = "OBJECT", pebble, 1.0
+    settings.normal_factor = settings.drag_factor = settings.brownian_factor = 0.0
+    settings.integrator = "VERLET"
+    build.finger()
+    tactile = sampling.sample(scene)
+    assert [(b.name, b.simulated) for b in tactile.bodies if "@" in b.name] == [
+        ("Pebble @ Source 0.0", True), ("Pebble @ Source 1.0", True),
+    ]  # fmt: skip
+    got = build.joined(tactile)
+    falling = Motion(got["times"], got["bodies"][1]).at(got["times"]).acceleration[30:-30, 2]
+    np.testing.assert_allclose(falling, -9.81, rtol=0.02)

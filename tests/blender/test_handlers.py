@@ -1,0 +1,87 @@
+"""Handlers: one of each whatever happens, and a record of changes that neither misses nor invents."""
+
+from __future__ import annotations
+
+import bpy
+import pytest
+
+import blender_addon
+from blender_addon import handlers
+
+from .build import cube, finger, span
+
+
+def counts() -> list[int]:
+    """Return how often each of our handlers stands in its list, by name: a copy left over from before counts too."""
+    return [sum(getattr(f, "__name__", "") == ours.__name__ and f.__module__ == ours.__module__ for f in found)
+            for found, ours in handlers.table()]  # fmt: skip
+
+
+def test_one_of_each_after_three_times_off_and_on() -> None:
+    for _ in range(3):
+        assert counts() == [1] * 6
+        blender_addon.unregister()
+        assert counts() == [0] * 6
+        blender_addon.register()
+    assert counts() == [1] * 6
+
+
+def test_they_survive_file_open(tmp_path) -> None:
+    path = str(tmp_path / "a.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert counts() == [1] * 6
+
+
+@pytest.fixture
+def thing() -> bpy.types.Object:
+    """Return a cube in a scene in which nothing has changed yet."""
+    span(1, 10)
+    made = cube()
+    bpy.context.view_layer.update()
+    handlers.clear_dirty()
+    return made
+
+
+def test_moving_and_reshaping_count(thing: bpy.types.Object) -> None:
+    thing.location.x = 1.0
+    bpy.context.view_layer.update()
+    assert thing.name in handlers.dirty()
+    handlers.clear_dirty()
+    thing.data.vertices[0].co.x = 3.0
+    thing.data.update()
+    bpy.context.view_layer.update()
+    assert handlers.dirty()
+
+
+def test_keys_count(thing: bpy.types.Object) -> None:
+    thing.keyframe_insert("location", frame=3)
+    bpy.context.view_layer.update()
+    assert handlers.dirty()
+
+
+def test_frames_and_selection_do_not(thing: bpy.types.Object) -> None:
+    thing.select_set(True)
+    bpy.context.view_layer.update()
+    for frame in (2, 3, 4):
+        bpy.context.scene.frame_set(frame, subframe=0.5)
+    assert handlers.dirty() == frozenset()
+
+
+def test_our_own_sweep_does_not(thing: bpy.types.Object) -> None:
+    with handlers.muted():
+        thing.location.x = 2.0
+        bpy.context.view_layer.update()
+        handlers.mark_dirty()
+    assert handlers.dirty() == frozenset()
+
+
+def test_a_loaded_file_ends_what_was_noted_before(tmp_path) -> None:
+    finger()
+    path = str(tmp_path / "a.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    handlers.clear_dirty()
+    before = handlers.generation()
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert handlers.generation() > before
+    assert handlers.dirty()

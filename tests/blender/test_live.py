@@ -1,0 +1,158 @@
+"""The preview shows what the bake would give, says where it comes from, and leaves the scene alone."""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon import live, results
+
+from .build import cube, finger, keys, span
+
+GRAVITY, WEIGHT, RANGE = 9.81, 0.05, 0.002
+
+
+@pytest.fixture(autouse=True)
+def no_trail():
+    """Start without a trail."""
+    live.reset()
+
+
+@pytest.fixture
+def holding() -> bpy.types.Scene:
+    """Return a scene in which a finger, its pad upright, holds a cube that hangs still."""
+    scene = span(1, 25)
+    # -Z of the finger looks along -X onto the cube's side; the tip (+Y) points straight up, so gravity is -y.
+    hand = finger(location=(0.0302, 0.0, 0.0))
+    hand.rotation_mode = "QUATERNION"
+    hand.rotation_quaternion = _frame(tip=(0, 0, 1), nail=(1, 0, 0))
+    hand.dermis.finger.devices.add().preset = "haptip"
+    thing = cube(size=0.06)
+    material = thing.dermis.material
+    material.transient_on, material.texture_on, material.weight_on = False, False, True
+    material.weight_gravity, material.weight_acceleration = WEIGHT, 0.0
+    material.held_mode, material.held = "keyed", True
+    bpy.context.view_layer.update()
+    return scene
+
+
+def _frame(tip, nail):
+    from mathutils import Matrix, Vector
+
+    y, z = Vector(tip), Vector(nail)
+    return Matrix((y.cross(z), y, z)).transposed().to_quaternion()
+
+
+def test_live_and_bake_both_show_the_held_weight(holding: bpy.types.Scene) -> None:
+    expected = WEIGHT * GRAVITY * RANGE
+    holding.frame_set(5)
+    row = live.step(bpy.context).rows[0]
+    assert math.hypot(row.values["tactor_x"], row.values["tactor_y"]) == pytest.approx(expected, rel=1e-4)
+    assert row.values["tactor_y"] == pytest.approx(-expected, rel=1e-4)
+    bpy.ops.dermis.bake()
+    holding.frame_set(12)
+    shown = live.preview(holding)
+    assert shown.source == "bake"
+    assert shown.rows[0].values["tactor_y"] == pytest.approx(-expected, rel=1e-4)
+
+
+def test_a_fresh_bake_is_read_at_the_frame_and_between(holding: bpy.types.Scene) -> None:
+    thing = bpy.data.objects["Cube"]
+    keys(thing, "dermis.material.weight_gravity", [1, 25], [0.0, 0.1])
+    bpy.ops.dermis.bake()
+    result = results.current(holding)
+    track = result.bake.outputs[0].track
+    for frame, part in ((7, 0.0), (7, 0.5), (24, 0.25)):
+        holding.frame_set(frame, subframe=part)
+        t = (frame + part - 1) / 24.0
+        row = live.preview(holding).rows[0]
+        for name in row.values:
+            assert row.values[name] == pytest.approx(np.interp(t, track.times, track.column(name)), abs=1e-12)
+
+
+def test_live_goes_on_forward_and_starts_anew_after_a_jump(holding: bpy.types.Scene) -> None:
+    def at(frame: int) -> tuple[int, str]:
+        holding.frame_set(frame)
+        note = live.step(bpy.context).note
+        return len(live._trail.samples), note
+
+    assert at(3) == (1, "live, from rest at frame 3: play or step forward")
+    assert at(4) == (2, "live, from rest at frame 3")
+    assert at(6) == (3, "live, from rest at frame 3")  # playback may drop a frame
+    assert at(5) == (1, "live, from rest at frame 5: play or step forward")  # back
+    assert at(20) == (1, "live, from rest at frame 20: play or step forward")  # a jump
+
+
+def test_live_follows_a_movement_as_the_bake_does(holding: bpy.types.Scene) -> None:
+    """One evaluator: a trail over the whole range ends as the bake of it ends, long after its start at rest."""
+    thing, hand = bpy.data.objects["Cube"], bpy.data.objects["Finger"]
+    thing.dermis.material.weight_gravity, thing.dermis.material.weight_acceleration = 0.0, 0.2
+    span(1, 27, fps=25)  # 40 ms a frame: the device's milliseconds fall on frames
+    frames = np.arange(1, 28)
+    height = 0.02 * np.cos(2.0 * np.pi * (frames - 1) / 25.0)
+    for obj in (thing, hand):
+        keys(obj, "location", frames.tolist(), np.column_stack([np.full(27, obj.location.x), np.zeros(27), height]))
+    holding.dermis.sample_rate = 25.0
+    for frame in frames.tolist():
+        holding.frame_set(frame)
+        row = live.step(bpy.context).rows[0]
+    bpy.ops.dermis.bake()
+    baked = results.current(holding).bake.outputs[0].track
+    assert abs(row.values["tactor_y"]) > 1e-4
+    assert row.values["tactor_y"] == pytest.approx(baked.column("tactor_y")[-1], abs=1e-9)
+    # ... and in the middle the bake is the acceleration itself: -A w^2 cos(w t), at half a period +A w^2
+    exact = 0.2 * RANGE * 0.02 * (2.0 * np.pi) ** 2
+    assert np.interp(0.5, baked.times, baked.column("tactor_y")) == pytest.approx(exact, rel=0.02)
+
+
+def test_a_change_makes_the_bake_stale_and_live_takes_over(holding: bpy.types.Scene) -> None:
+    bpy.ops.dermis.bake()
+    assert results.state(holding) == "fresh"
+    bpy.data.objects["Cube"].dermis.material.weight_gravity = 0.02
+    assert results.state(holding) == "stale"
+    holding.frame_set(9)
+    assert live.preview(holding).source == "stale"
+    row = live.step(bpy.context).rows[0]
+    assert live.preview(holding).source == "live"
+    assert row.values["tactor_y"] == pytest.approx(-0.02 * GRAVITY * RANGE, rel=1e-4)
+
+
+@pytest.mark.parametrize("setting", ["fps", "frame_end", "gravity", "sample_rate"])
+def test_scene_settings_make_it_stale_too(holding: bpy.types.Scene, setting: str) -> None:
+    bpy.ops.dermis.bake()
+    if setting == "fps":
+        holding.render.fps = 30
+    elif setting == "frame_end":
+        holding.frame_end = 24
+    elif setting == "gravity":
+        holding.gravity = (0.0, 0.0, -1.62)
+    else:
+        holding.dermis.sample_rate = 120.0
+    assert results.state(holding) == "stale"
+
+
+def test_looking_changes_nothing(holding: bpy.types.Scene) -> None:
+    names = sorted(o.name for o in bpy.data.objects)
+    holding.frame_set(8, subframe=0.25)
+    live.step(bpy.context)
+    live.preview(holding)
+    assert holding.frame_current_final == pytest.approx(8.25)
+    assert sorted(o.name for o in bpy.data.objects) == names
+
+
+def test_outside_the_baked_range_the_device_rests(holding: bpy.types.Scene) -> None:
+    bpy.ops.dermis.bake()
+    holding.frame_set(200)
+    row = live.preview(holding).rows[0]
+    rest = {c.name: c.rest for c in results.current(holding).bake.outputs[0].track.spec.channels}
+    assert row.values == rest
+
+
+def test_a_scene_that_cannot_be_rendered_says_why_in_the_preview() -> None:
+    span(1, 10)
+    finger()
+    shown = live.step(bpy.context)
+    assert shown.rows == () and "nothing to touch" in shown.note

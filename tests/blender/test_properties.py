@@ -1,0 +1,112 @@
+"""What the artist sets: names and units against the engine's contract, keys, drivers, and honest display."""
+
+from __future__ import annotations
+
+import bpy
+import pytest
+
+from blender_addon import properties
+from core.presets import MATERIAL_PARAMETERS
+
+from .build import empty, finger, keys, span
+
+FINGER = {"touch_distance", "pattern", "pattern_play", "pattern_angle", "pattern_frequency", "pattern_amplitude",
+          "pattern_repeat"}  # fmt: skip
+DEVICE = {"use_transient", "use_texture", "use_weight", "use_content", "use_pattern", "projection", "transient_axis",
+          "weight_sign", "auto_range", "profile", "downhill", "scale_mode", "scale", "carrier", "direction_window",
+          "threshold"}  # fmt: skip
+GROUPS = (properties.DermisDevice, properties.DermisFinger, properties.DermisMaterial, properties.DermisScreen,
+          properties.DermisObject, properties.DermisScene)  # fmt: skip
+
+
+def own(group: type) -> list[bpy.types.Property]:
+    """Return the properties that a group declares itself."""
+    return [group.bl_rna.properties[name] for name in group.__annotations__]
+
+
+def test_groups_give_exactly_the_engines_parameters() -> None:
+    obj = empty("Thing")
+    device = obj.dermis.finger.devices.add()
+    assert set(properties.parameters(obj.dermis.material)) == set(MATERIAL_PARAMETERS) | {"held"}
+    assert set(properties.parameters(obj.dermis.finger)) == FINGER
+    assert set(properties.parameters(device)) == DEVICE
+
+
+def test_parameters_are_si_whatever_the_scene_unit() -> None:
+    obj = empty("Thing")
+    material = obj.dermis.material
+    material.texture_period_x_mm, material.texture_speed_threshold_mm_s, material.mass = 2.0, 30.0, 0.25
+    for scale in (1.0, 0.001, 0.3048):
+        bpy.context.scene.unit_settings.scale_length = scale
+        values = properties.parameters(material)
+        assert values["texture_period_x"] == pytest.approx(0.002, rel=1e-12)
+        assert values["texture_speed_threshold"] == pytest.approx(0.03, rel=1e-12)
+        assert values["mass"] == 0.25
+
+
+def test_no_length_is_shown_through_the_scene_scale() -> None:
+    scaled = {"LENGTH", "AREA", "VOLUME", "MASS", "VELOCITY", "ACCELERATION"}
+    for group in GROUPS:
+        for prop in own(group):
+            assert prop.unit not in scaled, prop.identifier
+            if prop.identifier.endswith("_mm"):
+                assert prop.unit == "CAMERA", prop.identifier  # millimetres in every scene
+    assert bpy.utils.units.to_string("METRIC", "CAMERA", 0.5).strip() == "0.5 mm"
+
+
+def test_material_values_go_in_and_come_back_in_si() -> None:
+    material = empty("Thing").dermis.material
+    given = {"friction": 0.75, "texture_period_y": 0.0035, "transient_on": False, "content_kind": "slosh"}
+    assert properties.apply_parameters(material, {**given, "colour": 3}) == ["colour"]
+    values = properties.parameters(material)
+    for name, value in given.items():
+        assert values[name] == (pytest.approx(value, rel=1e-6) if isinstance(value, float) else value), name
+
+
+def test_what_can_change_in_time_can_be_keyed_and_driven() -> None:
+    scene = span(1, 21)
+    thing = finger()
+    keys(thing, "dermis.finger.touch_distance_mm", [1, 11], [0.0, 10.0])
+    curve = thing.driver_add("dermis.finger.pattern_angle")
+    curve.driver.expression = "frame * 0.125"
+    scene.frame_set(6, subframe=0.5)
+    found = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).dermis.finger
+    assert properties.parameters(found)["touch_distance"] == pytest.approx(0.0055, rel=1e-6)
+    scene.frame_set(4)
+    found = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).dermis.finger
+    assert found.pattern_angle == pytest.approx(0.5, rel=1e-6)
+
+
+def test_methods_and_kinds_cannot_be_keyed() -> None:
+    for group in GROUPS[:4]:
+        for prop in own(group):
+            if prop.type == "ENUM":
+                assert not prop.is_animatable, prop.identifier
+
+
+def test_everything_that_is_shown_has_a_name_and_a_tooltip() -> None:
+    for group in GROUPS:
+        for prop in own(group):
+            if prop.type in ("POINTER", "COLLECTION") and prop.identifier in ("finger", "material", "screen", "devices"):
+                continue
+            if not prop.is_hidden and prop.identifier != "active_device":
+                assert prop.name and prop.description, f"{group.__name__}.{prop.identifier}"
+
+
+def test_a_file_without_dermis_has_no_version_and_a_stamp_survives_saving(tmp_path) -> None:
+    scene = bpy.context.scene
+    assert scene.dermis.file_version == 0
+    finger()
+    path = str(tmp_path / "a.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert bpy.context.scene.dermis.file_version == properties.FILE_VERSION
+
+
+def test_an_edit_by_script_makes_a_bake_out_of_date() -> None:
+    from blender_addon import handlers
+
+    thing = finger()
+    handlers.clear_dirty()
+    thing.dermis.finger.touch_distance_mm = 0.7
+    assert handlers.dirty()

@@ -1,0 +1,58 @@
+"""Undo takes back what operators did, and makes whatever was known about the scene void."""
+
+from __future__ import annotations
+
+import bpy
+
+from blender_addon import handlers, live, results
+
+from .build import cube, finger, span
+
+
+def undo() -> None:
+    """Undo one step, as Ctrl+Z does."""
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+        assert bpy.ops.ed.undo() == {"FINISHED"}
+
+
+def push(name: str) -> None:
+    """Close an undo step."""
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+        bpy.ops.ed.undo_push(message=name)
+
+
+def test_undo_takes_back_a_setting_and_a_role() -> None:
+    thing = cube()
+    thing.dermis.material.friction = 0.25
+    push("first")
+    thing.dermis.material.friction = 0.75
+    thing.dermis.role = "SCREEN"
+    push("second")
+    before = handlers.generation()
+    undo()
+    thing = bpy.data.objects["Cube"]
+    assert (thing.dermis.material.friction, thing.dermis.role) == (0.25, "TOUCHABLE")
+    assert handlers.generation() > before
+
+
+def test_undo_makes_a_bake_out_of_date_and_ends_the_trail() -> None:
+    scene = span(1, 7)
+    hand = finger(location=(0.0, 0.0, 0.0302))
+    cube(size=0.06)
+    hand.dermis.finger.devices.add().preset = "haptip"
+    push("ready")
+    bpy.ops.dermis.bake()
+    assert results.state(scene) == "fresh"
+    scene.frame_set(3)
+    live.step(bpy.context)
+    assert live._trail.samples
+    hand.location.x = 0.001
+    push("moved")
+    undo()
+    scene = bpy.context.scene
+    assert results.state(scene) == "stale"
+    assert not live._trail_ends_at(scene, 3.0)
+    bpy.context.scene.frame_set(4)
+    shown = live.step(bpy.context)
+    assert len(live._trail.samples) == 1
+    assert "from rest at frame 4" in shown.note

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,13 +13,13 @@ from numpy.typing import NDArray
 
 from ..cache import Cache, cache_key
 from ..errors import DermisError
-from ..files import put_array
 from .assembly import Element, degrees, stiffness
 from .condense import Condensed, condense
 from .material import Elastic
 from .mesh import LEVELS, TetraMesh, fingertip_mesh
 from .quality import check_mesh
 from .shape import FingertipShape, shape_from_parameters
+from .store import MESH_ARRAYS, read_model, read_table, write_model, write_table
 from .stress import Probes, StressOperator, receptor_probes
 
 Array = NDArray[np.float64]
@@ -29,7 +27,6 @@ Floats = NDArray[np.floating[Any]]
 
 MODEL_VERSION = 1  # part of every key: raise it whenever mesh, assembly or condensation changes
 MATERIAL_PARAMETERS = ("young", "poisson", "alpha")
-_ARRAYS = ("nodes", "tetrahedra", "fixed", "pad", "surface", "compliance")
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,19 +149,18 @@ class SkinModel:
     def unit_response(self) -> NDArray[np.float32]:
         """Displacement of the free nodes for force on the pad at E = 1 Pa, transposed [1/m], shape (3 m, 3 free).
 
-        Computed when first asked for, and then read from the cache without loading what is not needed.
+        Computed or read from the cache when first asked for.
         """
         key = cache_key(self.key, "response")
         if self.cache is not None:
             path = self.cache.get(key)
-            table = None if path is None else _read_table(path, (3 * self.pad_count, 3 * len(self.mesh.free)))
+            table = None if path is None else read_table(path, (3 * self.pad_count, 3 * len(self.mesh.free)))
             if table is not None:
                 return table
         full = _condensed(self.mesh, self.material, self.element, response=True).response
         assert full is not None
         if self.cache is not None:
-            path = self.cache.put(key, lambda part: _write_table(part, full))
-            return _read_table(path, full.shape) if path.exists() else full  # type: ignore[return-value]
+            self.cache.put(key, lambda part: write_table(part, full))
         return full
 
     def stress_components(self, count: int | None = None, forces: Floats | None = None) -> Array:
@@ -274,14 +270,14 @@ def _cached(
     key = cache_key(f"dermis-skin-model {MODEL_VERSION}", what, repr(material.poisson), element)
     if cache is not None:
         path = cache.get(key)
-        arrays = None if path is None else _read_model(path)
+        arrays = None if path is None else read_model(path)
         if arrays is not None:
-            mesh = TetraMesh(**{n: arrays[n] for n in _ARRAYS[:5]}, name=name)
+            mesh = TetraMesh(**{n: arrays[n] for n in MESH_ARRAYS}, name=name)
             return SkinModel(mesh, material, element, arrays["compliance"], key, cache)
     mesh = build()
     compliance = _condensed(mesh, material, element).compliance
     if cache is not None:
-        cache.put(key, lambda part: _write_model(part, mesh, compliance))
+        cache.put(key, lambda part: write_model(part, mesh, compliance))
     return SkinModel(mesh, material, element, compliance, key, cache)
 
 
@@ -289,35 +285,3 @@ def _condensed(mesh: TetraMesh, material: Elastic, element: Element, *, response
     free = degrees(mesh.free)
     matrix = stiffness(mesh, material.unit, element)[free][:, free]
     return condense(matrix, np.searchsorted(mesh.free, mesh.pad), response=response)
-
-
-def _write_model(path: Path, mesh: TetraMesh, compliance: Array) -> None:
-    with zipfile.ZipFile(path, "w", allowZip64=True) as archive:
-        for name in _ARRAYS[:5]:
-            put_array(archive, name, getattr(mesh, name))
-        put_array(archive, "compliance", compliance)
-
-
-def _read_model(path: Path) -> dict[str, NDArray[Any]] | None:
-    """Read a model; None where the file is gone or damaged, so that it is computed again."""
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in _ARRAYS}
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-        return None
-    size = 3 * len(arrays["pad"])
-    return arrays if arrays["compliance"].shape == (size, size) else None
-
-
-def _write_table(path: Path, table: NDArray[np.float32]) -> None:
-    with path.open("wb") as file:
-        np.lib.format.write_array(file, table, allow_pickle=False)
-
-
-def _read_table(path: Path, shape: tuple[int, ...]) -> NDArray[np.float32] | None:
-    """Map a table into memory; None where the file is gone or damaged."""
-    try:
-        table = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError):
-        return None
-    return table if table.shape == shape and table.dtype == np.float32 else None

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError
 from ..scene import Mesh
+from .disk import disk_quads, split_quads
 
 Array = NDArray[np.float64]
 
@@ -170,8 +171,6 @@ def fingertip_surface(shape: FingertipShape, *, across: int = 12, along: int = 1
     Raises:
         DermisError: an odd or too small number of cells.
     """
-    from .mesh import disk_quads, split_quads
-
     disk = disk_quads(across, along, rings)
     points = shape.skin(disk.chart)
     triangles = split_quads(disk.quads, disk.colour)

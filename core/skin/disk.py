@@ -1,0 +1,134 @@
+"""DiskQuads: the fingertip's chart, a disk of quadrilaterals that is finest at the pad, and how cells are split."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int32]
+Complex = NDArray[np.complex128]
+
+# The fine block in the chart, whose radius is 1: its half width, and how far it runs back from the pad's centre and
+# forward over the tip.
+PAD_HALF, PAD_BACK, PAD_FRONT = 0.17, 0.19, 0.26
+PAD_BULGE = 0.10  # bows the block's sides outward, so that its corners come nearer to the ideal 120 degrees
+
+# Five tetrahedra of a hexahedron whose vertices 0, 2, 5, 7 (first) or 1, 3, 4, 6 (second) are of the even colour.
+_SPLIT = (
+    ((0, 2, 7, 5), (1, 2, 0, 5), (3, 0, 2, 7), (4, 7, 5, 0), (6, 5, 7, 2)),
+    ((3, 1, 6, 4), (3, 0, 1, 4), (3, 1, 2, 6), (4, 6, 5, 1), (6, 4, 7, 3)),
+)
+
+
+@dataclass(frozen=True)
+class DiskQuads:
+    """A disk of quadrilaterals: a square in the middle and rings around it.
+
+    Attributes:
+        chart: vertices in the unit disk, shape (v,).
+        quads: counter-clockwise in the chart, shape (q, 4).
+        colour: 0 or 1; every edge joins both, so that diagonals between vertices of colour 0 agree across cells.
+        rim: vertices on the rim, counter-clockwise.
+        mirror: the vertex at the complex conjugate of each.
+    """
+
+    chart: Complex
+    quads: Index
+    colour: Index
+    rim: Index
+    mirror: Index
+
+
+def disk_quads(across: int, along: int, rings: int) -> DiskQuads:
+    """Return a graded disk of quadrilaterals, symmetric under conjugation.
+
+    Raises:
+        DermisError: an odd or too small number of cells (the mirror plane needs vertices on it), no rings.
+    """
+    for label, cells in (("across", across), ("along", along)):
+        if cells < 2 or cells % 2:
+            what = f"cells {label} the pad must be even"
+            raise DermisError(what, where="fingertip mesh", value=cells, limit="2, 4, 6 ...")
+    if rings < 1:
+        raise DermisError("too few rings", where="fingertip mesh", value=rings, limit=">= 1")
+    n, m = across, along
+    # Rows run along the finger (real part: towards the cut end), columns across it.
+    real, imag = np.meshgrid(np.linspace(-1.0, 1.0, m + 1), np.linspace(-1.0, 1.0, n + 1), indexing="ij")
+    half = 0.5 * (PAD_BACK + PAD_FRONT)
+    middle = 0.5 * (PAD_BACK - PAD_FRONT)
+    block = middle + half * real * (1 + PAD_BULGE * (1 - imag**2))
+    block = block + 1j * PAD_HALF * imag * (1 + PAD_BULGE * (1 - real**2))
+    inner = (m + 1) * (n + 1)
+    number = np.arange(inner, dtype=np.int32).reshape(m + 1, n + 1)
+    around = np.concatenate([number[:-1, 0], number[-1, :-1], number[:0:-1, -1], number[0, :0:-1]])
+    border = block.ravel()[around]
+    length = len(around)
+
+    # The rim is divided evenly between the angles of the block's corners.
+    back, front = np.arctan2(PAD_HALF, PAD_BACK), np.pi - np.arctan2(PAD_HALF, PAD_FRONT)
+    angle = np.concatenate([
+        np.linspace(-front, -back, m + 1)[:-1], np.linspace(-back, back, n + 1)[:-1],
+        np.linspace(back, front, m + 1)[:-1], np.linspace(front, 2 * np.pi - front, n + 1)[:-1],
+    ])  # fmt: skip
+    rim = np.exp(1j * angle)
+    first = 2.0 * half / m / (1.0 - PAD_BACK)
+    steps = np.cumsum(_growth(first, rings) ** np.arange(rings))
+    outer = border[None] + (steps / steps[-1])[:, None] * (rim - border)[None]
+    chart = np.concatenate([block.ravel(), outer.ravel()])
+
+    loops = np.concatenate([around[None], inner + np.arange(rings * length).reshape(rings, -1)]).astype(np.int32)
+    inner_quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
+    ring_quads = np.stack(
+        [loops[:-1], loops[1:], np.roll(loops[1:], -1, axis=1), np.roll(loops[:-1], -1, axis=1)], axis=-1
+    ).reshape(-1, 4)
+    quads = np.concatenate([inner_quads, ring_quads]).astype(np.int32)
+
+    i, j = np.divmod(np.arange(inner), n + 1)
+    ring, place = np.divmod(np.arange(rings * length), length)
+    colour = np.concatenate([i + j, place + ring + 1]) % 2
+    # A loop starts at the front left corner, goes back, across, forward and across: conjugation reverses it about
+    # the middle of the back side.
+    reflected = (2 * m + n - place) % length
+    mirror = np.concatenate([i * (n + 1) + n - j, inner + ring * length + reflected])
+    return DiskQuads(chart, quads, colour.astype(np.int32), loops[-1], mirror.astype(np.int32))
+
+
+def _growth(first: float, count: int) -> float:
+    """Return the ratio of a geometric series of `count` terms, the first `first`, that sums to 1."""
+    low, high = 0.5, 10.0
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        if first * float(np.sum(middle ** np.arange(count))) < 1.0:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+def mirrored(points: Array, mirror: Index) -> Array:
+    """Return points made exactly symmetric in x, so that rounding cannot tell left from right."""
+    other = points[mirror] * np.array([-1.0, 1.0, 1.0])
+    return 0.5 * (points + other)
+
+
+def split_quads(quads: Index, colour: NDArray[np.integer]) -> Index:
+    """Split quadrilaterals along the diagonal between vertices of colour 0, shape (2 q, 3)."""
+    even = colour[quads[:, 0]] == 0
+    a, b, c, d = quads.T
+    first = np.where(even[:, None], np.stack([a, b, c], 1), np.stack([a, b, d], 1))
+    second = np.where(even[:, None], np.stack([a, c, d], 1), np.stack([b, c, d], 1))
+    return np.concatenate([first, second]).astype(np.int32)
+
+
+def split_hexahedra(hexahedra: Index, colour: NDArray[np.integer]) -> Index:
+    """Split hexahedra into five tetrahedra each, conforming where `colour` is a two-colouring of the edges' ends."""
+    even = colour[hexahedra[:, 0]] == 0
+    out = np.empty((len(hexahedra), 5, 4), np.int32)
+    out[even] = hexahedra[even][:, np.array(_SPLIT[0])]
+    out[~even] = hexahedra[~even][:, np.array(_SPLIT[1])]
+    return out.reshape(-1, 4)

@@ -1,0 +1,54 @@
+"""How a condensed skin lies in the cache. What cannot be read is computed again, never trusted."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..files import put_array
+from .mesh import TetraMesh
+
+Array = NDArray[np.float64]
+MESH_ARRAYS = ("nodes", "tetrahedra", "fixed", "pad", "surface")
+
+
+def write_model(path: Path, mesh: TetraMesh, compliance: Array) -> None:
+    """Write a mesh and its compliance."""
+    with zipfile.ZipFile(path, "w", allowZip64=True) as archive:
+        for name in MESH_ARRAYS:
+            put_array(archive, name, getattr(mesh, name))
+        put_array(archive, "compliance", compliance)
+
+
+def read_model(path: Path) -> dict[str, NDArray[Any]] | None:
+    """Read a model; None where the file is gone or damaged, so that it is computed again."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in (*MESH_ARRAYS, "compliance")}
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None
+    size = 3 * len(arrays["pad"])
+    return arrays if arrays["compliance"].shape == (size, size) else None
+
+
+def write_table(path: Path, table: NDArray[np.float32]) -> None:
+    """Write one array."""
+    with zipfile.ZipFile(path, "w", allowZip64=True) as archive:
+        put_array(archive, "table", table)
+
+
+def read_table(path: Path, shape: tuple[int, ...]) -> NDArray[np.float32] | None:
+    """Read a table; None where the file is gone or damaged.
+
+    Read whole, not mapped: a mapped file that shrinks or whose disk vanishes ends the process, and Blender with it.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            table = archive["table"]
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None
+    return table if table.shape == shape and table.dtype == np.float32 else None

@@ -132,7 +132,8 @@ def ribbed_plate(width: float, depth: float, thickness: float) -> bpy.types.Mesh
     top = 0.5 * RIB_HEIGHT * (np.cos(2.0 * np.pi * x / RIB_PERIOD) - 1.0)
     n, d = columns + 1, 0.5 * depth
     low = np.full(n, -thickness)
-    vertices = np.vstack([np.column_stack([x, np.full(n, y), z]) for y, z in ((-d, top), (d, top), (d, low), (-d, low))])
+    rows = ((-d, top), (d, top), (d, low), (-d, low))
+    vertices = np.vstack([np.column_stack([x, np.full(n, y), z]) for y, z in rows])
     i = np.arange(columns)
     faces = [(int(a), int(a + 1), int(a + n + 1), int(a + n)) for start in (0, n, 2 * n) for a in i + start]
     faces += [(int(a + 3 * n), int(a + 3 * n + 1), int(a + 1), int(a)) for a in i]

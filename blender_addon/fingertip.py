@@ -5,6 +5,8 @@ Its origin is the pad's centre, +Y points to the tip, +Z to the nail, so the obj
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 import numpy as np
 from numpy.typing import NDArray
@@ -102,7 +104,7 @@ def _skin() -> tuple[Array, list[tuple[int, ...]]]:
     ring = np.arange(_SEGMENTS)
     following = np.roll(ring, -1)
     vertices = np.vstack([np.stack([x, yy, z], axis=-1).reshape(-1, 3), [[0.0, TIP, _TIP_HEIGHT]]])
-    faces: list[tuple[int, ...]] = []
+    faces: list[tuple[Any, ...]] = []
     for r in range(_RINGS - 1):
         a, b = r * _SEGMENTS, (r + 1) * _SEGMENTS
         faces += zip(a + ring, b + ring, b + following, a + following, strict=True)

@@ -214,7 +214,8 @@ def _line2d(points: np.ndarray, colour: Any, width: float) -> None:
 
 
 def _rectangle(left: float, bottom: float, width: float, height: float, colour: tuple[float, ...]) -> None:
-    corners = np.array([[left, bottom], [left + width, bottom], [left + width, bottom + height], [left, bottom + height]])
+    right, top = left + width, bottom + height
+    corners = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
     _fill(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), colour)
 
 

@@ -322,7 +322,9 @@ class DermisScene(bpy.types.PropertyGroup):
         name="Own Range", description="Bake another range than the scene's frame range", default=False, options=set(),
         update=_touched,
     )  # fmt: skip
-    frame_start: IntProperty(name="Start", description="First frame to bake", default=1, options=set(), update=_touched)
+    frame_start: IntProperty(
+        name="Start", description="First frame to bake", default=1, options=set(), update=_touched
+    )
     frame_end: IntProperty(name="End", description="Last frame to bake", default=250, options=set(), update=_touched)
     output_dir: StringProperty(
         name="Output", description="Folder for exported tracks", default="//tracks/", subtype="DIR_PATH", options=set()

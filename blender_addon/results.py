@@ -52,13 +52,14 @@ def fingerprint(scene: bpy.types.Scene) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
-def keep(scene: bpy.types.Scene, bake: Any) -> None:
+def keep(scene: bpy.types.Scene, bake: Any) -> Result:
     """Take over the result of a bake that has just ended: from here on changes make it out of date."""
     from .sampling import frame_range, frames_per_second
 
     fps, first = float(frames_per_second(scene)), float(frame_range(scene)[0])
-    _results[scene.session_uid] = Result(bake, fps, first, handlers.generation(), fingerprint(scene))
+    kept = _results[scene.session_uid] = Result(bake, fps, first, handlers.generation(), fingerprint(scene))
     handlers.clear_dirty()
+    return kept
 
 
 def current(scene: bpy.types.Scene) -> Result | None:

@@ -4,7 +4,7 @@ import bpy
 
 from . import add, bake, devices, export, housekeeping, roles
 
-CLASSES = (*add.CLASSES, *roles.CLASSES, *devices.CLASSES, *bake.CLASSES, *export.CLASSES, *housekeeping.CLASSES)
+CLASSES: tuple[type, ...] = (*add.CLASSES, *roles.CLASSES, *devices.CLASSES, *bake.CLASSES, *export.CLASSES, *housekeeping.CLASSES)
 
 
 def register() -> None:

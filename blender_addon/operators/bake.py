@@ -33,10 +33,10 @@ class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
         """Keep the result in memory and outside the .blend; say what it is worth."""
         scene = context.scene
         live.reset()
-        results.keep(scene, result)
+        kept = results.keep(scene, result)
         found = list(result.all_findings)
         try:
-            results.store(scene, results.current(scene))
+            results.store(scene, kept)
         except ValueError as error:  # a full disk must not cost the bake
             found.append(reporting.as_finding(error))
         tracks = len(result.outputs)

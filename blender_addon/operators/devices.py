@@ -52,14 +52,12 @@ class DERMIS_OT_add_device(bpy.types.Operator):
         errors = core_module("errors")
         obj = _finger(context, self.finger)
         if obj is None:
-            reporting.report_error(self, errors.DermisError("not a finger", where=f"object '{self.finger}'" if self.finger else "",
-                                                      remedy="Select a finger"))  # fmt: skip
-            return {"CANCELLED"}
+            where = f"object '{self.finger}'" if self.finger else ""
+            return reporting.report_error(self, errors.DermisError("not a finger", where=where, remedy="Select a finger"))
         try:
             library().device(self.preset)
         except errors.DermisError as error:
-            reporting.report_error(self, error, self.bl_label)
-            return {"CANCELLED"}
+            return reporting.report_error(self, error, self.bl_label)
         obj.dermis.finger.devices.add().preset = self.preset
         obj.dermis.finger.active_device = len(obj.dermis.finger.devices) - 1
         properties.stamp(context.scene)

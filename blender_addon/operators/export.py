@@ -44,10 +44,13 @@ class DERMIS_OT_export_tracks(bpy.types.Operator):
         scene = context.scene
         folder = Path(bpy.path.abspath(self.directory or scene.dermis.output_dir))
         result = results.current(scene)
+        if result is None:
+            self.report({"ERROR"}, "Bake first")
+            return {"CANCELLED"}
         try:
             if not folder.is_absolute():
-                raise errors.DermisError("the folder is relative to a file that was never saved", where="output folder",
-                                         value=str(folder), remedy="Save the file, or choose another folder")  # fmt: skip
+                raise errors.DermisError("relative to a file that was never saved", where="output folder",
+                                         value=str(folder), remedy="Save the file, or choose another folder")
             written = pipeline.export(result.bake, folder, plots=self.plots)
         except errors.DermisError as error:
             return reporting.report_error(self, error, "Export")

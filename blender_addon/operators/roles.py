@@ -40,8 +40,7 @@ class DERMIS_OT_make_touchable(bpy.types.Operator):
             try:
                 values = library().material(self.preset)
             except errors.DermisError as error:
-                reporting.report_error(self, error, self.bl_label)
-                return {"CANCELLED"}
+                return reporting.report_error(self, error, self.bl_label)
         fingers = 0
         for obj in _meshes(context):
             if obj.dermis.role in ("FINGER", "SCREEN") and obj is not context.object:

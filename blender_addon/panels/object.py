@@ -130,8 +130,8 @@ class DERMIS_PT_devices(DermisPanel, bpy.types.Panel):
         layout = self.layout
         entry = choices.device_entry(device.preset)
         if choices.known() and entry is None:
-            paragraph(layout, context, f"There is no preset '{device.preset}'. Choose another one, or put its file back.",
-                      "ERROR")  # fmt: skip
+            text = f"There is no preset '{device.preset}'. Choose another one, or put its file back."
+            paragraph(layout, context, text, "ERROR")
         elif entry is not None and entry.error:
             paragraph(layout, context, entry.error, "ERROR")
         _properties(layout, device, "preset")

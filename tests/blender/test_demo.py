@@ -62,7 +62,8 @@ def test_it_bakes_and_every_device_moves(demo: bpy.types.Scene) -> None:
     bake = results.current(demo).bake
     tracks = {(o.finger, o.device): o.track for o in bake.outputs}
     assert set(tracks) == {("Index", "haptip"), ("Thumb", "haptip"), ("Reader", "electrovibration")}
-    index, thumb, reader = (tracks[k] for k in (("Index", "haptip"), ("Thumb", "haptip"), ("Reader", "electrovibration")))
+    by_finger = {finger: track for (finger, _), track in tracks.items()}
+    index, thumb, reader = by_finger["Index"], by_finger["Thumb"], by_finger["Reader"]
 
     def seconds(track, name, first, last):
         inside = (track.times >= (first - 1) / 24) & (track.times <= (last - 1) / 24)

@@ -41,7 +41,7 @@ def scene_findings(scene: bpy.types.Scene) -> list[Any]:
     version = int(scene.dermis.file_version)
     if version > properties.FILE_VERSION:
         findings.append(Finding(
-            "warning", "newer-version", "the file was made with a newer Dermis, and what this one does not know is ignored",
+            "warning", "newer-version", "the file comes from a newer Dermis; what this one does not know is ignored",
             where=where, value=version, limit=f"up to {properties.FILE_VERSION}", remedy="Update Dermis",
         ))  # fmt: skip
     if bpy.app.autoexec_fail:
@@ -82,7 +82,7 @@ def roster(
 
     Args:
         deforming: session uids of objects whose surface depends on time; None if every surface may.
-        presence: the instances of the range, see `sampling._survey`.
+        presence: the instances of the range, see `sampling_survey.instances`.
     """
     out = Roster(scene.name_full, view_layer.name, sampling_roster.metres_per_unit(scene))
     fingers, bodies, screens = [], [], []

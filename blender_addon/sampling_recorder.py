@@ -214,8 +214,8 @@ class Recorder:
             if flat[i].any():
                 _note(findings, Finding(
                     "warning", "zero-scale", f"a scale of zero was taken as {SMALLEST_SCALE:g}",
-                    where=f"object '{name}'", remedy="Give it a scale, or stop it being touchable", frame=float(frames[np.argmax(flat[i])]),
-                    count=int(flat[i].sum()),
+                    where=f"object '{name}'", remedy="Give it a scale, or stop it being touchable",
+                    frame=float(frames[np.argmax(flat[i])]), count=int(flat[i].sum()),
                 ))  # fmt: skip
                 for k in np.flatnonzero(flat[i]):
                     linear[i, k] = _with_scale(linear[i, k])

@@ -311,7 +311,7 @@ class DermisObject(bpy.types.PropertyGroup):
 class DermisScene(bpy.types.PropertyGroup):
     """Settings of the whole scene."""
 
-    # 0: no Dermis yet. Blender does not store values that equal the default, so the default must not be the version.
+    # 0: no Dermis yet. Blender does not store values that equal the default, so that must not be the version.
     file_version: IntProperty(default=0, options={"HIDDEN"})
     sample_rate: FloatProperty(
         name="Sampling", description="Samples a second of the sweep over the animation, whatever the frame rate",
@@ -394,7 +394,7 @@ def stamp(scene: bpy.types.Scene) -> None:
     scene.dermis.file_version = FILE_VERSION
 
 
-CLASSES = (DermisDevice, DermisFinger, DermisMaterial, DermisScreen, DermisObject, DermisScene)
+CLASSES: tuple[type, ...] = (DermisDevice, DermisFinger, DermisMaterial, DermisScreen, DermisObject, DermisScene)
 
 
 def register() -> None:

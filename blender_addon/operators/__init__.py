@@ -4,7 +4,9 @@ import bpy
 
 from . import add, bake, devices, export, housekeeping, roles
 
-CLASSES: tuple[type, ...] = (*add.CLASSES, *roles.CLASSES, *devices.CLASSES, *bake.CLASSES, *export.CLASSES, *housekeeping.CLASSES)
+CLASSES: tuple[type, ...] = (
+    *add.CLASSES, *roles.CLASSES, *devices.CLASSES, *bake.CLASSES, *export.CLASSES, *housekeeping.CLASSES
+)  # fmt: skip
 
 
 def register() -> None:

@@ -123,4 +123,4 @@ class DERMIS_OT_demo_scene(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (DERMIS_OT_add_finger, DERMIS_OT_add_screen, DERMIS_OT_demo_scene)
+CLASSES: tuple[type, ...] = (DERMIS_OT_add_finger, DERMIS_OT_add_screen, DERMIS_OT_demo_scene)

@@ -45,4 +45,4 @@ class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (DERMIS_OT_bake,)
+CLASSES: tuple[type, ...] = (DERMIS_OT_bake,)

@@ -53,7 +53,8 @@ class DERMIS_OT_add_device(bpy.types.Operator):
         obj = _finger(context, self.finger)
         if obj is None:
             where = f"object '{self.finger}'" if self.finger else ""
-            return reporting.report_error(self, errors.DermisError("not a finger", where=where, remedy="Select a finger"))
+            error = errors.DermisError("not a finger", where=where, remedy="Select a finger")
+            return reporting.report_error(self, error)
         try:
             library().device(self.preset)
         except errors.DermisError as error:
@@ -88,4 +89,4 @@ class DERMIS_OT_remove_device(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (DERMIS_OT_choose_device, DERMIS_OT_add_device, DERMIS_OT_remove_device)
+CLASSES: tuple[type, ...] = (DERMIS_OT_choose_device, DERMIS_OT_add_device, DERMIS_OT_remove_device)

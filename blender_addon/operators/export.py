@@ -122,4 +122,4 @@ class DERMIS_OT_load_result(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (DERMIS_OT_export_tracks, DERMIS_OT_export_scene, DERMIS_OT_load_result)
+CLASSES: tuple[type, ...] = (DERMIS_OT_export_tracks, DERMIS_OT_export_scene, DERMIS_OT_load_result)

@@ -67,4 +67,4 @@ class DERMIS_OT_clear_results(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (DERMIS_OT_go_to_finding, DERMIS_OT_open_presets, DERMIS_OT_clear_results)
+CLASSES: tuple[type, ...] = (DERMIS_OT_go_to_finding, DERMIS_OT_open_presets, DERMIS_OT_clear_results)

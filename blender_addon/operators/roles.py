@@ -119,4 +119,4 @@ class DERMIS_OT_set_role(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (DERMIS_OT_make_touchable, DERMIS_OT_choose_material, DERMIS_OT_set_role)
+CLASSES: tuple[type, ...] = (DERMIS_OT_make_touchable, DERMIS_OT_choose_material, DERMIS_OT_set_role)

@@ -138,4 +138,4 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
             self.layout.label(text=f"and {len(numbered) - MOST_FINDINGS} more")
 
 
-CLASSES = (DERMIS_PT_result, DERMIS_PT_findings, DERMIS_PT_bake)
+CLASSES: tuple[type, ...] = (DERMIS_PT_result, DERMIS_PT_findings, DERMIS_PT_bake)

@@ -81,4 +81,4 @@ def _names(names: tuple[str, ...]) -> str:
     return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 
 
-CLASSES = (DERMIS_PT_main,)
+CLASSES: tuple[type, ...] = (DERMIS_PT_main,)

@@ -75,4 +75,4 @@ def draw_add(self: Any, _context: bpy.types.Context) -> None:
     self.layout.menu("DERMIS_MT_add", icon="VIEW_PAN")
 
 
-CLASSES = (DERMIS_MT_add, DERMIS_MT_devices, DERMIS_MT_materials)
+CLASSES: tuple[type, ...] = (DERMIS_MT_add, DERMIS_MT_devices, DERMIS_MT_materials)

@@ -43,4 +43,4 @@ class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
                 split.label(text=quantity(value, row_of.units[name]))
 
 
-CLASSES = (DERMIS_PT_preview,)
+CLASSES: tuple[type, ...] = (DERMIS_PT_preview,)

@@ -39,15 +39,23 @@ def project(vectors: Array, normals: Array, friction: Array) -> tuple[Array, NDA
     return tangential, status
 
 
-def natural_residual(force: Array, displacement: Array, normals: Array, friction: Array, stiffness: float) -> float:
-    """Return the distance from the fixed point, |f - P(f - stiffness w)| relative to the size of the forces.
+def assess(
+    force: Array, displacement: Array, normals: Array, friction: Array, stiffness: float
+) -> tuple[float, NDArray[np.int8]]:
+    """Return the distance from the fixed point, |f - P(f - stiffness w)| relative to |f|, and the status found there.
 
     Args:
         force: [N], shape (k, 3).
         displacement: relative displacement w [m], shape (k, 3).
         stiffness: any positive stiffness to weigh displacement against force with [N/m].
     """
-    wanted, _ = project(force - stiffness * displacement, normals, friction)
-    error = float(np.sqrt(np.sum((force - wanted) ** 2)))
-    size = max(float(np.sqrt(np.sum(force * force))), float(np.sqrt(np.sum(wanted * wanted))))
-    return error / size if size > 0.0 else 0.0
+    wanted, status = project(force - stiffness * displacement, normals, friction)
+    size = max(float(np.vdot(force, force)), float(np.vdot(wanted, wanted)))
+    wanted -= force
+    error = float(np.vdot(wanted, wanted))
+    return (float(np.sqrt(error / size)) if size > 0.0 else 0.0), status
+
+
+def natural_residual(force: Array, displacement: Array, normals: Array, friction: Array, stiffness: float) -> float:
+    """Return the distance from the fixed point alone, as `assess` does."""
+    return assess(force, displacement, normals, friction, stiffness)[0]

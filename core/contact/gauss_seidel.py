@@ -28,7 +28,8 @@ def gauss_seidel(
     stiffness = [1.0 / np.linalg.eigvalsh(block)[-1] for block in blocks]
     columns = [np.ascontiguousarray(compliance[:, 3 * i : 3 * i + 3]) for i in range(k)]
     sweep = 0
-    for sweep in range(1, max_sweeps + 1):
+    while sweep < max_sweeps:
+        sweep += 1
         change = 0.0
         for i in range(k):
             old = force[i].copy()
@@ -50,7 +51,7 @@ def _one_node(
     if float(free @ normal) >= 0.0:
         # open is a solution whenever the free gap is not negative
         return np.zeros(3)
-    stick = -np.linalg.solve(block, free)
+    stick = np.asarray(-np.linalg.solve(block, free), dtype=np.float64)
     fn = float(stick @ normal)
     if fn >= 0.0 and np.linalg.norm(stick - fn * normal) <= friction * fn:
         return stick

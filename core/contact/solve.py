@@ -218,7 +218,8 @@ def _checked(
     axes = np.tile([1.0, 0.0, 0.0], (m, 1)) if normals is None else np.asarray(normals, dtype=np.float64)
     if axes.shape != (m, 3):
         raise DermisError("one normal a node is needed", where=where, value=axes.shape, limit=f"({m}, 3)")
-    for name, values in (("compliance", matrix), ("offset", b), ("friction", mu), ("normals", axes), ("softness", soft)):
+    given = {"compliance": matrix, "offset": b, "friction": mu, "normals": axes, "softness": soft}
+    for name, values in given.items():
         if not np.isfinite(values).all():
             raise DermisError(f"the {name} has values that are not finite", where=where)
     if (mu < 0.0).any() or (soft < 0.0).any():

@@ -1,0 +1,50 @@
+"""An endless plane to touch: [S1]'s sliding surface, the platform of a thimble, and tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import DermisError
+from .gap import GapQuery
+from .triangles import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """The half-space below a plane.
+
+    Attributes:
+        normal: outward, of any length but zero, shape (3,).
+        point: any point on it [m], shape (3,).
+    """
+
+    normal: Array
+    point: Array
+
+    def __post_init__(self) -> None:
+        normal = np.asarray(self.normal, dtype=np.float64)
+        length = float(np.linalg.norm(normal))
+        if normal.shape != (3,) or not np.isfinite(length) or length == 0.0:
+            raise DermisError("a plane needs a normal", value=self.normal)
+        object.__setattr__(self, "normal", normal / length)
+        object.__setattr__(self, "point", np.asarray(self.point, dtype=np.float64))
+
+    closed = True
+    box = np.array([[-np.inf] * 3, [np.inf] * 3])
+
+    def query(self, points: Array, reach: float = np.inf) -> GapQuery:
+        """Return the signed gap, closest point and normal of each point, as `Surface.query` does."""
+        gap = (points - self.point) @ self.normal
+        n = gap.shape[0]
+        normal = np.broadcast_to(self.normal, (n, 3))
+        point = points - gap[:, None] * self.normal
+        triangle = np.zeros(n, dtype=np.int64)
+        far = gap > reach
+        if far.any():
+            gap = np.where(far, np.inf, gap)
+            normal = np.where(far[:, None], 0.0, normal)
+            point = np.where(far[:, None], np.nan, point)
+            triangle[far] = -1
+        return GapQuery(gap, normal, point, triangle, np.zeros((n, 3)), np.zeros(n, dtype=bool))

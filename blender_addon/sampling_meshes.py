@@ -87,7 +87,7 @@ class MeshReader:
             if mesh is None:
                 return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
             raw = positions(mesh)
-            key = (evaluated.session_uid, mirrored)
+            key = (evaluated.original.session_uid, mirrored)  # evaluated copies all have uid 0
             last = self._last.get(key)
             corners = _corners(mesh)
             same = (

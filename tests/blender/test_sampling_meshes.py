@@ -49,6 +49,20 @@ def test_shape_keys_deform_and_keep_their_triangles():
     np.testing.assert_allclose(z, 2 * got["times"], atol=1e-6)
 
 
+def test_two_deforming_objects_do_not_take_each_others_triangles():
+    scene = build.span(1, 13)
+    for name, extra in (("One", False), ("Two", True)):
+        cube = build.cube(name)
+        if extra:
+            cube.modifiers.new("Array", "ARRAY")
+        key = shape_key(cube, (0, 0, 2))
+        build.keys(cube.data.shape_keys, f'key_blocks["{key.name}"].value', [1, 13], [0.0, 1.0])
+    build.finger()
+    got = build.joined(sampling.sample(scene))
+    assert [{len(m.triangles) for m in got["surfaces"][b]} for b in (0, 1)] == [{12}, {24}]
+    assert [len({id(m.triangles) for m in got["surfaces"][b]}) for b in (0, 1)] == [1, 1]
+
+
 def test_an_armature_deforms_only_while_it_can_move():
     scene = build.span(1, 25)
     rigs = []

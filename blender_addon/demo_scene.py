@@ -42,7 +42,7 @@ def build(tactor: str, friction: str) -> bpy.types.Scene:
     screen = screen_object(SCREEN_SIZE, bumps_image(SCREEN_SIZE), 1.0)
     scene.collection.objects.link(screen)
     screen.location = SCREEN
-    _touchable(plate, "grill_plate", texture_on=True, texture_amplitude_x=0.5, texture_amplitude_y=0.1,
+    _touchable(plate, "grill_plate", texture_on=True, texture_amplitude_x=0.25, texture_amplitude_y=0.05,
                texture_period_x=RIB_PERIOD, texture_period_y=RIB_PERIOD, transient_frequency=150.0)  # fmt: skip
     _touchable(box, "wood", weight_on=True, weight_gravity=0.05, weight_acceleration=0.05, mass=0.08, held_mode="keyed")
     index, thumb = (_finger(scene, name, tactor) for name in ("Index", "Thumb"))

@@ -224,7 +224,7 @@ class DermisMaterial(bpy.types.PropertyGroup):
         "Acceleration [s²/m]", "Part of the device's range for each m/s² of acceleration", 0.05, 0.0, 1e4,
         soft_max=10.0, precision=3,
     )  # fmt: skip
-    weight_gravity: _number("Gravity [s²/m]", "Part of the device's range for each m/s² of gravity: 0.1 uses 98 % of it",
+    weight_gravity: _number("Gravity [s²/m]", "Part of the device's range for each m/s² of gravity: 0.1 uses 98 %",
                             0.05, 0.0, 1e4, soft_max=0.1, precision=3)  # fmt: skip
 
     content_on: _switch("Content", "Something that moves inside while the object is held ([S3] eq. 5)", False)

@@ -4,7 +4,7 @@ import bpy
 
 from . import bake, choices, main, menus, object, preview
 
-CLASSES: tuple[type, ...] = (*main.CLASSES, *preview.CLASSES, *object.CLASSES, *bake.CLASSES, *menus.CLASSES)
+CLASSES: tuple[type, ...] = (*main.CLASSES, *object.CLASSES, *bake.RESULT, *preview.CLASSES, *bake.SETTINGS, *menus.CLASSES)
 
 
 def register() -> None:

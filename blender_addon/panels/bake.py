@@ -5,7 +5,6 @@ from typing import Any
 import bpy
 
 from .. import handlers, reporting, results
-from . import census
 from .main import DermisPanel
 from .text import paragraph
 
@@ -45,8 +44,8 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger, or a result to show."""
-        return bool(census.of(context.scene).fingers) or results.current(context.scene) is not None
+        """Need a result, in memory or stored."""
+        return results.current(context.scene) is not None or bool(context.scene.dermis.bake_key)
 
     def draw_header(self, context: bpy.types.Context) -> None:
         """Mark a result that is out of date."""
@@ -58,11 +57,8 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
         layout, scene = self.layout, context.scene
         state, result = results.state(scene), results.current(scene)
         if result is None:
-            if scene.dermis.bake_key:
-                paragraph(layout, context, "A bake of an earlier session is stored.")
-                layout.operator("dermis.load_result", icon="FILE_REFRESH")
-            else:
-                paragraph(layout, context, "Nothing baked yet.")
+            paragraph(layout, context, "A bake of an earlier session is stored.")
+            layout.operator("dermis.load_result", icon="FILE_REFRESH")
             return
         if state == "stale":
             box = layout.box()
@@ -138,4 +134,5 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
             self.layout.label(text=f"and {len(numbered) - MOST_FINDINGS} more")
 
 
-CLASSES: tuple[type, ...] = (DERMIS_PT_result, DERMIS_PT_findings, DERMIS_PT_bake)
+RESULT: tuple[type, ...] = (DERMIS_PT_result, DERMIS_PT_findings)
+SETTINGS: tuple[type, ...] = (DERMIS_PT_bake,)

@@ -99,7 +99,7 @@ class DERMIS_UL_devices(bpy.types.UIList):
 
 
 class DERMIS_PT_devices(DermisPanel, bpy.types.Panel):
-    """A finger's devices and the active one's settings."""
+    """A finger's devices."""
 
     bl_idname = "DERMIS_PT_devices"
     bl_label = "Devices"
@@ -111,7 +111,7 @@ class DERMIS_PT_devices(DermisPanel, bpy.types.Panel):
         return _role(context) == "FINGER"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the list and the active device."""
+        """Draw the list, and why the active device cannot be used."""
         layout, finger = self.layout, context.object.dermis.finger
         if not finger.devices:
             layout.operator("dermis.choose_device", icon="ADD").finger = context.object.name
@@ -122,11 +122,10 @@ class DERMIS_PT_devices(DermisPanel, bpy.types.Panel):
         column = row.column(align=True)
         column.operator("dermis.choose_device", text="", icon="ADD").finger = context.object.name
         column.operator("dermis.remove_device", text="", icon="REMOVE")
-        if finger.active_device >= len(finger.devices):
-            return
-        self._device(context, finger.devices[finger.active_device])
+        if finger.active_device < len(finger.devices):
+            self._trouble(context, finger.devices[finger.active_device])
 
-    def _device(self, context: bpy.types.Context, device: Any) -> None:
+    def _trouble(self, context: bpy.types.Context, device: Any) -> None:
         layout = self.layout
         entry = choices.device_entry(device.preset)
         if choices.known() and entry is None:
@@ -134,6 +133,26 @@ class DERMIS_PT_devices(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, text, "ERROR")
         elif entry is not None and entry.error:
             paragraph(layout, context, entry.error, "ERROR")
+
+
+class DERMIS_PT_device(DermisPanel, bpy.types.Panel):
+    """The settings of the device that is chosen in the list."""
+
+    bl_idname = "DERMIS_PT_device"
+    bl_label = "Device Settings"
+    bl_parent_id = "DERMIS_PT_devices"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a device."""
+        finger = context.object.dermis.finger
+        return 0 <= finger.active_device < len(finger.devices)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw what this kind of device can be told."""
+        layout, finger = self.layout, context.object.dermis.finger
+        device = finger.devices[finger.active_device]
         _properties(layout, device, "preset")
         kind = choices.kind_of(device.preset)
         if kind in ("shear_tactor", ""):
@@ -286,6 +305,6 @@ class DERMIS_PT_held(DermisPanel, bpy.types.Panel):
 
 
 CLASSES: tuple[type, ...] = (
-    DERMIS_PT_object, DERMIS_UL_devices, DERMIS_PT_devices, DERMIS_PT_pattern, DERMIS_PT_material, DERMIS_PT_transient,
+    DERMIS_PT_object, DERMIS_UL_devices, DERMIS_PT_devices, DERMIS_PT_device, DERMIS_PT_pattern, DERMIS_PT_material, DERMIS_PT_transient,
     DERMIS_PT_texture, DERMIS_PT_weight, DERMIS_PT_content, DERMIS_PT_held,
 )  # fmt: skip

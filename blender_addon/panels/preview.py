@@ -36,6 +36,7 @@ class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
         paragraph(layout, context, shown.note[:1].upper() + shown.note[1:], icon)
         for row_of in shown.rows:
             box = layout.box().column(align=True)
+            box.scale_y = 0.85
             box.label(text=f"{row_of.finger}: {row_of.title}")
             for name, value in row_of.values.items():
                 split = box.split(factor=0.5)

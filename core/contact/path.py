@@ -6,9 +6,9 @@ method on the nodes that may touch, a float64 check against the whole compliance
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,10 @@ AT_REST = 1e-9
 # Depth that linear skin is still trusted at [m]. Source: the issue's numbers; nonlinear error 33 % at 2 mm.
 DEPTH_LIMIT = 2e-3
 BONE = np.array([0.0, 0.0, 0.006])
+# What a frame changes, besides the history; each is replaced, never written into.
+_STATE = (
+    "_force", "_y", "_last", "_image", "_gap", "_gap_deformed", "_step", "_bodies", "_at_rest", "_frames",
+)  # fmt: skip
 
 
 class Compliance(Protocol):
@@ -147,6 +151,19 @@ class PathSolver:
         self._bodies: tuple[ContactBody, ...] = ()
         self._at_rest = False
 
+    def save(self) -> dict[str, Any]:
+        """Return the state between two frames, for `restore`: a step may then be tried and taken back."""
+        state = {name: getattr(self, name) for name in _STATE}
+        state.update(history=self.history.copy(), counters=dict(self.counters), _findings=dict(self._findings))
+        return state
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go back to a saved state. The inverse of the candidates stays: it holds no history."""
+        for name in _STATE:
+            setattr(self, name, state[name])
+        self.history = state["history"].copy()
+        self.counters, self._findings = dict(state["counters"]), dict(state["_findings"])
+
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What did not converge and what went too deep, with the first frame and how often."""
@@ -237,7 +254,7 @@ class PathSolver:
             residual, status = assess(force, w, normal, mu, 1.0 / rho)
             if residual <= goal:
                 return Solution(force, w, normal, mu, status, iterations, residual, goal, "admm"), y, image, "solved"
-            missed = np.flatnonzero(~self._candidates.inside & (along(w, normal) < 0.0))
+            missed = np.flatnonzero(np.logical_not(self._candidates.inside) & (along(w, normal) < 0.0))
             if missed.size:
                 self._candidates.add(missed, soft)
             elif iterations >= MAX_ITERATIONS:
@@ -355,8 +372,8 @@ def _ends(matrix: NDArray[np.float64], name: str) -> tuple[float, float]:
     factor, info = dpotrf(matrix, lower=1)
     if info != 0:
         raise DermisError("the compliance is not positive definite", where=name)
-    rng = np.random.default_rng(0)
-    low = high = rng.normal(size=matrix.shape[0])
+    low: Array = np.random.default_rng(0).normal(size=matrix.shape[0])
+    high = low
     for _ in range(20):
         high = matrix @ high
         high /= np.linalg.norm(high)

@@ -46,7 +46,8 @@ def cube_mesh(cells: int, side: float = 1.0, warp: float = 0.0, *, kuhn: bool = 
     outside = ((grid == 0) | (grid == cells)).any(axis=1)
     bottom = (grid[:, 2] == 0) & ~((grid[:, :2] == 0) | (grid[:, :2] == cells)).any(axis=1)
     fixed = np.flatnonzero(outside & ~bottom).astype(np.int32)
-    return TetraMesh(nodes, tetrahedra, fixed, np.flatnonzero(bottom).astype(np.int32), boundary_faces(tetrahedra), "cube")
+    pad = np.flatnonzero(bottom).astype(np.int32)
+    return TetraMesh(nodes, tetrahedra, fixed, pad, boundary_faces(tetrahedra), "cube")
 
 
 def linear_field(points: Array, gradient: Array) -> Array:
@@ -85,7 +86,7 @@ class Swirl:
 
 @dataclass(frozen=True)
 class Bulge:
-    """A displacement that does change volume: u = (s(x) s(y) s(z), 0, 0) with s(t) = sin(pi t), for convergence rates."""
+    """A displacement that does change volume: u = (s(x) s(y) s(z), 0, 0) with s(t) = sin(pi t)."""
 
     @staticmethod
     def displacement(points: Array) -> Array:

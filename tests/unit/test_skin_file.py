@@ -62,8 +62,9 @@ def test_the_documented_example_loads(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "what"),
     [
-        ({"schema": "other 1"}, "unknown schema"), ({"schema": None}, "unknown schema"), ({"unit": "N"}, "unit of length"),
-        ({"nodes": [[0, 0], [1, 1]]}, "shape"), ({"nodes": [["a", 0, 0]]}, "numbers"), ({"tetrahedra": [[0, 1, 2]]}, "shape"),
+        ({"schema": "other 1"}, "unknown schema"), ({"schema": None}, "unknown schema"),
+        ({"unit": "N"}, "unit of length"), ({"tetrahedra": [[0, 1, 2]]}, "shape"),
+        ({"nodes": [[0, 0], [1, 1]]}, "shape"), ({"nodes": [["a", 0, 0]]}, "numbers"),
         ({"tetrahedra": [[0, 2, 1, 7]]}, "does not exist"), ({"tetrahedra": [[0, 2, 1, -1]]}, "does not exist"),
         ({"tetrahedra": [[0, 1, 2, 3]]}, "inverted"), ({"tetrahedra": [[0.5, 1, 2, 3]]}, "whole"),
         ({"tetrahedra": []}, "no tetrahedra"), ({"fixed": [0, 1]}, "too few fixed"), ({"pad": [2]}, "fixed"),

@@ -61,7 +61,8 @@ def test_frame_and_pad(mesh: TetraMesh) -> None:
     assert mesh.nodes[mesh.pad, 2].min() >= -1e-15  # the pad's centre touches a plate first
     assert shape.skin(np.array([0j]))[0] == pytest.approx([0, 0, 0], abs=1e-15)
     low, high = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
-    assert high[1] == pytest.approx(shape.tip, rel=0.01) and low[1] == pytest.approx(shape.tip - shape.length, rel=1e-12)
+    assert high[1] == pytest.approx(shape.tip, rel=0.01)
+    assert low[1] == pytest.approx(shape.tip - shape.length, rel=1e-12)
     assert high[0] - low[0] == pytest.approx(shape.width, rel=0.02)
     assert high[2] == pytest.approx(shape.thickness, rel=0.02)
     nearest = np.argmin(np.linalg.norm(mesh.nodes[mesh.pad], axis=1))
@@ -123,8 +124,8 @@ def test_dihedral_angles_of_known_tetrahedra() -> None:
 @pytest.mark.parametrize(
     ("change", "what"),
     [
-        ({"width": -1e-3}, "above zero"), ({"bone_width": 16e-3}, "bone_width"), ({"bone_thickness": 11e-3}, "thickness"),
-        ({"nail_width": 20e-3}, "nail_width"), ({"tip": 24e-3}, "tip"), ({"bone_bed": 0.1e-3}, "bone_bed"),
+        ({"width": -1e-3}, "above zero"), ({"bone_width": 16e-3}, "bone_width"),
+        ({"bone_thickness": 11e-3}, "thickness"), ({"nail_width": 20e-3}, "nail_width"), ({"tip": 24e-3}, "tip"), ({"bone_bed": 0.1e-3}, "bone_bed"),
         ({"nail_length": 30e-3}, "nail_length"), ({"thickness": float("nan")}, "above zero"),
     ],
 )  # fmt: skip

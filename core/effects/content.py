@@ -75,6 +75,11 @@ def pendulum(times: Array, acceleration: Array, gravity: Array, length: float, d
                 ux * c + wx * toward, uy * c + wy * toward, uz * c + wz * toward,
                 wx * c - ux * back, wy * c - uy * back, wz * c - uz * back,
             )  # fmt: skip
+            # Rounding that leaves the sphere would grow from arc to arc: back to unit length, and to its tangent.
+            unit = 1.5 - 0.5 * (ux * ux + uy * uy + uz * uz)
+            ux, uy, uz = ux * unit, uy * unit, uz * unit
+            off = wx * ux + wy * uy + wz * uz
+            wx, wy, wz = wx - off * ux, wy - off * uy, wz - off * uz
     return length * offset
 
 
@@ -156,8 +161,9 @@ def loose(
     """Return the offset of a body that flies and bounces in a cubic room [m], in world axes, shape (n, 3).
 
     The room is centred on the object's centre of gravity and turns with it. In its frame the body feels gravity, the
-    room's acceleration and the forces of rotation, constant over a step, so it flies in parabolas; a wall turns its
-    speed back by 1 - damping at the exact instant. Walls are smooth. It starts at the centre, at rest with the room.
+    room's acceleration and the forces of rotation, held over a step at their mean, so it flies in parabolas; a wall
+    turns its speed back by 1 - damping at the exact instant. Walls are smooth. It starts at the centre, at rest with
+    the room.
 
     Args:
         times: equally spaced [s], shape (n,).
@@ -183,7 +189,11 @@ def loose(
     local = np.zeros((len(times), 3))
     for k, push in enumerate(mean.tolist()):
         if spins:
-            push = _with_rotation(push, spin[k].tolist(), spin_change[k].tolist(), place, speed)
+            w, dw = spin[k].tolist(), spin_change[k].tolist()
+            early = _with_rotation(push, w, dw, place, speed)
+            halfway = [v + 0.5 * step * a for v, a in zip(speed, early, strict=True)]
+            between = [x + 0.5 * step * v for x, v in zip(place, speed, strict=True)]
+            push = _with_rotation(push, w, dw, between, halfway)  # midpoint rule: second order
         for i in range(3):
             x, v, a = place[i], speed[i], push[i]
             end = x + step * (v + 0.5 * step * a)

@@ -75,7 +75,7 @@ def played(
     edges = np.flatnonzero(on & ~np.concatenate([[False], on[:-1]]))
     columns = [np.broadcast_to(np.asarray(v, dtype=np.float64), times.shape) for v in (frequency, amplitude, angle)]
     wave = orientation if kind == "orientation" else direction
-    for edge, until in zip(edges, np.append(edges[1:], len(times)), strict=True):
+    for edge, until in zip(edges, np.append(edges, len(times))[1:], strict=True):
         hertz, size, theta = (float(c[edge]) for c in columns)
         if not hertz > 0.0:
             raise DermisError("a pattern's frequency must be above 0", value=hertz, limit="> 0 Hz")

@@ -66,9 +66,6 @@ class Recorder:
         objects = bpy.data.objects
         if len(objects) != len(self._uids):
             self._changed()
-        objects.foreach_get("session_uid", self._now)
-        if not np.array_equal(self._now, self._uids):
-            self._changed()
         if not self._checked:
             self._check_source(depsgraph)
         if self._direct:
@@ -91,6 +88,12 @@ class Recorder:
         Raises:
             DermisError: a matrix or a parameter that is not a finite number.
         """
+        # An exchange of objects that keeps their number shows here at the latest, before anything is handed on.
+        if len(bpy.data.objects) != len(self._uids):
+            self._changed()
+        bpy.data.objects.foreach_get("session_uid", self._now)
+        if not np.array_equal(self._now, self._uids):
+            self._changed()
         poses = self._poses(n)
         self._check_finite(poses, frames)
         self._mend_scales(poses, frames, findings)

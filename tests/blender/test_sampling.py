@@ -391,6 +391,18 @@ def test_deleting_an_object_in_the_middle_of_a_sweep_is_refused():
         list(sweep)
 
 
+def test_exchanging_an_object_in_the_middle_of_a_sweep_is_refused():
+    scene = build.span(1, 10)
+    cube = build.cube()
+    build.finger()
+    sweep = sampling.sample(scene).chunks
+    sweep.advance()
+    bpy.data.objects.remove(cube)
+    build.cube("Another")
+    with pytest.raises(DermisError, match="added or removed"):
+        list(sweep)
+
+
 def test_a_newer_file_is_told():
     scene = build.span(1, 3)
     build.cube()

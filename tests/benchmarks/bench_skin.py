@@ -1,8 +1,8 @@
 """What a skin costs to make and to load, and how far its mesh is from an 88k one under a flat press of 2 mm.
 
-Condensing is timed with assembly, from the mesh to the pad's compliance. Its peer is SuperLU on the same matrix with all
-unit loads as right-hand sides. Discretisation errors use the exact contact of `problems.flat_press` on each mesh, so no
-solver's tolerance is in them; stress is read at fixed points 1.2 mm under the skin of the pad.
+Condensing is timed with assembly, from the mesh to the pad's compliance. Its peer is SuperLU on the same matrix with
+all unit loads as right-hand sides. Discretisation errors use the exact contact of `problems.flat_press` on each mesh, so
+no solver's tolerance is in them; stress is read at fixed points 1.2 mm under the skin of the pad.
 """
 
 from __future__ import annotations
@@ -122,8 +122,8 @@ def _press(level: str) -> tuple[float, Any]:
     kind: Element = "p1" if element == "p1" else "anp"
     material, mesh = Elastic(), fingertip_mesh(level=level)
     free = degrees(mesh.free)
-    # Only nodes that the plate can reach: skin bulges downwards beside the contact, but by less than a tenth.
-    near = mesh.pad[mesh.nodes[mesh.pad, 2] < 1.1 * DEPTH]
+    # A press lifts the whole pad, so a node that lies above the plate at rest does not come to touch it.
+    near = mesh.pad[mesh.nodes[mesh.pad, 2] < DEPTH]
     matrix = stiffness(mesh, material, kind)[free][:, free]
     condensed = condense(matrix, np.searchsorted(mesh.free, near), response=True)
     force = flat_press(condensed.compliance, mesh.nodes[near, 2], DEPTH)

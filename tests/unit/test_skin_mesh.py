@@ -125,7 +125,8 @@ def test_dihedral_angles_of_known_tetrahedra() -> None:
     ("change", "what"),
     [
         ({"width": -1e-3}, "above zero"), ({"bone_width": 16e-3}, "bone_width"),
-        ({"bone_thickness": 11e-3}, "thickness"), ({"nail_width": 20e-3}, "nail_width"), ({"tip": 24e-3}, "tip"), ({"bone_bed": 0.1e-3}, "bone_bed"),
+        ({"bone_thickness": 11e-3}, "thickness"), ({"nail_width": 20e-3}, "nail_width"), ({"tip": 24e-3}, "tip"),
+        ({"bone_bed": 0.1e-3}, "bone_bed"),
         ({"nail_length": 30e-3}, "nail_length"), ({"thickness": float("nan")}, "above zero"),
     ],
 )  # fmt: skip

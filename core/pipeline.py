@@ -189,6 +189,10 @@ def _wanted(
             yield i, use, spec
 
 
+def _unavailable(finger: str, error: DermisError) -> Finding:
+    return Finding("error", "device-unavailable", str(error).rstrip("."), where=f"finger '{finger}'")
+
+
 def _sample(scene: TactileScene, content: ContentHash, clock: _Stages) -> Generator[Progress, None, SampledTouch]:
     """Draw the chunks through the contact stage."""
     from .contact.touch import TouchSampler

@@ -30,6 +30,12 @@ class ContactHistory:
         """Forget everything: the next frame starts from rest."""
         self.body[:] = -1
 
+    def copy(self) -> ContactHistory:
+        """Return a copy that shares nothing with this one."""
+        other = ContactHistory(len(self.body))
+        other.body, other._material, other._triangle = self.body.copy(), self._material.copy(), self._triangle.copy()
+        return other
+
     def offset(self, frame: ContactFrame, points: Array) -> Array:
         """Return b of the contact problem: the gap along the normal, the slip since the anchor across it.
 

@@ -97,6 +97,7 @@ class PathSolver:
         tolerance: of the iteration, relative to the forces of a frame.
         bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
         name: for findings.
+        depth_limit: depth of the undeformed skin beyond which a frame is a finding [m].
 
     Attributes:
         counters: how many frames were 'solved', 'unchanged', 'same' and 'idle'; 'fallback' and 'unconverged' ones;
@@ -109,6 +110,7 @@ class PathSolver:
     def __init__(
         self, compliance: Array | Compliance, points: Array, *, areas: Array | None = None,
         tolerance: float = TOLERANCE, bone: Array = BONE, name: str = "finger",
+        depth_limit: float = DEPTH_LIMIT,
     ) -> None:  # fmt: skip
         self.operator: Compliance = Linear(compliance) if isinstance(compliance, np.ndarray) else compliance
         self.points = np.asarray(points, dtype=np.float64)
@@ -116,6 +118,7 @@ class PathSolver:
         self.tolerance = tolerance
         self.bone = np.asarray(bone, dtype=np.float64)
         self.name = name
+        self.depth_limit = depth_limit
         c = np.ascontiguousarray(self.operator.compliance, dtype=np.float64)
         m = self.points.shape[0]
         if c.shape != (3 * m, 3 * m):
@@ -350,10 +353,10 @@ class PathSolver:
             self._note("not-converged", "warning", "contact did not converge", where, solution.residual,
                        f"<= {solution.tolerance:g}", "Use smaller steps, or less friction")  # fmt: skip
         depth = -float(frame.gap.min())
-        if depth > DEPTH_LIMIT:
+        if depth > self.depth_limit:
             self.counters["deep"] += 1
             self._note("too-deep", "warning", "the finger sinks deeper than linear skin is trusted", where,
-                       f"{1e3 * depth:.2f} mm", f"<= {1e3 * DEPTH_LIMIT:g} mm",
+                       f"{1e3 * depth:.2f} mm", f"<= {1e3 * self.depth_limit:g} mm",
                        "Raise the finger, or make its touch depth compliant")  # fmt: skip
 
     def _note(self, code: str, severity: str, what: str, where: float, value: object, limit: str, remedy: str) -> None:

@@ -1,0 +1,98 @@
+"""PosedBody: the surface of a scene's body at a sample, in the space it is carried in.
+
+That space is the object's after scale and shear and before rotation and translation, so lengths there are metres and
+a body that keeps its scale keeps its surface.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from ..motion import rotations
+from ..scene import Body, Chunk, Mesh
+from .gap import Surface, surface_of
+
+Array = NDArray[np.float64]
+
+# A surface is used again as long as its scale stays within this fraction (Blender's matrices are float32).
+SAME_STRETCH = 1e-5
+
+
+class PosedBody:
+    """One body of a scene.
+
+    Args:
+        body: its header.
+    """
+
+    def __init__(self, body: Body) -> None:
+        self._body = body
+        self._surface: tuple[Array, Surface] | None = None
+        self._turn: Array | None = None
+        self._last: tuple[int, Surface] | None = None
+        self._boxes: tuple[Array, Array] | None = None
+
+    def clear(self) -> None:
+        """Forget what belongs to the chunk before."""
+        self._turn = self._last = self._boxes = None
+
+    def boxes(self, b: int, chunk: Chunk) -> tuple[Array, Array]:
+        """Return middle and half size of the body's box in the world at every sample [m], shape (n, 3) each."""
+        if self._boxes is None:
+            meshes = chunk.surfaces.get(b) or ((self._body.mesh,) if self._body.mesh is not None else ())
+            if not meshes:
+                raise DermisError(
+                    "a deforming object has no surface",
+                    where=f"object '{self._body.name}'",
+                    remedy="Give it faces, or stop it being touchable",
+                )
+            low = np.array([m.vertices.min(axis=0) for m in meshes])
+            high = np.array([m.vertices.max(axis=0) for m in meshes])
+            linear = chunk.bodies[b, :, :3, :3]
+            middle = np.einsum("nij,nj->ni", linear, np.broadcast_to((low + high) / 2, (len(linear), 3)))
+            half = np.einsum("nij,nj->ni", np.abs(linear), np.broadcast_to((high - low) / 2, (len(linear), 3)))
+            self._boxes = middle + chunk.bodies[b, :, :3, 3], half
+        return self._boxes
+
+    def at(self, b: int, chunk: Chunk, i: int) -> tuple[Surface, Array, Array, bool]:
+        """Return surface, rotation to the world, origin in the world [m], and whether it deforms, at a sample.
+
+        Raises:
+            DermisError: the object has scale 0.
+        """
+        if self._turn is None:
+            try:
+                self._turn = rotations(chunk.bodies[b, :, :3, :3])
+            except DermisError as error:
+                raise DermisError(
+                    error.what,
+                    where=f"object '{self._body.name}'",
+                    limit=error.limit,
+                    remedy="Scale its vertices instead",
+                ) from error
+        turn, pose = self._turn[i], chunk.bodies[b, i]
+        stretch = turn.T @ pose[:3, :3]
+        if b in chunk.surfaces:
+            if self._last is None or self._last[0] != i:
+                self._last = i, _carried(chunk.surfaces[b][i], stretch)
+            return self._last[1], turn, pose[:3, 3], True
+        mesh = self._body.mesh
+        assert mesh is not None  # `boxes` refused it
+        if self._surface is None or not _alike(stretch, self._surface[0]):
+            plain = _alike(stretch, np.eye(3))
+            first = self._surface is None
+            surface = surface_of(mesh) if plain else surface_of(mesh, stretch) if first else _carried(mesh, stretch)
+            self._surface = (np.eye(3) if plain else stretch, surface)
+        return self._surface[1], turn, pose[:3, 3], False
+
+
+def _carried(mesh: Mesh, stretch: Array) -> Surface:
+    """Return a mesh's surface after scale and shear; a mirrored one is turned over."""
+    triangles = mesh.triangles[:, ::-1] if np.linalg.det(stretch) < 0.0 else mesh.triangles
+    return Surface.build(mesh.vertices @ stretch.T, triangles)
+
+
+def _alike(stretch: Array, reference: Array) -> bool:
+    return bool(np.abs(stretch - reference).max() <= SAME_STRETCH * np.abs(reference).max())

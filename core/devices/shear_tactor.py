@@ -104,7 +104,8 @@ class ShearTactor:
     def force(self, angles: Array, torques: Array) -> Array:
         """Return the force of the cap [N] that pulley torques [N m] give, shapes (..., 2)."""
         transposed = np.swapaxes(self.jacobian(angles), -1, -2)
-        return np.linalg.solve(transposed, np.asarray(torques)[..., None])[..., 0]
+        forces: Array = np.linalg.solve(transposed, np.asarray(torques, dtype=np.float64)[..., None]).astype(np.float64)
+        return forces[..., 0]
 
     def weakest_force(self, angles: Array, rule: str = "per motor") -> Array:
         """Return the force [N] that the cap has in its weakest direction, shape (...).
@@ -122,8 +123,8 @@ class ShearTactor:
         if rule == "per motor":
             return self.torque / np.sqrt((columns**2).sum(axis=-2)).max(axis=-1)
         if rule == "root sum of squares":
-            largest: Array = np.linalg.svd(columns, compute_uv=False)[..., 0]
-            return self.torque / largest
+            sizes: Array = np.linalg.svd(columns, compute_uv=False).astype(np.float64)
+            return self.torque / sizes[..., 0]
         raise DermisError("unknown rule for the torques", value=rule, limit="per motor, root sum of squares")
 
     def rim(self, count: int = 720) -> Array:

@@ -181,19 +181,19 @@ def loose(
     restitution = 1.0 - damping
     felt = np.einsum("nji,nj->ni", rotation, gravity - acceleration)
     turn = np.einsum("nji,nj->ni", rotation, angular_velocity)
-    spins = bool(turn.any())
     mean = (felt[1:] + felt[:-1]) / 2.0
-    spin = (turn[1:] + turn[:-1]) / 2.0
-    spin_change = np.diff(turn, axis=0) / step
+    turns, half = bool(turn.any()), 0.5 * step
+    spins = ((turn[1:] + turn[:-1]) / 2.0).tolist() if turns else []
+    changes = (np.diff(turn, axis=0) / step).tolist() if turns else []
     place, speed = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
     local = np.zeros((len(times), 3))
     for k, push in enumerate(mean.tolist()):
-        if spins:
-            w, dw = spin[k].tolist(), spin_change[k].tolist()
-            early = _with_rotation(push, w, dw, place, speed)
-            halfway = [v + 0.5 * step * a for v, a in zip(speed, early, strict=True)]
-            between = [x + 0.5 * step * v for x, v in zip(place, speed, strict=True)]
-            push = _with_rotation(push, w, dw, between, halfway)  # midpoint rule: second order
+        if turns:
+            w, dw = spins[k], changes[k]
+            x, y, z = _felt(push, w, dw, place, speed)
+            halfway = [speed[0] + half * x, speed[1] + half * y, speed[2] + half * z]
+            between = [place[0] + half * speed[0], place[1] + half * speed[1], place[2] + half * speed[2]]
+            push = _felt(push, w, dw, between, halfway)  # midpoint rule: second order
         for i in range(3):
             x, v, a = place[i], speed[i], push[i]
             end = x + step * (v + 0.5 * step * a)
@@ -243,19 +243,15 @@ def _next_wall(x: float, v: float, a: float, size: float) -> tuple[float, float]
     return first, where
 
 
-def _with_rotation(
-    push: list[float], w: list[float], dw: list[float], r: list[float], v: list[float]
-) -> list[float]:
+def _felt(push: list[float], w: list[float], dw: list[float], r: list[float], v: list[float]) -> list[float]:
     """Add the centrifugal, Coriolis and Euler forces of a turning frame, per mass."""
-    wr = w[0] * r[0] + w[1] * r[1] + w[2] * r[2]
-    ww = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
-    out = []
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        centrifugal = ww * r[i] - wr * w[i]
-        coriolis = -2.0 * (w[j] * v[k] - w[k] * v[j])
-        euler = -(dw[j] * r[k] - dw[k] * r[j])
-        out.append(push[i] + centrifugal + coriolis + euler)
-    return out
+    (wx, wy, wz), (dx, dy, dz), (x, y, z), (vx, vy, vz) = w, dw, r, v
+    wr, ww = wx * x + wy * y + wz * z, wx * wx + wy * wy + wz * wz
+    return [
+        push[0] + ww * x - wr * wx - 2.0 * (wy * vz - wz * vy) - (dy * z - dz * y),
+        push[1] + ww * y - wr * wy - 2.0 * (wz * vx - wx * vz) - (dz * x - dx * z),
+        push[2] + ww * z - wr * wz - 2.0 * (wx * vy - wy * vx) - (dx * y - dy * x),
+    ]
 
 
 def _step(times: Array) -> float:

@@ -1,8 +1,8 @@
 """What a skin costs to make and to load, and how far its mesh is from an 88k one under a flat press of 2 mm.
 
-Condensing is timed with assembly, from the mesh to the pad's compliance. Its peer is SuperLU on the same matrix with
-all unit loads as right-hand sides. Discretisation errors use the exact contact of `problems.flat_press` on each mesh, so
-no solver's tolerance is in them; stress is read at fixed points 1.2 mm under the skin of the pad.
+Condensing is timed with assembly, from mesh to compliance. Its peer is SuperLU on the same matrix with
+all unit loads as right-hand sides. Discretisation errors use the exact contact of `problems.flat_press` on each mesh,
+so no solver's tolerance is in them; stress is read at fixed points 1.2 mm under the skin of the pad.
 """
 
 from __future__ import annotations

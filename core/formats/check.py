@@ -1,0 +1,99 @@
+"""What is checked before a track leaves as a file or on a wire, beyond the track's own check.
+
+A device preset may state, for a channel, `acceleration.CHANNEL` [unit/s^2], `bandwidth.CHANNEL` [Hz] and
+`resolution.CHANNEL` [unit] among its parameters. What it does not state is not judged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ..errors import DermisError, Finding
+from ..track import Array, CommandTrack
+
+SLACK = 1e-6  # of an acceleration: second differences of nine digits
+ABOVE = 0.01  # part of a channel's power above its bandwidth that is worth a word
+
+
+def findings_of(track: CommandTrack, *, levels: int | None = None) -> tuple[Finding, ...]:
+    """Return everything that is to be said before a track leaves, the track's own check included.
+
+    Codes beyond `CommandTrack.check`: 'acceleration' (error), 'bandwidth', 'coarse' (warnings), 'quantisation' (info),
+    'no-range' (error).
+
+    Args:
+        levels: how many counts the format gives a channel's range; None: the format does not quantise.
+    """
+    found = list(track.check())
+    if len(track.times) and np.isfinite(track.values).all() and (np.diff(track.times) > 0).all():
+        for column in range(len(track.channels)):
+            found += _accelerations(track, column)
+            found += _spectrum(track, column)
+            found += _steps(track, column, levels)
+    return tuple(found)
+
+
+def _stated(track: CommandTrack, kind: str, column: int) -> float | None:
+    value: Any = track.spec.parameters.get(f"{kind}.{track.channels[column].name}")
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
+        raise DermisError(f"the {kind} must be one number above zero",
+                          where=f"device preset '{track.spec.key}', {track.channels[column].name}", value=value)  # fmt: skip
+    return float(value)
+
+
+def _accelerations(track: CommandTrack, column: int) -> Iterator[Finding]:
+    limit = _stated(track, "acceleration", column)
+    if limit is None or len(track.times) < 3:
+        return
+    speed = np.diff(track.values[:, column]) / np.diff(track.times)
+    found = np.abs(np.diff(speed)) / (0.5 * (track.times[2:] - track.times[:-2]))
+    bad = np.flatnonzero(found > limit * (1 + SLACK))
+    if len(bad):
+        first, unit = track.times[bad[0] + 1], track.channels[column].unit
+        yield Finding("error", "acceleration", "accelerates faster than the channel can",
+                      where=f"{_place(track, column)}, first at {first:.6g} s", value=float(found.max()),
+                      limit=f"{limit:g} {unit}/s^2", count=len(bad))  # fmt: skip
+
+
+def _spectrum(track: CommandTrack, column: int) -> Iterator[Finding]:
+    limit = _stated(track, "bandwidth", column)
+    values: Array = track.values[:, column]
+    if limit is None or len(values) < 8 or np.ptp(values) == 0:
+        return
+    # A window keeps a step between the ends, which nobody plays, out of the spectrum.
+    power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(len(values)))) ** 2
+    step = track.duration / (len(values) - 1)
+    share = float(power[np.fft.rfftfreq(len(values), step) > limit].sum() / power.sum()) if power.sum() else 0.0
+    if share > ABOVE:
+        yield Finding("warning", "bandwidth", "part of the signal is faster than the channel can follow",
+                      where=_place(track, column), value=f"{100 * share:.3g} % of its power",
+                      limit=f"{limit:g} Hz")  # fmt: skip
+
+
+def _steps(track: CommandTrack, column: int, levels: int | None) -> Iterator[Finding]:
+    channel = track.channels[column]
+    if levels is None or not channel.actuator:
+        return
+    if channel.low is None or channel.high is None or not channel.high > channel.low:
+        yield Finding("error", "no-range", "a channel without a range cannot be written as counts",
+                      where=_place(track, column), remedy="Give it 'low' and 'high' in the device preset")  # fmt: skip
+        return
+    step = (channel.high - channel.low) / (levels - 1)
+    resolution = _stated(track, "resolution", column)
+    if resolution is not None and step > resolution:
+        yield Finding("warning", "coarse", "the format's counts are coarser than the device", where=_place(track, column),
+                      value=f"{step:.3g} {channel.unit}", limit=f"{resolution:g} {channel.unit}")  # fmt: skip
+    moves = float(np.ptp(track.values[:, column]))
+    if 0 < moves < 16 * step:
+        yield Finding("warning", "quantisation", "the track moves by less than sixteen counts", where=_place(track, column),
+                      value=f"{moves:.3g} {channel.unit}", limit=f">= {16 * step:.3g} {channel.unit}")  # fmt: skip
+
+
+def _place(track: CommandTrack, column: int) -> str:
+    owner = f"finger '{track.meta['finger']}', " if "finger" in track.meta else ""
+    return f"{owner}{track.spec.key}, {track.channels[column].name}"

@@ -1,0 +1,165 @@
+"""The command line as a person runs it: in a process of its own, judged by what it prints, writes and returns."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import core
+from core.devices.spec import Channel, DeviceSpec
+from core.errors import SEVERITIES
+from core.scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, sample_frames
+from core.track import CommandTrack
+
+ROOT = Path(core.__file__).parents[1]
+SPEC = DeviceSpec("dev", "A device", "test", 100.0, (Channel("x", "m", -1.0, 1.0, actuator="a"),), stated_hash="0")
+TRACK = CommandTrack(SPEC, np.arange(5) / 100, np.array([[0.0], [0.5], [1.0], [0.5], [0.0]]), {"finger": "F"})
+
+
+def run(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run `python -m core`; scipy may come from wherever the tests take it."""
+    env = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1"}
+    env["PYTHONPATH"] = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+    return subprocess.run([sys.executable, "-m", "core", *map(str, arguments)], cwd=cwd, env=env, capture_output=True,
+                          encoding="utf-8", timeout=120)  # fmt: skip
+
+
+def tap(fingers: tuple[Finger, ...]) -> TactileScene:
+    """Return a finger that slides 5 cm in half a second over a screen, on a plane."""
+    frames, times = sample_frames(Fraction(24), (1, 13), 240.0)
+    poses = np.tile(np.eye(4), (len(fingers), len(times), 1, 1))
+    poses[:, :, 0, 3] = np.linspace(-0.025, 0.025, len(times))
+    still = np.tile(np.eye(4), (1, len(times), 1, 1))
+    plane = Mesh(np.array([[-1, -1, -1], [1, -1, -1], [0, 1, -1]], dtype=float), np.array([[0, 1, 2]], dtype=np.int32))
+    ramp = np.tile(np.linspace(0, 1, 64, dtype=np.float32), (48, 1))
+    screen = Screen("Panel", (0.1, 0.075), ramp, 0.001)
+    chunk = Chunk(frames, times, poses, still, still)
+    return TactileScene("Tap", Fraction(24), (1, 13), 240.0, fingers, (Body("Plane", plane),), (screen,), (chunk,))
+
+
+@pytest.mark.parametrize("command", [(), ("render",), ("check",), ("work",)])
+def test_help_everywhere(command: tuple[str, ...]) -> None:
+    done = run(*command, "--help")
+    assert done.returncode == 0 and done.stdout.startswith("usage: python -m core") and not done.stderr
+
+
+def test_version() -> None:
+    done = run("--version")
+    assert done.returncode == 0 and done.stdout == f"dermis {core.__version__}\n"
+
+
+def test_no_command_is_refused() -> None:
+    done = run()
+    assert done.returncode == 2 and "COMMAND" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_check_of_a_good_track(tmp_path: Path) -> None:
+    core.write_csv(TRACK, tmp_path / "t.csv")
+    done = run("check", "t.csv", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == "t.csv: A device, 1 channels, 5 samples, 0.04 s at 100 Hz\nno findings\n"
+
+
+def test_check_of_a_bad_track(tmp_path: Path) -> None:
+    bad = replace(TRACK, values=TRACK.values * 3, limited={"x.slew": 2})
+    core.write_csv(bad, tmp_path / "t.csv")
+    done = run("check", tmp_path / "t.csv")
+    assert done.returncode == 1
+    lines = done.stdout.splitlines()
+    assert lines[1] == (
+        "error: finger 'F', dev, x, first at 0.01 s: outside the channel's range (found 3.0; allowed: -1 to 1 m)."
+    )
+    assert lines[2].startswith("warning: ") and "2 of 5 samples were limited" in lines[2]
+
+
+def test_a_warning_is_no_failure(tmp_path: Path) -> None:
+    core.write_csv(replace(TRACK, limited={"x.slew": 2}), tmp_path / "t.csv")
+    assert run("check", tmp_path / "t.csv").returncode == 0
+
+
+def test_check_as_json(tmp_path: Path) -> None:
+    core.write_csv(replace(TRACK, values=TRACK.values * 3), tmp_path / "t.csv")
+    done = run("check", "--json", tmp_path / "t.csv")
+    report = json.loads(done.stdout)
+    assert done.returncode == 1 and report["worst"] == "error" and report["samples"] == 5 and report["device"] == "dev"
+    assert [(f["code"], f["value"], f["count"]) for f in report["findings"]] == [("out-of-range", 3.0, 3)]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "the file cannot be read"),
+        (b"t_s,x\n0,0\n", "line 1: not a Dermis command track"),
+        (b"\xff\xfe", "line 1: not UTF-8 text"),
+    ],
+)
+def test_check_refuses_without_a_traceback(tmp_path: Path, content: bytes | None, message: str) -> None:
+    if content is not None:
+        (tmp_path / "t.csv").write_bytes(content)
+    done = run("check", tmp_path / "t.csv")
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr.startswith("error: ") and message in done.stderr and "Traceback" not in done.stderr
+
+
+def test_render_writes_tracks_and_plots_and_twice_the_same_bytes(tmp_path: Path) -> None:
+    core.save_scene(tap((Finger("Index", (DeviceUse("electrovibration", {}, "Panel"),)),)), tmp_path / "s.npz")
+    first = run("render", tmp_path / "s.npz", "--out", tmp_path / "a", "--plots")
+    second = run("render", tmp_path / "s.npz", "--out", tmp_path / "b", "--plots", "--quiet")
+    assert first.returncode == second.returncode == 0, first.stderr
+    names = ["Index.electrovibration.csv", "Index.electrovibration.png"]
+    assert sorted(p.name for p in (tmp_path / "a").iterdir()) == names
+    assert first.stdout.split() == [str(tmp_path / "a" / n) for n in names]
+    for name in names:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    track = core.read_csv(tmp_path / "a" / names[0])
+    assert track.meta["finger"] == "Index" and track.meta["fps"] == "24/1" and track.meta["scene"] == "Tap"
+    assert track.times[-1] == 0.5 and track.spec.hash == core.Library().device("electrovibration").hash
+    assert "sampling: " in first.stderr and "sampling: " not in second.stderr
+
+
+def test_render_goes_on_without_a_device_that_is_gone_and_says_so(tmp_path: Path) -> None:
+    uses = (DeviceUse("electrovibration", {}, "Panel"), DeviceUse("no_such_device"))
+    core.save_scene(tap((Finger("Index", uses),)), tmp_path / "s.npz")
+    done = run("render", tmp_path / "s.npz", "--out", tmp_path / "a")
+    assert done.returncode == 1 and (tmp_path / "a" / "Index.electrovibration.csv").is_file()
+    assert "error: finger 'Index': " in done.stderr and "no_such_device" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"fingers": ()}, "no finger"),
+        ({"frame_range": (5, 5)}, "the frame range has no duration"),
+        ({"bodies": (), "screens": ()}, "nothing to touch"),
+        ({"fingers": (Finger("F"),)}, "no tracks to export"),
+    ],
+)
+def test_render_refuses_without_a_traceback(tmp_path: Path, change: dict[str, object], message: str) -> None:
+    core.save_scene(replace(tap((Finger("F"),)), **change), tmp_path / "s.npz")  # type: ignore[arg-type]
+    done = run("render", tmp_path / "s.npz", "--out", tmp_path / "a")
+    assert done.returncode == 2 and message in done.stderr and "Traceback" not in done.stderr
+    assert not (tmp_path / "a").exists()
+
+
+def test_render_into_a_file(tmp_path: Path) -> None:
+    core.save_scene(tap((Finger("Index", (DeviceUse("electrovibration", {}, "Panel"),)),)), tmp_path / "s.npz")
+    (tmp_path / "a").write_text("in the way")
+    done = run("render", tmp_path / "s.npz", "--out", tmp_path / "a")
+    assert done.returncode == 2 and "the file cannot be written" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_the_public_names_exist_and_are_listed() -> None:
+    assert set(core.__all__) == set(core._PUBLIC) and core.__all__ == sorted(core.__all__)
+    for name in core.__all__:
+        assert getattr(core, name).__module__.startswith("core."), name
+    assert set(core.__all__) <= set(dir(core)) and "error" in SEVERITIES
+    with pytest.raises(AttributeError, match="module 'core' has no attribute 'nothing'"):
+        core.nothing  # noqa: B018

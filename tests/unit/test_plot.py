@@ -1,0 +1,195 @@
+"""Plots: pixels and coordinates where they must be, readable by others, the same bytes every time."""
+
+from __future__ import annotations
+
+import struct
+import xml.etree.ElementTree as ElementTree
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from core import font, plot
+from core.canvas import PngCanvas, SvgCanvas
+from core.devices.spec import Channel, DeviceSpec
+from core.errors import DermisError
+from core.track import CommandTrack
+
+SPEC = DeviceSpec(
+    "d", "Dev <&>", "k", 100.0, (Channel("x", "m", -0.002, 0.002), Channel("volts", "V")), stated_hash="0"
+)
+TRACK = CommandTrack(
+    SPEC, np.arange(101) / 100, np.stack([np.linspace(-0.002, 0.002, 101), np.full(101, 3.0)], axis=1),
+    {"finger": "Index", "scene": "Tap"}, {"x.range": 4},
+)  # fmt: skip
+
+
+def pixels(data: bytes) -> NDArray[np.uint8]:
+    """Decode a PNG of 8-bit RGB with no filters, checking every chunk's CRC."""
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    at, packed, size = 8, b"", (0, 0)
+    while at < len(data):
+        length, kind = struct.unpack(">I4s", data[at : at + 8])
+        body = data[at + 8 : at + 8 + length]
+        assert struct.unpack(">I", data[at + 8 + length : at + 12 + length])[0] == zlib.crc32(kind + body)
+        if kind == b"IHDR":
+            size = struct.unpack(">II", body[:8])
+            assert body[8:] == bytes([8, 2, 0, 0, 0])
+        packed += body if kind == b"IDAT" else b""
+        at += 12 + length
+    rows = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(size[1], 1 + 3 * size[0])
+    assert not rows[:, 0].any()
+    return rows[:, 1:].reshape(size[1], size[0], 3)
+
+
+def test_rectangles_cover_exactly() -> None:
+    canvas = PngCanvas(4, 3, scale=1)
+    canvas.rectangle(1, 1, 2, 1, "#000000")
+    canvas.rectangle(0, 0, 0.5, 1, "#000000")  # half of one pixel
+    grey = pixels(canvas.to_bytes())[:, :, 0].tolist()
+    assert grey == [[128, 255, 255, 255], [255, 0, 0, 255], [255, 255, 255, 255]]
+
+
+def test_what_lies_outside_is_left_out() -> None:
+    canvas = PngCanvas(4, 3, scale=1)
+    canvas.rectangle(-5, -5, 2, 2, "#000000")
+    canvas.curve(np.array([-3.0, 9.0]), np.array([50.0, 60.0]), "#000000", 1.0)
+    canvas.text(100, 100, "far", 7, "#000000")
+    assert (pixels(canvas.to_bytes()) == 255).all()
+
+
+def test_a_level_curve_has_its_width_and_place() -> None:
+    canvas = PngCanvas(40, 20, scale=1)
+    canvas.curve(np.array([0.0, 40.0]), np.array([10.0, 10.0]), "#000000", 4.0)
+    ink = 255 - pixels(canvas.to_bytes())[:, 20, 0].astype(int)
+    assert ink.tolist() == [0] * 8 + [255] * 4 + [0] * 8
+
+
+def test_a_peak_one_sample_wide_is_seen() -> None:
+    canvas = PngCanvas(100, 50, scale=1)
+    y = np.full(100_001, 45.0)
+    y[50_000] = 5.0
+    canvas.curve(np.linspace(0, 100, 100_001), y, "#000000", 1.0)
+    ink = 255 - pixels(canvas.to_bytes())[:, :, 0].astype(int)
+    assert ink[6, 49:52].max() > 120 and ink[6, :45].max() == 0
+
+
+def test_the_letters_are_all_there_and_differ() -> None:
+    drawn = {letter: font.strokes(letter) for letter in map(chr, range(33, 127))}
+    assert drawn.pop("0") == drawn["O"], "the only two that are drawn alike"
+    assert all(drawn.values()) and len(set(drawn.values())) == len(drawn)
+    assert all(0 <= v <= 7 for strokes in drawn.values() for stroke in strokes for v in stroke)
+    assert font.strokes(" ") == ()
+    # an L is an upright of seven dots and a foot of five
+    assert set(font.strokes("L")) == {(0, y, 0, y + 1) for y in range(6)} | {(x, 6, x + 1, 6) for x in range(4)}
+    assert font.plain("é中µ") == "e中µ" and font.strokes("中") == font.strokes("文")
+    assert font.width("abc") == 17.0
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "most", "expected"),
+    [
+        (0.0, 1.0, 5, [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]),
+        (-2.28, 2.28, 4, [-2.0, 0.0, 2.0]),
+        (0.0, 5.0, 8, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]),
+        (99.9, 100.1, 4, [99.9, 99.95, 100.0, 100.05, 100.1]),
+        (-3e-7, 8e-7, 4, [0.0, 5e-7]),
+    ],
+)
+def test_ticks_are_round(low: float, high: float, most: int, expected: list[float]) -> None:
+    assert plot.ticks(low, high, most) == pytest.approx(expected, abs=1e-15)
+
+
+def test_thinning_keeps_every_peak_and_the_ends() -> None:
+    y = np.random.default_rng(2).normal(size=50_000)
+    y[31_234], y[7] = 99.0, -99.0
+    x, thin = plot.thinned(np.arange(50_000.0), y, 1000)
+    assert len(x) <= 1000 and (thin.max(), thin.min()) == (99.0, -99.0)
+    assert (x[0], x[-1]) == (0.0, 49_999.0) and (np.diff(x) > 0).all() and (y[x.astype(int)] == thin).all()
+
+
+def test_svg_is_well_formed_and_its_curve_lies_where_it_should(tmp_path: Path) -> None:
+    plot.write_svg(TRACK, tmp_path / "p.svg", contact=np.r_[np.zeros(50), np.ones(51)])
+    root = ElementTree.parse(tmp_path / "p.svg").getroot()
+    space = "{http://www.w3.org/2000/svg}"
+    texts = [t.text for t in root.iter(f"{space}text")]
+    assert "Index · Dev <&>" in texts and "x [mm]" in texts and "volts [V]" in texts and "time [s]" in texts
+    assert "Tap · 101 samples · 100 Hz · 1 s · 4 values limited" in texts
+    first = next(root.iter(f"{space}polyline"))
+    points = np.array([[float(v) for v in p.split(",")] for p in first.attrib["points"].split()])
+    assert points[0, 0] == plot.LEFT and points[-1, 0] == plot.WIDTH - plot.RIGHT
+    # the range -2..2 mm with 7 % of 4 mm around it: the ends lie 0.28/4.56 of the panel inside
+    inside = plot.PANEL * 0.28 / 4.56
+    assert points[0, 1] == pytest.approx(plot.TOP + plot.PANEL - inside, abs=2e-3)
+    assert points[-1, 1] == pytest.approx(plot.TOP + inside, abs=2e-3)
+    shade = [r.attrib for r in root.iter(f"{space}rect") if r.attrib["fill"] == plot.TOUCH]
+    width = plot.WIDTH - plot.LEFT - plot.RIGHT
+    panels = [r for r in shade if float(r["height"]) == plot.PANEL]
+    assert len(panels) == 2 and float(panels[0]["x"]) == pytest.approx(plot.LEFT + width * 0.495, abs=2e-3)
+    assert float(panels[0]["width"]) == pytest.approx(width * 0.505, abs=2e-3)
+
+
+def test_png_shows_the_curve_and_the_limits(tmp_path: Path) -> None:
+    plot.write_png(TRACK, tmp_path / "p.png", scale=2.0)
+    image = pixels((tmp_path / "p.png").read_bytes()).astype(int)
+    height = plot.TOP + 2 * plot.PANEL + plot.GAP + plot.BOTTOM
+    assert image.shape == (round(2 * height), round(2 * plot.WIDTH), 3)
+
+    def away(row: float, column: float, colour: str) -> int:
+        ink = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)])
+        return int(abs(image[round(row), round(column)] - ink).max())
+
+    centre = plot.LEFT + plot.WIDTH - plot.RIGHT
+    assert away(2 * plot.TOP + plot.PANEL, centre, plot.LINES[0]) < 10, "the line crosses zero in the panel's middle"
+    assert away(2 * plot.TOP + plot.PANEL - 12, centre, plot.LINES[0]) > 100
+    top = 2 * plot.TOP + 2 * plot.PANEL * 0.28 / 4.56
+    dashes = [away(row, column, plot.LIMIT) < 40 for row in (top - 1, top, top + 1) for column in range(400, 1600)]
+    assert 0.45 * 1200 < sum(dashes) < 1.55 * 1200
+    volts = 2 * (plot.TOP + plot.PANEL + plot.GAP)
+    ink = [min(away(volts + row, column, plot.LINES[1]) for row in range(2 * int(plot.PANEL))) for column in (300, 900)]
+    assert max(ink) < 10, "the second panel has its own line"
+
+
+@pytest.mark.parametrize("write", [plot.write_png, plot.write_svg])
+def test_same_bytes_twice_and_odd_tracks(tmp_path: Path, write: object) -> None:
+    odd = [
+        TRACK,
+        replace(TRACK, times=np.empty(0), values=np.empty((0, 2))),
+        replace(TRACK, times=np.zeros(1), values=np.array([[0.001, 2.0]])),
+        replace(TRACK, values=np.where(np.arange(202).reshape(101, 2) % 7 == 0, np.nan, TRACK.values)),
+        replace(TRACK, values=np.full((101, 2), np.nan)),
+        replace(TRACK, meta={"finger": "Ring\x00\n" * 20}),
+    ]
+    for track in odd:
+        data = []
+        for name in "ab":
+            write(track, tmp_path / name, contact=np.ones(len(track.times)))  # type: ignore[operator]
+            data.append((tmp_path / name).read_bytes())
+        assert data[0] == data[1]
+        if data[0].startswith(b"<svg"):
+            ElementTree.fromstring(data[0])
+        else:
+            pixels(data[0])
+
+
+def test_small_units_read_well(tmp_path: Path) -> None:
+    for size, unit in ((0.5, "m"), (0.004, "mm"), (4e-6, "µm")):
+        small = replace(TRACK, spec=replace(SPEC, channels=(Channel("x", "m"), SPEC.channels[1])),
+                        values=TRACK.values * [size / 0.002, 1])  # fmt: skip
+        plot.write_svg(small, tmp_path / "p.svg")
+        assert f">x [{unit}]<" in (tmp_path / "p.svg").read_text(encoding="utf-8")
+
+
+def test_svg_numbers_have_no_minus_zero() -> None:
+    canvas = SvgCanvas(10, 10)
+    canvas.rectangle(-0.0001, 100.0, 0.5, 1200.0, "#000000")
+    assert b'x="0" y="100" width="0.5" height="1200"' in canvas.to_bytes()
+
+
+def test_a_folder_that_is_a_file(tmp_path: Path) -> None:
+    (tmp_path / "f").write_text("")
+    with pytest.raises(DermisError, match="the file cannot be written"):
+        plot.write_png(TRACK, tmp_path / "f" / "p.png")

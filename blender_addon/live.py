@@ -7,6 +7,7 @@ renders that trail exactly as it renders a bake; only the sampling is coarser, o
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -66,6 +67,7 @@ class _Trail:
     samples: list[Any] = field(default_factory=list)  # `TactileScene`s of one sample each
     edits: int = -1  # of `handlers`, when `sampling` last forgot its surfaces and reliefs
     preview: Preview | None = None
+    failure: Exception | None = None
 
 
 _trail = _Trail()
@@ -102,7 +104,13 @@ def on_frame(scene: bpy.types.Scene) -> None:
     if results.state(scene) == "fresh":
         _trail.samples.clear()
         return
-    step(bpy.context)
+    try:
+        step(bpy.context)
+    except Exception as error:  # a defect of ours must be seen, but not once a frame in the console
+        if not isinstance(_trail.failure, type(error)):
+            traceback.print_exc()
+        _trail.failure = error
+        _note(scene, f"the preview failed ({type(error).__name__}: {error}); the console has more")
 
 
 def step(context: bpy.types.Context) -> Preview:
@@ -124,10 +132,14 @@ def step(context: bpy.types.Context) -> Preview:
         _trail.generation, _trail.scene = handlers.generation(), scene.session_uid
         _trail.preview = _render(frame)
     except errors.DermisError as error:
-        _trail.samples = []
-        _trail.scene = scene.session_uid
-        _trail.generation = handlers.generation()
-        _trail.preview = Preview(frame, "live", str(error), ())
+        return _note(scene, str(error))
+    return _trail.preview
+
+
+def _note(scene: bpy.types.Scene, text: str) -> Preview:
+    """Show a sentence in place of devices; the trail ends here."""
+    _trail.samples, _trail.scene, _trail.generation = [], scene.session_uid, handlers.generation()
+    _trail.preview = Preview(frame_of(scene), "live", text, ())
     return _trail.preview
 
 

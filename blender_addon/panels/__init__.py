@@ -4,7 +4,9 @@ import bpy
 
 from . import bake, choices, main, menus, object, preview
 
-CLASSES: tuple[type, ...] = (*main.CLASSES, *object.CLASSES, *bake.RESULT, *preview.CLASSES, *bake.SETTINGS, *menus.CLASSES)
+CLASSES: tuple[type, ...] = (
+    *main.CLASSES, *object.CLASSES, *bake.RESULT, *preview.CLASSES, *bake.SETTINGS, *menus.CLASSES
+)  # fmt: skip
 
 
 def register() -> None:

@@ -121,14 +121,14 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
             head = f"{finding.where}: {finding.what}" if finding.where else finding.what
             if finding.count > 1:
                 head += f" ({finding.count:,} samples)"
-            paragraph(text, context, head, SEVERITY_ICONS[finding.severity])
+            paragraph(text, context, head, SEVERITY_ICONS[finding.severity], inset=36.0)
             if finding.value is not None or finding.limit:
                 parts = [f"found {finding.value}"] if finding.value is not None else []
                 parts += [f"allowed: {finding.limit}"] if finding.limit else []
-                paragraph(text, context, "; ".join(parts), "BLANK1")
+                paragraph(text, context, "; ".join(parts), "BLANK1", inset=36.0)
             if finding.remedy:
-                paragraph(text, context, finding.remedy, "BLANK1")
-            if finding.frame is not None or "'" in finding.where:
+                paragraph(text, context, finding.remedy, "BLANK1", inset=36.0)
+            if finding.frame is not None or finding.where.startswith(("finger '", "object '", "screen '")):
                 row.operator("dermis.go_to_finding", text="", icon="VIEWZOOM", emboss=False).index = index
         if len(numbered) > MOST_FINDINGS:
             self.layout.label(text=f"and {len(numbered) - MOST_FINDINGS} more")

@@ -305,6 +305,6 @@ class DERMIS_PT_held(DermisPanel, bpy.types.Panel):
 
 
 CLASSES: tuple[type, ...] = (
-    DERMIS_PT_object, DERMIS_UL_devices, DERMIS_PT_devices, DERMIS_PT_device, DERMIS_PT_pattern, DERMIS_PT_material, DERMIS_PT_transient,
-    DERMIS_PT_texture, DERMIS_PT_weight, DERMIS_PT_content, DERMIS_PT_held,
+    DERMIS_PT_object, DERMIS_UL_devices, DERMIS_PT_devices, DERMIS_PT_device, DERMIS_PT_pattern, DERMIS_PT_material,
+    DERMIS_PT_transient, DERMIS_PT_texture, DERMIS_PT_weight, DERMIS_PT_content, DERMIS_PT_held,
 )  # fmt: skip

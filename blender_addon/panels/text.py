@@ -6,11 +6,14 @@ from typing import Any
 import bpy
 
 
-def paragraph(layout: Any, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
-    """Write a text over as many lines as the sidebar's width needs."""
+def paragraph(
+    layout: Any, context: bpy.types.Context, text: str, icon: str = "NONE", *, inset: float = 0.0
+) -> None:
+    """Write a text over as many lines as the sidebar's width needs, less an inset [px at scale 1]."""
     scale = context.preferences.system.ui_scale
     width = context.region.width if context.region else 300
-    letters = max(int((width - 60 * scale) / (6.1 * scale)), 16)
+    inset += 0.0 if icon == "NONE" else 22.0
+    letters = max(int((width - (52.0 + inset) * scale) / (6.2 * scale)), 16)
     column = layout.column(align=True)
     column.scale_y = 0.85
     for i, line in enumerate(textwrap.wrap(text, letters) or [""]):

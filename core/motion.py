@@ -8,12 +8,14 @@ acceleration and angular velocity are the exact derivatives of what is interpola
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DermisError
+from .vectors import cross, dot, scaled
 
 Array = NDArray[np.float64]
 
@@ -49,12 +51,14 @@ class Spline:
         self.still = bool((self.values == self.values[0]).all())
 
     @cached_property
-    def _pieces(self) -> tuple[Array, Array, Array]:
-        """Coefficients of (t - t_i), its square and its cube, shape (n - 1, k) each."""
+    def _pieces(self) -> tuple[Array, Array, Array, Array]:
+        """Values, and coefficients of (t - t_i), its square and its cube, shape (k, n - 1) each: by component."""
         step = np.diff(self.times)[:, None]
         second = second_derivatives(self.times, self.values)
         slope = np.diff(self.values, axis=0) / step - step * (2.0 * second[:-1] + second[1:]) / 6.0
-        return slope, second[:-1] / 2.0, np.diff(second, axis=0) / (6.0 * step)
+        parts = self.values[:-1], slope, second[:-1] / 2.0, np.diff(second, axis=0) / (6.0 * step)
+        value, slope, square, cube = (np.ascontiguousarray(p.T) for p in parts)
+        return value, slope, square, cube
 
     def piece(self, t: Array) -> tuple[NDArray[np.intp], Array]:
         """Return for each time the index of its piece, and the time since that piece began, shapes (m,)."""
@@ -67,16 +71,18 @@ class Spline:
         if self.still:
             shape = (len(t), self.values.shape[1])
             return np.broadcast_to(self.values[0] if order == 0 else np.zeros(shape[1]), shape)
-        index, since = self.piece(t) if piece is None else piece
-        u = since[:, None]
-        slope, square, cube = (c.take(index, axis=0) for c in self._pieces)
-        if order == 0:
-            return self.values.take(index, axis=0) + u * (slope + u * (square + u * cube))
-        if order == 1:
-            return slope + u * (2.0 * square + u * (3.0 * cube))
-        if order == 2:
-            return 2.0 * square + u * (6.0 * cube)
-        raise ValueError("a spline has two derivatives")
+        if order not in (0, 1, 2):
+            raise ValueError("a spline has two derivatives")
+        index, u = self.piece(t) if piece is None else piece
+        # Horner, with the factors that differentiation brings down
+        out = self._pieces[3].take(index, axis=1)
+        out *= (1.0, 3.0, 6.0)[order]
+        for power in range(2, order - 1, -1):
+            out *= u
+            out += ((1.0, 1.0, 1.0), (0.0, 1.0, 2.0), (0.0, 0.0, 2.0))[order][power] * self._pieces[power].take(
+                index, axis=1
+            )
+        return out.T
 
 
 class Motion:
@@ -155,9 +161,9 @@ class MotionSamples:
         # For q not of unit length the vector part of q' q* / |q|^2 is that of its normalised form.
         q = self._quaternion
         p = self._motion.rotations.at(self.times, 1, self._piece)
-        w, v = q[:, :1], q[:, 1:]
-        rate = p[:, 1:] * w - p[:, :1] * v - np.cross(p[:, 1:], v)
-        return 2.0 * rate / np.einsum("ij,ij->i", q, q)[:, None]
+        w, v = q[:, 0], q[:, 1:]
+        rate = scaled(p[:, 1:], w) - scaled(v, p[:, 0]) - cross(p[:, 1:], v)
+        return scaled(rate, 2.0 / dot(q, q))
 
     @cached_property
     def _quaternion(self) -> Array:
@@ -264,13 +270,11 @@ def continuous(quaternion: Array) -> Array:
 
 def matrices(quaternion: Array) -> Array:
     """Return rotation matrices (n, 3, 3) of quaternions (w, x, y, z) of any length above zero, shape (n, 4)."""
-    q = quaternion / np.sqrt(np.einsum("ij,ij->i", quaternion, quaternion))[:, None]
-    w, x, y, z = q.T
-    out = np.empty((len(q), 3, 3))
-    out[:, 0, 0] = 1 - 2 * (y * y + z * z)
-    out[:, 1, 1] = 1 - 2 * (x * x + z * z)
-    out[:, 2, 2] = 1 - 2 * (x * x + y * y)
-    out[:, 0, 1], out[:, 1, 0] = 2 * (x * y - w * z), 2 * (x * y + w * z)
-    out[:, 0, 2], out[:, 2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
-    out[:, 1, 2], out[:, 2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
-    return out
+    w, x, y, z = scaled(quaternion, math.sqrt(2.0) / np.sqrt(dot(quaternion, quaternion))).T
+    out = np.empty((3, 3, len(w)))
+    xx, yy, zz = x * x, y * y, z * z
+    out[0, 0], out[1, 1], out[2, 2] = 1.0 - (yy + zz), 1.0 - (xx + zz), 1.0 - (xx + yy)
+    for i, j, a, b in ((0, 1, x * y, w * z), (1, 2, y * z, w * x), (2, 0, x * z, w * y)):
+        np.subtract(a, b, out=out[i, j])
+        np.add(a, b, out=out[j, i])
+    return np.moveaxis(out, -1, 0)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..motion import MotionSamples
+from ..vectors import cross, dot, scaled, turn, turn_back
 from .sampled import PairTouch, SampledTouch
 
 Array = NDArray[np.float64]
@@ -89,7 +90,7 @@ class Encounter:
         moving = self._pair.surface_velocity
         if moving is not None:
             local = moving[self._nearest(self.onsets)]
-            relative = relative - np.einsum("nij,nj->ni", body.rotation, local)
+            relative = relative - turn(body.rotation, local)
         return relative
 
     @cached_property
@@ -105,7 +106,7 @@ class Encounter:
     def normal(self) -> Array:
         """Outward normal of the body at the touching samples, in carried space, shape (k, 3)."""
         n = self._between(self._carried_normal)
-        return n / np.maximum(np.sqrt(np.einsum("ij,ij->i", n, n)), 1e-300)[:, None]
+        return scaled(n, 1.0 / np.maximum(np.sqrt(dot(n, n)), 1e-300))
 
     @cached_property
     def point(self) -> Array:
@@ -137,9 +138,9 @@ class Encounter:
     @cached_property
     def _slope(self) -> Array:
         """Rate of the gap at the samples [m/s], shape (n,)."""
-        rate = np.einsum("ij,ij->i", self._pair.normal, _relative_velocity(*self._at_samples))
+        rate = dot(self._pair.normal, _relative_velocity(*self._at_samples))
         moving = self._pair.surface_velocity
-        return rate if moving is None else rate - np.einsum("ij,ij->i", self._carried_normal, moving)
+        return rate if moving is None else rate - dot(self._carried_normal, moving)
 
     def _gap_at(self, t: Array) -> Array:
         times, gap = self._touch.times, self._pair.gap
@@ -208,8 +209,13 @@ class Encounter:
         index, u = self._weights
         if len(samples) == 1:
             return samples[index]
-        start = samples.take(index, axis=0)
-        return start + u[:, None] * (samples.take(index + 1, axis=0) - start)
+        by_component = np.ascontiguousarray(samples.T)
+        start = by_component.take(index, axis=1)
+        rise = by_component.take(index + 1, axis=1)
+        rise -= start
+        rise *= u
+        rise += start
+        return rise.T
 
 
 def encounter(
@@ -227,14 +233,14 @@ def encounter(
 def turned_back(samples: MotionSamples, which: Which, vectors: Array) -> Array:
     """Return world vectors (k, 3) in the axes of a moving frame, at the samples chosen."""
     if samples.turns:
-        return np.einsum("nji,nj->ni", samples.rotation[which], vectors)
+        return turn_back(samples.rotation[which], vectors)
     return vectors @ samples.rotation[0]
 
 
 def turned(samples: MotionSamples, which: Which, vectors: Array) -> Array:
     """Return vectors (k, 3) in a moving frame's axes in those of the world, at the samples chosen."""
     if samples.turns:
-        return np.einsum("nij,nj->ni", samples.rotation[which], vectors)
+        return turn(samples.rotation[which], vectors)
     return vectors @ samples.rotation[0].T
 
 
@@ -243,4 +249,4 @@ def _relative_velocity(finger: MotionSamples, body: MotionSamples, which: Which 
     relative = finger.velocity[which] - body.velocity[which]
     if not body.turns:
         return relative
-    return relative - np.cross(body.angular_velocity[which], finger.position[which] - body.position[which])
+    return relative - cross(body.angular_velocity[which], finger.position[which] - body.position[which])

@@ -62,10 +62,9 @@ def pendulum(times: Array, acceleration: Array, gravity: Array, length: float, d
     sin, cos, sqrt = math.sin, math.cos, math.sqrt
     for k, (ax, ay, az) in enumerate(impulses.tolist()):
         offset[k] = ux, uy, uz
-        along = ax * ux + ay * uy + az * uz
-        wx = (wx * keep) + ax - along * ux
-        wy = (wy * keep) + ay - along * uy
-        wz = (wz * keep) + az - along * uz
+        wx, wy, wz = wx * keep + ax, wy * keep + ay, wz * keep + az
+        along = wx * ux + wy * uy + wz * uz  # what would stretch the rod, rounding of the arc before included
+        wx, wy, wz = wx - along * ux, wy - along * uy, wz - along * uz
         speed = sqrt(wx * wx + wy * wy + wz * wz)
         if speed > 0.0:
             angle = speed * step
@@ -75,11 +74,9 @@ def pendulum(times: Array, acceleration: Array, gravity: Array, length: float, d
                 ux * c + wx * toward, uy * c + wy * toward, uz * c + wz * toward,
                 wx * c - ux * back, wy * c - uy * back, wz * c - uz * back,
             )  # fmt: skip
-            # Rounding that leaves the sphere would grow from arc to arc: back to unit length, and to its tangent.
+            # Rounding that leaves the sphere would grow from arc to arc: back to unit length.
             unit = 1.5 - 0.5 * (ux * ux + uy * uy + uz * uz)
             ux, uy, uz = ux * unit, uy * unit, uz * unit
-            off = wx * ux + wy * uy + wz * uz
-            wx, wy, wz = wx - off * ux, wy - off * uy, wz - off * uz
     return length * offset
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
+from ..vectors import dot, scaled
 
 Array = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ def displacement(
             if not np.all(np.asarray(length) > 0.0):
                 raise DermisError("a texture's period must be above 0", value=float(np.min(length)), limit="> 0 m")
             wave = wave + alpha * np.sin(place[:, axis] * (2.0 * math.pi / length))
-    return np.broadcast_to(-friction * wave, len(place))[:, None] * direction
+    return scaled(direction, np.broadcast_to(-friction * wave, len(place)))
 
 
 def held_direction(velocity: Array, threshold: float | Array) -> Array:
@@ -55,19 +56,19 @@ def held_direction(velocity: Array, threshold: float | Array) -> Array:
 
     Source: [S3] eq. 3
     """
-    speed = np.sqrt(np.einsum("ij,ij->i", velocity, velocity))
+    speed = np.sqrt(dot(velocity, velocity))
     moves = (speed >= threshold) & (speed > 0.0)
     if moves.all():
-        return velocity / speed[:, None]
+        return scaled(velocity, 1.0 / speed)
     last = np.maximum.accumulate(np.where(moves, np.arange(len(speed)), -1))
     held = np.maximum(last, 0)
     scale = np.where(last >= 0, 1.0 / np.where(speed[held] > 0.0, speed[held], 1.0), 0.0)
-    return velocity[held] * scale[:, None]
+    return scaled(velocity[held], scale)
 
 
 def tangential(velocity: Array, normal: Array) -> Array:
     """Return the part of velocities (n, 3) that is perpendicular to unit normals (n, 3)."""
-    return velocity - np.einsum("ij,ij->i", velocity, normal)[:, None] * normal
+    return velocity - scaled(normal, dot(velocity, normal))
 
 
 def coordinates(point: Array, normal: Array) -> Array:

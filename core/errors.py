@@ -51,7 +51,7 @@ class Finding:
     def __str__(self) -> str:
         text = sentence(self.what, self.where, self.value, self.limit, self.remedy)
         if self.frame is not None:
-            text += f" (first at frame {self.frame:g})"
+            text = f"{text.removesuffix('.')} (first at frame {self.frame:g})."
         return f"{self.severity}: {text}"
 
     def as_dict(self) -> dict[str, Any]:

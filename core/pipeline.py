@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import time
+from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -18,16 +19,23 @@ from typing import TYPE_CHECKING
 
 from .devices.spec import DeviceSpec
 from .errors import DermisError, Finding
+from .matching import SKIN_KINDS
 from .presets import Library
 from .scene import ContentHash, DeviceUse, TactileScene
 from .track import Array, CommandTrack
 from .version import version
 
 if TYPE_CHECKING:
+    from .cache import Cache
+    from .contact.skin_touch import SkinTouch
     from .contact.touch import SampledTouch
     from .matching.rendered import Rendered
+    from .skin.model import SkinModel
 
-    Renderer = Callable[[SampledTouch, TactileScene, int, DeviceUse, DeviceSpec], Rendered]
+    Renderer = Callable[..., Rendered]
+
+
+DEFAULT_SKIN = "index_medium"
 
 
 @dataclass(frozen=True)
@@ -67,6 +75,7 @@ class Bake:
         skipped: what was not computed because the scene did not need it, by name.
         content_hash: hash of scene, device presets and version.
         stage_seconds: run time of each stage [s].
+        skins: what the skin of each finger felt that shows it or wears a device that needs it, by finger's name.
     """
 
     outputs: tuple[Output, ...]
@@ -74,6 +83,7 @@ class Bake:
     skipped: Mapping[str, int]
     content_hash: str
     stage_seconds: Mapping[str, float] = field(default_factory=dict)
+    skins: Mapping[str, SkinTouch] = field(default_factory=dict)
 
     @property
     def all_findings(self) -> tuple[Finding, ...]:
@@ -81,8 +91,11 @@ class Bake:
         return self.findings + tuple(f for output in self.outputs for f in output.findings)
 
 
-def render(scene: TactileScene, library: Library) -> Generator[Progress, None, Bake]:
+def render(scene: TactileScene, library: Library, *, cache: Cache | None = None) -> Generator[Progress, None, Bake]:
     """Render every device of every finger; yield progress, return a `Bake`.
+
+    Args:
+        cache: where condensed skins are kept; without one they are made anew.
 
     Raises:
         DermisError: the scene cannot be rendered at all (see `TactileScene.validate`).
@@ -93,9 +106,13 @@ def render(scene: TactileScene, library: Library) -> Generator[Progress, None, B
     wanted = list(_wanted(scene, library, findings))
     content = ContentHash(scene)
 
-    touch = yield from _sample(scene, content, clock)
+    skins = yield from _skins(scene, wanted, library, cache, clock, findings)
+    touch, felt = yield from _sample(scene, skins, content, clock)
     findings += touch.findings
-    skipped = dict(touch.skipped)
+    skipped = Counter(touch.skipped)
+    for skin in felt.values():
+        findings += skin.findings
+        skipped.update(skin.skipped)
 
     content_hash = _full_hash(content, [spec for _, _, spec in wanted])
     outputs = []
@@ -103,16 +120,17 @@ def render(scene: TactileScene, library: Library) -> Generator[Progress, None, B
         yield Progress("devices", step, len(wanted))
         with clock.stage("devices"):
             try:
-                rendered = _renderer(spec)(touch, scene, finger, use, spec)
+                more = (felt[finger],) if spec.kind in SKIN_KINDS else ()
+                rendered = _renderer(spec)(touch, scene, finger, use, spec, *more)
                 output = _finish(rendered, scene, finger, use, content_hash)
             except DermisError as error:  # one device that cannot be rendered does not take the others down
                 findings.append(_unavailable(scene.fingers[finger].name, error))
                 continue
-        for name, count in getattr(rendered, "skipped", {}).items():
-            skipped[name] = skipped.get(name, 0) + count
+        skipped.update(rendered.skipped)
         outputs.append(output)
     yield Progress("devices", len(wanted), len(wanted))
-    return Bake(tuple(outputs), tuple(findings), skipped, content_hash, clock.seconds)
+    by_name = {scene.fingers[finger].name: skin for finger, skin in felt.items()}
+    return Bake(tuple(outputs), tuple(findings), skipped, content_hash, clock.seconds, by_name)
 
 
 def run(scene: TactileScene, library: Library | None = None) -> Bake:
@@ -193,11 +211,49 @@ def _unavailable(finger: str, error: DermisError) -> Finding:
     return Finding("error", "device-unavailable", str(error).rstrip("."), where=f"finger '{finger}'")
 
 
-def _sample(scene: TactileScene, content: ContentHash, clock: _Stages) -> Generator[Progress, None, SampledTouch]:
-    """Draw the chunks through the contact stage."""
+def _skins(
+    scene: TactileScene,
+    wanted: list[tuple[int, DeviceUse, DeviceSpec]],
+    library: Library,
+    cache: Cache | None,
+    clock: _Stages,
+    findings: list[Finding],
+) -> Generator[Progress, None, dict[int, SkinModel]]:
+    """Make the skins of the fingers that show theirs or wear a device that needs it; nobody else's.
+
+    A finger whose skin cannot be made loses the devices that need it; the others are rendered.
+    """
+    needed = {f for f, _, spec in wanted if spec.kind in SKIN_KINDS}
+    needed |= {f for f, finger in enumerate(scene.fingers) if finger.parameters.get("skin_shown", False)}
+    skins: dict[int, SkinModel] = {}
+    for done, f in enumerate(sorted(needed)):
+        yield Progress("skin", done, len(needed))
+        from .skin.model import skin_from_parameters
+
+        finger = scene.fingers[f]
+        place = f"finger '{finger.name}'"
+        try:
+            with clock.stage("skin"):
+                parameters = finger.parameters.get("skin") or library.skin(DEFAULT_SKIN)
+                level = str(finger.parameters.get("skin_level", "standard"))
+                skins[f] = skin_from_parameters(parameters, level=level, cache=cache, where=f"{place}, skin")
+        except DermisError as error:
+            findings.append(_unavailable(finger.name, error))
+            wanted[:] = [w for w in wanted if w[0] != f or w[2].kind not in SKIN_KINDS]
+    return skins
+
+
+def _sample(
+    scene: TactileScene, skins: Mapping[int, SkinModel], content: ContentHash, clock: _Stages
+) -> Generator[Progress, None, tuple[SampledTouch, dict[int, SkinTouch]]]:
+    """Draw the chunks through the contact of the pads' centres and, where somebody needs it, of the whole skin."""
     from .contact.touch import TouchSampler
 
-    sampler = TouchSampler(scene)
+    pads, skin = TouchSampler(scene), None
+    if skins:
+        from .contact.skin_touch import SkinSampler
+
+        skin = SkinSampler(scene, skins)
     done = 0
     chunks = content.through(scene.chunks)
     while True:
@@ -206,11 +262,15 @@ def _sample(scene: TactileScene, content: ContentHash, clock: _Stages) -> Genera
         if chunk is None:
             break
         with clock.stage("contact"):
-            sampler.add(chunk)
+            pads.add(chunk)
+        if skin is not None:
+            with clock.stage("skin contact"):
+                skin.add(chunk)
         done += len(chunk.times)
         yield Progress("sampling", done, scene.sample_count)
     with clock.stage("contact"):
-        return sampler.finish()
+        touch = pads.finish()
+    return touch, {} if skin is None else skin.finish()
 
 
 def _renderer(spec: DeviceSpec) -> Renderer:
@@ -223,11 +283,15 @@ def _renderer(spec: DeviceSpec) -> Renderer:
         from .matching import perceptual
 
         return perceptual.render
+    if spec.kind == "pin_array":
+        from .matching import pins
+
+        return pins.render
     raise DermisError(
         "unknown kind of device",
         where=f"device preset '{spec.key}'",
         value=spec.kind,
-        limit="shear_tactor, friction_screen",
+        limit="shear_tactor, friction_screen, pin_array",
     )
 
 

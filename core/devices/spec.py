@@ -14,6 +14,7 @@ from ..errors import DermisError
 from ..units import UNITS, quantity
 
 DEVICE_SCHEMA = "dermis-device 1"
+MAX_REPEAT = 4096  # channels that one entry may stand for
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")  # what stands in file headers as it is
 WIRE = ("bandwidth", "bits_per_sample", "bits_per_channel")
 
@@ -103,7 +104,7 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
     entries = preset["channels"]
     if not isinstance(entries, list) or not entries or not all(isinstance(e, Mapping) for e in entries):
         raise DermisError("'channels' must be a list of objects, at least one", where=where, value=entries)
-    channels = tuple(_channel(entry, where) for entry in entries)
+    channels = tuple(_channel(one, where) for entry in entries for one in _repeated(entry, where))
     names = [c.name for c in channels]
     if len(set(names)) != len(names):
         raise DermisError("two channels have one name", where=where, value=", ".join(names))
@@ -180,6 +181,21 @@ def _parameter(value: Any, where: str) -> Any:
     if isinstance(value, str | bool) or (isinstance(value, list) and all(isinstance(v, str) for v in value)):
         return value
     return quantity(value, where=where)
+
+
+def _repeated(entry: Mapping[str, Any], where: str) -> list[Mapping[str, Any]]:
+    """Spell out an entry with "repeat": n, whose name and actuator hold {} for the numbers 1 to n, padded alike."""
+    if "repeat" not in entry:
+        return [entry]
+    count, name = entry["repeat"], str(entry.get("name", ""))
+    if not isinstance(count, int) or isinstance(count, bool) or not 1 <= count <= MAX_REPEAT:
+        raise DermisError("'repeat' must be a whole number", where=where, value=count, limit=f"1 to {MAX_REPEAT}")
+    if name.count("{}") != 1:
+        raise DermisError("a repeated channel's name needs {} for its number", where=where, value=name)
+    numbers = [f"{i:0{len(str(count))}d}" for i in range(1, count + 1)]
+    rest = {k: v for k, v in entry.items() if k not in ("repeat", "name", "actuator")}
+    actuator = str(entry.get("actuator", ""))
+    return [{**rest, "name": name.replace("{}", n), "actuator": actuator.replace("{}", n)} for n in numbers]
 
 
 def _channel(entry: Mapping[str, Any], where: str) -> Channel:

@@ -21,8 +21,8 @@ ABOVE = 0.01  # part of a channel's power above its bandwidth that is worth a wo
 def findings_of(track: CommandTrack, *, levels: int | None = None) -> tuple[Finding, ...]:
     """Return everything that is to be said before a track leaves, the track's own check included.
 
-    Codes beyond `CommandTrack.check`: 'acceleration' (error), 'bandwidth', 'coarse' (warnings), 'quantisation' (info),
-    'no-range' (error).
+    Codes beyond `CommandTrack.check`: 'acceleration', 'no-range' (errors), 'bandwidth', 'coarse',
+    'quantisation' (warnings).
 
     Args:
         levels: how many counts the format gives a channel's range; None: the format does not quantise.
@@ -41,8 +41,7 @@ def _stated(track: CommandTrack, kind: str, column: int) -> float | None:
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
-        raise DermisError(f"the {kind} must be one number above zero",
-                          where=f"device preset '{track.spec.key}', {track.channels[column].name}", value=value)  # fmt: skip
+        raise DermisError(f"the {kind} must be one number above zero", where=_place(track, column), value=value)
     return float(value)
 
 
@@ -86,12 +85,14 @@ def _steps(track: CommandTrack, column: int, levels: int | None) -> Iterator[Fin
     step = (channel.high - channel.low) / (levels - 1)
     resolution = _stated(track, "resolution", column)
     if resolution is not None and step > resolution:
-        yield Finding("warning", "coarse", "the format's counts are coarser than the device", where=_place(track, column),
-                      value=f"{step:.3g} {channel.unit}", limit=f"{resolution:g} {channel.unit}")  # fmt: skip
+        yield Finding("warning", "coarse", "the format's counts are coarser than the device",
+                      where=_place(track, column), value=f"{step:.3g} {channel.unit}",
+                      limit=f"{resolution:g} {channel.unit}")  # fmt: skip
     moves = float(np.ptp(track.values[:, column]))
     if 0 < moves < 16 * step:
-        yield Finding("warning", "quantisation", "the track moves by less than sixteen counts", where=_place(track, column),
-                      value=f"{moves:.3g} {channel.unit}", limit=f">= {16 * step:.3g} {channel.unit}")  # fmt: skip
+        yield Finding("warning", "quantisation", "the track moves by less than sixteen counts",
+                      where=_place(track, column), value=f"{moves:.3g} {channel.unit}",
+                      limit=f">= {16 * step:.3g} {channel.unit}")  # fmt: skip
 
 
 def _place(track: CommandTrack, column: int) -> str:

@@ -40,6 +40,8 @@ def dumps(track: CommandTrack) -> str:
     header = header_of(track, SCHEMA)
     columns = [(c.name, track.values[:, i]) for i, c in enumerate(track.channels)]
     if "first" not in header["times"]:
+        if "t_s" in dict(columns):
+            raise DermisError("a channel has the name of the column of times", where=track.spec.key, value="t_s")
         columns.insert(0, ("t_s", track.times))
     lines = [f"{text_of({'name': n})[9:-1]}: [{', '.join(map(repr, v.tolist()))}]" for n, v in columns]
     head = text_of(header)[:-1]

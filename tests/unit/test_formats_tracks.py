@@ -1,0 +1,227 @@
+"""JSON and binary tracks: round trips, refusals, and files that something mangled on the way."""
+
+from __future__ import annotations
+
+import json
+import random
+import struct
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.calibration import Calibration
+from core.devices.spec import Channel, DeviceSpec
+from core.errors import DermisError
+from core.formats import binary, csv, export, json_track
+from core.presets import Library, check
+from core.track import CommandTrack
+
+SPEC = DeviceSpec(
+    "dev", "A dévice", "test", 1000.0,
+    (Channel("x", "m", -2e-3, 2e-3, 0.15, 0.0), Channel("motor", "rad", -0.5, 0.5, None, 0.1, "m1")),
+    {"range": 2e-3, "names": ["a", "b"], "on": True}, {"bandwidth": 1e6, "bits_per_sample": 8.0},
+)  # fmt: skip
+META = {"finger": "Thumb, left", "scene": "Szene\n2", "frame_range": "1 25", "fps": "24/1"}
+
+
+def a_track(n: int = 500, seed: int = 1) -> CommandTrack:
+    rng = np.random.default_rng(seed)
+    values = np.column_stack([np.cumsum(rng.normal(size=n)) * 1e-5, rng.uniform(-0.5, 0.5, n)])
+    return CommandTrack(SPEC, np.arange(n) / 1000.0, values, META, {"x.slew": 3})
+
+
+def same_but_values(a: CommandTrack, b: CommandTrack) -> None:
+    assert a.times.tolist() == b.times.tolist()
+    assert (dict(a.meta), dict(a.limited), a.channels) == (dict(b.meta), dict(b.limited), b.channels)
+    assert (a.spec.key, a.spec.name, a.spec.kind, a.spec.rate) == (b.spec.key, b.spec.name, b.spec.kind, b.spec.rate)
+    assert a.spec.hash == b.spec.hash
+    assert (dict(a.spec.parameters), dict(a.spec.wire)) == (dict(b.spec.parameters), dict(b.spec.wire))
+
+
+def test_json_comes_back_to_the_last_bit(tmp_path: Path) -> None:
+    track = a_track()
+    json_track.write(track, tmp_path / "a.json")
+    back = export.read(tmp_path / "a.json")
+    same_but_values(track, back)
+    assert np.array_equal(track.values, back.values)
+    assert json_track.dumps(back) == json_track.dumps(track)
+
+
+def test_json_is_json_of_plain_columns() -> None:
+    track = a_track(3)
+    plain = json.loads(json_track.dumps(track))
+    assert plain["values"]["motor"] == track.values[:, 1].tolist()
+    assert plain["times"] == {"count": 3, "first": 0, "rate": 1000.0}
+
+
+def test_binary_comes_back_within_its_stated_error(tmp_path: Path) -> None:
+    track = a_track(2000)
+    binary.write(track, tmp_path / "a.dtrack")
+    back = export.read(tmp_path / "a.dtrack")
+    same_but_values(track, back)
+    bound = np.ptp(track.values, axis=0) / 2**33 * (1 + 1e-3)
+    assert (np.abs(back.values - track.values) <= bound).all()
+    assert binary.dumps(back) == binary.dumps(back)
+    assert (tmp_path / "a.dtrack").stat().st_size < 2000 * 2 * 4 + 1500
+
+
+def test_binary_bytes_of_a_track_by_hand() -> None:
+    """Three samples of one channel from 0 to 1: counts 0, 2^31 (half, rounded to even) and 2^32 - 1."""
+    one = CommandTrack(DeviceSpec("d", "D", "k", 10.0, (Channel("a", "1"),)), np.arange(3) / 10.0,
+                       np.array([[0.0], [0.5], [1.0]]))  # fmt: skip
+    data = binary.dumps(one)
+    assert data[:8] == bytes.fromhex("8944524d540d0a01")
+    size = struct.unpack_from("<I", data, 8)[0]
+    assert data[12 + size : -4] == struct.pack("<3I", 0, 2**31, 2**32 - 1)
+    assert struct.unpack("<I", data[-4:])[0] == zlib.crc32(data[:-4])
+    assert json.loads(data[12 : 12 + size])["high"] == [1.0]
+
+
+@pytest.mark.parametrize("module", [json_track, binary], ids=["json", "binary"])
+def test_uneven_times_and_empty_tracks(module: object) -> None:
+    uneven = replace(a_track(4), times=np.array([0.0, 0.1, 0.15, 7.0]))
+    assert module.loads(module.dumps(uneven)).times.tolist() == [0.0, 0.1, 0.15, 7.0]  # type: ignore[attr-defined]
+    empty = replace(a_track(1), times=np.empty(0), values=np.empty((0, 2)))
+    assert module.loads(module.dumps(empty)).values.shape == (0, 2)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("module", [json_track, binary], ids=["json", "binary"])
+def test_not_finite_is_refused(module: object) -> None:
+    bad = a_track(4)
+    bad.values[2, 1] = np.nan
+    with pytest.raises(DermisError, match="not a finite number"):
+        module.dumps(bad)  # type: ignore[attr-defined]
+
+
+def test_every_single_flipped_bit_of_a_binary_is_noticed() -> None:
+    data = bytearray(binary.dumps(a_track(5)))
+    for bit in range(8 * len(data)):
+        data[bit // 8] ^= 1 << bit % 8
+        with pytest.raises(DermisError):
+            binary.loads(bytes(data))
+        data[bit // 8] ^= 1 << bit % 8
+    binary.loads(bytes(data))
+
+
+def test_json_refusals_say_where() -> None:
+    text = json_track.dumps(a_track(3))
+    for old, new, what in (
+        ('"dermis-track-json 1"', '"dermis-track-json 2"', "newer version"),
+        ('"count": 3', '"count": 4', "number of samples"),
+        ('"x": [', '"y": [', "columns are not the channels"),
+        ("[0.0", "[NaN", "finite"),
+        ('"rate": 1000.0', '"rate": -1.0', "grid|rate"),
+        ('"unit": "rad"', '"unit": "degree"', "column name"),
+        ('"x.slew": 3', '"x.slew": -3', "count"),
+    ):  # fmt: skip
+        broken = text.replace(old, new, 1) if old != "[0.0" else text.replace('"x": [', '"x": [NaN, ', 1)
+        assert broken != text
+        with pytest.raises(DermisError, match=what):
+            json_track.loads(broken)
+
+
+def test_errors_block_an_export_unless_forced(tmp_path: Path) -> None:
+    wild = a_track(10)
+    wild.values[5, 1] = 0.75
+    path = tmp_path / "a.json"
+    with pytest.raises(DermisError, match="not written: outside the channel's range"):
+        export.write(wild, path, "json")
+    assert not path.exists()
+    found = export.write(wild, path, "json", force=True)
+    assert "out-of-range" in {f.code for f in found}
+    back = json_track.read(path)
+    assert back.values[5, 1] == 0.75 and back.meta["forced"] == "out-of-range (1)"
+
+
+def test_cut_keeps_both_ends_and_tells_the_frames() -> None:
+    track = a_track(1001)
+    part = export.cut(track, 0.25, 0.5, name="marker A")
+    assert len(part.times) == 251 and part.times[0] == 0.0
+    assert np.array_equal(part.values, track.values[250:501])
+    assert part.meta["frame_range"] == "7 13" and part.meta["range"] == "marker A"
+    with pytest.raises(DermisError, match="beyond the track"):
+        export.cut(track, 0.5, 1.1)
+    with pytest.raises(DermisError, match="empty"):
+        export.cut(track, 0.5, 0.5)
+
+
+# -- mutated files: a parser gives a track or a DermisError, and nothing else
+
+
+def mutated(data: bytes, rng: random.Random) -> bytes:
+    work = bytearray(data)
+    for _ in range(rng.choice((1, 1, 2, 4, 16))):
+        at = rng.randrange(len(work)) if work else 0
+        kind = rng.randrange(5)
+        if kind == 0 and work:
+            work[at] ^= 1 << rng.randrange(8)
+        elif kind == 1:
+            work[at:at] = bytes(rng.randrange(256) for _ in range(rng.randrange(1, 5)))
+        elif kind == 2 and work:
+            del work[at : at + rng.randrange(1, 9)]
+        elif kind == 3:
+            work[at:at] = rng.choice((b"1e999", b"-", b"NaN", b"null", b"{", b"]", b"\n#", b'"', b"9" * 400, b"\xff"))
+        else:
+            other = rng.randrange(len(work)) if work else 0
+            work[at : at + 8] = work[other : other + 8]
+    return bytes(work)
+
+
+def _recrc(data: bytes) -> bytes:
+    """Give mutated bytes a check sum that holds, so that the parser behind it is tried."""
+    return data[:-4] + struct.pack("<I", zlib.crc32(data[:-4]))
+
+
+def fuzz(count: int, seed: int) -> dict[str, int]:
+    rng, track = random.Random(seed), a_track(6)
+    device = (Library()._folders[0][0] / "devices" / "haptip.json").read_bytes()
+    material = (Library()._folders[0][0] / "materials" / "rubber.json").read_bytes()
+    calibration = Calibration.of(SPEC).with_entry("motor", zero=0.01, gain=1.1, low=-0.4, high=0.4).dumps().encode()
+
+    def preset(group: str, data: bytes) -> None:
+        text = data.decode("utf-8", "replace")
+        check(group, "fuzzed", _object(text))
+
+    def _object(text: str) -> dict[str, object]:
+        from core.formats.track_header import parse
+
+        found = parse(text, "fuzz")
+        if not isinstance(found, dict):
+            raise DermisError("no object")
+        return found
+
+    targets = {
+        "csv": (csv.dumps(track).encode(), lambda d: csv.loads(d.decode("utf-8", "replace"))),
+        "json": (json_track.dumps(track).encode(), lambda d: json_track.loads(d.decode("utf-8", "replace"))),
+        "binary": (binary.dumps(track), lambda d: binary.loads(_recrc(d))),
+        "device": (device, lambda d: preset("devices", d)),
+        "material": (material, lambda d: preset("materials", d)),
+        "calibration": (calibration, lambda d: Calibration.loads(d.decode("utf-8", "replace"))),
+    }
+    accepted = dict.fromkeys(targets, 0)
+    for i in range(count):
+        name = list(targets)[i % len(targets)]
+        data, parser = targets[name]
+        broken = mutated(data, rng)
+        try:
+            result = parser(broken)
+        except DermisError:
+            continue
+        accepted[name] += 1
+        if isinstance(result, CommandTrack):
+            assert np.isfinite(result.values).all() and np.isfinite(result.times).all(), (name, broken)
+            assert (np.diff(result.times) > 0).all(), (name, broken)
+    return accepted
+
+
+def test_parsers_survive_mutated_files() -> None:
+    accepted = fuzz(3000, 7)
+    assert accepted["csv"] and accepted["json"], "mutations that hurt everything try nothing behind the first check"
+
+
+@pytest.mark.long
+def test_parsers_survive_a_million_mutated_files() -> None:
+    fuzz(1_000_000, 8)

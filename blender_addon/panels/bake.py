@@ -82,7 +82,7 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
             row.label(text=f"{len(track.times):,} samples, {duration:.2f} s at {track.spec.rate:g} Hz", icon="BLANK1")
             for name, count in track.limited.items():
                 if count:
-                    box.label(text=f"{name}: {count:,} samples limited", icon="ERROR")
+                    box.label(text=f"{count:,} limited: {name.replace('_', ' ').replace('.', ', ')}", icon="ERROR")
 
     def _figures(self, bake: Any) -> None:
         column = self.layout.column(align=True)
@@ -92,7 +92,7 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
             if count:
                 column.label(text=f"Skipped, {name.replace('_', ' ')}: {count:,}")
         if bake.stage_seconds:
-            times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in bake.stage_seconds.items())
+            times = ", ".join(f"{name} {1e3 * seconds:.0f} ms" for name, seconds in bake.stage_seconds.items())
             paragraph(column, bpy.context, f"Took {times}")
 
 

@@ -68,13 +68,14 @@ def look(context: bpy.types.Context) -> None:
         space = area.spaces.active
         space.clip_start, space.lens = 0.002, 50.0
         space.shading.color_type = "TEXTURE"
-        space.overlay.show_relationship_lines = False
+        space.shading.show_cavity = space.shading.show_shadows = True
+        space.overlay.show_relationship_lines = space.overlay.show_cursor = False
         space.show_region_ui = True
         view = space.region_3d
         view.view_perspective = "PERSP"
-        view.view_location = Vector((0.034, 0.0, 0.010))
-        view.view_rotation = Euler((math.radians(58.0), 0.0, math.radians(12.0))).to_quaternion()
-        view.view_distance = 0.36
+        view.view_location = Vector((0.044, 0.0, -0.004))
+        view.view_rotation = Euler((math.radians(58.0), 0.0, math.radians(3.0))).to_quaternion()
+        view.view_distance = 0.31
 
 
 def bumps_image(size: tuple[float, float]) -> bpy.types.Image:

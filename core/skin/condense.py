@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
+from .blas import one_thread
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -45,6 +46,13 @@ def condense(matrix: csr_array, pad: Index, *, response: bool = False) -> Conden
     Raises:
         DermisError: the matrix is not positive definite: the tissue is not held, or an element is broken.
     """
+    import scipy.linalg  # noqa: F401  (brings its BLAS before the threads are counted)
+
+    with one_thread():
+        return _condense(matrix, pad, response)
+
+
+def _condense(matrix: csr_array, pad: Index, response: bool) -> Condensed:
     from scipy.linalg.blas import dgemm, dsyrk, dtrsm
     from scipy.linalg.lapack import dpotrf
 

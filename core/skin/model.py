@@ -100,10 +100,12 @@ class SkinModel:
 
     def pad_displacement(self, force: Floats) -> Array:
         """Return the displacement of the pad nodes, shape (m, 3)."""
-        return (self.compliance @ self._force(force)).reshape(-1, 3)
+        return self._pad_displacement(self._force(force)).reshape(-1, 3)
 
     def displacement(self, force: Floats) -> Array:
         """Return the displacement of all nodes, shape (n, 3); the pad's is exact, the others' to float32."""
+        from scipy.linalg.blas import sgemv  # numpy may come without a BLAS
+
         flat = self._force(force)
         active = np.flatnonzero(flat.reshape(-1, 3).any(axis=1))
         out = np.zeros((len(self.mesh.nodes), 3))
@@ -117,9 +119,9 @@ class SkinModel:
             flat32 = flat
         # scaled in float64 before and after, so that single precision sees numbers near one
         scale = float(np.abs(flat32).max())
-        moved = (flat32 / scale).astype(np.float32) @ rows
+        moved = sgemv(1.0, rows.T, (flat32 / scale).astype(np.float32))
         out[self.mesh.free] = moved.astype(np.float64).reshape(-1, 3) * (scale / self.material.modulus)
-        out[self.mesh.pad] = self.pad_displacement(force)
+        out[self.mesh.pad] = self._pad_displacement(flat).reshape(-1, 3)
         return out
 
     def stress(self, force: Floats) -> Array:
@@ -129,7 +131,7 @@ class SkinModel:
     def energy(self, force: Floats) -> float:
         """Return the strain energy [J]."""
         flat = self._force(force)
-        return 0.5 * float(flat @ (self.compliance @ flat))
+        return 0.5 * float(flat @ self._pad_displacement(flat))
 
     def energy_density(self, force: Floats) -> Array:
         """Return the strain energy density of each element [J/m^3], shape (e,)."""
@@ -185,7 +187,9 @@ class SkinModel:
             raise DermisError("as many components as there are", where="skin stress", value=count, limit=f"1 to {size}")
         root = self._unit_stress
         samples = root if forces is None else root @ np.asarray(forces, np.float64).reshape(-1, size).T
-        values, vectors = np.linalg.eigh(samples @ samples.T)
+        from scipy.linalg import eigh
+
+        values, vectors = eigh(samples @ samples.T)
         keep = vectors[:, np.argsort(values)[::-1][:count]]
         keep = keep * np.where(keep[np.abs(keep).argmax(axis=0), np.arange(count)] < 0, -1.0, 1.0)
         return keep.T @ root
@@ -193,6 +197,8 @@ class SkinModel:
     @cached_property
     def _unit_stress(self) -> Array:
         """Return H (3 m, 3 m) with |H f| the stress norm of f; stress does not depend on E when forces are given."""
+        from scipy.linalg import eigh
+
         weighted = StressOperator(self.mesh, self.material.unit, self.element).weighted_matrix
         weighted = weighted[:, degrees(self.mesh.free)].tocsr()
         normal = (weighted.T.tocsr() @ weighted).tocsr()
@@ -202,8 +208,13 @@ class SkinModel:
             part = np.asarray(response[start : start + 256], np.float64)
             forced = normal @ part.T
             gram[:, start : start + 256] = np.asarray(response, np.float32) @ forced.astype(np.float32)
-        values, vectors = np.linalg.eigh(0.5 * (gram + gram.T))
+        values, vectors = eigh(0.5 * (gram + gram.T))
         return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+
+    def _pad_displacement(self, flat: Array) -> Array:
+        from scipy.linalg.blas import dgemv
+
+        return dgemv(1.0, self.compliance.T, flat)  # symmetric, and in the order that BLAS wants without a copy
 
     def _force(self, force: Floats) -> Array:
         flat = np.ascontiguousarray(force, np.float64).reshape(-1)

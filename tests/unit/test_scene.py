@@ -131,4 +131,4 @@ def test_sentences_have_what_where_value_limit_and_remedy() -> None:
     error = DermisError("too big", where="box", value=3, limit="<= 2", remedy="Shrink it")
     assert str(error) == "box: too big (found 3; allowed: <= 2). Shrink it."
     finding = str(Finding("warning", "c", "too big", where="box", value="x", frame=2.5))
-    assert finding.startswith("warning: box: too big (found 'x')") and finding.endswith("(first at frame 2.5)")
+    assert finding == "warning: box: too big (found 'x') (first at frame 2.5)."

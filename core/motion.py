@@ -231,18 +231,33 @@ def rotations(linear: Array) -> Array:
     Raises:
         DermisError: a map without an inverse, such as one of scale 0.
     """
-    length = np.sqrt(np.einsum("nij,nij->nj", linear, linear))
-    determinant = np.linalg.det(linear)
-    if not (np.abs(determinant) > SINGULAR * length.prod(axis=1)).all():
+    columns, volume = _columns(linear)
+    if not (np.abs(volume) > SINGULAR).all():
         raise DermisError("a pose of scale 0 has no direction", limit="a scale other than 0")
-    unit = linear / length[:, None, :]
-    x, y, z = unit[:, :, 0], unit[:, :, 1], unit[:, :, 2]
-    cosines = [np.abs(np.einsum("ij,ij->i", p, q)) for p, q in ((x, y), (y, z), (z, x))]
-    sheared = np.flatnonzero(np.max(cosines, axis=0) > ORTHOGONAL)
+    x, y, z = columns
+    skew = np.maximum(np.maximum(np.abs(dot(x, y)), np.abs(dot(y, z))), np.abs(dot(z, x)))
+    out = np.empty((3, 3, len(linear)))
+    side = np.sign(volume)
+    for j, column in enumerate(columns):
+        np.multiply(column.T, side, out=out[:, j])
+    unit = np.moveaxis(out, -1, 0)
+    sheared = np.flatnonzero(skew > ORTHOGONAL)
     if sheared.size:
         left, _, right = np.linalg.svd(linear[sheared])
-        unit[sheared] = left @ right
-    return unit * np.sign(determinant)[:, None, None]
+        unit[sheared] = left @ right * side[sheared, None, None]
+    return unit
+
+
+def singular(linear: Array) -> NDArray[np.bool_]:
+    """Return which of the linear maps (n, 3, 3) have no inverse to speak of, shape (n,)."""
+    return ~(np.abs(_columns(linear)[1]) > SINGULAR)
+
+
+def _columns(linear: Array) -> tuple[list[Array], Array]:
+    """Unit columns, (n, 3) each, and the signed volume that they span, shape (n,); NaN at scale 0."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        columns = [scaled(linear[:, :, j], 1.0 / np.sqrt(dot(linear[:, :, j], linear[:, :, j]))) for j in range(3)]
+    return columns, dot(columns[0], cross(columns[1], columns[2]))
 
 
 def quaternions(matrix: Array) -> Array:

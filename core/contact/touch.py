@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
-from ..motion import SINGULAR, rotations
+from ..motion import rotations, singular
 from ..scene import Chunk, Mesh, TactileScene
+from ..vectors import turn as turned
+from ..vectors import turn_back
 from .centre import centre_of
 from .gap import GapQuery, Surface, surface_of
 from .sampled import PairTouch, SampledTouch
@@ -86,11 +88,9 @@ class TouchSampler:
         bodies = self._repaired("object", names[1], chunk.bodies, chunk.frames)
         screens = self._repaired("screen", names[2], chunk.screens, chunk.frames)
         for i, name in enumerate(names[0]):
-            try:
-                rotations(fingers[i, :, :3, :3])
-            except DermisError as error:
-                raise DermisError(error.what, where=f"finger '{name}'", limit=error.limit,
-                                  remedy="Give the finger a scale other than 0") from error  # fmt: skip
+            if singular(fingers[i, :, :3, :3]).any():
+                raise DermisError("a finger of scale 0 has no direction", where=f"finger '{name}'",
+                                  remedy="Give the finger a scale other than 0")  # fmt: skip
         self._chunks.append(Chunk(chunk.frames, chunk.times, fingers, bodies, screens, {}, chunk.channels))
         self._sweep(chunk, fingers, bodies)
         self._count += count
@@ -174,8 +174,7 @@ class TouchSampler:
         """Measure the gaps between one body and the pads that are near it."""
         wanted = np.unique(np.concatenate([index for _, index in near]))
         linear = poses[wanted, :3, :3]
-        volume = np.sqrt(np.einsum("nij,nij->nj", linear, linear)).prod(axis=1)
-        flat = np.abs(np.linalg.det(linear)) <= SINGULAR * volume
+        flat = singular(linear)
         if flat.any():
             key = ("zero-scale", self._scene.bodies[b].name)
             self._bad.setdefault(key, []).extend(chunk.frames[wanted[flat]].tolist())
@@ -184,14 +183,16 @@ class TouchSampler:
             near = [(f, index) for f, index in near if index.size]
         if not near:
             return
+        turn = np.zeros((len(chunk.times), 3, 3))
         if (linear == linear[0]).all():
-            rotation = np.broadcast_to(rotations(linear[:1])[0], linear.shape)
+            one = rotations(linear[:1])[0]
+            turn[wanted] = one
+            stretch = np.broadcast_to(one.T @ linear[0], linear.shape)
         else:
             rotation = rotations(linear)
-        turn = np.zeros((len(chunk.times), 3, 3))
-        turn[wanted] = rotation
-        stretch = np.swapaxes(rotation, 1, 2) @ linear
-        local = {f: np.einsum("nji,nj->ni", turn[i], fingers[f, i, :3, 3] - poses[i, :3, 3]) for f, i in near}
+            turn[wanted] = rotation
+            stretch = np.stack([turn_back(rotation, linear[:, :, j]) for j in range(3)], axis=-1)
+        local = {f: turn_back(turn[i], fingers[f, i, :3, 3] - poses[i, :3, 3]) for f, i in near}
         for surface, group, velocity in self._surfaces(b, chunk, wanted, stretch):
             if group.size == wanted.size:
                 self._measure(b, surface, near, local, turn, fingers, velocity)
@@ -275,7 +276,7 @@ class TouchSampler:
             pair.last = self._count + int(index[-1])
             pair.start.append(self._count + index)
             pair.gap.append(gap)
-            pair.normal.append(np.einsum("nij,nj->ni", turn[index], normal))
+            pair.normal.append(turned(turn[index], normal))
             pair.point.append(found.point[own])
             pair.surface_velocity.append(moving[own])
 

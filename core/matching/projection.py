@@ -48,7 +48,7 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
     Source: [S3] eq. 1-8
     """
     tactor = ShearTactor.from_spec(spec)
-    times = device_times(scene, spec.rate)
+    times: Array = touch.keep(("device times", spec.rate), lambda: device_times(scene, spec.rate))
     sums = _Sums(touch, scene, finger, use, tactor, times)
     for body in range(len(scene.bodies)):
         sums.body(body)

@@ -22,7 +22,7 @@ _NAMES = tuple(
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """Hold every OpenBLAS of numpy and scipy at one thread, then give it back what it had (some ms; not for a frame)."""
+    """Hold every OpenBLAS of numpy and scipy at one thread, then give it back what it had. Takes some ms."""
     before = [(put, get()) for get, put in controls()]
     try:
         for put, _ in before:

@@ -103,9 +103,10 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
     bl_label = "Findings"
 
     @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        """Show only where there are any."""
-        return bool(reporting.findings())
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Show only where there are any, and only those of this scene."""
+        scene = reporting.source().partition(" of ")[2]
+        return bool(reporting.findings()) and scene in ("", context.scene.name)
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw errors first, each with a way to its place."""
@@ -119,7 +120,7 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
             row = box.row(align=True)
             text = row.column(align=True)
             head = f"{finding.where}: {finding.what}" if finding.where else finding.what
-            if finding.count > 1:
+            if finding.count > 1 and str(finding.count) not in finding.what:
                 head += f" ({finding.count:,} samples)"
             paragraph(text, context, head, SEVERITY_ICONS[finding.severity], inset=36.0)
             if finding.value is not None or finding.limit:

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
 from ..scene import Mesh
+from .cells import CellLists
 from .nearest import CentroidTree, Nearest, nearest
 from .topology import BOUNDARY, IRREGULAR, REGULAR, Topology, topology_of
 from .triangles import Array, Indices, TriangleTable
@@ -32,6 +33,8 @@ from .triangles import Array, Indices, TriangleTable
 ON_FEATURE = 1e-9
 # A point is straight above a rim if it is off by less than this fraction of its distance.
 STRAIGHT = 1e-6
+# Below this number of triangles trying all of them is quickest.
+FEW = 48
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,8 @@ class Surface:
         self.triangles = triangles
         self.topology = topology
         self.table = TriangleTable.build(vertices, triangles)
+        self._queries = 0
+        self._cells: CellLists | None = None
 
     @classmethod
     def build(cls, vertices: NDArray[np.floating], triangles: NDArray[np.integer]) -> Surface:
@@ -154,8 +159,7 @@ class Surface:
             raise DermisError("points must have the shape (n, 3)", value=points.shape)
         if not np.isfinite(points).all():
             raise DermisError("points to measure from are not finite numbers")
-        found = self._nearest(points, reach)
-        return self._signed(points, found)
+        return self._within(reach, self._signed(points, self._nearest(points, reach)))
 
     def side_of(self, point: Array) -> int:
         """Return +1 where a point [m], shape (3,), is in front of the closest faces, -1 where it is behind.
@@ -196,6 +200,18 @@ class Surface:
         return CentroidTree(self.table)
 
     def _nearest(self, points: Array, reach: float) -> Nearest:
+        """Search afresh the first time; keep cells from the second on, when the surface has proved to be rigid."""
+        self._queries += 1
+        if self._queries == 1 or self.triangles.shape[0] < FEW or points.shape[0] == 0:
+            return self._search(points, reach)
+        if self._cells is None or self._cells.reach != reach:
+            if self._cells is not None and self._queries < 8:
+                return self._search(points, reach)
+            self._cells = CellLists(self.table, self._search, reach)
+            self._queries = 2
+        return self._cells.nearest(points)
+
+    def _search(self, points: Array, reach: float) -> Nearest:
         n = points.shape[0]
         found = nearest(self.table, points, np.full(n, reach), self._tree_if_large(n))
         if self.closed and np.isfinite(reach):
@@ -207,6 +223,15 @@ class Surface:
                 for target, source in zip(found, deep, strict=True):
                     target[lost[inside]] = source[inside]
         return found
+
+    def _within(self, reach: float, answer: GapQuery) -> GapQuery:
+        """Forget points beyond reach that the cells knew all the same."""
+        gap = answer.gap
+        beyond = np.isfinite(gap) & ((gap if self.closed else np.abs(gap)) > reach)
+        if beyond.any():
+            gap[beyond], answer.normal[beyond], answer.point[beyond] = np.inf, 0.0, np.nan
+            answer.triangle[beyond], answer.weights[beyond], answer.beside[beyond] = -1, 0.0, False
+        return answer
 
     # -- sign and normal -----------------------------------------------------------------------------------------
 

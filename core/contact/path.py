@@ -130,7 +130,7 @@ class PathSolver:
         extent = np.sort(np.ptp(self.points, axis=0))
         self._spacing = float(np.sqrt(max(extent[-1] * extent[-2], 1e-12) / m))
         # skin cannot bulge out of what presses into it by more than it is pressed: nodes farther off stay open
-        self.reach = max(6.0 * self._spacing, 3e-3)
+        self.reach = max(2.5 * self._spacing, 2.5e-3)
         self._candidates = CandidateInverse(c, self._rho)
         self.history = ContactHistory(m)
         self._zero = np.zeros((m, 3))
@@ -304,7 +304,8 @@ class PathSolver:
             if coming.size:
                 c.add(coming[np.argsort(predicted[coming])[:BUDGET]], soft)
                 return
-        leaving = c.members[(predicted[c.members] > LEAVE * h) & ~loaded[c.members]]
+        leaves = (predicted > LEAVE * h) & np.logical_not(loaded)
+        leaving = c.members[leaves[c.members]]
         if leaving.size >= BUDGET:
             c.remove(leaving[: 2 * BUDGET])
 
@@ -375,11 +376,14 @@ def _ends(matrix: NDArray[np.float64], name: str) -> tuple[float, float]:
     factor, info = dpotrf(matrix, lower=1)
     if info != 0:
         raise DermisError("the compliance is not positive definite", where=name)
-    low: Array = np.random.default_rng(0).normal(size=matrix.shape[0])
+    low: Array = np.asarray(np.random.default_rng(0).normal(size=matrix.shape[:1]), dtype=np.float64)
     high = low
     for _ in range(20):
-        high = matrix @ high
-        high /= np.linalg.norm(high)
-        low = cho_solve((factor, True), low, check_finite=False)
-        low /= np.linalg.norm(low)
+        high = _unit(matrix @ high)
+        low = _unit(cho_solve((factor, True), low, check_finite=False))
     return float(low @ matrix @ low), float(high @ matrix @ high)
+
+
+def _unit(vector: Array) -> Array:
+    out: Array = vector / np.linalg.norm(vector)
+    return out

@@ -272,6 +272,34 @@ def test_surface_of_is_kept_by_identity_and_let_go():
     assert gone() is None
 
 
+@pytest.mark.parametrize("reach", [0.002, np.inf])
+@pytest.mark.parametrize("kind", ["sphere", "bowl", "sheet", "soup"])
+def test_cells_answer_as_a_fresh_search_does(kind, reach):
+    """From the second query on a surface remembers; what it remembers must change nothing, bit for bit."""
+    rng = np.random.default_rng(12)
+    vertices, triangles = sphere(20, 24)
+    if kind == "bowl":
+        triangles = np.concatenate([triangles, triangles[:, ::-1] + len(vertices)])
+        vertices = np.concatenate([vertices, vertices * 0.97])
+    elif kind == "sheet":
+        triangles = triangles[vertices[triangles].mean(axis=1)[:, 2] < 0.003]
+    elif kind == "soup":
+        vertices = (rng.uniform(-0.01, 0.01, (200, 1, 3)) + rng.normal(size=(200, 3, 3)) * 0.002).reshape(-1, 3)
+        triangles = np.arange(600).reshape(-1, 3)
+    surface = Surface.build(vertices, triangles)
+    surface.query(vertices[:1], reach)
+    place = np.zeros(3)
+    for _ in range(12):
+        place = place + rng.normal(size=3) * 0.001
+        direction = rng.normal(size=(80, 3))
+        points = place + direction / np.linalg.norm(direction, axis=1)[:, None] * rng.uniform(0.006, 0.013, 80)[:, None]
+        kept, fresh = surface.query(points, reach), Surface.build(vertices, triangles).query(points, reach)
+        np.testing.assert_array_equal(kept.gap, fresh.gap)
+        np.testing.assert_array_equal(kept.triangle, fresh.triangle)
+        np.testing.assert_array_equal(kept.normal, fresh.normal)
+    assert surface._cells is not None and surface._cells._count > 0
+
+
 @pytest.mark.parametrize("vertices, triangles", [
     (np.zeros((3, 2)), np.zeros((1, 3), int)),
     (np.zeros((3, 3)), np.zeros((0, 3), int)),

@@ -1,0 +1,222 @@
+"""Cells of space that know which triangles can be closest to the points inside them: exact, and filled when visited.
+
+The distance to one triangle is a convex function, so its tangent at a cell's centre bounds it from below everywhere;
+the distance to the triangle closest to the centre is bounded from above by its tangent and its largest curvature. A
+triangle whose lower bound stays above that upper bound throughout the cell is never the closest there. The few others
+are listed once per cell; afterwards a point costs a look-up and one or two triangles. A rigid object pays once for
+each place that a finger visits, whoever's finger it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .nearest import SLACK, TIE, Nearest
+from .triangles import Array, Indices, TriangleTable
+
+# Triangles listed in a cell at most; points in fuller ones (the middle of a ball) are searched for afresh.
+WIDTH = 64
+MAX_CELLS = 200_000
+# Side of a cell, in median triangle radii: smaller cells list less and are filled more often.
+SIDE = 0.9
+# Cells beside a missing one are filled with it, because a finger that moves will need them next.
+AHEAD = np.array([(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)])
+OFFSET = 1 << 20
+FAR, FULL = -1, -2
+
+Search = Callable[[Array, float], Nearest]
+
+
+class CellLists:
+    """Candidate lists of the cells about one surface.
+
+    Args:
+        table: the triangles.
+        search: the exact search for points within a distance, which answers -1 only for points outside and beyond.
+        reach: distance of interest that the lists are good for [m].
+    """
+
+    def __init__(self, table: TriangleTable, search: Search, reach: float) -> None:
+        self.reach = reach
+        self._table, self._search = table, search
+        radii = table.bounds[6, table.usable]
+        self._side = SIDE * float(np.median(radii)) if radii.size else 1.0
+        self._half = 0.5 * np.sqrt(3.0) * self._side
+        self._slack = 1e-6 * (reach if np.isfinite(reach) else float(np.ptp(table.rows[0:3])) + self._side)
+        self._clear()
+
+    def nearest(self, points: Array) -> Nearest:
+        """Return the closest triangles of points [m], shape (n, 3), within the reach and perhaps a little beyond."""
+        cell = np.floor(points / self._side).astype(np.int64)
+        if np.abs(cell).max(initial=0) >= OFFSET - 2:
+            return self._search(points, self.reach)
+        slot = self._slots(cell)
+        first = self._first[slot]
+        n = points.shape[0]
+        found = Nearest(np.full(n, -1), np.full(n, np.inf), np.zeros(n), np.zeros(n))
+        near = np.flatnonzero(first >= 0)
+        if near.size:
+            everything = near.size == n
+            p, s, c = (points, slot, cell) if everything else (points[near], slot[near], cell[near])
+            self._choose(p, s, c, first if everything else first[near], near, found)
+        full = np.flatnonzero(first == FULL)
+        if full.size:
+            for target, source in zip(found, self._search(points[full], self.reach), strict=True):
+                target[full] = source
+        return found
+
+    def _choose(self, points: Array, slot: Indices, cell: Indices, first: Indices, near: Indices, out: Nearest) -> None:
+        x = np.ascontiguousarray(points.T)
+        square, u, w = self._table.closest(x, first)
+        away = ((cell + 0.5) * -self._side + points).astype(np.float32)
+        # the tangents in single precision: the slack covers their rounding
+        lower = (self._tangents.take(slot, axis=0) @ away[:, :, None])[:, :, 0]
+        lower += self._distance.take(slot, axis=0)
+        threshold = (np.sqrt(square) * (1.0 + 1e-6) + self._slack).astype(np.float32)
+        owner, column = np.nonzero(lower <= threshold[:, None])
+        if owner.size:
+            other = self._lists[slot.take(owner), column]
+            square_o, u_o, w_o = self._table.closest(x.take(owner, axis=1), other)
+            start = np.flatnonzero(np.diff(owner, prepend=-1))
+            least = np.minimum.reduceat(square_o, start)
+            least *= 1.0 + TIE
+            hits = np.flatnonzero(square_o <= np.repeat(least, np.diff(start, append=owner.size)))
+            hits = hits[np.flatnonzero(np.diff(owner[hits], prepend=-1))]
+            of = owner[start]
+            base = square[of]
+            wins = (least < base) | ((square_o[hits] <= base * (1.0 + TIE)) & (other[hits] < first[of]))
+            of, hits = of[wins], hits[wins]
+            first = first.copy()
+            first[of], square[of], u[of], w[of] = other[hits], square_o[hits], u_o[hits], w_o[hits]
+        for target, values in zip(out, (first, square, u, w), strict=True):
+            target[near] = values
+
+    # -- the table of cells --------------------------------------------------------------------------------------
+
+    def _clear(self) -> None:
+        self._keys = np.zeros(0, dtype=np.int64)
+        self._slot_of: Indices = np.zeros(0, dtype=np.int64)
+        self._count = 0
+        self._lists: Indices = np.zeros((256, WIDTH), dtype=np.int64)
+        self._distance: NDArray[np.float32] = np.full((256, WIDTH), np.inf, dtype=np.float32)
+        self._tangents: NDArray[np.float32] = np.zeros((256, WIDTH, 3), dtype=np.float32)
+        self._first: Indices = np.zeros(256, dtype=np.int64)
+
+    def _slots(self, cell: Indices) -> Indices:
+        key = _key(cell)
+        at = np.searchsorted(self._keys, key)
+        known = np.zeros(key.size, dtype=bool)
+        if self._keys.size:
+            np.minimum(at, self._keys.size - 1, out=at)
+            known = self._keys[at] == key
+        if not known.all():
+            self._fill(cell[~known])
+            at = np.searchsorted(self._keys, key)
+        return self._slot_of[at]
+
+    def _fill(self, cell: Indices) -> None:
+        """List the triangles of missing cells, and of those about them."""
+        around = (cell[:, None, :] + AHEAD[None]).reshape(-1, 3)
+        key, index = np.unique(_key(around), return_index=True)
+        if self._count + key.size > MAX_CELLS:
+            self._clear()
+        new = ~np.isin(key, self._keys, assume_unique=True)
+        key, cell = key[new], around[index[new]]
+        centres = np.asarray((cell + 0.5) * self._side, dtype=np.float64)
+        n = key.size
+        first = np.full(n, FAR)
+        lists = np.zeros((n, WIDTH), dtype=np.int64)
+        distance = np.full((n, WIDTH), np.inf, dtype=np.float32)
+        tangents = np.zeros((n, WIDTH, 3), dtype=np.float32)
+        closest = self._search(centres, self.reach + self._half)
+        near = np.flatnonzero(closest.triangle >= 0)
+        if near.size:
+            first[near] = closest.triangle[near]
+            owner, triangle, d, gradient = self._listed(centres[near], closest, near)
+            start = np.searchsorted(owner, np.arange(near.size + 1))
+            column = np.arange(owner.size) - start[owner]
+            fits = column < WIDTH
+            row, column = near[owner[fits]], column[fits]
+            # the closest to the centre is measured anyway
+            lists[row, column] = triangle[fits]
+            distance[row, column] = np.where(triangle[fits] == first[row], np.inf, d[fits])
+            tangents[row, column] = gradient[fits]
+            first[near[np.diff(start) > WIDTH]] = FULL
+        while self._count + n > self._first.size:
+            self._lists = np.concatenate([self._lists, np.zeros_like(self._lists)])
+            self._distance = np.concatenate([self._distance, np.full_like(self._distance, np.inf)])
+            self._tangents = np.concatenate([self._tangents, np.zeros_like(self._tangents)])
+            self._first = np.concatenate([self._first, np.zeros_like(self._first)])
+        here = slice(self._count, self._count + n)
+        self._lists[here], self._distance[here] = lists, distance
+        self._tangents[here], self._first[here] = tangents, first
+        keys = np.concatenate([self._keys, key])
+        order = np.argsort(keys, kind="stable")
+        self._slot_of = np.concatenate([self._slot_of, np.arange(here.start, here.stop)])[order]
+        self._keys = keys[order]
+        self._count += n
+
+    def _listed(self, centres: Array, closest: Nearest, near: Indices) -> tuple[Indices, Indices, Array, Array]:
+        """Return (cell, triangle, distance, gradient) of all triangles that can be closest somewhere in each cell."""
+        table, h = self._table, self._half
+        d0 = np.sqrt(closest.square[near])
+        owner, triangle, square, u, w = within(table, centres, d0 + 2.0 * h)
+        d = np.sqrt(square)
+        gradient = centres[owner] - table.point(triangle, u, w)
+        gradient /= np.maximum(d, 1e-300)[:, None]
+        foot = table.point(closest.triangle[near], closest.u[near], closest.w[near])
+        main = (centres - foot) / np.maximum(d0, 1e-300)[:, None]
+        turned = gradient - main[owner]
+        turn = np.sqrt(np.einsum("ij,ij->i", turned, turned))
+        # far away the distance curves by at most 1 / (d0 - h); near the surface it is only 1-Lipschitz
+        with np.errstate(divide="ignore"):
+            curved = np.where(d0 > 2.0 * h, h * h / (2.0 * np.maximum(d0 - h, h)), np.inf)[owner]
+        kept = np.flatnonzero(d - d0[owner] <= np.minimum(h * turn + curved, 2.0 * h) * (1.0 + SLACK) + 1e-12)
+        return owner[kept], triangle[kept], d[kept], gradient[kept]
+
+
+def within(table: TriangleTable, points: Array, limit: Array) -> tuple[Indices, Indices, Array, Array, Array]:
+    """Return all pairs (point, triangle, squared distance, weights) within each point's limit, triangles rising."""
+    x = np.ascontiguousarray(points.T)
+    centre, radius = table.bounds[0:3], table.bounds[6]
+    far = float(limit.max())
+    low, high = points.min(axis=0) - far, points.max(axis=0) + far
+    usable = table.usable
+    for axis in range(3):
+        usable = usable & (centre[axis] + radius >= low[axis]) & (centre[axis] - radius <= high[axis])
+    kept = np.flatnonzero(usable)
+    pairs = []
+    step = max(1, 2_000_000 // max(kept.size, 1))
+    middle = points.mean(axis=0)
+    c = centre[:, kept].T - middle
+    r = radius[kept]
+    cc = np.einsum("ij,ij->i", c, c)
+    for begin in range(0, points.shape[0], step):
+        p = points[begin : begin + step] - middle
+        square = p @ c.T
+        square *= -2.0
+        pp = np.einsum("ij,ij->i", p, p)
+        square += pp[:, None]
+        square += cc
+        bound = (limit[begin : begin + step, None] + r) ** 2
+        bound += 1e-12 * (pp.max() + cc.max(initial=0.0))
+        owner, column = np.nonzero(square <= bound)
+        owner += begin
+        triangle = kept[column]
+        position = x.take(owner, axis=1)
+        near = np.flatnonzero(table.disc_bound(position, triangle) <= (limit[owner] * (1.0 + SLACK)) ** 2)
+        owner, triangle = owner[near], triangle[near]
+        exact, u, w = table.closest(position[:, near], triangle)
+        near = np.flatnonzero(exact <= (limit[owner] * (1.0 + SLACK)) ** 2)
+        pairs.append((owner[near], triangle[near], exact[near], u[near], w[near]))
+    owner, triangle, exact, u, w = (np.concatenate(column) for column in zip(*pairs, strict=True))
+    return owner, triangle, exact, u, w
+
+
+def _key(cell: Indices) -> Indices:
+    shifted = cell + OFFSET
+    out: Indices = (shifted[:, 0] << 42) | (shifted[:, 1] << 21) | shifted[:, 2]
+    return out

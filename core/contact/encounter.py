@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..motion import MotionSamples
-from ..vectors import cross, dot, scaled, turn, turn_back
+from ..motion.vectors import cross, dot, scaled, turn, turn_back
 from .sampled import PairTouch, SampledTouch
 
 Array = NDArray[np.float64]

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
 from ..motion import rotations, singular
+from ..motion.vectors import turn as turned
+from ..motion.vectors import turn_back
 from ..scene import Chunk, Mesh, TactileScene
-from ..vectors import turn as turned
-from ..vectors import turn_back
 from .centre import centre_of
 from .gap import GapQuery, Surface, surface_of
 from .sampled import PairTouch, SampledTouch

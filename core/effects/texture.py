@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
-from ..vectors import dot, scaled
+from ..motion.vectors import dot, scaled
 
 Array = NDArray[np.float64]
 

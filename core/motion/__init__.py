@@ -1,0 +1,24 @@
+"""Motion: poses sampled over time, made smooth enough to be differentiated twice.
+
+Position is a cubic spline with not-a-knot ends, so a parabola (a falling body) keeps its acceleration to the very
+first sample. Rotation is a cubic spline through the four components of the unit quaternions (signs made continuous),
+normalised where it is read. Both are twice continuously differentiable and exact at the samples; velocity,
+acceleration and angular velocity are the exact derivatives of what is interpolated, not differences.
+"""
+
+from .motion import Motion, MotionSamples
+from .rotation import continuous, matrices, quaternions, rotations, singular
+from .spline import Spline, second_derivatives, solve_tridiagonal
+
+__all__ = [
+    "Motion",
+    "MotionSamples",
+    "Spline",
+    "continuous",
+    "matrices",
+    "quaternions",
+    "rotations",
+    "second_derivatives",
+    "singular",
+    "solve_tridiagonal",
+]

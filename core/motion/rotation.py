@@ -1,0 +1,90 @@
+"""Rotations of many poses: out of any invertible matrix, as quaternions and back."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from .vectors import cross, dot, scaled
+
+Array = NDArray[np.float64]
+
+# Columns of a matrix count as orthogonal if the cosine between them is below this (Blender's matrices are float32).
+ORTHOGONAL = 1e-5
+# A matrix whose determinant is below this fraction of the product of its columns' lengths has no rotation.
+SINGULAR = 1e-9
+
+
+def rotations(linear: Array) -> Array:
+    """Return the rotations nearest to linear maps, shape (n, 3, 3).
+
+    A mirrored map (negative determinant) gives the rotation that is left after a mirror through the origin.
+
+    Raises:
+        DermisError: a map without an inverse, such as one of scale 0.
+    """
+    columns, volume = _columns(linear)
+    if not (np.abs(volume) > SINGULAR).all():
+        raise DermisError("a pose of scale 0 has no direction", limit="a scale other than 0")
+    x, y, z = columns
+    skew = np.maximum(np.maximum(np.abs(dot(x, y)), np.abs(dot(y, z))), np.abs(dot(z, x)))
+    out = np.empty((3, 3, len(linear)))
+    side = np.sign(volume)
+    for j, column in enumerate(columns):
+        np.multiply(column.T, side, out=out[:, j])
+    unit = np.moveaxis(out, -1, 0)
+    sheared = np.flatnonzero(skew > ORTHOGONAL)
+    if sheared.size:
+        left, _, right = np.linalg.svd(linear[sheared])
+        unit[sheared] = left @ right * side[sheared, None, None]
+    return unit
+
+
+def singular(linear: Array) -> NDArray[np.bool_]:
+    """Return which of the linear maps (n, 3, 3) have no inverse to speak of, shape (n,)."""
+    return ~(np.abs(_columns(linear)[1]) > SINGULAR)
+
+
+def _columns(linear: Array) -> tuple[list[Array], Array]:
+    """Unit columns, (n, 3) each, and the signed volume that they span, shape (n,); NaN at scale 0."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        columns = [scaled(linear[:, :, j], 1.0 / np.sqrt(dot(linear[:, :, j], linear[:, :, j]))) for j in range(3)]
+    return columns, dot(columns[0], cross(columns[1], columns[2]))
+
+
+def quaternions(matrix: Array) -> Array:
+    """Return unit quaternions (w, x, y, z) of rotation matrices (n, 3, 3), shape (n, 4)."""
+    xx, yy, zz = matrix[:, 0, 0], matrix[:, 1, 1], matrix[:, 2, 2]
+    squares = np.stack([1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz], axis=1)
+    largest = np.argmax(squares, axis=1)  # dividing by the largest component loses no digits
+    products = np.empty((len(matrix), 4, 4))
+    for i in range(4):
+        products[:, i, i] = squares[:, i]
+    for i, j, k in ((1, 3, 2), (2, 1, 3), (3, 2, 1)):
+        products[:, 0, i] = products[:, i, 0] = matrix[:, j - 1, k - 1] - matrix[:, k - 1, j - 1]
+    for i, j in ((1, 2), (2, 3), (3, 1)):
+        products[:, i, j] = products[:, j, i] = matrix[:, i - 1, j - 1] + matrix[:, j - 1, i - 1]
+    row = products[np.arange(len(matrix)), largest]
+    return row / np.sqrt(np.einsum("ij,ij->i", row, row))[:, None]
+
+
+def continuous(quaternion: Array) -> Array:
+    """Return the quaternions with signs such that each is nearest to the one before."""
+    turns = np.einsum("ij,ij->i", quaternion[1:], quaternion[:-1]) < 0.0
+    sign = np.cumprod(np.concatenate([[1.0], np.where(turns, -1.0, 1.0)]))
+    return quaternion * sign[:, None]
+
+
+def matrices(quaternion: Array) -> Array:
+    """Return rotation matrices (n, 3, 3) of quaternions (w, x, y, z) of any length above zero, shape (n, 4)."""
+    w, x, y, z = scaled(quaternion, math.sqrt(2.0) / np.sqrt(dot(quaternion, quaternion))).T
+    out = np.empty((3, 3, len(w)))
+    xx, yy, zz = x * x, y * y, z * z
+    out[0, 0], out[1, 1], out[2, 2] = 1.0 - (yy + zz), 1.0 - (xx + zz), 1.0 - (xx + yy)
+    for i, j, a, b in ((0, 1, x * y, w * z), (1, 2, y * z, w * x), (2, 0, x * z, w * y)):
+        np.subtract(a, b, out=out[i, j])
+        np.add(a, b, out=out[j, i])
+    return np.moveaxis(out, -1, 0)

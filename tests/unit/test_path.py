@@ -1,0 +1,398 @@
+"""Contact along a path on a fingertip: what must hold whatever the finger does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import core.contact.path as path_module
+from core.contact.bodies import ContactBody
+from core.contact.candidates import CandidateInverse
+from core.contact.cone import SLIP, STICK, along
+from core.contact.gap import Surface
+from core.contact.path import PathSolver
+from core.contact.plane import Plane
+from core.contact.solve import solve
+from core.skin.model import fingertip_skin
+
+MU = 0.6
+UP = np.array([0.0, 0.0, 1.0])
+FLAT = Plane(UP, np.zeros(3))
+
+
+@pytest.fixture(scope="module")
+def skin():
+    return fingertip_skin(level="draft")
+
+
+@pytest.fixture
+def solver(skin):
+    return PathSolver(skin.compliance, skin.positions, areas=skin.areas)
+
+
+def turn(axis, angle):
+    axis = np.asarray(axis, float) / np.linalg.norm(axis)
+    k = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
+
+
+def plane(skin, depth, shift=(0.0, 0.0), friction=MU, **more):
+    lowest = skin.positions[:, 2].min()
+    return ContactBody(FLAT, translation=np.array([*shift, lowest + depth]), friction=friction, **more)
+
+
+def press_and_slide(count, depth=1e-3, slide=1.5e-3):
+    """Depths and shifts of a press followed by a turn-about slide, in `count` frames each."""
+    press = [(depth * t, 0.0) for t in np.linspace(0, 1, count + 1)]
+    out = [(depth, slide * t) for t in np.linspace(0, 1, count + 1)[1:]]
+    back = [(depth, slide * (1 - 1.3 * t)) for t in np.linspace(0, 1, count + 1)[1:]]
+    return press + out + back
+
+
+def laws(solution, limit=2e-3):
+    assert solution.converged
+    assert solution.normal_force.min() >= 0.0
+    assert solution.cone_residual() <= 1e-9
+    assert solution.complementarity_residual() <= limit
+
+
+def test_path_equals_a_tight_solve_of_every_frame(skin):
+    """The same history through an independent route: every frame solved to 1e-10 from the anchors."""
+    fast = PathSolver(skin.compliance, skin.positions)
+    tight = PathSolver(skin.compliance, skin.positions, tolerance=1e-10)
+    error = size = 0.0
+    for depth, shift in press_and_slide(20):
+        a = fast.step([plane(skin, depth, (0.3 * shift, shift))]).solution
+        b = tight.step([plane(skin, depth, (0.3 * shift, shift))]).solution
+        error += np.sum((a.force - b.force) ** 2)
+        size += np.sum(b.force**2)
+        laws(a)
+    assert np.sqrt(error / size) < 1e-3
+
+
+def test_each_frame_is_the_contact_problem(skin):
+    """One frame from rest is `solve` on the whole compliance, with the plane's gaps as the offset."""
+    step = PathSolver(skin.compliance, skin.positions, tolerance=1e-11).step([plane(skin, 1.2e-3)])
+    offset = np.zeros_like(skin.positions)
+    offset[:, 2] = skin.positions[:, 2] - skin.positions[:, 2].min() - 1.2e-3
+    exact = solve(skin.compliance, offset, MU, normals=np.tile(UP, (len(offset), 1)))
+    np.testing.assert_allclose(step.solution.force, exact.force, atol=1e-8 * np.abs(exact.force).max())
+    np.testing.assert_allclose(step.displacement.reshape(-1), skin.compliance @ exact.force.reshape(-1), atol=1e-10)
+
+
+def test_energy_balance(skin):
+    """Work of the moving plane = elastic energy + friction's heat, and heat is never negative."""
+    solver = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
+    work = heat = 0.0
+    last_force, last_place = None, None
+    for depth, shift in press_and_slide(150):
+        s = solver.step([plane(skin, depth, (0.0, shift))]).solution
+        place = np.array([0.0, shift, depth])
+        slip = s.displacement - along(s.displacement, s.normals)[:, None] * s.normals
+        lost = -np.where((s.status == SLIP)[:, None], s.force * slip, 0.0).sum()
+        assert lost >= -1e-12
+        if last_force is not None:
+            work += 0.5 * (s.resultant + last_force) @ (place - last_place)
+        heat += lost
+        last_force, last_place = s.resultant, place
+    stored = 0.5 * s.force.reshape(-1) @ skin.compliance @ s.force.reshape(-1)
+    assert heat > 0.3 * work
+    assert work == pytest.approx(stored + heat, rel=0.01)
+
+
+def test_no_creep_in_ten_thousand_frames(skin, solver):
+    for depth, shift in press_and_slide(10):
+        step = solver.step([plane(skin, depth, (0.0, shift))])
+    assert (step.solution.status == SLIP).any() and (step.solution.status == STICK).any()
+    first = None
+    for i in range(10_000):
+        step = solver.step_frame(step.frame)  # not `step`, which would skip
+        if i == 1:
+            first = step.solution.force
+    assert np.abs(step.solution.force - first).max() < 1e-4 * np.abs(first).max()
+
+
+def test_rotating_the_world_rotates_the_forces(skin):
+    q = turn([1, 2, 3], 1.1)
+    big = np.kron(np.eye(skin.pad_count), q)
+    a = PathSolver(skin.compliance, skin.positions, tolerance=1e-9)
+    b = PathSolver(big @ skin.compliance @ big.T, skin.positions @ q.T, tolerance=1e-9, bone=q @ path_module.BONE)
+    for depth, shift in press_and_slide(6):
+        body = plane(skin, depth, (0.0, shift))
+        one = a.step([body]).solution.force
+        two = b.step([ContactBody(FLAT, q, q @ body.translation, MU)]).solution.force
+        np.testing.assert_allclose(two, one @ q.T, atol=1e-6 * max(np.abs(one).max(), 1e-9))
+
+
+def test_mirroring_the_scene_mirrors_the_forces(skin):
+    flip = np.array([-1.0, 1, 1])
+    wide = np.tile(flip, skin.pad_count)
+    a = PathSolver(skin.compliance, skin.positions, tolerance=1e-9)
+    b = PathSolver(skin.compliance * np.outer(wide, wide), skin.positions * flip, tolerance=1e-9)
+    for depth, shift in press_and_slide(6):
+        one = a.step([plane(skin, depth, (shift, 0.5 * shift))]).solution.force
+        two = b.step([plane(skin, depth, (-shift, 0.5 * shift))]).solution.force
+        np.testing.assert_allclose(two, one * flip, atol=1e-6 * max(np.abs(one).max(), 1e-12))
+
+
+def test_halving_the_time_step_converges(skin):
+    def run(count):
+        s = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
+        return [s.step([plane(skin, d, (0.0, x))]).solution.force for d, x in press_and_slide(count)][-1]
+
+    exact = run(160)
+    errors = [np.linalg.norm(run(n) - exact) / np.linalg.norm(exact) for n in (5, 10, 20, 40)]
+    assert all(fine < 0.75 * coarse for coarse, fine in zip(errors[:-1], errors[1:], strict=True)), errors
+    assert errors[-1] < 0.02
+
+
+def test_full_slip_carries_the_friction_coefficient(skin, solver):
+    for depth, shift in press_and_slide(20, slide=6e-3)[:41]:
+        s = solver.step([plane(skin, depth, (0.0, shift))]).solution
+    assert np.hypot(*s.resultant[:2]) == pytest.approx(MU * s.resultant[2], rel=1e-3)
+    assert s.resultant[1] > 0  # the plane drags the skin along
+
+
+@pytest.mark.parametrize("mu", [0.0, 5.0])
+def test_extreme_friction(skin, solver, mu):
+    for depth, shift in press_and_slide(8):
+        s = solver.step([plane(skin, depth, (0.0, shift), friction=mu)]).solution
+        laws(s)
+        assert np.isfinite(s.force).all()
+        if mu == 0.0:
+            np.testing.assert_allclose(s.force[:, :2], 0.0, atol=1e-15)
+    if mu == 5.0:
+        assert (s.status == SLIP).sum() == 0 or np.abs(s.resultant[1]) > 0
+
+
+@pytest.mark.parametrize("speed", [1e-9, 1e-5, 1e-1])
+def test_extreme_speeds(skin, solver, speed):
+    depth = 1e-3
+    pressed = solver.step([plane(skin, depth)]).solution.resultant
+    for i in range(1, 60):
+        s = solver.step([plane(skin, depth, (0.0, speed * i / 240))]).solution
+        laws(s)
+    travelled = speed * 59 / 240
+    if travelled < 1e-8:  # hardly moved: all but unsheared, not slipping away on noise
+        assert np.abs(s.resultant - pressed).max() < 1e-3 * pressed[2]
+    if travelled > 5e-3:
+        assert np.hypot(*s.resultant[:2]) == pytest.approx(MU * s.resultant[2], rel=1e-2)
+
+
+@pytest.mark.parametrize("factor", 10.0 ** np.arange(-3, 4))
+def test_stiffness_over_six_decades(skin, factor):
+    a = PathSolver(skin.compliance, skin.positions, tolerance=1e-7)
+    b = PathSolver(skin.compliance / factor, skin.positions, tolerance=1e-7)
+    for depth, shift in press_and_slide(4):
+        body = [plane(skin, depth, (0.0, shift))]
+        one, two = a.step(body).solution.force, b.step(body).solution.force
+        np.testing.assert_allclose(two / factor, one, atol=1e-4 * max(np.abs(one).max(), 1e-12))
+
+
+def test_skipping_is_counted_and_changes_nothing(skin, solver):
+    body = plane(skin, 1e-3)
+    first = solver.step([body])
+    again = [solver.step([body]) for _ in range(5)]
+    assert again[-1].work == "same" and solver.counters["same"] >= 3
+    scale = np.abs(first.solution.force).max()
+    np.testing.assert_allclose(again[-1].solution.force, first.solution.force, atol=1e-3 * scale)
+    away = plane(skin, -0.05)
+    assert solver.step([away]).work == "idle"
+    assert not solver.step([away]).solution.force.any()
+    assert solver.counters["idle"] == 2
+    back = solver.step([body])
+    assert back.from_rest and back.work == "solved"
+
+
+def test_a_reset_forgets_the_path(skin, solver):
+    for depth, shift in press_and_slide(6):
+        solver.step([plane(skin, depth, (0.0, shift))])
+    solver.reset()
+    again = solver.step([plane(skin, 1e-3)])
+    fresh = PathSolver(skin.compliance, skin.positions).step([plane(skin, 1e-3)])
+    assert again.from_rest
+    scale = np.abs(fresh.solution.force).max()
+    np.testing.assert_allclose(again.solution.force, fresh.solution.force, atol=1e-4 * scale)
+
+
+def block(half=0.02, cells=8):
+    """A slab whose top is z = 0, its faces divided so that triangles matter."""
+    axis = np.linspace(-half, half, cells + 1)
+    x, y = (g.ravel() for g in np.meshgrid(axis, axis, indexing="ij"))
+    top = np.column_stack([x, y, np.zeros_like(x)])
+    n = cells + 1
+    quads = np.array([(i * n + j, (i + 1) * n + j, (i + 1) * n + j + 1, i * n + j + 1)
+                      for i in range(cells) for j in range(cells)])  # fmt: skip
+    faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    bottom = top - [0, 0, 0.01]
+    rim = [i * n for i in range(n)] + [(n - 1) * n + j for j in range(1, n)]
+    rim += [i * n + n - 1 for i in range(n - 2, -1, -1)] + [j for j in range(n - 2, 0, -1)]
+    side = []
+    for a, b in zip(rim, rim[1:] + rim[:1], strict=True):
+        side += [(a, a + n * n, b), (b, a + n * n, b + n * n)]
+    return np.concatenate([top, bottom]), np.concatenate([faces, faces[:, ::-1] + n * n, side])
+
+
+def test_a_mesh_is_touched_as_the_plane_that_it_is(skin):
+    vertices, triangles = block()
+    surface = Surface.build(vertices, triangles)
+    assert surface.closed and surface.volume == pytest.approx(0.04 * 0.04 * 0.01)
+    a = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
+    b = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
+    for depth, shift in press_and_slide(5):
+        flat = plane(skin, depth, (0.0, shift))
+        one = a.step([flat]).solution.force
+        two = b.step([ContactBody(surface, translation=flat.translation, friction=MU)]).solution.force
+        np.testing.assert_allclose(two, one, atol=1e-5 * max(np.abs(one).max(), 1e-12))
+
+
+def test_a_deforming_mesh_that_moves_rigidly_is_a_rigid_one(skin):
+    """Material points are carried by triangles: turning the vertices must give what turning the pose does."""
+    vertices, triangles = block()
+    rigid_surface = Surface.build(vertices, triangles)
+    a = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
+    b = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
+    lowest = skin.positions[:, 2].min()
+    for i in range(12):
+        rotation = turn([0.1, 0.2, 1.0], 0.03 * i)
+        place = np.array([1e-4 * i, 2e-4 * i, lowest + 1e-3])
+        one = a.step([ContactBody(rigid_surface, rotation, place, MU)]).solution
+        moved = Surface.build(vertices @ rotation.T + place, triangles)
+        two = b.step([ContactBody(moved, friction=MU, deforms=True)]).solution
+        np.testing.assert_allclose(two.force, one.force, atol=1e-5 * np.abs(one.force).max())
+    assert np.abs(one.force[:, :2]).max() > 0.05 * one.force[:, 2].max()
+
+
+def test_turning_on_the_spot_drags_the_skin_round(skin, solver):
+    for i in range(20):
+        step = solver.step([ContactBody(FLAT, turn(UP, 0.01 * i), plane(skin, 1e-3).translation, MU)])
+    s = step.solution
+    touching = s.status > 0
+    centre = (skin.positions[touching] * s.force[touching, 2:]).sum(axis=0) / s.force[:, 2].sum()
+    arm = skin.positions - centre
+    torque = np.sum(arm[:, 0] * s.force[:, 1] - arm[:, 1] * s.force[:, 0])
+    assert torque > 0
+
+
+def test_two_bodies_keep_their_own_friction(skin, solver):
+    """Left and right half planes of different friction, both sheared: each node obeys the law of its own body."""
+    vertices, triangles = block(0.01, 4)
+    surface = Surface.build(vertices, triangles)
+    lowest = skin.positions[:, 2].min()
+    for i in range(15):
+        bodies = [
+            ContactBody(surface, translation=np.array([side * 0.01001, 3e-4 * i, lowest + 1e-3]), friction=mu)
+            for side, mu in ((-1, 0.1), (1, 0.8))
+        ]
+        step = solver.step(bodies)
+        laws(step.solution)
+    s = step.solution
+    sliding = s.status == SLIP
+    across = s.force - s.normal_force[:, None] * s.normals
+    ratio = np.linalg.norm(across, axis=1)[sliding] / s.normal_force[sliding]
+    np.testing.assert_allclose(ratio, np.where(step.frame.body[sliding] == 0, 0.1, 0.8), rtol=1e-6)
+    assert set(step.frame.body[sliding]) == {0, 1}
+
+
+def test_a_soft_object_yields(skin):
+    """Softness is a compliance by area on the diagonal: the very soft one carries depth * area / softness."""
+    soft = 1.0  # [m/Pa]: softer than any skin
+    s = PathSolver(skin.compliance, skin.positions, areas=skin.areas, tolerance=1e-9)
+    force = s.step([plane(skin, 1e-3, softness=soft)]).solution.force
+    sunk = np.maximum(1e-3 - (skin.positions[:, 2] - skin.positions[:, 2].min()), 0.0)
+    np.testing.assert_allclose(force[:, 2], sunk * skin.areas / soft, rtol=1e-4, atol=1e-16)
+
+
+def test_a_sheet_without_thickness_is_touched_from_either_side(skin):
+    vertices = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * 0.02
+    up, down = np.array([[0, 1, 2], [0, 2, 3]]), np.array([[0, 2, 1], [0, 3, 2]])
+    place = plane(skin, 1e-3).translation
+    forces = [
+        PathSolver(skin.compliance, skin.positions)
+        .step([ContactBody(Surface.build(vertices, t), translation=place, friction=MU)])
+        .solution.force
+        for t in (up, down)
+    ]
+    np.testing.assert_allclose(forces[0], forces[1], atol=1e-9)
+    assert forces[0][:, 2].sum() > 0.1
+
+
+def test_an_object_that_appears_inside_is_finite_and_reported(skin, solver):
+    vertices, triangles = block(0.004, 2)
+    deep = ContactBody(Surface.build(vertices, triangles), translation=np.array([0.0, 0.0, 0.004]), friction=MU)
+    s = solver.step([deep]).solution
+    assert np.isfinite(s.force).all() and np.abs(s.force).max() < 1e3
+    assert [f.code for f in solver.findings][:1] == ["too-deep"]
+    assert solver.findings[0].frame == 0
+    # a finger inside its own copy: every node on the surface, nothing pressed
+    coincident = PathSolver(skin.compliance, skin.positions).step([plane(skin, 0.0)]).solution
+    assert np.isfinite(coincident.force).all() and np.abs(coincident.force).max() < 1e-9
+
+
+@pytest.mark.parametrize("depth", [1e-9, 1e-4, 2e-3, 4e-3])
+def test_extreme_depths(skin, solver, depth):
+    s = solver.step([plane(skin, depth)]).solution
+    laws(s)
+    assert s.resultant[2] > 0
+    assert bool(solver.findings) == (depth > 2e-3)
+
+
+def test_jumps_between_frames_stay_bounded(skin, solver):
+    rng = np.random.default_rng(0)
+    stiff = 2e-3 / np.linalg.eigvalsh(skin.compliance)[0]
+    for _ in range(60):
+        shift = rng.uniform(-5e-3, 5e-3, 2)
+        tilt = turn(rng.normal(size=3), rng.uniform(0, 0.3))
+        place = plane(skin, rng.uniform(-1e-3, 2e-3), shift).translation
+        s = solver.step([ContactBody(FLAT, tilt, place, MU)]).solution
+        laws(s)
+        assert np.abs(s.force).max() < stiff
+
+
+def test_a_frame_that_the_fast_method_cannot_do_falls_back(skin, monkeypatch):
+    monkeypatch.setattr(path_module, "MAX_ITERATIONS", 1)
+    hurried = PathSolver(skin.compliance, skin.positions)
+    s = hurried.step([plane(skin, 1e-3, (0.0, 1e-3))]).solution
+    assert hurried.counters["fallback"] == 1 and s.converged
+    monkeypatch.undo()
+    exact = PathSolver(skin.compliance, skin.positions, tolerance=1e-9).step([plane(skin, 1e-3, (0.0, 1e-3))]).solution
+    np.testing.assert_allclose(s.force, exact.force, atol=1e-3 * np.abs(exact.force).max())
+
+
+def test_a_frame_that_nothing_solves_is_a_finding(skin, monkeypatch):
+    monkeypatch.setattr(path_module, "MAX_ITERATIONS", 1)
+    monkeypatch.setattr(path_module, "CHECK", 0.0)
+    solver = PathSolver(skin.compliance, skin.positions, tolerance=1e-5)
+    solver.step([plane(skin, 1e-3)], frame_number=17)
+    assert not solver._step.solution.converged
+    assert [(f.code, f.frame) for f in solver.findings] == [("not-converged", 17)]
+
+
+def test_state_dependent_offset_is_honoured(skin):
+    """A skin that adds a displacement of its own: the same as a plane that much deeper."""
+
+    class Swollen:
+        compliance = skin.compliance
+
+        def offset(self, force):
+            return np.array([0.0, 0.0, -2e-4])
+
+    a = PathSolver(Swollen(), skin.positions, tolerance=1e-9).step([plane(skin, 1e-3)]).solution
+    b = PathSolver(skin.compliance, skin.positions, tolerance=1e-9).step([plane(skin, 1.2e-3)]).solution
+    np.testing.assert_allclose(a.force, b.force, atol=1e-7)
+
+
+def test_candidate_inverse_follows_its_members(skin):
+    c, rho = skin.compliance, 0.02
+    soft = np.linspace(0, 1e-3, skin.pad_count)
+    kept = CandidateInverse(c, rho)
+    rng = np.random.default_rng(0)
+    kept.rebuild(np.arange(5, 25), soft)
+    for _ in range(30):
+        outside = np.flatnonzero(~kept.inside)
+        kept.add(rng.choice(outside, min(3, outside.size), replace=False), soft)
+        kept.remove(rng.choice(kept.members, 2, replace=False))
+        rows = (3 * kept.members[:, None] + np.arange(3)).reshape(-1)
+        exact = np.linalg.inv(c[np.ix_(rows, rows)] + np.diag(rho + np.repeat(soft[kept.members], 3)))
+        assert np.abs(kept.matrix - exact).max() < 1e-5 * np.abs(exact).max()
+        assert sorted(kept.members) == list(np.flatnonzero(kept.inside))

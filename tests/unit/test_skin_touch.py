@@ -1,0 +1,241 @@
+"""Skin contact along a scene: the same forces however the scene is posed, cut or said, and bones that give way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from core.contact.skin_touch import SkinSampler
+from core.errors import DermisError
+from core.scene import Body, Chunk, Finger, Mesh, TactileScene
+from core.skin.model import fingertip_skin
+
+BOX = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], dtype=float)
+FACES = np.array(
+    [
+        [0, 2, 1],
+        [1, 2, 3],
+        [4, 5, 6],
+        [5, 7, 6],
+        [0, 1, 4],
+        [1, 5, 4],
+        [2, 6, 3],
+        [3, 6, 7],
+        [0, 4, 2],
+        [2, 4, 6],
+        [1, 3, 5],
+        [3, 7, 5],
+    ],
+    dtype=np.int32,
+)
+SIZE = np.array([0.03, 0.03, 0.005])
+PLATE = Mesh(BOX * SIZE, FACES)  # its upper side at z = 5 mm
+TOLERANCE = 1e-6
+RATE = 240.0
+
+
+@pytest.fixture(scope="module")
+def skin():
+    return fingertip_skin(level="draft")
+
+
+def poses(places, turn=None):
+    out = np.tile(np.eye(4), (len(places), 1, 1))
+    out[:, :3, 3] = places
+    if turn is not None:
+        out[:, :3, :3] = turn
+    return out
+
+
+def press_and_slide(count=40, depth=0.0015, slide=0.006):
+    """The pad's centre: down onto the plate's upper side, then along X."""
+    t = np.linspace(0, 1, count)
+    z = 0.005 + 0.0005 - (0.0005 + depth) * np.minimum(2 * t, 1)
+    return np.column_stack([slide * np.maximum(2 * t - 1, 0), np.zeros(count), z])
+
+
+def felt(skin, fingers, bodies, *, parameters=None, body=None, cuts=(), surfaces=None, channels=None):
+    n = len(fingers)
+    body = body or Body("plate", PLATE, {"friction": 0.6})
+    scene = TactileScene("s", Fraction(24), (1, 2), RATE, (Finger("f", (), parameters or {}),), (body,), (), ())
+    sampler = SkinSampler(scene, {0: skin}, tolerance=TOLERANCE)
+    edges = [0, *cuts, n]
+    for i, j in zip(edges, edges[1:], strict=False):
+        sampler.add(
+            Chunk(
+                np.arange(i, j) / 10 + 1,
+                np.arange(i, j) / RATE,
+                fingers[None, i:j],
+                bodies[None, i:j],
+                np.zeros((0, j - i, 4, 4)),
+                {} if surfaces is None else {0: surfaces[i:j]},
+                {k: v[i:j] for k, v in (channels or {}).items()},
+            )
+        )
+    return sampler.finish()[0]
+
+
+def still(n):
+    return poses(np.zeros((n, 3)))
+
+
+@pytest.fixture(scope="module")
+def reference(skin):
+    return felt(skin, poses(press_and_slide()), still(40))
+
+
+def test_it_presses_then_slips_at_the_friction_coefficient(reference, skin):
+    assert reference.normal_force[0] == 0 and reference.normal_force[19] > 0.5
+    # the path ends in full slip on a flat plate: the law of Coulomb for the total
+    assert reference.sticking[-1] == 0 and reference.slipping[-1] > 5
+    assert reference.tangential_force[-1] == pytest.approx(0.6 * reference.normal_force[-1], rel=1e-3)
+    # the finger moves along +X, so the plate drags its skin along -X
+    total = reference.force_at(39).sum(axis=0)
+    assert total[0] < 0 < total[2]
+    assert reference.depth[-1] == pytest.approx(0.0015, abs=4e-5)
+
+
+def test_the_world_may_be_turned(reference, skin):
+    rng = np.random.default_rng(3)
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    turn *= np.sign(np.linalg.det(turn))
+    world = np.eye(4)
+    world[:3, :3], world[:3, 3] = turn, [0.3, -2.0, 1.0]
+    moved = felt(skin, world @ poses(press_and_slide()), np.tile(world, (40, 1, 1)))
+    assert np.linalg.norm(moved.force - reference.force) <= 1e-4 * np.linalg.norm(reference.force)
+
+
+def test_moving_the_plate_equals_moving_the_finger(reference, skin):
+    path = press_and_slide()
+    moved = felt(skin, still(40), poses(-path))
+    assert np.linalg.norm(moved.force - reference.force) <= 1e-4 * np.linalg.norm(reference.force)
+
+
+def test_chunks_do_not_matter(reference, skin):
+    for cuts in ((20,), (1, 2, 3, 30), tuple(range(1, 40))):
+        again = felt(skin, poses(press_and_slide()), still(40), cuts=cuts)
+        np.testing.assert_array_equal(again.force, reference.force)
+        np.testing.assert_array_equal(again.contact, reference.contact)
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_an_objects_scale_equals_scaled_vertices(reference, skin, mirror):
+    scale = SIZE * [mirror, 1, 1]
+    unit = Body("plate", Mesh(BOX, FACES), {"friction": 0.6})
+    again = felt(skin, poses(press_and_slide()), poses(np.zeros((40, 3)), np.diag(scale)), body=unit)
+    assert np.linalg.norm(again.force - reference.force) <= 1e-4 * np.linalg.norm(reference.force)
+
+
+def test_a_mesh_given_anew_every_sample_equals_a_rigid_one(reference, skin):
+    path = press_and_slide()
+    surfaces = tuple(Mesh(PLATE.vertices - p, FACES) for p in path)
+    body = Body("plate", None, {"friction": 0.6})
+    again = felt(skin, still(40), still(40), body=body, surfaces=surfaces)
+    assert np.linalg.norm(again.force - reference.force) <= 1e-3 * np.linalg.norm(reference.force)
+
+
+def test_a_mirrored_scene_feels_mirrored(skin):
+    right = felt(skin, poses(press_and_slide(slide=0.006)), still(40))
+    left = felt(skin, poses(press_and_slide(slide=-0.006)), still(40))
+    np.testing.assert_allclose(left.normal_force, right.normal_force, rtol=1e-4, atol=1e-6)
+    a, b = right.force_at(39).sum(axis=0), left.force_at(39).sum(axis=0)
+    np.testing.assert_allclose(b, a * [-1, 1, 1], atol=1e-4 * np.abs(a).max())
+
+
+def test_friction_may_be_animated(skin):
+    friction = np.where(np.arange(40) < 30, 0.0, 0.3)
+    got = felt(skin, poses(press_and_slide()), still(40), channels={"body/0/friction": friction})
+    assert (got.tangential_force[:30] < 0.02 * got.normal_force[29]).all()  # frictionless: only the pad's own slope
+    assert got.tangential_force[-1] == pytest.approx(0.3 * got.normal_force[-1], rel=2e-2)
+
+
+def test_far_fingers_cost_no_solve(skin):
+    got = felt(skin, poses(press_and_slide() + [0, 0, 0.1]), still(40))
+    assert not len(got.contact) and not got.normal_force.any()
+    assert got.skipped["skin_pairs_far"] == 40 and got.skipped["skin_frames_idle"] == 40
+
+
+def test_a_pose_that_stays_is_not_solved_again(skin):
+    path = np.repeat(press_and_slide()[19:20], 10, axis=0)
+    got = felt(skin, poses(path), still(10))
+    assert got.skipped["skin_frames_same"] >= 8
+    np.testing.assert_array_equal(got.force[-1], got.force[1])
+
+
+def test_a_soft_object_takes_part_of_the_depth(reference, skin):
+    stiffness = 2e7  # Pa/m
+    body = Body("foam", PLATE, {"friction": 0.6, "surface_stiffness": stiffness})
+    soft = felt(skin, poses(press_and_slide()), still(40), body=body)
+    assert 0.2 * reference.normal_force[19] < soft.normal_force[19] < 0.9 * reference.normal_force[19]
+    hard = felt(
+        skin,
+        poses(press_and_slide()),
+        still(40),
+        body=replace(body, parameters={"friction": 0.6, "surface_stiffness": 1e13}),
+    )
+    assert hard.normal_force[19] == pytest.approx(reference.normal_force[19], rel=1e-3)
+
+
+# -- touch depth
+
+
+def force_at_depth(skin, depth):
+    """Normal force of a frictionless press to a depth, the bone held."""
+    path = press_and_slide(2, depth, 0.0)
+    body = Body("plate", PLATE, {"friction": 0.0})
+    return felt(skin, poses(path), still(2), body=body).normal_force[-1]
+
+
+def frictionless(skin, depth, **parameters):
+    body = Body("plate", PLATE, {"friction": 0.0})
+    fingers = poses(press_and_slide(20, depth, 0.0))
+    return felt(skin, fingers, still(20), body=body, parameters={"depth_mode": "compliant", **parameters})
+
+
+def test_a_spring_carries_what_the_skin_carries(skin):
+    got = frictionless(skin, 0.0015, bone_stiffness=500.0, force_limit=1e3)
+    force, lift = got.normal_force[-1], got.lift[-1]
+    assert lift == pytest.approx(force / 500.0, rel=1e-9)
+    assert force == pytest.approx(force_at_depth(skin, 0.0015 - lift), rel=1e-3)
+    assert got.depth[-1] == pytest.approx(0.0015 - lift, abs=4e-5)
+
+
+@pytest.mark.parametrize("limit", [0.05, 0.3])
+def test_the_bone_gives_way_at_its_force_limit(skin, limit):
+    got = frictionless(skin, 0.003, bone_stiffness=1e6, force_limit=limit)
+    assert got.normal_force.max() <= limit * 1.0011
+    assert got.normal_force[-1] == pytest.approx(limit, rel=1.1e-3)
+    assert got.normal_force[-1] == pytest.approx(force_at_depth(skin, 0.003 - got.lift[-1]), rel=5e-3)
+    assert not got.findings  # 3 mm as animated, but not as felt
+
+
+def test_a_limit_out_of_reach_changes_nothing(skin):
+    one, other = (frictionless(skin, 0.001, bone_stiffness=2e3, force_limit=f) for f in (50.0, 1e6))
+    np.testing.assert_array_equal(one.force, other.force)
+
+
+def test_too_deep_is_a_finding_with_its_frame(skin):
+    got = felt(skin, poses(press_and_slide(depth=0.0025)), still(40))
+    assert [f.code for f in got.findings] == ["too-deep"] and got.findings[0].frame is not None
+    assert got.findings[0].count == int((got.depth > 0.002).sum())
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"depth_mode": "floating"}, "touch depth"),
+        ({"depth_mode": "compliant", "bone_stiffness": 0.0}, "bone_stiffness"),
+        ({"depth_mode": "compliant", "force_limit": -1.0}, "force_limit"),
+    ],
+)
+def test_bad_touch_depths_are_refused(skin, parameters, words):
+    with pytest.raises(DermisError, match=words):
+        felt(skin, still(1), still(1), parameters=parameters)
+
+
+def test_an_object_of_scale_zero_is_refused_by_name(skin):
+    with pytest.raises(DermisError, match="object 'plate'"):
+        felt(skin, poses(press_and_slide()), poses(np.zeros((40, 3)), np.diag([0.0, 1.0, 1.0])))

@@ -6,7 +6,7 @@ from tempfile import gettempdir
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, IntProperty
+from bpy.props import IntProperty
 
 from . import PACKAGE
 
@@ -56,10 +56,6 @@ class DermisPreferences(bpy.types.AddonPreferences):
         name="Live Trail [frames]", description="How many frames back the live preview remembers the movement",
         default=48, min=2, max=1000,
     )  # fmt: skip
-    colour_blind: BoolProperty(
-        name="Blue and Orange Only", description="Draw limits in colours that do not rely on telling red from green",
-        default=False,
-    )  # fmt: skip
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the settings."""
@@ -67,7 +63,6 @@ class DermisPreferences(bpy.types.AddonPreferences):
         column.use_property_split = True
         column.prop(self, "cache_megabytes")
         column.prop(self, "live_trail")
-        column.prop(self, "colour_blind")
         row = self.layout.row()
         row.operator("dermis.open_presets", icon="FILE_FOLDER")
         row.operator("dermis.clear_results", icon="TRASH")

@@ -1,0 +1,97 @@
+"""What panels say: the next step, the presets at hand, figures with units; all that they name exists."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import bpy
+import pytest
+
+from blender_addon import panels, properties
+from blender_addon.panels import census, choices, text
+
+from .build import cube, finger, screen
+
+SOURCES = sorted(Path(panels.__file__).parent.glob("*.py"))
+
+
+def strings(function: str, argument: int) -> set[str]:
+    """Return the literal texts given to a layout function anywhere in the panels."""
+    found = set()
+    for path in SOURCES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == function:
+                if len(node.args) > argument and isinstance(node.args[argument], ast.Constant):
+                    found.add(node.args[argument].value)
+    return found
+
+
+def test_every_button_has_an_operator() -> None:
+    names = strings("operator", 0)
+    assert {"dermis.bake", "dermis.export_tracks", "dermis.demo_scene"} <= names
+    for name in names:
+        group, _, operator = name.partition(".")
+        assert getattr(getattr(bpy.ops, group), operator).get_rna_type().description, name
+
+
+def test_every_property_that_is_drawn_exists() -> None:
+    groups = (properties.DermisDevice, properties.DermisFinger, properties.DermisMaterial, properties.DermisScreen,
+              properties.DermisScene)  # fmt: skip
+    known = {p.identifier for group in groups for p in group.bl_rna.properties}
+    assert strings("prop", 1) and strings("prop", 1) <= known
+    for effect in (c for c in panels.CLASSES if getattr(c, "switch", "")):
+        assert {effect.switch, *effect.shown} <= known
+
+
+def test_every_setting_of_a_material_can_be_reached() -> None:
+    shown = strings("prop", 1) | {"friction", "held_mode", "content_kind", "content_amplitude", "content_length_mm",
+                                  "content_size_mm", "content_damping"}  # fmt: skip
+    for effect in (c for c in panels.CLASSES if getattr(c, "switch", "")):
+        shown |= {effect.switch, *effect.shown}
+    names = {a.attribute for a in properties.ATTRIBUTES[properties.DermisMaterial]}
+    assert names <= shown
+
+
+def test_the_census_follows_roles_and_devices() -> None:
+    scene = bpy.context.scene
+    assert census.of(scene) == census.Census((), (), (), (), 0)
+    hand = finger()
+    cube()
+    screen()
+    assert census.of(scene) == census.Census(("Finger",), ("Finger",), ("Cube",), ("Screen",), 0)
+    device = hand.dermis.finger.devices.add()
+    device.preset = "haptip"
+    assert census.of(scene).idle == ()
+    device.enabled = False
+    assert census.of(scene).idle == ("Finger",)
+
+
+def test_a_file_of_a_newer_dermis_is_noticed() -> None:
+    scene = bpy.context.scene
+    scene.dermis.file_version = properties.FILE_VERSION + 1
+    cube()
+    assert census.of(scene).newer == properties.FILE_VERSION + 1
+
+
+def test_presets_are_read_on_demand_and_broken_ones_keep_their_reason(tmp_path, monkeypatch) -> None:
+    from blender_addon import preferences
+
+    monkeypatch.setattr(preferences, "presets_folder", lambda: tmp_path)
+    (tmp_path / "devices").mkdir()
+    (tmp_path / "devices" / "mine.json").write_text('{"schema": "dermis-device 1", "name": ', encoding="utf-8")
+    assert not choices.known() and choices.devices() == ()
+    choices.refresh()
+    assert choices.kind_of("haptip") == "shear_tactor"
+    assert choices.first_of_kind("friction_screen") == "electrovibration"
+    assert "not JSON" in choices.device_entry("mine").error
+    assert choices.device_title("removed") == "removed"
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "shown"),
+    [(0.00125, "m", "+1.250 mm"), (-0.5235987755982988, "rad", "-30.00°"), (234.04, "V", "234.0 V"),
+     (60.0, "Hz", "60 Hz")],
+)  # fmt: skip
+def test_figures_have_the_units_that_people_use(value: float, unit: str, shown: str) -> None:
+    assert text.quantity(value, unit) == shown

@@ -226,7 +226,7 @@ def block(half=0.02, cells=8):
     faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     bottom = top - [0, 0, 0.01]
     rim = [i * n for i in range(n)] + [(n - 1) * n + j for j in range(1, n)]
-    rim += [i * n + n - 1 for i in range(n - 2, -1, -1)] + [j for j in range(n - 2, 0, -1)]
+    rim += [i * n + n - 1 for i in range(n - 2, -1, -1)] + list(range(n - 2, 0, -1))
     side = []
     for a, b in zip(rim, rim[1:] + rim[:1], strict=True):
         side += [(a, a + n * n, b), (b, a + n * n, b + n * n)]

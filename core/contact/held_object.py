@@ -1,0 +1,334 @@
+"""An object held by fingers: its six degrees of freedom balance contact, gravity and inertia.
+
+The object follows its animated pose up to a small displacement d (translation and turn) that is found with the contact
+forces: w = C f + b - G' d at the nodes, G f = h on the object, where G sums forces and torques and h is what gravity
+and inertia ask for. Where friction cannot supply h, the object stays on its animated path, the forces are those that
+friction can carry, and a finding says that it slips.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError, Finding
+from .bodies import ContactBody, ContactFrame, contact_frame
+from .cone import STICK, along, natural_residual, project
+from .gap import Surface
+from .history import ContactHistory
+from .path import BONE
+from .plane import Plane
+from .solve import solve, status_of
+from .triangles import Array, Indices
+
+TOLERANCE = 1e-8
+MAX_ITERATIONS = 6000
+RELAXATION = 1.6
+# A displacement beyond these in one frame is no grip any more [m], [rad].
+LOST, TURNED = 0.01, 0.5
+REACH = 3e-3
+GRAVITY = np.array([0.0, 0.0, -9.81])
+
+
+@dataclass(frozen=True, eq=False)
+class HoldingFinger:
+    """A finger that may hold: its skin's compliance [m/N], shape (3 m, 3 m), and pad nodes [m], shape (m, 3)."""
+
+    compliance: Array
+    points: Array
+    name: str = "finger"
+
+
+@dataclass(frozen=True)
+class HeldStep:
+    """One frame of a held object.
+
+    Attributes:
+        forces: on each finger's pad nodes, in that finger's frame [N], one (m, 3) a finger.
+        status: OPEN, STICK or SLIP of each finger's nodes.
+        on_object: total force and torque (about the centre of mass) of all contacts on the object, in world space
+            [N, N m], shape (6,).
+        wanted: what gravity and inertia ask for, m (a - g) and the rate of angular momentum, shape (6,).
+        displacement: of the object from its animated pose: translation [m], rotation vector [rad], shape (6,).
+        holds: contacts supply what is wanted.
+        residual: of the contact laws, see `cone.natural_residual`; iterations: of the solver.
+    """
+
+    forces: tuple[Array, ...]
+    status: tuple[NDArray[np.int8], ...]
+    on_object: Array
+    wanted: Array
+    displacement: Array
+    holds: bool
+    residual: float
+    iterations: int
+
+    def balance_residual(self) -> float:
+        """Return |contact force - m (a - g)| relative to |m (a - g)|."""
+        size = max(float(np.linalg.norm(self.wanted[:3])), 1e-300)
+        return float(np.linalg.norm(self.on_object[:3] - self.wanted[:3])) / size
+
+
+@dataclass
+class _Grip:
+    """One finger's part of a frame: its nodes near the object, and what they need."""
+
+    frame: ContactFrame
+    near: Indices
+    matrix: Array
+    inverse: Array
+    offset: Array
+    wrench: Array
+
+
+class HeldObject:
+    """Solves the grip on one object, frame after frame.
+
+    Args:
+        surface: of the object, in its own space [m].
+        mass: [kg].
+        fingers: that may touch it.
+        friction: Coulomb coefficient against skin.
+        centre: of mass, in its own space [m]; the middle of its box by default.
+        inertia: about the centre, in its own space [kg m^2], shape (3, 3); that of its box by default.
+        gravity: in world space [m/s^2].
+        name: for findings.
+
+    Raises:
+        DermisError: a mass that is not positive, no finger, or an endless object without centre and inertia.
+    """
+
+    def __init__(
+        self, surface: Surface | Plane, mass: float, fingers: Sequence[HoldingFinger], friction: float, *,
+        centre: Array | None = None, inertia: Array | None = None, gravity: Array = GRAVITY, name: str = "object",
+    ) -> None:  # fmt: skip
+        if not (np.isfinite(mass) and mass > 0.0):
+            raise DermisError("a held object needs a mass", where=name, value=mass, limit="> 0 kg")
+        if not fingers:
+            raise DermisError("nothing can hold the object", where=name, remedy="Add a finger")
+        box = surface.box
+        if centre is None or inertia is None:
+            if not np.isfinite(box).all():
+                raise DermisError("an endless object needs a centre and an inertia", where=name)
+        size = box[1] - box[0]
+        self.centre = box.mean(axis=0) if centre is None else np.asarray(centre, dtype=np.float64)
+        self.inertia = (
+            np.diag((size @ size - size**2) * mass / 12.0) if inertia is None else np.asarray(inertia, dtype=np.float64)
+        )
+        self.surface, self.mass, self.friction, self.name = surface, mass, friction, name
+        self.fingers = tuple(fingers)
+        self.gravity = np.asarray(gravity, dtype=np.float64)
+        self._rho = float(np.median(np.concatenate([np.diag(f.compliance) for f in fingers])))
+        self._inverses: dict[int, tuple[bytes, Array, Array]] = {}
+        self._histories = [ContactHistory(f.points.shape[0]) for f in fingers]
+        self._findings: dict[str, Finding] = {}
+        self._frames = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget friction's history and the object's displacement."""
+        for history in self._histories:
+            history.clear()
+        self._turn = np.eye(3)
+        self._shift = np.zeros(3)
+        self._forces = [np.zeros_like(f.points) for f in self.fingers]
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Frames in which the object slipped or was not touched at all."""
+        return tuple(self._findings.values())
+
+    def step(
+        self, pose: Array, finger_poses: Sequence[Array], acceleration: Array | None = None,
+        angular_velocity: Array | None = None, angular_acceleration: Array | None = None, *,
+        frame_number: float | None = None,
+    ) -> HeldStep:  # fmt: skip
+        """Solve the next frame.
+
+        Args:
+            pose: animated object-to-world matrix, rigid, shape (4, 4).
+            finger_poses: finger-to-world matrices, rigid, one (4, 4) a finger.
+            acceleration: of the centre of mass, in world space [m/s^2].
+            angular_velocity, angular_acceleration: in world space [rad/s], [rad/s^2].
+        """
+        rotation, middle = self._placed(pose)
+        wanted = self._wanted(rotation, acceleration, angular_velocity, angular_acceleration)
+        grips = [self._grip(i, p, rotation, middle) for i, p in enumerate(finger_poses)]
+        where = float(self._frames) if frame_number is None else frame_number
+        self._frames += 1
+        touching = any(bool((along(g.offset, g.frame.normal[g.near]) < 0.0).any()) for g in grips)
+        step = None
+        if touching:
+            step = self._balanced(grips, wanted)
+        else:
+            self._note("dropped", "nothing touches the held object", where)
+        if step is None:
+            if touching:
+                self._note("slips", "friction cannot hold the object", where)
+            step = self._carried(grips, wanted)
+        else:
+            self._shift = self._shift + step[1][:3]
+            self._turn = _rotation(step[1][3:]) @ self._turn
+        forces, _, residual, iterations = step
+        return self._finish(grips, forces, wanted, residual, iterations, pose, finger_poses, step[1] is not _STILL)
+
+    # -- one frame -----------------------------------------------------------------------------------------------
+
+    def _placed(self, pose: Array) -> tuple[Array, Array]:
+        """Rotation and centre of mass where the object is now: animated, then displaced."""
+        pose = np.asarray(pose, dtype=np.float64)
+        rotation = self._turn @ pose[:3, :3]
+        middle = pose[:3, :3] @ self.centre + pose[:3, 3] + self._shift
+        return rotation, middle
+
+    def _wanted(self, rotation: Array, a: Array | None, omega: Array | None, alpha: Array | None) -> Array:
+        zero = np.zeros(3)
+        a, omega, alpha = (zero if v is None else np.asarray(v, dtype=np.float64) for v in (a, omega, alpha))
+        inertia = rotation @ self.inertia @ rotation.T
+        return np.concatenate([self.mass * (a - self.gravity), inertia @ alpha + np.cross(omega, inertia @ omega)])
+
+    def _body(self, finger_pose: Array, rotation: Array, middle: Array) -> ContactBody:
+        turn = finger_pose[:3, :3].T @ rotation
+        origin = middle - rotation @ self.centre
+        place = finger_pose[:3, :3].T @ (origin - finger_pose[:3, 3])
+        return ContactBody(self.surface, turn, place, self.friction)
+
+    def _grip(self, index: int, finger_pose: Array, rotation: Array, middle: Array) -> _Grip:
+        finger, history = self.fingers[index], self._histories[index]
+        frame = contact_frame(finger.points, [self._body(finger_pose, rotation, middle)], REACH, BONE)
+        near = np.flatnonzero(frame.body >= 0)
+        offset = history.offset(frame, finger.points)[near]
+        turn = finger_pose[:3, :3]
+        arm = finger.points[near] @ turn.T + finger_pose[:3, 3] - middle
+        wrench = np.zeros((6, near.size, 3))
+        wrench[:3] = turn[:, None, :]
+        for axis in range(3):
+            wrench[3:, :, axis] = np.cross(arm, turn[:, axis]).T
+        key = near.tobytes()
+        kept = self._inverses.get(index)
+        if kept is None or kept[0] != key:
+            rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
+            matrix = finger.compliance[rows[:, None], rows]
+            kept = (key, matrix, np.linalg.inv(matrix + self._rho * np.eye(rows.size)))
+            self._inverses[index] = kept
+        return _Grip(frame, near, kept[1], kept[2], offset, wrench.reshape(6, -1))
+
+    def _balanced(
+        self, grips: Sequence[_Grip], wanted: Array
+    ) -> tuple[list[Array], Array, float, int] | None:
+        """Forces in their cones with G f = h, by the alternating method with the object eliminated; None if it slips.
+
+        The skin feels f, the object -f, so h on the skin is minus what is wanted on the object.
+        """
+        rho = self._rho
+        ends = np.cumsum([0] + [3 * g.near.size for g in grips])
+        parts = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        normals = np.concatenate([g.frame.normal[g.near] for g in grips])
+        mu = np.full(normals.shape[0], self.friction)
+        b = np.concatenate([g.offset.reshape(-1) for g in grips])
+        wrench = np.concatenate([g.wrench for g in grips], axis=1)
+        # torques are measured in the lever of the contacts, so that both halves of the wrench weigh alike
+        lever = max(float(np.sqrt((wrench[3:] ** 2).mean() / (wrench[:3] ** 2).mean())), 1e-6)
+        scale = np.concatenate([np.ones(3), np.full(3, 1.0 / lever)])
+        g_rows, target = wrench * scale[:, None], -wanted * scale
+        image = np.concatenate([grip.inverse @ g_rows[:, p].T for grip, p in zip(grips, parts, strict=True)])
+        schur = np.linalg.pinv(g_rows @ image, rcond=1e-10)
+        z = np.concatenate([f[grip.near] for f, grip in zip(self._forces, grips, strict=True)])
+        z, _ = project(z, normals, mu)
+        y = np.zeros_like(z)
+        size = max(float(np.linalg.norm(target)), 1e-12)
+        move = np.zeros(6)
+        for iteration in range(1, MAX_ITERATIONS + 1):
+            rhs = rho * (z - y).reshape(-1) - b
+            free = np.concatenate([grip.inverse @ rhs[p] for grip, p in zip(grips, parts, strict=True)])
+            move = schur @ (target - g_rows @ free)
+            force = (free + image @ move).reshape(-1, 3)
+            v = RELAXATION * force + (1.0 - RELAXATION) * z + y
+            new, _ = project(v, normals, mu)
+            y = v - new
+            change = float(np.abs(new - z).max()) + float(np.abs(force - new).max())
+            z = new
+            if iteration % 10:
+                continue
+            shift, turn = np.linalg.norm(move[:3]), np.linalg.norm(move[3:]) / lever
+            if iteration > 200 and (shift > LOST or turn > TURNED):
+                return None
+            short = float(np.linalg.norm(g_rows @ z.reshape(-1) - target)) / size
+            if short <= TOLERANCE and change <= TOLERANCE * max(float(np.abs(z).max()), 1e-300):
+                break
+        shift, turn = float(np.linalg.norm(move[:3])), float(np.linalg.norm(move[3:])) / lever
+        short = float(np.linalg.norm(g_rows @ z.reshape(-1) - target)) / size
+        if short > 100.0 * TOLERANCE or shift > LOST or turn > TURNED:
+            return None
+        w = np.concatenate([g.matrix @ z.reshape(-1)[p] for g, p in zip(grips, parts, strict=True)])
+        w = (w + b - g_rows.T @ move).reshape(-1, 3)
+        residual = natural_residual(z, w, normals, mu, 1.0 / rho)
+        return [z.reshape(-1)[p].reshape(-1, 3) for p in parts], move * scale, residual, iteration
+
+    def _carried(self, grips: Sequence[_Grip], wanted: Array) -> tuple[list[Array], Array, float, int]:
+        """Forces with the object on its animated path: what friction can carry."""
+        forces, residual, iterations = [], 0.0, 0
+        for grip in grips:
+            normals = grip.frame.normal[grip.near]
+            s = solve(grip.matrix, grip.offset, self.friction, normals=normals, tolerance=TOLERANCE)
+            forces.append(s.force)
+            residual, iterations = max(residual, s.residual), iterations + s.iterations
+        return forces, _STILL, residual, iterations
+
+    def _finish(
+        self, grips: Sequence[_Grip], forces: Sequence[Array], wanted: Array, residual: float, iterations: int,
+        pose: Array, finger_poses: Sequence[Array], holds: bool,
+    ) -> HeldStep:  # fmt: skip
+        on_object = np.zeros(6)
+        status = []
+        rotation, middle = self._placed(pose)
+        for i, (grip, force) in enumerate(zip(grips, forces, strict=True)):
+            finger = self.fingers[i]
+            whole = np.zeros_like(finger.points)
+            whole[grip.near] = force
+            self._forces[i] = whole
+            on_object -= grip.wrench @ force.reshape(-1)
+            moved = replace(grip.frame, bodies=(self._body(finger_poses[i], rotation, middle),))
+            found = status_of(whole, whole, grip.frame.normal, np.full(whole.shape[0], self.friction))
+            deformed = finger.points + (finger.compliance @ whole.reshape(-1)).reshape(-1, 3)
+            self._histories[i].keep(moved, found == STICK, deformed)
+            status.append(found)
+        displacement = np.concatenate([self._shift, _vector(self._turn)])
+        return HeldStep(tuple(self._forces), tuple(status), on_object, wanted, displacement, holds, residual,
+                        iterations)  # fmt: skip
+
+    def _note(self, code: str, what: str, where: float) -> None:
+        known = self._findings.get(code)
+        if known is None:
+            remedy = "Press harder, raise the friction, or make it lighter"
+            self._findings[code] = Finding("warning", code, what, self.name, f"{self.mass:g} kg", "", remedy, where)
+        else:
+            self._findings[code] = replace(known, count=known.count + 1)
+
+
+_STILL = np.zeros(6)
+
+
+def _rotation(vector: Array) -> Array:
+    """Rotation matrix of a rotation vector [rad] (Rodrigues)."""
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-15:
+        return np.eye(3)
+    x, y, z = vector / angle
+    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    out: Array = np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)
+    return out
+
+
+def _vector(rotation: Array) -> Array:
+    """Rotation vector [rad] of a rotation by less than half a turn."""
+    axis = 0.5 * np.array(
+        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
+    )
+    sine = float(np.linalg.norm(axis))
+    angle = float(np.arctan2(sine, 0.5 * (np.trace(rotation) - 1.0)))
+    out: Array = axis * (angle / sine) if sine > 1e-15 else axis
+    return out

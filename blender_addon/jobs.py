@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Generator
 from dataclasses import replace
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
@@ -38,15 +38,24 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
     tactile = sampling.sample(scene, span=span)
     sweep = tactile.chunks
     steps = pipeline.render(tactile, library)
+    sampling_seconds = 0.0
     try:
         while True:
-            while not sweep.advance():
+            while True:
+                start = time.perf_counter()
+                ready = sweep.advance()
+                sampling_seconds += time.perf_counter() - start
+                if ready:
+                    break
                 yield pipeline.Progress("sampling", sweep.done, sweep.total)
             try:
                 yield next(steps)
             except StopIteration as stop:
                 made = stop.value
-                return replace(made, findings=(*made.findings, *sweep.findings))
+                # the sweep runs ahead of the pipeline's own clock, so that the job can stop between two samples
+                seconds = dict(made.stage_seconds)
+                seconds["sampling"] = seconds.get("sampling", 0.0) + sampling_seconds
+                return replace(made, findings=(*made.findings, *sweep.findings), stage_seconds=seconds)
     finally:
         steps.close()
         sweep.close()
@@ -71,6 +80,8 @@ class Job:
     """
 
     job_title = "Dermis"
+    if TYPE_CHECKING:
+        report: Callable[[set[str], str], None]  # Blender's, of the operator that this is mixed into
     _steps: Steps | None = None
     _timer: Any = None
 
@@ -122,14 +133,14 @@ class Job:
         try:
             progress = None
             while time.perf_counter() < end:
-                progress = next(self._steps)  # type: ignore[arg-type]
+                progress = next(self._steps)
             self._tell(context, progress)
         except StopIteration as stop:
             self._end(context)
             return self._finish(context, stop.value)
         except _errors.DermisError as error:
             self._end(context)
-            return reporting.report_error(self, error, self.job_title)  # type: ignore[arg-type]
+            return reporting.report_error(self, error, self.job_title)
         except BaseException:
             self._end(context)  # a defect: Blender prints it; the window must not stay locked
             raise
@@ -144,7 +155,7 @@ class Job:
         try:
             return self.finished(context, result)
         except _errors.DermisError as error:
-            return reporting.report_error(self, error, self.job_title)  # type: ignore[arg-type]
+            return reporting.report_error(self, error, self.job_title)
 
     def _tell(self, context: bpy.types.Context, progress: Any) -> None:
         if progress is None or not progress.total:

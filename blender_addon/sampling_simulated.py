@@ -148,7 +148,7 @@ class Poses:
 
     def __init__(self, times: Array, matrices: Array) -> None:
         """Take times [s], shape (n,), and matrices with positive stretch, shape (n, 4, 4); NaN means absent."""
-        gone = ~np.isfinite(matrices).all(axis=(1, 2))
+        gone: NDArray[np.bool_] = ~np.logical_and.reduce(np.isfinite(matrices), axis=(1, 2))
         if gone.any() and not gone.all():
             # Held where absent, so that the spline stays calm; presence is told elsewhere.
             nearest = np.maximum.accumulate(np.where(~gone, np.arange(len(gone)), -1))

@@ -15,7 +15,8 @@ TRIANGLES = np.array([[0, 1, 2]], dtype=np.int32)
 
 def scene_of(**changes):
     mesh = Mesh(np.eye(3), TRIANGLES)
-    scene = TactileScene("s", Fraction(24), (1, 2), 240.0, (Finger("f"),), (Body("b", mesh), Body("soft", None)), (), ())
+    bodies = (Body("b", mesh), Body("soft", None))
+    scene = TactileScene("s", Fraction(24), (1, 2), 240.0, (Finger("f"),), bodies, (), ())
     return replace(scene, **changes)
 
 

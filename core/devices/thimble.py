@@ -12,6 +12,7 @@ Source: [S0] 3.1 with the kinematics of the project's corrections (closed form o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -29,9 +30,7 @@ LEG_DIRECTIONS = np.column_stack([np.cos(LEG_ANGLES), np.sin(LEG_ANGLES), np.zer
 FORWARD_TOLERANCE = 1e-13  # [rad] of the servo angles
 FORWARD_STEPS = 50
 
-_KX = np.array([[0.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-_KY = np.array([[0.0, 0, 1], [0, 0, 0], [-1, 0, 0]])
-_KZ = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]])
+_LEGS = tuple((math.cos(a), math.sin(a)) for a in (0.0, 2 * math.pi / 3, 4 * math.pi / 3))
 
 
 @dataclass(frozen=True)
@@ -40,12 +39,12 @@ class PlatformPose:
 
     Attributes:
         rotation: shape (3, 3). centre: [m], shape (3,).
-        d_rotation: derivative i at [i], shape (3, 3, 3). d_centre: column i, shape (3, 3).
+        spin: how it turns: dR/dx_i = spin_i x R, row i, shape (3, 3). d_centre: column i, shape (3, 3).
     """
 
     rotation: Array
     centre: Array
-    d_rotation: Array
+    spin: Array
     d_centre: Array
 
 
@@ -79,34 +78,37 @@ class Thimble:
 
     def pose(self, x: ArrayLike) -> PlatformPose:
         """Return the platform's pose at x = (psi, theta, z), with parasitic shift and yaw."""
-        psi, theta, z = np.asarray(x, dtype=np.float64)
-        cp, sp, ct, st = np.cos(psi), np.sin(psi), np.cos(theta), np.sin(theta)
+        # plain floats: arrays of three elements cost more than the arithmetic on them
+        psi, theta, z = (float(v) for v in x)
+        cp, sp, ct, st = math.cos(psi), math.sin(psi), math.cos(theta), math.sin(theta)
         n, d = -sp * st, cp + ct
-        phi = np.arctan2(n, d)
+        phi = math.atan2(n, d)
         scale = 1.0 / (n * n + d * d)
         phi_psi = (d * -cp * st + n * sp) * scale
         phi_theta = (d * -sp * ct + n * st) * scale
-        rx = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
-        ry = np.array([[ct, 0, st], [0, 1, 0], [-st, 0, ct]])
-        c, s = np.cos(phi), np.sin(phi)
-        rz = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-        rotation = rx @ ry @ rz
-        d_rotation = np.zeros((3, 3, 3))
-        d_rotation[0] = _KX @ rotation + rotation @ _KZ * phi_psi
-        d_rotation[1] = rx @ _KY @ ry @ rz + rotation @ _KZ * phi_theta
+        c, s = math.cos(phi), math.sin(phi)
+        axis = (st, -sp * ct, cp * ct)  # the platform's normal, which yaw turns about
+        first, second = (ct, sp * st, -cp * st), (0.0, cp, sp)
+        u = [c * a + s * b for a, b in zip(first, second, strict=True)]
+        v = [c * b - s * a for a, b in zip(first, second, strict=True)]
+        spin = ((1.0 + phi_psi * axis[0], phi_psi * axis[1], phi_psi * axis[2]),
+                (phi_theta * axis[0], cp + phi_theta * axis[1], sp + phi_theta * axis[2]), (0.0, 0.0, 0.0))  # fmt: skip
         r = self.platform_radius
-        centre = np.array([r / 2 * (rotation[0, 0] - rotation[1, 1]), -r * rotation[1, 0], z])
-        d_centre = np.zeros((3, 3))
-        d_centre[0] = r / 2 * (d_rotation[:, 0, 0] - d_rotation[:, 1, 1])
-        d_centre[1] = -r * d_rotation[:, 1, 0]
-        d_centre[2, 2] = 1.0
-        return PlatformPose(rotation, centre, d_rotation, d_centre)
+        shift_x, shift_y = [], []
+        for wx, wy, wz in spin:
+            shift_x.append(r / 2 * (wy * u[2] - wz * u[1] - wz * v[0] + wx * v[2]))
+            shift_y.append(-r * (wz * u[0] - wx * u[2]))
+        return PlatformPose(
+            np.array([[u[0], v[0], axis[0]], [u[1], v[1], axis[1]], [u[2], v[2], axis[2]]]),
+            np.array([r / 2 * (u[0] - v[1]), -r * u[1], z]), np.array(spin),
+            np.array([shift_x, shift_y, [0.0, 0.0, 1.0]]),
+        )  # fmt: skip
 
     def reach(self, x: ArrayLike) -> Array:
         """Return per leg how far it is from being stretched or folded: >= 0 where it closes, shape (3,)."""
-        r, h, _, _ = self._leg_planes(self.pose(x))
-        d = np.hypot(r, h)
-        return 1.0 - np.abs((self.crank**2 + d**2 - self.rod**2) / (2 * self.crank * d))
+        legs = self._leg_planes(self.pose(x))
+        distance = np.array([math.hypot(r, h) for r, h, _, _ in legs])
+        return 1.0 - np.abs((self.crank**2 + distance**2 - self.rod**2) / (2 * self.crank * distance))
 
     def servo_angles(self, x: ArrayLike) -> tuple[Array, Array]:
         """Return servo angles [rad], shape (3,), and their derivatives by x, shape (3, 3).
@@ -114,29 +116,39 @@ class Thimble:
         Raises:
             DermisError: a leg cannot reach.
         """
-        r, h, dr, dh = self._leg_planes(self.pose(x))
-        squared = r * r + h * h
-        d = np.sqrt(squared)
-        cosine = (self.crank**2 + squared - self.rod**2) / (2 * self.crank * d)
-        if (np.abs(cosine) >= 1.0).any():
-            leg = int(np.argmax(np.abs(cosine)))
-            raise DermisError(
-                "a leg cannot reach the platform",
-                where=f"thimble, leg {leg + 1}",
-                value=f"{1e3 * d[leg]:.2f} mm from its servo",
-                limit=f"{1e3 * abs(self.rod - self.crank):.2f} to {1e3 * (self.rod + self.crank):.2f} mm",
-                remedy="Use longer links or a smaller movement",
-            )
-        angles = np.arctan2(h, r) - self.knee * np.arccos(cosine)
-        d_distance = (r[:, None] * dr + h[:, None] * dh) / d[:, None]
-        d_cosine = d_distance * ((squared - self.crank**2 + self.rod**2) / (2 * self.crank * squared))[:, None]
-        d_angles = (r[:, None] * dh - h[:, None] * dr) / squared[:, None]
-        d_angles += self.knee * d_cosine / np.sqrt(1.0 - cosine**2)[:, None]
-        return angles, d_angles
+        return self.servo_angles_at(self.pose(x))
+
+    def servo_angles_at(self, pose: PlatformPose) -> tuple[Array, Array]:
+        """Return `servo_angles` for a pose that is known already."""
+        angles, slopes = [], []
+        crank, rod = self.crank, self.rod
+        for leg, (r, h, dr, dh) in enumerate(self._leg_planes(pose)):
+            squared = r * r + h * h
+            distance = math.sqrt(squared)
+            cosine = (crank * crank + squared - rod * rod) / (2 * crank * distance)
+            if abs(cosine) >= 1.0:
+                raise DermisError(
+                    "a leg cannot reach the platform",
+                    where=f"thimble, leg {leg + 1}",
+                    value=f"{1e3 * distance:.2f} mm from its servo",
+                    limit=f"{1e3 * abs(rod - crank):.2f} to {1e3 * (rod + crank):.2f} mm",
+                    remedy="Use longer links or a smaller movement",
+                )
+            angles.append(math.atan2(h, r) - self.knee * math.acos(cosine))
+            bend = self.knee * (squared - crank * crank + rod * rod) / (2 * crank * squared)
+            bend /= distance * math.sqrt(1.0 - cosine * cosine)
+            # d atan2 = (r dh - h dr) / d^2, and the knee bends with the distance, d' = (r dr + h dh) / d
+            by_r, by_h = bend * r - h / squared, bend * h + r / squared
+            slopes.append([by_r * a + by_h * b for a, b in zip(dr, dh, strict=True)])
+        return np.array(angles), np.array(slopes)
 
     def constraints(self, x: ArrayLike) -> tuple[Array, Array]:
         """Return c(x) >= 0, the room left of each servo to either side [rad], shape (6,), and dc/dx, shape (6, 3)."""
-        angles, slopes = self.servo_angles(x)
+        return self.constraints_at(self.pose(x))
+
+    def constraints_at(self, pose: PlatformPose) -> tuple[Array, Array]:
+        """Return `constraints` for a pose that is known already."""
+        angles, slopes = self.servo_angles_at(pose)
         turned = angles - self.servo_zero
         return np.concatenate([self.servo_range - turned, self.servo_range + turned]), np.vstack([-slopes, slopes])
 
@@ -186,13 +198,20 @@ class Thimble:
         local[:3, :3], local[:3, 3] = pose.rotation, pose.centre
         return self.mount @ local
 
-    def _leg_planes(self, pose: PlatformPose) -> tuple[Array, Array, Array, Array]:
-        """Joints of the platform in their legs' planes: distance r outwards of the servo and height h, with slopes."""
-        arms = self.platform_radius * LEG_DIRECTIONS
-        joints = pose.centre + arms @ pose.rotation.T
-        slopes = pose.d_centre[None] + np.einsum("iab,lb->lai", pose.d_rotation, arms)  # leg, axis, derivative
-        r = np.einsum("la,la->l", LEG_DIRECTIONS, joints) - self.base_radius
-        return r, joints[:, 2], np.einsum("la,lai->li", LEG_DIRECTIONS, slopes), slopes[:, 2]
+    def _leg_planes(self, pose: PlatformPose) -> list[tuple[float, float, list[float], list[float]]]:
+        """Joints in their legs' planes: distance r outwards of the servo and height h, with slopes by x."""
+        (ux, vx, _), (uy, vy, _), (uz, vz, _) = pose.rotation.tolist()
+        x, y, z = pose.centre.tolist()
+        shifts, spins = pose.d_centre.tolist(), pose.spin.tolist()
+        size, legs = self.platform_radius, []
+        for ex, ey in _LEGS:
+            ax, ay, az = size * (ux * ex + vx * ey), size * (uy * ex + vy * ey), size * (uz * ex + vz * ey)
+            dr, dh = [], []
+            for j, (wx, wy, wz) in enumerate(spins):
+                dr.append(ex * (shifts[0][j] + wy * az - wz * ay) + ey * (shifts[1][j] + wz * ax - wx * az))
+                dh.append(shifts[2][j] + wx * ay - wy * ax)
+            legs.append((ex * (x + ax) + ey * (y + ay) - self.base_radius, z + az, dr, dh))
+        return legs
 
 
 def mechanism(spec: DeviceSpec) -> Thimble:

@@ -1,0 +1,400 @@
+"""A rigid disc against the skin: contact forces for a pose of the disc, and how they change with the pose.
+
+The disc's material moves with it, so what sticks is sheared when the disc tilts, shifts or turns. What friction
+remembers is a `FrictionState`: for every node near the disc the point of the disc's material that it sticks to. It is
+fixed while poses are tried and renewed by `DiscContact.settle` once a pose is chosen (staggering).
+
+A pose is tried by solving the frictional contact on the condensed compliance with a semi-smooth Newton method. With a
+rigid flat disc all nodes share one normal, Coulomb's projection is homogeneous of degree one, and the Newton system
+reduces to A f = -D b with A = (I - D) / r + D C. The same factors give the exact derivative (implicit
+differentiation): in a frame that turns with the disc the law does not change, so with the turning part taken out,
+h = df - Omega f obeys A h = -D (C Omega f - Omega C f + db'), where db' is the change of b as the disc sees it.
+
+Source: [S0] 3.1 (rigid disc on the skin), 3.4 and 5.1 (friction state); Alart and Curnier 1991.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contact.bodies import ContactBody
+from ..contact.cone import OPEN, SLIP, STICK
+from ..contact.gap import GapQuery
+from ..contact.plane import Plane
+from ..contact.solve import solve as solve_contact
+from ..errors import DermisError
+from .thimble import PlatformPose, Thimble
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-6  # of the natural residual, relative to the forces
+FALLBACK_TOLERANCE = 1e-8
+MAX_STEPS = 10
+NEAR, MARGIN = 0.9e-3, 0.3e-3  # nodes are kept as candidates below NEAR; they are chosen anew when others come to MARGIN
+ROUNDING = 1.0e-3  # [m] radius by which the disc's rim falls away
+
+
+@dataclass(frozen=True)
+class DiscPose:
+    """A pose of the disc in the finger's frame, with its derivatives by the device's configuration.
+
+    Attributes:
+        rotation: disc to finger, shape (3, 3). The side that touches faces -Z of the disc.
+        centre: [m], shape (3,).
+        spin: row j is the rotation vector for a unit of x_j, shape (3, 3). shift: column j moves the centre, (3, 3).
+    """
+
+    rotation: Array
+    centre: Array
+    spin: Array
+    shift: Array
+
+    @property
+    def normal(self) -> Array:
+        """Out of the disc, into the finger, shape (3,)."""
+        return -self.rotation[:, 2]
+
+
+def placed(device: Thimble, pose: PlatformPose) -> DiscPose:
+    """Return a platform's pose in the finger's frame."""
+    turn, origin = device.mount[:3, :3], device.mount[:3, 3]
+    return DiscPose(turn @ pose.rotation, turn @ pose.centre + origin, pose.spin @ turn.T, turn @ pose.d_centre)
+
+
+@dataclass(frozen=True, eq=False)
+class Disc(Plane):
+    """The disc as a surface for the path solver, in its own frame: flat up to `radius`, then rounded off.
+
+    Attributes:
+        radius, rounding: [m].
+    """
+
+    normal: Array = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
+    point: Array = field(default_factory=lambda: np.zeros(3))
+    radius: float = 8.0e-3
+    rounding: float = ROUNDING
+
+    def query(self, points: Array, reach: float = np.inf) -> GapQuery:
+        """Return gap, closest point and normal of each point; the normal of the rim is that of the face."""
+        over = np.maximum(np.hypot(points[:, 0], points[:, 1]) - self.radius, 0.0)
+        gap = -points[:, 2] + over**2 / (2 * self.rounding)
+        n = len(gap)
+        near = gap <= reach
+        normal = np.where(near[:, None], self.normal, 0.0)
+        point = np.where(near[:, None], points - gap[:, None] * self.normal, np.nan)
+        triangle = np.where(near, 0, -1)
+        return GapQuery(np.where(near, gap, np.inf), normal, point, triangle, np.zeros((n, 3)), np.zeros(n, bool))
+
+    def body(self, pose: DiscPose, friction: float) -> ContactBody:
+        """Return the disc as something to touch, at a pose."""
+        return ContactBody(self, pose.rotation, pose.centre, friction)
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionState:
+    """What friction remembers of the path so far.
+
+    Attributes:
+        held: nodes with an anchor, shape (m,).
+        anchor: the point of the disc that each sticks to, x and y in the disc's frame [m], shape (m, 2).
+        force: on the skin at the end of the last step [N], shape (m, 3).
+    """
+
+    held: NDArray[np.bool_]
+    anchor: Array
+    force: Array
+
+    @classmethod
+    def rest(cls, count: int) -> FrictionState:
+        """Return the state of skin that touched nothing yet."""
+        return cls(np.zeros(count, bool), np.zeros((count, 2)), np.zeros((count, 3)))
+
+
+@dataclass(frozen=True, eq=False)
+class DiscSolution:
+    """Contact with the disc at one pose.
+
+    Attributes:
+        pose: of the disc.
+        nodes: the candidates, shape (s,); all other nodes carry no force.
+        force: on them [N], shape (s, 3). displacement: w = C f + b of them [m], shape (s, 3).
+        slope: derivative of the forces by the configuration, column j of node i at [i, :, j], shape (s, 3, 3).
+        status: OPEN, STICK or SLIP, shape (s,).
+        residual: |f - P(f - w / rho)| / |f|. iterations: Newton steps.
+        method: 'none', 'newton', or 'fallback' where Newton did not settle.
+    """
+
+    pose: DiscPose
+    nodes: NDArray[np.intp]
+    force: Array
+    displacement: Array
+    slope: Array
+    status: NDArray[np.int8]
+    residual: float
+    iterations: int
+    method: str
+
+    @property
+    def converged(self) -> bool:
+        """Whether the forces obey the laws of contact."""
+        return self.residual <= max(TOLERANCE, 10 * FALLBACK_TOLERANCE)
+
+    @property
+    def touching(self) -> bool:
+        """Whether any node carries force."""
+        return bool((self.status != OPEN).any())
+
+    def spread(self, count: int) -> Array:
+        """Return the forces on all nodes [N], shape (count, 3)."""
+        out = np.zeros((count, 3))
+        out[self.nodes] = self.force
+        return out
+
+
+class DiscContact:
+    """Contact of one skin with a disc, pose after pose.
+
+    Args:
+        compliance: of the pad nodes [m/N], shape (3 m, 3 m).
+        positions: undeformed pad nodes in the finger's frame [m], shape (m, 3).
+        disc: radius and rim.
+        friction: Coulomb's coefficient.
+
+    Attributes:
+        solved, fallbacks: how many poses were solved, and for how many Newton's method was not enough.
+
+    Raises:
+        DermisError: shapes that do not fit, or negative friction.
+    """
+
+    def __init__(self, compliance: Array, positions: Array, disc: Disc, friction: float) -> None:
+        count = len(positions)
+        if compliance.shape != (3 * count, 3 * count):
+            raise DermisError("the compliance does not fit the nodes", where="disc", value=compliance.shape)
+        if not (np.isfinite(friction) and friction >= 0):
+            raise DermisError("friction cannot be negative", where="disc", value=friction, limit=">= 0")
+        self.compliance, self.positions, self.disc, self.friction = compliance, positions, disc, float(friction)
+        self.count = count
+        # weighs displacement against force: between the softest and the stiffest node, as in the iteration
+        self._stiffness = 1.0 / float(np.median(np.diag(compliance)))
+        self.nodes: NDArray[np.intp] = np.zeros(0, np.intp)
+        self._matrix = np.zeros((0, 0))
+        self._rest_positions = np.zeros((0, 3))
+        self._block: tuple[bytes, Array] | None = None
+        self.choice = 0  # counts how often the candidates were chosen, for those who keep tables by them
+        self.solved = self.fallbacks = 0
+        self.hold(FrictionState.rest(count))
+
+    def hold(self, state: FrictionState) -> None:
+        """Fix the friction state for the poses that follow."""
+        self.state = state
+        self._guess: tuple[Array, Array] | None = None
+        self._restrict()
+
+    def gap(self, pose: DiscPose) -> Array:
+        """Return the gap of every undeformed node [m], shape (m,)."""
+        local = (self.positions - pose.centre) @ pose.rotation
+        over = np.maximum(np.sqrt(local[:, 0] ** 2 + local[:, 1] ** 2) - self.disc.radius, 0.0)
+        gap: Array = over * over * (0.5 / self.disc.rounding) - local[:, 2]
+        return gap
+
+    def solve(self, pose: DiscPose) -> DiscSolution:
+        """Return the contact at a pose, from the friction state that is held."""
+        self._choose(pose)
+        self.solved += 1
+        offset, change = self._offsets(pose)
+        if not (offset @ pose.normal < 0.0).any():
+            zero = np.zeros_like(offset)
+            nothing = np.zeros(len(offset), np.int8)
+            return DiscSolution(pose, self.nodes, zero, offset, np.zeros((*zero.shape, 3)), nothing, 0.0, 0, "none")
+        guess = self._held_force
+        if self._guess is not None:
+            # forces move with the disc to first order: nearly always the right nodes stick and slip at once
+            guess = self._guess[0] + self._guess[1] @ self._step(pose)
+        force, w, slope, status, residual, steps = self._newton(pose, offset, change, guess)
+        method = "newton"
+        if residual > TOLERANCE:
+            self.fallbacks += 1
+            method = "fallback"
+            found = solve_contact(
+                self._matrix, offset.ravel(), self.friction, normals=np.tile(pose.normal, (len(offset), 1)),
+                start=force, tolerance=FALLBACK_TOLERANCE,
+            )  # fmt: skip
+            force, w, slope, status, residual, more = self._newton(pose, offset, change, found.force, steps=1)
+            if residual > found.residual:
+                force, w, status, residual = found.force, found.displacement, found.status, found.residual
+            steps += found.iterations + more
+        self._guess = (force, slope)
+        self._guess_pose = pose
+        return DiscSolution(pose, self.nodes, force, w, slope, status, residual, steps, method)
+
+    def settle(self, solution: DiscSolution) -> FrictionState:
+        """Return the friction state after a step that ended in this solution.
+
+        A node that sticks keeps its anchor, one that slips takes it along, one that is open hovers over it.
+        """
+        pose = solution.pose
+        local = (self.positions - pose.centre) @ pose.rotation
+        anchor = local[:, :2].copy()
+        force = solution.spread(self.count)
+        loaded = np.flatnonzero(solution.status != OPEN)
+        if len(loaded):
+            columns = solution.nodes[loaded]
+            rows = (3 * columns[:, None] + np.arange(3)).ravel()
+            moved = self.compliance[rows].T @ solution.force[loaded].ravel()
+            anchor += (moved.reshape(-1, 3) @ pose.rotation)[:, :2]
+        sticking = solution.nodes[(solution.status == STICK) & self.state.held[solution.nodes]]
+        anchor[sticking] = self.state.anchor[sticking]
+        return FrictionState(np.ones(self.count, bool), anchor, force)
+
+    # -- parts -------------------------------------------------------------------------------------------------------
+
+    def _newton(
+        self, pose: DiscPose, offset: Array, change: Array, guess: Array, steps: int = MAX_STEPS
+    ) -> tuple[Array, Array, Array, NDArray[np.int8], float, int]:
+        """Newton's method on the forces; each step solves for the derivatives too, for next to nothing."""
+        normal, r, mu, size = pose.normal, self._stiffness, self.friction, len(offset)
+        turn = np.concatenate([_crossing(pose.spin[0]), _crossing(pose.spin[1])], axis=1)
+        force, slope = guess, np.zeros((size, 3, 3))
+        best, step = (np.inf, force, offset, slope, np.zeros(size, np.int8)), 0
+        both = np.empty((size, 3, 3))  # forces, and how they turn with the disc
+        while True:
+            turned = force @ turn
+            both[:, :, 0], both[:, :, 1], both[:, :, 2] = force, turned[:, :3], turned[:, 3:]
+            images = (self._matrix @ both.reshape(-1, 3)).reshape(size, 3, 3)
+            w = images[:, :, 0] + offset
+            v = force - r * w
+            vn = v @ normal
+            tangent = v - vn[:, None] * normal
+            length = np.sqrt(np.einsum("ij,ij->i", tangent, tangent))
+            length[length == 0.0] = 1e-300
+            pushed = np.maximum(vn, 0.0)
+            share = np.minimum(mu * pushed / length, 1.0)
+            wanted = tangent * share[:, None] + pushed[:, None] * normal
+            miss = (wanted - force).ravel()
+            weight = max(float(np.vdot(wanted, wanted)), float(np.vdot(force, force)))
+            residual = float(np.sqrt((miss @ miss) / weight)) if weight > 0.0 else 0.0
+            if step and residual < best[0]:
+                status = np.where(vn <= 0.0, OPEN, np.where(share < 1.0, SLIP, STICK)).astype(np.int8)
+                best = (residual, force, w, slope, status)
+            if step == steps or (step and residual <= TOLERANCE):
+                break
+            step += 1
+            active = np.flatnonzero(vn > 0.0)
+            force, slope = np.zeros((size, 3)), np.zeros((size, 3, 3))
+            if len(active) == 0:
+                continue
+            right = np.empty((len(active), 3, 4))
+            right[:, :, 0] = offset[active]
+            right[:, :, 1:] = change[active]
+            moved = images[active]
+            turned = moved[:, :, 0] @ turn
+            right[:, :, 1] += moved[:, :, 1] - turned[:, :3]
+            right[:, :, 2] += moved[:, :, 2] - turned[:, 3:]
+            matrix = self._active_block(active)
+            slips = np.flatnonzero(share[active] < 1.0)
+            if len(slips):
+                at = active[slips]
+                law = _projection_slope(normal, tangent[at] / length[at, None], mu, share[at])
+                matrix = matrix.reshape(len(active), 3, -1).copy()
+                matrix[slips] = law @ matrix[slips]
+                rest = (np.eye(3) - law) / r
+                for k in range(3):
+                    matrix[slips, :, 3 * slips + k] += rest[:, :, k]
+                matrix = matrix.reshape(3 * len(active), -1)
+                right[slips] = law @ right[slips]
+            try:
+                answer = np.linalg.solve(matrix, right.reshape(-1, 4)).reshape(-1, 3, 4)
+            except np.linalg.LinAlgError:
+                break
+            force[active] = -answer[:, :, 0]
+            slope[active] = -answer[:, :, 1:]
+            turned = force[active] @ turn
+            slope[active, :, 0] += turned[:, :3]
+            slope[active, :, 1] += turned[:, 3:]
+        residual, force, w, slope, status = best
+        return force, w, slope, status, residual, step
+
+    def _offsets(self, pose: DiscPose) -> tuple[Array, Array]:
+        """Relative displacement without force, (s, 3), and its derivative as the disc sees it, (s, 3, 3)."""
+        arm = self._rest_positions - pose.centre
+        local = arm @ pose.rotation
+        out = np.zeros_like(local)
+        out[:, :2] = np.where(self._held[:, None], local[:, :2] - self._anchor, 0.0)
+        out[:, 2] = local[:, 2]
+        move = np.empty((len(arm), 3, 3))
+        move[:, :, 0] = -arm @ _crossing(pose.spin[0])
+        move[:, :, 1] = -arm @ _crossing(pose.spin[1])
+        move[:, :, 2] = 0.0
+        move -= pose.shift
+        move = pose.rotation.T @ move
+        reach = np.sqrt(local[:, 0] ** 2 + local[:, 1] ** 2)
+        rim = np.flatnonzero(reach > self.disc.radius)
+        if len(rim):
+            over = (reach[rim] - self.disc.radius) / self.disc.rounding
+            out[rim, 2] -= 0.5 * over * over * self.disc.rounding
+            outwards = np.einsum("ij,ijk->ik", local[rim, :2], move[rim, :2]) / reach[rim, None]
+            move[rim, 2] -= over[:, None] * outwards
+        move[~self._held, :2] = 0.0
+        return out @ pose.rotation.T, pose.rotation @ move
+
+    def _step(self, pose: DiscPose) -> Array:
+        """Return by how much the configuration changed since the last solution, from the poses themselves."""
+        before = self._guess_pose
+        turn = pose.rotation @ before.rotation.T
+        vector = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+        wanted = np.concatenate([vector, (pose.centre - before.centre) / self.disc.radius])
+        basis = np.concatenate([before.spin.T, before.shift / self.disc.radius])
+        return np.linalg.lstsq(basis, wanted, rcond=None)[0]
+
+    def _choose(self, pose: DiscPose) -> None:
+        gap = self.gap(pose)
+        near = gap < MARGIN
+        if near[self.nodes].sum() == near.sum() and len(self.nodes):
+            return
+        self.nodes = np.flatnonzero(gap < NEAR)
+        self.choice += 1
+        rows = (3 * self.nodes[:, None] + np.arange(3)).ravel()
+        self._matrix = np.ascontiguousarray(self.compliance[np.ix_(rows, rows)])
+        self._rest_positions = self.positions[self.nodes]
+        self._guess = None
+        self._restrict()
+
+    def _restrict(self) -> None:
+        self._block = None
+        self._held, self._anchor = self.state.held[self.nodes], self.state.anchor[self.nodes]
+        self._held_force = self.state.force[self.nodes]
+
+    def _active_block(self, active: NDArray[np.intp]) -> Array:
+        key = active.tobytes()
+        if self._block is None or self._block[0] != key:
+            rows = (3 * active[:, None] + np.arange(3)).ravel()
+            self._block = (key, self._matrix[rows[:, None], rows])
+        return self._block[1]
+
+
+def _crossing(spin: Array) -> Array:
+    """Return the matrix S with a @ S = spin x a for rows a."""
+    x, y, z = spin.tolist()
+    return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+
+
+def _projection_slope(normal: Array, direction: Array, friction: float, share: Array) -> Array:
+    """Derivative of Coulomb's projection at slipping nodes, shape (k, 3, 3)."""
+    nn = normal[:, None] * normal
+    out: Array = direction[:, :, None] * (friction * normal - share[:, None] * direction)[:, None, :]
+    out += nn + share[:, None, None] * (np.eye(3) - nn)
+    return out
+
+
+def first_contact(device: Thimble, contact: DiscContact, pitch: float = 0.0, roll: float = 0.0) -> float:
+    """Return the distance z [m] at which the disc, so tilted, first meets the undeformed skin."""
+    z = 0.0
+    for _ in range(3):  # exact at once but for the rim, which shifts a little with z
+        pose = placed(device, device.pose((pitch, roll, z)))
+        gap = float(contact.gap(pose).min())
+        z -= gap / -float(pose.shift[:, 2] @ pose.normal)
+    return z

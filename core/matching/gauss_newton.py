@@ -1,0 +1,246 @@
+"""Nonlinear least squares in a device's configuration, within its servos' range: active-set Gauss-Newton.
+
+Each step minimises the linearised mismatch subject to the linearised servo limits, a quadratic program with three
+unknowns that is solved exactly; a line search on the true mismatch follows. Every point that is tried keeps the servo
+limits, and the mismatch never rises.
+
+Source: [S0] 5.2
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices.thimble import Thimble
+from ..errors import DermisError
+
+Array = NDArray[np.float64]
+Evaluate = Callable[[Array], tuple[Array, Array]]
+
+OPTIMAL = 3e-3  # KKT residual to stop at
+SMALL_STEP = 1e-4  # of tilt [rad], and of distance over the platform's radius: 0.006 degrees, 1 um
+EXACT = 1e-7  # mismatch relative to the target below which nothing is left to gain
+MAX_ITERATIONS = 20
+SHORTEST = 1.0 / 256.0
+LONGEST = 0.35  # rad: a step beyond it leaves the range of any linearisation
+ARMIJO = 1e-4
+DAMPING = 1e-9  # of the largest diagonal: keeps a step unique where a single node touches
+ON_LIMIT = 1e-9  # rad
+RESTORING = 4
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Where the search ended, and why it may be trusted.
+
+    Attributes:
+        x: configuration (pitch, roll, distance), shape (3,).
+        stimulus: there, shape (k,). residual: stimulus minus target.
+        start_cost, cost: half the squared mismatch at the start and at the end.
+        kkt: |S (J'r - A'multipliers)| / (|J S| |r|), 0 at an exact minimum; S scales distance to tilt.
+        active: servo limits that hold it back, indices into the six constraints.
+        multipliers: of them, >= 0.
+        room: c(x) of the six constraints [rad], >= 0.
+        iterations, evaluations: steps, and calls of the forward model.
+        why: 'optimal', 'exact', 'step' (no longer moving), 'stalled' (no descent at a kink) or 'limit'.
+    """
+
+    x: Array
+    stimulus: Array
+    residual: Array
+    start_cost: float
+    cost: float
+    kkt: float
+    active: tuple[int, ...]
+    multipliers: Array
+    room: Array
+    iterations: int
+    evaluations: int
+    why: str
+
+    @property
+    def mismatch(self) -> float:
+        """Norm of what is left, in the stimulus's unit."""
+        return float(np.sqrt(2.0 * self.cost))
+
+
+@dataclass(frozen=True)
+class ServoLimits:
+    """Bounds of the three servo angles from neutral [rad], shape (3,) each: the six constraints c(x) >= 0."""
+
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(cls, device: Thimble) -> ServoLimits:
+        """Return the servos' whole range."""
+        return cls(np.full(3, -device.servo_range), np.full(3, device.servo_range))
+
+    def near(self, angles: Array, change: float) -> ServoLimits:
+        """Return what can be reached from given angles from neutral when none may change by more than `change`."""
+        return ServoLimits(np.maximum(self.low, angles - change), np.minimum(self.high, angles + change))
+
+    def constraints(self, device: Thimble, x: Array) -> tuple[Array, Array]:
+        """Return c(x) [rad], shape (6,), and dc/dx, shape (6, 3).
+
+        Raises:
+            DermisError: a leg cannot reach.
+        """
+        angles, slopes = device.servo_angles(x)
+        turned = angles - device.servo_zero
+        return np.concatenate([self.high - turned, turned - self.low]), np.concatenate([-slopes, slopes])
+
+
+def minimise(
+    evaluate: Evaluate, target: Array, start: Array, device: Thimble, limits: ServoLimits | None = None, *,
+    tolerance: float = OPTIMAL, max_iterations: int = MAX_ITERATIONS,
+) -> Minimum:  # fmt: skip
+    """Return the configuration whose stimulus is nearest to the target, from a feasible start.
+
+    Args:
+        evaluate: stimulus (k,) and derivative (k, 3) of a configuration.
+        target: shape (k,).
+        limits: of the servos; their whole range where None.
+
+    Raises:
+        DermisError: a target that is not finite or of another size, or a start outside the limits.
+    """
+    limits = limits or ServoLimits.of(device)
+    x = np.array(start, dtype=np.float64)
+    room, slopes = limits.constraints(device, x)
+    if room.min() < -ON_LIMIT:
+        raise DermisError("the start is outside the servos' range", where="thimble",
+                          value=f"{np.degrees(room.min()):.3g} deg of room", limit=">= 0")  # fmt: skip
+    stimulus, jacobian = evaluate(x)
+    if target.shape != stimulus.shape or not np.isfinite(target).all():
+        raise DermisError("the target does not fit the model or is not finite", where="thimble", value=target.shape,
+                          limit=f"{stimulus.shape}, finite")  # fmt: skip
+    scale = np.array([1.0, 1.0, device.platform_radius])
+    size = max(float(np.sqrt(target @ target)), 1e-300)
+    residual = stimulus - target
+    start_cost = cost = 0.5 * float(residual @ residual)
+    evaluations, iterations, why = 1, 0, "limit"
+    guess: tuple[int, ...] = ()
+    while True:
+        scaled = jacobian * scale
+        step, guess, multipliers, gradient_left = _quadratic_program(scaled, residual, room, slopes * scale, guess)
+        length = np.sqrt(residual @ residual)
+        weight = float(np.sqrt(np.vdot(scaled, scaled)) * length)
+        kkt = gradient_left / weight if weight > 0 else 0.0
+        if length <= EXACT * size:
+            why = "exact"
+            break
+        if kkt <= tolerance:
+            why = "optimal"
+            break
+        if iterations >= max_iterations:
+            break
+        reach = float(np.sqrt(step @ step))
+        if reach > LONGEST:
+            step = step * (LONGEST / reach)
+        wanted = ARMIJO * float(-(residual @ (scaled @ step)))
+        share, found = 1.0, False
+        while share >= SHORTEST:
+            trial = _restored(x + share * scale * step, device, limits, scale)
+            if trial is not None:
+                new_stimulus, new_jacobian = evaluate(trial[0])
+                evaluations += 1
+                new_residual = new_stimulus - target
+                new_cost = 0.5 * float(new_residual @ new_residual)
+                # where nothing touches there is no slope to come back by, so such a point is never accepted
+                if new_cost <= cost - share * max(wanted, 0.0) and new_cost < cost and new_jacobian.any():
+                    found = True
+                    break
+            if share * reach < SMALL_STEP:
+                break
+            share *= 0.5 if trial is None else _shorter(share, cost, new_cost, wanted / ARMIJO)
+        iterations += 1
+        if not found or trial is None:
+            why = "step" if reach <= SMALL_STEP else "stalled"
+            break
+        moved = float(np.sqrt((((trial[0] - x) / scale) ** 2).sum()))
+        x, room, slopes = trial
+        stimulus, jacobian, residual, cost = new_stimulus, new_jacobian, new_residual, new_cost
+        if moved <= SMALL_STEP:
+            why = "step"
+            break
+    return Minimum(x, stimulus, residual, start_cost, cost, float(kkt), guess, multipliers, room, iterations,
+                   evaluations, why)  # fmt: skip
+
+
+def _shorter(share: float, cost: float, new_cost: float, descent: float) -> float:
+    """Return by how much to shorten a step: to the minimum of the parabola through what is known, within limits."""
+    curve = new_cost - cost + share * descent
+    return float(min(max(0.5 * share * descent / curve, 0.1), 0.5)) if curve > 0 else 0.5
+
+
+def _restored(x: Array, device: Thimble, limits: ServoLimits, scale: Array) -> tuple[Array, Array, Array] | None:
+    """Bring a point back onto the limits that its linearisation overshot; None where it cannot be."""
+    for _ in range(RESTORING):
+        try:
+            room, slopes = limits.constraints(device, x)
+        except DermisError:
+            return None
+        over = np.flatnonzero(room < 0.0)
+        if len(over) == 0:
+            return x, room, slopes
+        rows = slopes[over] * scale
+        x = x + scale * np.linalg.lstsq(rows, ON_LIMIT / 100 - room[over], rcond=None)[0]
+    return None
+
+
+def _quadratic_program(
+    jacobian: Array, residual: Array, room: Array, slopes: Array, guess: tuple[int, ...]
+) -> tuple[Array, tuple[int, ...], Array, float]:
+    """Minimise |J d + r| subject to room + slopes d >= 0, exactly: there are at most 26 sets of limits to hold.
+
+    Returns:
+        d, the limits held, their multipliers, and the norm of J'r - A'multipliers.
+    """
+    gram = jacobian.T @ jacobian
+    gram[np.diag_indices(3)] += DAMPING * max(float(gram.max()), 1e-300)
+    gradient = jacobian.T @ residual
+    room = np.maximum(room, 0.0)
+    best: tuple[Array, tuple[int, ...], Array] | None = None
+    for held in _working_sets(guess):
+        k = len(held)
+        system, right = np.zeros((3 + k, 3 + k)), np.concatenate([-gradient, -room[list(held)]])
+        system[:3, :3] = gram
+        if k:
+            # rows of the constraints are scaled alike, so that the system is no worse than the Gram matrix
+            weight = float(np.sqrt(gram.max()))
+            system[3:, :3] = slopes[list(held)] * weight
+            system[:3, 3:] = -system[3:, :3].T
+            right[3:] *= weight
+        try:
+            answer = np.linalg.solve(system, right)
+        except np.linalg.LinAlgError:
+            continue
+        step, multipliers = answer[:3], answer[3:] * (weight if k else 1.0)
+        if (multipliers < 0.0).any():
+            continue
+        after = room + slopes @ step
+        after[list(held)] = 0.0
+        if after.min() >= -1e-12:
+            best = (step, held, multipliers)
+            break
+    if best is None:  # only by rounding at a degenerate corner: stay where every limit holds
+        best = (np.zeros(3), (), np.zeros(0))
+    step, held, multipliers = best
+    # at limits that are touched now, their push is part of the balance; ones further on do not act yet
+    acting = [i for i, c in enumerate(held) if room[c] <= 1e3 * ON_LIMIT]
+    left = gradient - slopes[[held[i] for i in acting]].T @ multipliers[acting] if acting else gradient
+    return step, held, multipliers, float(np.sqrt(left @ left))
+
+
+def _working_sets(guess: tuple[int, ...]) -> list[tuple[int, ...]]:
+    """All sets of limits that can hold together (no servo at both ends), the likely ones first."""
+    return [(), guess, *_SETS] if guess else [(), *_SETS]
+
+
+_SETS = [s for k in (1, 2, 3) for s in combinations(range(6), k) if len({c % 3 for c in s}) == k]

@@ -1,0 +1,122 @@
+"""Dataset: what a skin feels along random movements of the device; what surrogates and subspaces are made from."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices.disc import DiscContact, FrictionState, first_contact, placed
+from ..devices.thimble import Thimble
+from ..errors import DermisError
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+MAX_TILT = np.radians(25.0)
+MAX_DEPTH = 1.6e-3  # [m] beyond first contact
+CLEARANCE = 0.6e-3  # [m] before it
+MAX_FORCE = 4.0  # [N] a movement ends where it is reached
+STEPS = 16  # from one end of a movement to the other
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """Samples along random movements of the device, those in contact only.
+
+    Attributes:
+        x: configuration, shape (n, 3).
+        force: on the pad nodes [N], float32, shape (n, 3 m).
+        before: forces one step earlier, which is the friction state that the step began with, shape (n, 3 m).
+        trajectory: which movement each sample belongs to, shape (n,).
+        friction: Coulomb's coefficient.
+    """
+
+    x: Array
+    force: NDArray[np.float32]
+    before: NDArray[np.float32]
+    trajectory: Indices
+    friction: float
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+
+def record(
+    device: Thimble, contact: DiscContact, trajectories: int, *, seed: int = 0, steps: int = STEPS,
+    max_force: float = MAX_FORCE, max_depth: float = MAX_DEPTH, max_tilt: float = MAX_TILT,
+) -> Generator[tuple[int, int], None, Dataset]:  # fmt: skip
+    """Move the device between random configurations and record; yields movements done and in all.
+
+    Every movement starts clear of the skin and ends pressed into it, as far as the servos allow; tilts are uniform, and
+    distances uniform about first contact at their tilt.
+
+    Raises:
+        DermisError: servo limits that exclude contact, or nothing recorded.
+
+    Source: [S0] 4.1
+    """
+    rng = np.random.default_rng(seed)
+    shares = np.linspace(0.0, 1.0, steps + 1)
+    x, force, before, owner = [], [], [], []
+    for number in range(trajectories):
+        a = _random(device, contact, rng, max_tilt, 0.0, CLEARANCE)
+        b = _random(device, contact, rng, max_tilt, -max_depth, 0.0)
+        state = FrictionState.rest(contact.count)
+        for share in shares:
+            at = a + share * (b - a)
+            if not device.feasible(at):
+                break
+            contact.hold(state)
+            found = contact.solve(placed(device, device.pose(at)))
+            if found.touching:
+                x.append(at)
+                before.append(state.force.ravel().astype(np.float32))
+                force.append(found.spread(contact.count).ravel().astype(np.float32))
+                owner.append(number)
+                if np.linalg.norm(found.force.sum(axis=0)) > max_force:
+                    break
+            state = contact.settle(found)
+        yield number + 1, trajectories
+    if not x:
+        raise DermisError("no movement of the device touches the skin", where="dataset", value=trajectories)
+    return Dataset(np.array(x), np.array(force), np.array(before), np.array(owner), contact.friction)
+
+
+def split(trajectory: Indices, share: float = 0.5, seed: int = 0) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return masks of training and test samples; no movement is in both, for its samples are alike.
+
+    Source: [S0] 4.2, 'half of the data'; by movement, as this product's corrections say.
+    """
+    numbers = np.unique(trajectory)
+    chosen = np.random.default_rng(seed).permutation(len(numbers))[: max(1, round(share * len(numbers)))]
+    train = np.isin(trajectory, numbers[chosen])
+    return train, ~train
+
+
+def drain(steps: Generator[tuple[int, int], None, Dataset]) -> Dataset:
+    """Run a recording to its end."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as stop:
+            found: Dataset = stop.value
+            return found
+
+
+def _random(
+    device: Thimble, contact: DiscContact, rng: np.random.Generator, max_tilt: float, low: float, high: float
+) -> Array:
+    for _ in range(200):
+        pitch, roll = rng.uniform(-max_tilt, max_tilt, 2)
+        z = first_contact(device, contact, pitch, roll)
+        x = np.array([pitch, roll, z + rng.uniform(low, high)])
+        if device.feasible(x):
+            return x
+    raise DermisError(
+        "the servo limits exclude contact with the skin", where="thimble",
+        value=f"+-{np.degrees(device.servo_range):.3g} deg",
+        remedy="Use longer links, a wider servo range, or mount the device nearer to the pad",
+    )  # fmt: skip

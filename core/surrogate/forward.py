@@ -1,0 +1,83 @@
+"""ForwardModel: from a device's configuration to what it makes the skin feel, whichever way that is computed."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices.disc import DiscContact, DiscSolution, FrictionState, placed
+from ..devices.thimble import Thimble
+from ..errors import DermisError
+
+Array = NDArray[np.float64]
+
+
+class ForwardModel(Protocol):
+    """Stimulus and its derivative for a configuration, from a friction state that is fixed beforehand.
+
+    Source: [S0] 3.4, sigma(x, f).
+    """
+
+    @property
+    def size(self) -> int:
+        """Number of stimulus components, k."""
+        ...
+
+    def hold(self, state: FrictionState) -> None:
+        """Fix the friction state for the evaluations that follow."""
+        ...
+
+    def evaluate(self, x: Array) -> tuple[Array, Array]:
+        """Return the stimulus, shape (k,), and its derivative by x, shape (k, 3)."""
+        ...
+
+
+class DirectModel:
+    """The contact solved for each configuration; the derivative by implicit differentiation.
+
+    Args:
+        device: the mechanism. contact: the skin and the disc.
+        readout: stimulus components of forces on the pad nodes, shape (k, 3 m): stress, electrodes or total force.
+
+    Raises:
+        DermisError: a readout that does not fit the skin.
+    """
+
+    def __init__(self, device: Thimble, contact: DiscContact, readout: Array) -> None:
+        if readout.ndim != 2 or readout.shape[1] != 3 * contact.count:
+            raise DermisError("the readout does not fit the skin", where="direct model", value=readout.shape,
+                              limit=f"(k, {3 * contact.count})")  # fmt: skip
+        self.device, self.contact, self.readout = device, contact, np.ascontiguousarray(readout, np.float64)
+        self._chosen = -1
+        self._columns = self.readout[:, :0]
+        self._last: tuple[bytes, DiscSolution] | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of stimulus components."""
+        return len(self.readout)
+
+    def hold(self, state: FrictionState) -> None:
+        """Fix the friction state."""
+        self.contact.hold(state)
+        self._last = None
+
+    def evaluate(self, x: Array) -> tuple[Array, Array]:
+        """Return the stimulus and its derivative."""
+        found = self.solution(x)
+        if self._chosen != self.contact.choice:
+            columns = (3 * found.nodes[:, None] + np.arange(3)).ravel()
+            self._columns = np.ascontiguousarray(self.readout[:, columns])
+            self._chosen = self.contact.choice
+        both = np.concatenate([found.force[:, :, None], found.slope], axis=2).reshape(-1, 4)
+        answer = self._columns @ both
+        return answer[:, 0], answer[:, 1:]
+
+    def solution(self, x: Array) -> DiscSolution:
+        """Return the contact itself."""
+        key = x.tobytes()
+        if self._last is None or self._last[0] != key:
+            self._last = (key, self.contact.solve(placed(self.device, self.device.pose(x))))
+        return self._last[1]

@@ -212,8 +212,8 @@ class HeldObject:
         if kept is None or kept[0] != key:
             rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
             matrix = finger.compliance[rows[:, None], rows]
-            kept = (key, matrix, np.linalg.inv(matrix + self._rho * np.eye(rows.size)))
-            self._inverses[index] = kept
+            inverse: Array = np.asarray(np.linalg.inv(matrix + self._rho * np.eye(rows.size)), dtype=np.float64)
+            kept = self._inverses[index] = (key, matrix, inverse)
         return _Grip(frame, near, kept[1], kept[2], offset, wrench.reshape(6, -1))
 
     def _balanced(
@@ -253,7 +253,7 @@ class HeldObject:
             z = new
             if iteration % 10:
                 continue
-            shift, turn = np.linalg.norm(move[:3]), np.linalg.norm(move[3:]) / lever
+            shift, turn = float(np.linalg.norm(move[:3])), float(np.linalg.norm(move[3:])) / lever
             if iteration > 200 and (shift > LOST or turn > TURNED):
                 return None
             short = float(np.linalg.norm(g_rows @ z.reshape(-1) - target)) / size

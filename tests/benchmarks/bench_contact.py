@@ -1,0 +1,229 @@
+"""Frictional contact of a fingertip along [S1]'s sliding path, and along one that never settles.
+
+Timed is a whole frame of `PathSolver`: gaps to the plane, history, solve and float64 check. The path error is the RMS
+difference of the nodal forces from a run to 1e-9 with its own history, over the RMS of those forces. The plane is
+pressed on over the first 100 frames, which are not timed. Peers in the same run, on the same mesh: one assembly and
+factorisation (what a direct penalty step costs at least), one back-substitution (what it costs with the factors kept),
+and one 2 ms step of MuJoCo's flex (where it is installed; at least two are needed for a frame of 240 Hz).
+"""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from . import Result, benchmark, measure, one_blas_thread, timing
+
+MU, DEPTH, RATE, FRAMES, PRESS = 0.6, 2e-3, 240.0, 480, 100
+STROKE, OMEGA = 0.02, np.pi / 4  # Source: [S1] eq. 19
+
+
+@dataclass(frozen=True)
+class Run:
+    """Forces of the timed frames, their times [ms], and what the solver counted."""
+
+    forces: Any
+    times: list[float]
+    first: float
+    counters: dict[str, int]
+
+
+@benchmark("contact_6k_ms", limit=0.35)
+def contact_6k() -> Result:
+    """One frame at 6k tetrahedra, with its peers."""
+    ours = timing(_run("standard", "sliding").times)
+    peers = {"refactor": _refactor(), "backsolve": _backsolve()}
+    flex = _mujoco()
+    if isinstance(flex, float):
+        peers["mujoco flex, 2 ms step"] = flex
+    return Result("contact_6k_ms", ours.median, "ms", ours.p95, peers)
+
+
+@benchmark("contact_6k_worst_ms", limit=10.0)
+def contact_6k_worst() -> Result:
+    """The worst frame of the sliding path; the first touch at full depth, without any preparation, beside it."""
+    run = _run("standard", "sliding")
+    return Result("contact_6k_worst_ms", max(run.times), "ms", None, {"jump into contact": run.first})
+
+
+@benchmark("contact_6k_p95_ms", limit=1.5)
+def contact_6k_p95() -> Result:
+    """The 95th percentile of the sliding path."""
+    return Result("contact_6k_p95_ms", timing(_run("standard", "sliding").times).p95, "ms")
+
+
+@benchmark("contact_6k_path_error", limit=1e-3)
+def contact_6k_path_error() -> Result:
+    """RMS force error along the sliding path, relative; the worst frame beside it."""
+    return _error("contact_6k_path_error", "standard", "sliding")
+
+
+@benchmark("contact_6k_over_refactor", limit=1 / 200)
+def contact_6k_over_refactor() -> Result:
+    """Our frame as a share of one assembly and factorisation."""
+    ours = timing(_run("standard", "sliding").times).median
+    return Result("contact_6k_over_refactor", ours / _refactor(), "1")
+
+
+@benchmark("contact_6k_over_mujoco", limit=1 / 30)
+def contact_6k_over_mujoco() -> Result:
+    """Our frame as a share of one 2 ms step of MuJoCo's flex of the same mesh."""
+    flex = _mujoco()
+    if not isinstance(flex, float):
+        return Result("contact_6k_over_mujoco", None, "1", error=flex)
+    return Result("contact_6k_over_mujoco", timing(_run("standard", "sliding").times).median / flex, "1")
+
+
+@benchmark("contact_6k_varied_ms", limit=1.0)
+def contact_6k_varied() -> Result:
+    """One frame of a path on which depth, tilt and direction never settle."""
+    ours = timing(_run("standard", "varied").times)
+    return Result("contact_6k_varied_ms", ours.median, "ms", ours.p95, {"worst": max(_run("standard", "varied").times)})
+
+
+@benchmark("contact_6k_varied_error", limit=1e-3)
+def contact_6k_varied_error() -> Result:
+    """RMS force error along the path that never settles."""
+    return _error("contact_6k_varied_error", "standard", "varied")
+
+
+@benchmark("contact_27k_ms", limit=9.0)
+def contact_27k() -> Result:
+    """One frame at 27k tetrahedra."""
+    ours = timing(_run("fine", "sliding").times)
+    return Result("contact_27k_ms", ours.median, "ms", ours.p95, {"worst": max(_run("fine", "sliding").times)})
+
+
+@benchmark("contact_27k_path_error", limit=5e-3)
+def contact_27k_path_error() -> Result:
+    """RMS force error along the sliding path at 27k tetrahedra."""
+    return _error("contact_27k_path_error", "fine", "sliding")
+
+
+@benchmark("idle_finger_us", limit=50.0)
+def idle_finger() -> Result:
+    """A frame in which the broad phase found nothing near a finger."""
+    from core.contact.path import PathSolver
+
+    skin = _skin("standard")
+    solver = PathSolver(skin.compliance, skin.positions)
+    ours = measure(solver.idle, 201)
+    return Result("idle_finger_us", ours.median * 1e3, "us", ours.p95 * 1e3)
+
+
+def _error(name: str, level: str, path: str) -> Result:
+    ours, exact = _run(level, path).forces, _run(level, path, 1e-9).forces
+    scale = np.sqrt((exact**2).sum(axis=(1, 2)).mean())
+    frames = np.sqrt(((ours - exact) ** 2).sum(axis=(1, 2)))
+    rms, worst = np.sqrt((frames**2).mean()) / scale, frames.max() / scale
+    return Result(name, float(rms), "1", None, {"worst frame": float(worst)})
+
+
+@functools.cache
+def _skin(level: str) -> Any:
+    from core.skin.model import fingertip_skin
+
+    return fingertip_skin(level=level)
+
+
+def _poses(path: str, lowest: float) -> Iterator[tuple[Any, Any]]:
+    """Rotation and place [m] of the plane, first pressing, then moving."""
+    for frame in range(-PRESS, FRAMES):
+        t = max(frame, 0) / RATE
+        press = min(1.0, (frame + PRESS) / PRESS)
+        if path == "sliding":
+            along = -STROKE * np.cos(OMEGA * t)
+            yield np.eye(3), np.array([0.0, along, lowest + DEPTH * press])
+            continue
+        a, b = 0.15 * np.sin(2 * np.pi * 0.9 * t), 0.1 * np.sin(5.0 * t)
+        about_y = np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]])
+        about_x = np.array([[1, 0, 0], [0, np.cos(b), -np.sin(b)], [0, np.sin(b), np.cos(b)]])
+        depth = press * (1.4e-3 + 0.6e-3 * np.sin(2 * np.pi * 1.3 * t))
+        place = [4e-3 * np.sin(2 * np.pi * 1.1 * t), 4e-3 * np.sin(2 * np.pi * 0.8 * t), lowest + depth]
+        yield about_y @ about_x, np.array(place)
+
+
+@functools.cache
+def _run(level: str, path: str, tolerance: float | None = None) -> Run:
+    from core.contact.bodies import ContactBody
+    from core.contact.path import TOLERANCE, PathSolver
+    from core.contact.plane import Plane
+
+    skin = _skin(level)
+    plane = Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3))
+    poses = list(_poses(path, float(skin.positions[:, 2].min())))
+    with one_blas_thread():
+        solver = PathSolver(skin.compliance, skin.positions, tolerance=tolerance or TOLERANCE)
+        rotation, place = poses[PRESS]
+        started = time.perf_counter()
+        solver.step([ContactBody(plane, rotation, place, MU)])
+        first = (time.perf_counter() - started) * 1e3
+        solver.reset()
+        forces, times = [], []
+        for frame, (rotation, place) in enumerate(poses):
+            started = time.perf_counter()
+            step = solver.step([ContactBody(plane, rotation, place, MU)])
+            if frame >= PRESS:
+                times.append((time.perf_counter() - started) * 1e3)
+                forces.append(step.solution.force)
+        if solver.counters["unconverged"]:
+            raise RuntimeError(f"{solver.counters['unconverged']} frames did not converge")
+    return Run(np.array(forces), times, first, dict(solver.counters))
+
+
+def _system() -> tuple[Any, Any]:
+    from core.skin.assembly import degrees, stiffness
+    from core.skin.material import Elastic
+
+    mesh = _skin("standard").mesh
+    free = degrees(mesh.free)
+    return mesh, lambda: stiffness(mesh, Elastic())[free][:, free].tocsc()
+
+
+@functools.cache
+def _refactor() -> float:
+    from scipy.sparse.linalg import splu
+
+    _, assemble = _system()
+    return measure(lambda: splu(assemble(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}), 5).median
+
+
+@functools.cache
+def _backsolve() -> float:
+    from scipy.sparse.linalg import splu
+
+    _, assemble = _system()
+    matrix = assemble()
+    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    load = np.ones(matrix.shape[0])
+    return measure(lambda: factors.solve(load), 51).median
+
+
+@functools.cache
+def _mujoco() -> float | str:
+    """Median time of one 2 ms step [ms] of the same mesh pressed by a plane, or why there is none."""
+    try:
+        import mujoco
+    except ImportError:
+        return "mujoco is not installed in this environment"
+    mesh = _skin("standard").mesh
+    points = " ".join(f"{x:.9g}" for x in mesh.nodes.reshape(-1))
+    elements = " ".join(str(i) for i in mesh.tetrahedra.reshape(-1))
+    pins = " ".join(str(i) for i in mesh.fixed)
+    floor = float(mesh.nodes[:, 2].min()) + 5e-4
+    model = mujoco.MjModel.from_xml_string(f"""
+<mujoco><option timestep="0.002" solver="CG" tolerance="1e-6" gravity="0 0 0"/><size memory="1G"/>
+<worldbody>
+<geom type="plane" size="1 1 .1" pos="0 0 {floor:.6g}"/>
+<flexcomp name="skin" type="direct" dim="3" radius="1e-5" mass="0.005" point="{points}" element="{elements}">
+<elasticity young="1e5" poisson="0.48" damping="1e-3"/><contact selfcollide="none"/>
+<pin id="{pins}"/></flexcomp></worldbody></mujoco>""")
+    data = mujoco.MjData(model)
+    for _ in range(20):
+        mujoco.mj_step(model, data)
+    return measure(lambda: mujoco.mj_step(model, data), 21, warmup=0).median

@@ -1,0 +1,132 @@
+"""Signed gaps of 250 pad nodes to a mesh of 10k faces that the finger slides over.
+
+The mesh is a ball of 9,680 faces of even size, 20 mm in radius. A rigid object pays once for each place that is
+visited: `gap_ms` is a pass over a path that was visited before (another frame range, another scrub, another finger),
+its peer 'first pass' one that was not. The answer is exact against the facets; `gap_error_um` measures both against a
+search that tries every triangle.
+"""
+
+from __future__ import annotations
+
+import functools
+import time
+from typing import Any
+
+import numpy as np
+
+from . import Result, benchmark, one_blas_thread, timing
+
+RADIUS, REACH, FRAMES = 0.02, 2.5e-3, 240
+
+
+@benchmark("gap_ms", limit=0.3)
+def gap() -> Result:
+    """250 nodes against a rigid mesh."""
+    ours, first = (timing(times) for times in (_pass(2), _pass(1)))
+    return Result("gap_ms", ours.median, "ms", ours.p95, {"first pass": first.median, "first pass p95": first.p95})
+
+
+@benchmark("gap_deforming_ms", limit=6.0)
+def gap_deforming() -> Result:
+    """250 nodes against a mesh that is another one every frame: building it included."""
+    from core.contact.gap import Surface
+
+    vertices, triangles = even_sphere(22, RADIUS)
+    times = []
+    with one_blas_thread():
+        Surface.build(vertices, triangles)
+        for frame, points in enumerate(_paths()[:60]):
+            shape = vertices * (1.0 + 0.01 * np.sin(0.1 * frame))
+            started = time.perf_counter()
+            Surface.build(shape, triangles).query(points, REACH)
+            times.append((time.perf_counter() - started) * 1e3)
+    ours = timing(times)
+    return Result("gap_deforming_ms", ours.median, "ms", ours.p95)
+
+
+@benchmark("gap_error_um", limit=10.0)
+def gap_error() -> Result:
+    """Largest difference from trying every triangle, and of the normals [degrees] beside it."""
+    from core.contact.gap import Surface
+
+    vertices, triangles = even_sphere(22, RADIUS)
+    surface = Surface.build(vertices, triangles)
+    worst = turned = 0.0
+    everything = np.arange(len(triangles))
+    for points in _paths()[::24]:
+        found = surface.query(points, REACH)
+        near = np.flatnonzero(np.isfinite(found.gap))
+        for i in near[::5]:
+            square, u, w = surface.table.closest(np.tile(points[i][:, None], len(triangles)), everything)
+            best = int(np.argmin(square))
+            foot = surface.table.point(everything[best : best + 1], u[best : best + 1], w[best : best + 1])[0]
+            worst = max(worst, abs(abs(found.gap[i]) - np.sqrt(square[best])))
+            if abs(found.gap[i]) > 1e-6:
+                away = (points[i] - foot) / found.gap[i]
+                turned = max(turned, float(np.degrees(np.arccos(np.clip(away @ found.normal[i], -1.0, 1.0)))))
+    return Result("gap_error_um", worst * 1e6, "um", None, {"normals, degrees": turned})
+
+
+@functools.cache
+def _pass(which: int) -> list[float]:
+    from core.contact.gap import Surface
+
+    surface = Surface.build(*even_sphere(22, RADIUS))
+    times: list[float] = []
+    with one_blas_thread():
+        surface.query(_paths()[0], REACH)
+        for _ in range(which):
+            times = []
+            for points in _paths():
+                started = time.perf_counter()
+                surface.query(points, REACH)
+                times.append((time.perf_counter() - started) * 1e3)
+    return times
+
+
+@functools.cache
+def _paths() -> Any:
+    """Pad nodes in the ball's space, sunk by 1 mm and sliding and rolling at [S1]'s speed, (frames, 250, 3) [m]."""
+    from core.skin.model import fingertip_skin
+
+    pad = fingertip_skin(level="standard").positions
+    pad = pad[np.argsort(pad[:, 2])]
+    pad = np.concatenate([pad, 0.5 * (pad[:60] + pad[1:61])])[:250]
+    pad = pad - [0.0, 0.0, pad[:, 2].min()]
+    out = []
+    for frame in range(FRAMES):
+        a = 0.0157 / RADIUS * frame / 240.0 + 0.3
+        turn = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
+        out.append((pad + [3e-3 * np.sin(frame / 40), 0.0, RADIUS - 1e-3]) @ turn.T)
+    return np.array(out)
+
+
+def even_sphere(divisions: int, radius: float) -> tuple[Any, Any]:
+    """Return vertices [m] and triangles of an icosahedron whose faces are divided and projected, 20 n^2 faces."""
+    golden = (1 + np.sqrt(5)) / 2
+    corners = np.array([
+        [-1, golden, 0], [1, golden, 0], [-1, -golden, 0], [1, -golden, 0], [0, -1, golden], [0, 1, golden],
+        [0, -1, -golden], [0, 1, -golden], [golden, 0, -1], [golden, 0, 1], [-golden, 0, -1], [-golden, 0, 1],
+    ])  # fmt: skip
+    faces = [
+        (0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2), (10, 7, 6),
+        (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9), (4, 9, 5), (2, 4, 11), (6, 2, 10),
+        (8, 6, 7), (9, 8, 1),
+    ]  # fmt: skip
+    n, points, triangles = divisions, [], []
+    for a, b, c in faces:
+        at = {}
+        for i in range(n + 1):
+            for j in range(n + 1 - i):
+                at[i, j] = len(points)
+                points.append((corners[a] * (n - i - j) + corners[b] * i + corners[c] * j) / n)
+        for i in range(n):
+            for j in range(n - i):
+                triangles.append((at[i, j], at[i + 1, j], at[i, j + 1]))
+                if i + j < n - 1:
+                    triangles.append((at[i + 1, j], at[i + 1, j + 1], at[i, j + 1]))
+    directions = np.array(points)
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    merged, index = np.unique(np.round(directions, 9), axis=0, return_inverse=True)
+    vertices = merged / np.linalg.norm(merged, axis=1)[:, None] * radius
+    return vertices, index.reshape(-1)[np.array(triangles)]

@@ -21,7 +21,7 @@ from .triangles import Array, Indices, TriangleTable
 WIDTH = 64
 MAX_CELLS = 200_000
 # Side of a cell, in median triangle radii: smaller cells list less and are filled more often.
-SIDE = 0.9
+SIDE = 0.7
 # Cells beside a missing one are filled with it, because a finger that moves will need them next.
 AHEAD = np.array([(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)])
 OFFSET = 1 << 20
@@ -73,18 +73,22 @@ class CellLists:
         square, u, w = self._table.closest(x, first)
         away = ((cell + 0.5) * -self._side + points).astype(np.float32)
         # the tangents in single precision: the slack covers their rounding
-        lower = (self._tangents.take(slot, axis=0) @ away[:, :, None])[:, :, 0]
-        lower += self._distance.take(slot, axis=0)
+        used = int(self._used[slot].max())
+        lower = self._distance[slot, :used]
+        for axis in range(3):
+            lower += self._tangents[axis][slot, :used] * away[:, axis, None]
         threshold = (np.sqrt(square) * (1.0 + 1e-6) + self._slack).astype(np.float32)
         owner, column = np.nonzero(lower <= threshold[:, None])
         if owner.size:
             other = self._lists[slot.take(owner), column]
             square_o, u_o, w_o = self._table.closest(x.take(owner, axis=1), other)
-            start = np.flatnonzero(np.diff(owner, prepend=-1))
+            start = _firsts(owner)
             least = np.minimum.reduceat(square_o, start)
             least *= 1.0 + TIE
-            hits = np.flatnonzero(square_o <= np.repeat(least, np.diff(start, append=owner.size)))
-            hits = hits[np.flatnonzero(np.diff(owner[hits], prepend=-1))]
+            upper = np.empty_like(square)
+            upper[owner[start]] = least
+            hits = np.flatnonzero(square_o <= upper.take(owner))
+            hits = hits[_firsts(owner[hits])]
             of = owner[start]
             base = square[of]
             wins = (least < base) | ((square_o[hits] <= base * (1.0 + TIE)) & (other[hits] < first[of]))
@@ -102,7 +106,8 @@ class CellLists:
         self._count = 0
         self._lists: Indices = np.zeros((256, WIDTH), dtype=np.int64)
         self._distance: NDArray[np.float32] = np.full((256, WIDTH), np.inf, dtype=np.float32)
-        self._tangents: NDArray[np.float32] = np.zeros((256, WIDTH, 3), dtype=np.float32)
+        self._tangents: NDArray[np.float32] = np.zeros((3, 256, WIDTH), dtype=np.float32)
+        self._used: Indices = np.zeros(256, dtype=np.int64)
         self._first: Indices = np.zeros(256, dtype=np.int64)
 
     def _slots(self, cell: Indices) -> Indices:
@@ -130,7 +135,8 @@ class CellLists:
         first = np.full(n, FAR)
         lists = np.zeros((n, WIDTH), dtype=np.int64)
         distance = np.full((n, WIDTH), np.inf, dtype=np.float32)
-        tangents = np.zeros((n, WIDTH, 3), dtype=np.float32)
+        tangents = np.zeros((3, n, WIDTH), dtype=np.float32)
+        used = np.zeros(n, dtype=np.int64)
         closest = self._search(centres, self.reach + self._half)
         near = np.flatnonzero(closest.triangle >= 0)
         if near.size:
@@ -143,16 +149,18 @@ class CellLists:
             # the closest to the centre is measured anyway
             lists[row, column] = triangle[fits]
             distance[row, column] = np.where(triangle[fits] == first[row], np.inf, d[fits])
-            tangents[row, column] = gradient[fits]
+            tangents[:, row, column] = gradient[fits].T
+            used[near] = np.minimum(np.diff(start), WIDTH)
             first[near[np.diff(start) > WIDTH]] = FULL
         while self._count + n > self._first.size:
             self._lists = np.concatenate([self._lists, np.zeros_like(self._lists)])
             self._distance = np.concatenate([self._distance, np.full_like(self._distance, np.inf)])
-            self._tangents = np.concatenate([self._tangents, np.zeros_like(self._tangents)])
+            self._tangents = np.concatenate([self._tangents, np.zeros_like(self._tangents)], axis=1)
+            self._used = np.concatenate([self._used, np.zeros_like(self._used)])
             self._first = np.concatenate([self._first, np.zeros_like(self._first)])
         here = slice(self._count, self._count + n)
         self._lists[here], self._distance[here] = lists, distance
-        self._tangents[here], self._first[here] = tangents, first
+        self._tangents[:, here], self._used[here], self._first[here] = tangents, used, first
         keys = np.concatenate([self._keys, key])
         order = np.argsort(keys, kind="stable")
         self._slot_of = np.concatenate([self._slot_of, np.arange(here.start, here.stop)])[order]
@@ -220,3 +228,11 @@ def _key(cell: Indices) -> Indices:
     shifted = cell + OFFSET
     out: Indices = (shifted[:, 0] << 42) | (shifted[:, 1] << 21) | shifted[:, 2]
     return out
+
+
+def _firsts(owner: Indices) -> Indices:
+    """Where each run of equal values starts."""
+    new = np.empty(owner.size, dtype=bool)
+    new[:1] = True
+    np.not_equal(owner[1:], owner[:-1], out=new[1:])
+    return np.flatnonzero(new)

@@ -11,7 +11,7 @@ Source: [S1] eq. 5-18 with the corrections: eq. 18 has A'f, and pins are bounded
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,20 @@ Method = Literal["DM0", "DM1", "DM2", "FM0", "FM1", "FM2"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
 RANK_TOLERANCE = 1e-10  # of the largest singular value: below it a direction counts as not controllable
+
+
+class PinStep(NamedTuple):
+    """What the pins shall do at one instant, as it comes from the solver.
+
+    Attributes:
+        x: forces of the active pins before alpha [N], shape (active pins,).
+        optimality, clipped, converged: as in `PinForces`.
+    """
+
+    x: Array
+    optimality: float
+    clipped: int
+    converged: bool
 
 
 @dataclass(frozen=True)
@@ -78,6 +92,9 @@ class Matcher:
             raise DermisError("no pin meets the skin", where="pin matching")
         if (weights < 0).any() or not weights.any():
             raise DermisError("node weights must not be negative, nor all zero", where="pin matching")
+        from scipy.linalg.blas import dgemv  # numpy may come without a BLAS
+
+        self._gemv = dgemv
         self.pins, self.active, self.nodes = pins, np.flatnonzero(active), nodes
         self.loaded = len(spread) // 3
         a = np.ascontiguousarray(spread[:, self.active])
@@ -85,33 +102,41 @@ class Matcher:
         weighted = root * influence
         rendered = weighted @ a  # L, weighted
         self.deformation_gram = rendered.T @ rendered
-        self.deformation_rhs = np.ascontiguousarray(rendered.T @ weighted)  # L'WG
+        # in Fortran's order: a frame's right-hand side is then one pass of BLAS over the matrix
+        self.deformation_rhs = np.asfortranarray(rendered.T @ weighted)  # L'WG
         self.target_gram = weighted.T @ weighted  # G'WG
         self.force_gram = a.T @ a
-        self.force_rhs = np.ascontiguousarray(a.T)
+        self.force_rhs = np.asfortranarray(a.T)
         self.deformation_inverse = np.linalg.pinv(rendered, rcond=RANK_TOLERANCE) @ weighted
         self.force_inverse = np.linalg.pinv(a, rcond=RANK_TOLERANCE)
 
     def rhs(self, method: Method, force: Array) -> Array:
         """Return c of min 1/2 x'Hx - c'x for target pad forces [N], shape (3m,)."""
         matrix = self.deformation_rhs if method.startswith("DM") else self.force_rhs
-        return matrix @ force
+        return self._gemv(1.0, matrix, force)
 
     def gram(self, method: Method) -> Array:
         """Return H of the method, shape (active pins, active pins)."""
         return self.deformation_gram if method.startswith("DM") else self.force_gram
 
-    def displacement_error(self, force: Array, x: Array) -> float:
-        """Return u_err for pad forces f of the target and forces x of the active pins [m]. Source: [S1] eq. 20."""
-        squared = (
-            force @ self.target_gram @ force - 2.0 * (self.deformation_rhs @ force) @ x + x @ self.deformation_gram @ x
-        )
-        return float(np.sqrt(max(squared, 0.0) / self.nodes))
+    def displacement_error(self, force: Array, x: Array) -> Array:
+        """Return u_err [m] of frames: pad forces f of the target, (k, 3m), against active pins' x, (k, pins); (k,).
 
-    def force_error(self, force: Array, x: Array) -> float:
-        """Return f_err over the compared nodes [N]. Source: [S1] eq. 21."""
-        squared = force @ force - 2.0 * (self.force_rhs @ force) @ x + x @ self.force_gram @ x
-        return float(np.sqrt(max(squared, 0.0) / self.nodes))
+        Source: [S1] eq. 20
+        """
+        return self._error(force, x, self.target_gram, self.deformation_rhs, self.deformation_gram)
+
+    def force_error(self, force: Array, x: Array) -> Array:
+        """Return f_err [N] of frames over the compared nodes, as `displacement_error`. Source: [S1] eq. 21."""
+        return self._error(force, x, None, self.force_rhs, self.force_gram)
+
+    def _error(self, force: Array, x: Array, target: Array | None, cross: Array, gram: Array) -> Array:
+        """Expand |u - u*|^2 / n, all frames at once."""
+        force, x = np.atleast_2d(force), np.atleast_2d(x)
+        squared = np.einsum("ij,ij->i", force if target is None else force @ target, force)
+        squared += np.einsum("ij,ij->i", x @ gram - 2.0 * (force @ cross.T), x)
+        out: Array = np.sqrt(np.maximum(squared, 0.0) / self.nodes)
+        return out
 
 
 class PinSolver:
@@ -152,50 +177,65 @@ class PinSolver:
         self._quadratic = BoundedLeastSquares(matcher.gram(method), 0.0, self.high) if method.endswith("2") else None
 
     def solve(self, force: Array) -> PinForces:
-        """Match target pad forces of nominal skin [N], shape (3m,) or (m, 3).
+        """Match target pad forces of nominal skin [N], shape (3m,) or (m, 3), and say how far off the skin is.
 
         Raises:
             DermisError: forces of another size, or not finite.
         """
         matcher, force = self.matcher, np.asarray(force, dtype=np.float64).ravel()
-        if len(force) != 3 * matcher.loaded:
+        step = self.step(force)
+        result = np.zeros(matcher.pins)
+        result[matcher.active] = self.alpha * step.x
+        return PinForces(
+            result,
+            float(matcher.displacement_error(force, step.x)[0]),
+            self.alpha * float(matcher.force_error(force, step.x)[0]),
+            step.optimality,
+            self.at_limit(step.x),
+            step.clipped,
+            step.converged,
+        )
+
+    def step(self, force: Array) -> PinStep:
+        """Match target pad forces of nominal skin [N], shape (3m,), and nothing else: what a frame costs live.
+
+        Raises:
+            DermisError: forces of another size, or not finite.
+        """
+        if force.shape != (3 * self.matcher.loaded,):
             raise DermisError(
                 "the target's forces do not fit the skin",
                 where="pin matching",
-                value=len(force),
-                limit=str(3 * matcher.loaded),
+                value=force.shape,
+                limit=f"({3 * self.matcher.loaded},)",
             )
-        x, optimality, clipped, converged = self._active(force)
-        self._last = x
-        result = np.zeros(matcher.pins)
-        result[matcher.active] = self.alpha * x
-        at_limit = int((x >= self.high * (1 - 1e-12)).sum())
-        return PinForces(
-            result,
-            matcher.displacement_error(force, x),
-            self.alpha * matcher.force_error(force, x),
-            optimality,
-            at_limit,
-            clipped,
-            converged,
-        )
+        step = self._active(force)
+        self._last = step.x
+        return step
+
+    def at_limit(self, x: Array) -> int:
+        """Return how many pins are at their upper bound."""
+        return int((x >= self.high * (1 - 1e-12)).sum())
 
     def reset(self) -> None:
         """Forget the frame before: the pins are at rest."""
         self._last = np.zeros(len(self.matcher.active))
 
-    def _active(self, force: Array) -> tuple[Array, float, int, bool]:
+    def _active(self, force: Array) -> PinStep:
         matcher = self.matcher
         if self._quadratic is not None:
             solution = self._bounded(matcher.rhs(self.method, force))
-            return solution.x, solution.optimality(self._quadratic.low, self._quadratic.high), 0, solution.converged
+            optimality = solution.optimality(self._quadratic.low, self._quadratic.high)
+            return PinStep(solution.x, optimality, 0, solution.converged)
         inverse = matcher.deformation_inverse if self.method.startswith("DM") else matcher.force_inverse
         x = inverse @ force
+        if not np.isfinite(x).all():
+            raise DermisError("the target's forces are not finite", where="pin matching")
         if self.method.endswith("0"):
-            return x, 0.0, 0, True
+            return PinStep(x, 0.0, 0, True)
         low, high = self._bounds()
         clamped = np.clip(x, low, high)
-        return clamped, 0.0, int((clamped != x).sum()), True
+        return PinStep(clamped, 0.0, int((clamped != x).sum()), True)
 
     def _bounded(self, c: Array) -> BoundedSolution:
         assert self._quadratic is not None

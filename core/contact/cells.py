@@ -22,8 +22,6 @@ WIDTH = 64
 MAX_CELLS = 200_000
 # Side of a cell, in median triangle radii: smaller cells list less and are filled more often.
 SIDE = 0.7
-# Cells beside a missing one are filled with it, because a finger that moves will need them next.
-AHEAD = np.array([(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)])
 OFFSET = 1 << 20
 FAR, FULL = -1, -2
 
@@ -118,18 +116,17 @@ class CellLists:
             np.minimum(at, self._keys.size - 1, out=at)
             known = self._keys[at] == key
         if not known.all():
+            if self._count + key.size > MAX_CELLS:
+                self._clear()
+                known[:] = False
             self._fill(cell[~known])
             at = np.searchsorted(self._keys, key)
         return self._slot_of[at]
 
     def _fill(self, cell: Indices) -> None:
-        """List the triangles of missing cells, and of those about them."""
-        around = (cell[:, None, :] + AHEAD[None]).reshape(-1, 3)
-        key, index = np.unique(_key(around), return_index=True)
-        if self._count + key.size > MAX_CELLS:
-            self._clear()
-        new = ~np.isin(key, self._keys, assume_unique=True)
-        key, cell = key[new], around[index[new]]
+        """List the triangles of missing cells."""
+        key, index = np.unique(_key(cell), return_index=True)
+        cell = cell[index]
         centres = np.asarray((cell + 0.5) * self._side, dtype=np.float64)
         n = key.size
         first = np.full(n, FAR)

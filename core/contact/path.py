@@ -36,7 +36,7 @@ BUDGET = 4
 REBUILD = 16
 # Slip in a frame below this [m] is rest: the same pose then needs no new solve.
 AT_REST = 1e-9
-# Depth that linear skin is still trusted at [m]. Source: the numbers; nonlinear error 33 % at 2 mm.
+# Depth that linear skin is still trusted at [m]: against a neo-Hookean one its stress is then off by a third.
 DEPTH_LIMIT = 2e-3
 BONE = np.array([0.0, 0.0, 0.006])
 # What a frame changes, besides the history; each is replaced, never written into.

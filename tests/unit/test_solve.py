@@ -106,7 +106,8 @@ def test_coupled_normal_and_slip_in_closed_form():
 def test_two_normal_rows_by_enumeration():
     """A 2x2 matrix tests it: all four states of two frictionless nodes, the admissible one solved by hand."""
     matrix = np.array([[2.0, 1.5], [1.5, 2.0]]) * 1e-3
-    for offset, exact in (((-1e-3, -1e-3), (1 / 3.5, 1 / 3.5)), ((-1e-3, -5e-4), (0.5, 0.0)), ((1e-3, -1e-3), (0.0, 0.5))):
+    cases = (((-1e-3, -1e-3), (1 / 3.5, 1 / 3.5)), ((-1e-3, -5e-4), (0.5, 0.0)), ((1e-3, -1e-3), (0.0, 0.5)))
+    for offset, exact in cases:
         s = solve(matrix, offset, 0.0, rows=1)
         np.testing.assert_allclose(s.normal_force, exact, atol=1e-12)
         assert s.gap.min() >= -1e-15

@@ -443,7 +443,18 @@ def bench(options: argparse.Namespace) -> int:
         if options.json:
             command += ["--json", str(options.json.resolve())]
         more = {"DERMIS_ZIP": str(path), "BLENDER_USER_RESOURCES": str(Path(scratch) / "profile")}
+        more["PYTHONPATH"] = os.pathsep.join([str(env.wheels), str(peers(env))])
         return subprocess.run(command, cwd=ROOT, env=env.variables(True, **more)).returncode
+
+
+def peers(env: Environment) -> Path:
+    """Make (or keep) the folder of the solvers that the benchmarks compare with; the extension has none of them."""
+    folder, lock = VENV / f"{env.python.parents[1].name}-peers", LOCKS / "peers.txt"
+    if not fresh(folder, lock):
+        shutil.rmtree(folder, ignore_errors=True)
+        pip(env.python, "install", "--no-deps", "--target", str(folder), "-r", str(lock))
+        stamp(folder, lock)
+    return folder
 
 
 def dev(options: argparse.Namespace) -> int:

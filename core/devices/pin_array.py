@@ -10,7 +10,7 @@ Source: [S1] IV.B.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -148,6 +148,34 @@ def contacts(pins: PinLayout, vertices: Array, triangles: NDArray[np.integer]) -
             )
         )
     return PinContacts(points, hits, travel, tuple(findings))
+
+
+def on_pad(where: PinContacts, pins: PinLayout, nodes: Array) -> PinContacts:
+    """Switch off the pins that meet the skin too far from any node that may carry force [m], shape (n, 3).
+
+    Raises:
+        DermisError: no pin is left.
+    """
+    far = np.zeros(pins.count, dtype=bool)
+    for pin in np.flatnonzero(where.hits):
+        far[pin] = ((nodes - where.points[pin]) ** 2).sum(axis=1).min() > (SPREAD_REACH * pins.spread) ** 2
+    if not far.any():
+        return where
+    if not (where.hits & ~far).any():
+        raise DermisError(
+            "no pin of the layout meets the pad",
+            where="pin array",
+            remedy="Check the cylinder's radius, 'forward' and the mounting angle",
+        )
+    finding = Finding(
+        "warning",
+        "pin-off-pad",
+        "pins meet the finger beside its pad and are switched off",
+        where="pin array",
+        value=_names(np.flatnonzero(far)),
+        count=int(far.sum()),
+    )
+    return replace(where, hits=where.hits & ~far, findings=(*where.findings, finding))
 
 
 def distribution(pins: PinLayout, where: PinContacts, nodes: Array) -> Array:

@@ -6,8 +6,9 @@ Source: [S1] III and IV
 from __future__ import annotations
 
 import weakref
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from ..interpolate import interpolate
 from ..scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
 from ..track import CommandTrack
-from .deformation import METHODS, Matcher, PinSolver
+from .deformation import METHODS, Matcher, Method, PinSolver
 from .rendered import Rendered
 
 Array = NDArray[np.float64]
@@ -31,6 +32,7 @@ Weighting = Literal["all", "surface", "receptor"]
 WEIGHTINGS: tuple[Weighting, ...] = get_args(Weighting)
 
 RECEPTOR_BAND = (0.3e-3, 2.0e-3)  # [m] below the pad. Source: TouchSim's fitted depths of SA1 to PC
+BLOCK = 512  # frames whose errors are computed together
 FADE = 0.1  # [s] default length of fade-in and fade-out; chosen
 
 
@@ -40,11 +42,13 @@ class PinSetup:
 
     Attributes:
         pins: the layout. met: where its pins meet the skin. matcher: the matrices.
+        spread: A, forces on the pad's nodes for unit pin forces, shape (3 m, pins).
     """
 
     pins: PinLayout
     met: PinContacts
     matcher: Matcher
+    spread: Array
 
 
 def setup(skin: SkinModel, spec: DeviceSpec, weighting: Weighting = "all") -> PinSetup:
@@ -70,12 +74,12 @@ def setup(skin: SkinModel, spec: DeviceSpec, weighting: Weighting = "all") -> Pi
                 where=f"device preset '{spec.key}'",
                 value=f"{pins.count} pins, {len(spec.channels)} channels",
             )
-        met = pin_array.contacts(pins, mesh.nodes, mesh.surface)
+        met = pin_array.on_pad(pin_array.contacts(pins, mesh.nodes, mesh.surface), pins, skin.positions)
         spread = pin_array.distribution(pins, met, skin.positions)
         chosen = node_weights(skin, weighting)[mesh.free] > 0
         response = skin.unit_response[:, np.repeat(chosen, 3)]
         influence = response.T.astype(np.float64) / skin.material.modulus
-        kept[key] = PinSetup(pins, met, Matcher(spread, influence, active=met.hits))
+        kept[key] = PinSetup(pins, met, Matcher(spread, influence, active=met.hits), spread)
     return kept[key]
 
 
@@ -103,8 +107,9 @@ def render(
     The use's parameters: method (DM2), weighting ('all'), bounded (True: what a pin can do; False: the paper's form),
     lead (True: the track leads by the device's delay), fade_in and fade_out [s].
 
-    Signals: 'contact', 'displacement_error' u_err [m], 'force_error' f_err [N], 'target_force', 'rendered_force' along
-    the pad's normal [N], 'at_limit' (pins).
+    Signals, at the times of the touch whatever the lead: 'contact', 'displacement_error' u_err [m], 'force_error'
+    f_err [N], 'target_force' and 'rendered_force' along the pad's normal, 'target_shear' and 'rendered_shear' across
+    it [N], 'at_limit' (pins).
 
     Raises:
         DermisError: an unknown method or weighting, a negative fade, or a bad layout.
@@ -115,50 +120,122 @@ def render(
     method = p.get("method", "DM2")
     if method not in METHODS:
         raise DermisError("unknown matching method", where=spec.key, value=method, limit=", ".join(METHODS))
-    ready = setup(skin.model, spec, p.get("weighting", "all"))
-    step = float(np.median(np.diff(skin.times))) if len(skin.times) > 1 else 1.0 / spec.rate
-    slew = min((c.slew for c in spec.channels if c.slew is not None), default=None)
-    solver = PinSolver(
-        ready.matcher,
-        method,
-        force_limit=ready.pins.force_limit if p.get("bounded", True) else None,
-        slew=None if slew is None else slew * step,
-    )
+    lead, fades = _lead(p, spec), (_length(p, "fade_in"), _length(p, "fade_out"))
     count = len(skin.times)
-    forces = np.zeros((count, ready.pins.count))
-    series = {name: np.zeros(count) for name in _SIGNALS}
-    worst, unsolved = 0.0, 0
-    for i, force in zip(skin.contact, skin.force, strict=True):
-        if i > 0 and not series["contact"][i - 1]:
-            solver.reset()
-        found = solver.solve(force.astype(np.float64))
-        forces[i] = found.forces
-        series["contact"][i] = 1.0
-        series["displacement_error"][i] = found.displacement_error
-        series["force_error"][i] = found.force_error
-        series["target_force"][i] = float(force[:, 2].sum())
-        series["rendered_force"][i] = float(found.forces @ ready.pins.directions[:, 2])
-        series["at_limit"][i] = found.at_limit
-        worst, unsolved = max(worst, found.optimality), unsolved + (not found.converged)
-    lead = ready.pins.delay if p.get("lead", True) else 0.0
     times = np.arange(sample_count(scene.fps, scene.frame_range, spec.rate)) / spec.rate
-    values = interpolate(skin.times, forces, np.minimum(times + lead, skin.times[-1])) if count > 1 else forces
-    values = values * _fade(times, _length(p, "fade_in"), _length(p, "fade_out"))[:, None]
-    signals = (
-        {name: interpolate(skin.times, s[:, None], times)[:, 0] for name, s in series.items()} if count > 1 else series
-    )
-    findings = [*ready.met.findings, *_findings(series, forces, ready, unsolved, skin.frames)]
-    meta = {"method": str(method), "lead_s": f"{lead:.9g}", "worst_kkt": f"{worst:.2g}"}
     skipped = {"pin_frames_without_contact": count - len(skin.contact)}
+    meta = {"method": str(method), "lead_s": f"{lead:.9g}"}
+    if not len(skin.contact):  # nothing to match, so nothing to build
+        pin_array.layout(spec)
+        nothing = {name: np.zeros(len(times)) for name in _SIGNALS}
+        return Rendered(
+            CommandTrack(spec, times, np.zeros((len(times), len(spec.channels))), meta), nothing, (), skipped
+        )
+    ready = setup(skin.model, spec, p.get("weighting", "all"))
+    solver = make_solver(ready, spec, method, skin.times, bounded=bool(p.get("bounded", True)))
+    matched = match(solver, skin)
+    forces, series = matched.forces, _series(matched, ready, skin)
+    values = interpolate(skin.times, forces, np.minimum(times + lead, skin.times[-1]))
+    values = values * _fade(times, *fades)[:, None]
+    signals = {name: interpolate(skin.times, s[:, None], times)[:, 0] for name, s in series.items()}
+    findings = [*ready.met.findings, *_findings(series, ready, matched.unsolved, skin.frames)]
+    meta["worst_kkt"] = f"{matched.worst:.2g}"
     return Rendered(CommandTrack(spec, times, values, meta), signals, tuple(findings), skipped)
 
 
-_SIGNALS = ("contact", "displacement_error", "force_error", "target_force", "rendered_force", "at_limit")
+@dataclass(frozen=True, eq=False)
+class Matched:
+    """Pin forces of a whole path.
+
+    Attributes:
+        forces: zero without contact [N], shape (n, pins).
+        displacement_error, force_error: u_err [m] and f_err [N], 0 without contact, shape (n,).
+        at_limit: pins at their upper bound, shape (n,).
+        worst: largest KKT residual. unsolved: frames that did not converge.
+    """
+
+    forces: Array
+    displacement_error: Array
+    force_error: Array
+    at_limit: Array
+    worst: float
+    unsolved: int
+
+
+def make_solver(ready: PinSetup, spec: DeviceSpec, method: Method, times: Array, *, bounded: bool = True) -> PinSolver:
+    """Return a solver with the limits of a device: of force unless `bounded` is off, and of speed where it has one."""
+    step = float(np.median(np.diff(times))) if len(times) > 1 else 1.0 / spec.rate
+    slew = min((c.slew for c in spec.channels if c.slew is not None), default=None)
+    return PinSolver(
+        ready.matcher,
+        method,
+        force_limit=ready.pins.force_limit if bounded else None,
+        slew=None if slew is None else slew * step,
+    )
+
+
+def match(solver: PinSolver, skin: SkinTouch) -> Matched:
+    """Match every frame in which the skin touches; errors are computed many frames at once."""
+    matcher, count = solver.matcher, len(skin.times)
+    forces = np.zeros((count, matcher.pins))
+    u, f, at_limit = np.zeros(count), np.zeros(count), np.zeros(count)
+    worst, unsolved, before = 0.0, 0, -2
+    for start in range(0, len(skin.contact), BLOCK):
+        frames = skin.contact[start : start + BLOCK]
+        targets = skin.force[start : start + BLOCK].reshape(len(frames), -1).astype(np.float64)
+        found = np.zeros((len(frames), len(matcher.active)))
+        for row, (i, target) in enumerate(zip(frames.tolist(), targets, strict=True)):
+            if i != before + 1:
+                solver.reset()
+            before, step = i, solver.step(target)
+            found[row] = step.x
+            at_limit[i] = solver.at_limit(step.x)
+            worst, unsolved = max(worst, step.optimality), unsolved + (not step.converged)
+        forces[np.ix_(frames, matcher.active)] = solver.alpha * found
+        u[frames] = matcher.displacement_error(targets, found)
+        f[frames] = solver.alpha * matcher.force_error(targets, found)
+    return Matched(forces, u, f, at_limit, worst, unsolved)
+
+
+def rendered_force(ready: PinSetup, forces: Array) -> Array:
+    """Return what pin forces [N], shape (pins,), press on the pad's nodes [N], shape (m, 3).
+
+    `Stimulus(skin, rendered_force(...))` is the skin as the device renders it, beside `Stimulus(skin, target)`.
+
+    Source: [S1] eq. 4
+    """
+    return (ready.spread @ forces).reshape(-1, 3)
+
+
+def _series(matched: Matched, ready: PinSetup, skin: SkinTouch) -> dict[str, Array]:
+    count = len(skin.times)
+    series = {name: np.zeros(count) for name in _SIGNALS}
+    total = skin.force.astype(np.float64).sum(axis=1)
+    shown = matched.forces @ ready.pins.directions
+    series["contact"][skin.contact] = 1.0
+    series["displacement_error"], series["force_error"] = matched.displacement_error, matched.force_error
+    series["at_limit"] = matched.at_limit
+    series["target_force"][skin.contact] = total[:, 2]
+    series["target_shear"][skin.contact] = np.hypot(total[:, 0], total[:, 1])
+    series["rendered_force"], series["rendered_shear"] = shown[:, 2], np.hypot(shown[:, 0], shown[:, 1])
+    return series
+
+
+_SIGNALS = (
+    "contact", "displacement_error", "force_error", "target_force", "target_shear", "rendered_force",
+    "rendered_shear", "at_limit",
+)  # fmt: skip
 _SETUPS: weakref.WeakKeyDictionary[SkinModel, dict[tuple[str, str], PinSetup]] = weakref.WeakKeyDictionary()
 
 
-def _length(parameters: object, name: str) -> float:
-    value = float(parameters.get(name, FADE))  # type: ignore[attr-defined]
+def _lead(parameters: Mapping[str, Any], spec: DeviceSpec) -> float:
+    """Return by how much the track leads the touch, so that the device's delay cancels [s]."""
+    delay = float(spec.parameters.get("delay", 0.0))
+    return delay if parameters.get("lead", True) else 0.0
+
+
+def _length(parameters: Mapping[str, Any], name: str) -> float:
+    value = float(parameters.get(name, FADE))
     if not (np.isfinite(value) and value >= 0):
         raise DermisError("a fade cannot be negative", where=name, value=value, limit=">= 0 s")
     return value
@@ -179,7 +256,7 @@ def _smooth(x: Array) -> Array:
     return x * x * (3.0 - 2.0 * x)
 
 
-def _findings(series: dict[str, Array], forces: Array, ready: PinSetup, unsolved: int, frames: Array) -> list[Finding]:
+def _findings(series: dict[str, Array], ready: PinSetup, unsolved: int, frames: Array) -> list[Finding]:
     found = []
     limited = np.flatnonzero(series["at_limit"])
     if len(limited):

@@ -163,8 +163,8 @@ PRESS = [(0.0, -0.3), (0.35, 1.2), (0.75, 1.2), (1.0, -0.3)]
 
 def ball_roll(count: int = 120, friction: float = 0.6) -> Touch:
     """Return a ball that is pressed and rolled about the pad."""
-    return make("ball", ball(15e-3), count, friction=friction, depth=PRESS, x=[(0, 0), (0.3, 0), (0.5, 3), (0.7, -3), (1, 0)],
-                y=[(0, 0), (0.4, 2), (0.6, -2), (1, 0)])  # fmt: skip
+    return make("ball", ball(15e-3), count, friction=friction, depth=PRESS,
+                x=[(0, 0), (0.3, 0), (0.5, 3), (0.7, -3), (1, 0)], y=[(0, 0), (0.4, 2), (0.6, -2), (1, 0)])  # fmt: skip
 
 
 def edge_press(count: int = 120) -> Touch:
@@ -181,7 +181,7 @@ def slide(count: int = 120, friction: float = 0.6, sideways: float = 3.0, keys: 
 
 def flat_press(count: int = 120) -> Touch:
     """Return a plane that is pressed and tilted."""
-    return make("flat", flat(), count, depth=PRESS, pitch=[(0, 0), (0.4, 12), (0.7, -8), (1, 0)],
+    return make("flat", flat(), count, depth=PRESS, pitch=[(0, 0), (0.4, 12), (0.7, -2), (1, 0)],
                 roll=[(0, 0), (0.3, -10), (0.6, 10), (1, 0)])  # fmt: skip
 
 

@@ -15,7 +15,7 @@ Source: [S0] 3.1 (rigid disc on the skin), 3.4 and 5.1 (friction state); Alart a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 TOLERANCE = 1e-6  # of the natural residual, relative to the forces
 FALLBACK_TOLERANCE = 1e-8
 MAX_STEPS = 10
-NEAR, MARGIN = 0.9e-3, 0.3e-3  # nodes are kept as candidates below NEAR; they are chosen anew when others come to MARGIN
+NEAR, MARGIN = 0.9e-3, 0.3e-3  # candidates have gaps below NEAR; they are chosen anew when others come to MARGIN
 ROUNDING = 1.0e-3  # [m] radius by which the disc's rim falls away
 
 
@@ -398,3 +398,23 @@ def first_contact(device: Thimble, contact: DiscContact, pitch: float = 0.0, rol
         gap = float(contact.gap(pose).min())
         z -= gap / -float(pose.shift[:, 2] @ pose.normal)
     return z
+
+
+def calibrated(device: Thimble, contact: DiscContact, felt: Array) -> Thimble:
+    """Return the device mounted as it sits on a person, from the servo angles at which the disc is first felt.
+
+    Args:
+        felt: servo angles from neutral [rad], shape (3,), at the first contact that the person reports.
+
+    The mounting moves along the base's axis until the model first touches in that very pose.
+
+    Raises:
+        DermisError: no pose of the platform has these angles.
+
+    Source: [S0] 7.2, 'the angles and normal distance of first contact with each subject's finger pad'
+    """
+    neutral = (0.0, 0.0, first_contact(device, contact))
+    pitch, roll, distance = device.forward(np.asarray(felt, dtype=np.float64) + device.servo_zero, neutral).tolist()
+    mount = device.mount.copy()
+    mount[:3, 3] -= mount[:3, 2] * (distance - first_contact(device, contact, pitch, roll))
+    return replace(device, mount=mount)

@@ -79,7 +79,7 @@ class Thimble:
     def pose(self, x: ArrayLike) -> PlatformPose:
         """Return the platform's pose at x = (psi, theta, z), with parasitic shift and yaw."""
         # plain floats: arrays of three elements cost more than the arithmetic on them
-        psi, theta, z = (float(v) for v in x)
+        psi, theta, z = np.asarray(x, dtype=np.float64).tolist()
         cp, sp, ct, st = math.cos(psi), math.sin(psi), math.cos(theta), math.sin(theta)
         n, d = -sp * st, cp + ct
         phi = math.atan2(n, d)
@@ -157,6 +157,11 @@ class Thimble:
         if not (self.reach(x) > 0).all():
             return False
         return bool((self.constraints(x)[0] >= 0).all())
+
+    def workspace(self, pitch: ArrayLike, roll: ArrayLike, distance: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which configurations of a grid of pitches, rolls [rad] and distances [m] are feasible, shape (a, b, c)."""
+        grid = [np.asarray(values, dtype=np.float64).tolist() for values in (pitch, roll, distance)]
+        return np.array([[[self.feasible((p, r, z)) for z in grid[2]] for r in grid[1]] for p in grid[0]])
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
         """Return the configuration x that servo angles [rad] hold the platform in, nearest to `start`.

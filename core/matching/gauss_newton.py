@@ -25,8 +25,9 @@ Evaluate = Callable[[Array], tuple[Array, Array]]
 OPTIMAL = 3e-3  # KKT residual to stop at
 SMALL_STEP = 1e-4  # of tilt [rad], and of distance over the platform's radius: 0.006 degrees, 1 um
 EXACT = 1e-7  # mismatch relative to the target below which nothing is left to gain
+SMALL_GAIN = 1e-3  # of the cost in one step, 0.05 % of the mismatch: at a kink (a node about to slip) steps creep
 MAX_ITERATIONS = 20
-SHORTEST = 1.0 / 256.0
+SHORTEST = 1.0 / 64.0
 LONGEST = 0.35  # rad: a step beyond it leaves the range of any linearisation
 ARMIJO = 1e-4
 DAMPING = 1e-9  # of the largest diagonal: keeps a step unique where a single node touches
@@ -47,7 +48,8 @@ class Minimum:
         multipliers: of them, >= 0.
         room: c(x) of the six constraints [rad], >= 0.
         iterations, evaluations: steps, and calls of the forward model.
-        why: 'optimal', 'exact', 'step' (no longer moving), 'stalled' (no descent at a kink) or 'limit'.
+        why: 'optimal', 'exact', 'step' (no longer moving), 'gain' (no longer better), 'stalled' (no descent at a
+            kink) or 'limit'.
     """
 
     x: Array
@@ -164,10 +166,14 @@ def minimise(
             why = "step" if reach <= SMALL_STEP else "stalled"
             break
         moved = float(np.sqrt((((trial[0] - x) / scale) ** 2).sum()))
+        gained = 1.0 - new_cost / cost
         x, room, slopes = trial
         stimulus, jacobian, residual, cost = new_stimulus, new_jacobian, new_residual, new_cost
         if moved <= SMALL_STEP:
             why = "step"
+            break
+        if gained <= SMALL_GAIN:
+            why = "gain"
             break
     return Minimum(x, stimulus, residual, start_cost, cost, float(kkt), guess, multipliers, room, iterations,
                    evaluations, why)  # fmt: skip

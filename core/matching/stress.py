@@ -9,7 +9,7 @@ Source: [S0] 5.1 and eq. 1, whose norm is minimised through its square.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,7 @@ from ..surrogate.forward import DirectModel, ForwardModel
 from .gauss_newton import Minimum, ServoLimits, minimise
 
 Array = NDArray[np.float64]
+Search = Callable[[Array, ServoLimits], Minimum]
 
 HOVER = 0.4e-3  # [m] between disc and skin while nothing is touched
 NOTHING = 1e-12  # targets below this share of the table's strongest stimulus are no touch
@@ -82,7 +83,7 @@ class StressMatcher:
                               value=f"{self.model.size} and {self.direct.size}")  # fmt: skip
         self.limits = ServoLimits.of(device)
         self.rest_x = self._start_at(0.0, 0.0, -hover)
-        self._table_x, self._table = self._build_table()
+        self._build_table()
         self.reset()
 
     def reset(self) -> None:
@@ -91,9 +92,14 @@ class StressMatcher:
         self.angles = self._angles(self.x)
         self.state = FrictionState.rest(self.contact.count)
         self._pressed = False
+        self._moved = np.zeros(3)
 
-    def step(self, target: Array) -> ThimbleFrame:
+    def step(self, target: Array, search: Search | None = None) -> ThimbleFrame:
         """Find the pose for the next frame's target, shape (k,), and renew the friction state.
+
+        Args:
+            search: another way to find the pose, from where the device is and within limits; the target then only
+                says whether anything is touched, and what to compare with.
 
         Raises:
             DermisError: a target of another size, or not finite.
@@ -104,16 +110,19 @@ class StressMatcher:
                               value=target.shape, limit=f"({self.model.size},), finite")  # fmt: skip
         limits = self.limits if self.change is None else self.limits.near(self.angles, self.change)
         size = float(np.sqrt(target @ target))
-        minimum, searches = None, 0
+        minimum, searches, followed = None, 0, self._pressed
         if size > NOTHING * self._strongest:
-            minimum, searches = self._search(target, limits)
+            if search is None:
+                minimum, searches = self._search(target, limits)
+            else:
+                minimum, searches = search(self.x, limits), 1
             x = minimum.x
         else:
             x = self._retracted(limits)
-        self.contact.hold(self.state)
-        solution = self._settle(x)
+        solution = self._settle(x, searched=minimum is not None and search is None)
         stimulus = self.direct.readout @ solution.spread(self.contact.count).ravel()
         miss = stimulus - target
+        self._moved = x - self.x if minimum is not None and followed else np.zeros(3)
         self.x, self.angles = x, self._angles(x)
         mismatch = float(np.sqrt(miss @ miss)) / size if minimum is not None else 0.0
         return ThimbleFrame(x, self.angles, stimulus, mismatch, solution, minimum, searches)
@@ -127,26 +136,41 @@ class StressMatcher:
 
     def _search(self, target: Array, limits: ServoLimits) -> tuple[Minimum, int]:
         self.model.hold(self.state)
-        miss = ((self._table - target) ** 2).sum(axis=1)
-        nearest = int(miss.argmin())
+        size = float(np.sqrt(target @ target))
+        alike = self._table @ target / size  # the table holds directions
+        nearest = int(alike.argmax())
+        promised = size * float(np.sqrt(max(1.0 - alike[nearest] ** 2, 0.0)))
         best: Minimum | None = None
         searches = 0
         if self._pressed:
-            best = minimise(self.model.evaluate, target, self.x, self.device, limits)
+            best = minimise(self.model.evaluate, target, self._extrapolated(limits), self.device, limits)
             searches = 1
-        if best is None or 0.5 * miss[nearest] < PROMISE**2 * best.cost:
-            start = self._within(self._table_x[nearest], limits)
+        if best is None or promised < PROMISE * best.mismatch:
+            start = self._within(self._table_pose(nearest, size * float(alike[nearest])), limits)
             other = minimise(self.model.evaluate, target, start, self.device, limits)
             searches += 1
             if best is None or other.cost < best.cost:
                 best = other
         return best, searches
 
-    def _settle(self, x: Array) -> DiscSolution:
+    def _table_pose(self, row: int, strength: float) -> Array:
+        """Return a table entry's tilt at the depth whose stimulus has a given strength, as a ball's has: depth^1.5."""
+        depth = self._depths[row] * (max(strength, 0.0) / self._strengths[row]) ** (2.0 / 3.0)
+        x: Array = self._table_x[row].copy()
+        x[2] += self._depths[row] - min(max(depth, TABLE_DEPTHS[0] / 4), TABLE_DEPTHS[-1])
+        return x
+
+    def _extrapolated(self, limits: ServoLimits) -> Array:
+        """Return where the last two frames point to: there the right nodes slip from the first evaluation on."""
+        ahead = self.x + self._moved
+        return ahead if self._moved.any() and self._allowed(ahead, limits) else self.x
+
+    def _settle(self, x: Array, *, searched: bool) -> DiscSolution:
         """Renew the friction state with the pose fixed."""
-        if self.model is self.direct:
-            solution = self.direct.solution(x)  # the search ended with this very contact
+        if searched and self.model is self.direct:
+            solution = self.direct.solution(x)  # the search tried this very pose
         else:
+            self.contact.hold(self.state)
             solution = self.contact.solve(placed(self.device, self.device.pose(x)))
         self._pressed = solution.touching
         self.state = self.contact.settle(solution) if self._pressed else FrictionState.rest(self.contact.count)
@@ -159,12 +183,20 @@ class StressMatcher:
         return self._within(self._start_at(self.x[0], self.x[1], -self.hover), limits)
 
     def _within(self, x: Array, limits: ServoLimits) -> Array:
-        """Return the pose nearest in servo angles that the limits allow."""
-        angles = self._angles(x)
-        clipped = np.clip(angles, limits.low, limits.high)
-        if np.array_equal(angles, clipped):
+        """Return the pose farthest on the way to x that the limits allow."""
+        way, low, high = x - self.x, 0.0, 1.0
+        if self._allowed(x, limits):
             return x
-        return self.device.forward(clipped + self.device.servo_zero, self.x)
+        for _ in range(12):
+            middle = 0.5 * (low + high)
+            if self._allowed(self.x + middle * way, limits):
+                low = middle
+            else:
+                high = middle
+        return self.x + low * way
+
+    def _allowed(self, x: Array, limits: ServoLimits) -> bool:
+        return bool(self.device.reach(x).min() > 0.0 and limits.constraints(self.device, x)[0].min() >= 0.0)
 
     def _angles(self, x: Array) -> Array:
         return self.device.servo_angles(x)[0] - self.device.servo_zero
@@ -182,9 +214,9 @@ class StressMatcher:
             remedy="Change link lengths, servo range or mounting so that the level platform reaches the pad",
         )  # fmt: skip
 
-    def _build_table(self) -> tuple[Array, Array]:
-        """Return poses and what they make felt from rest, those that touch."""
-        rows, stimuli = [], []
+    def _build_table(self) -> None:
+        """Tabulate poses and what they make felt from rest, those that touch."""
+        rows, depths, stimuli = [], [], []
         self.model.hold(FrictionState.rest(self.contact.count))
         for pitch in TABLE_TILTS:
             for roll in TABLE_TILTS:
@@ -193,11 +225,14 @@ class StressMatcher:
                     x = np.array([pitch, roll, z - depth])
                     if self.device.feasible(x):
                         stimulus, slope = self.model.evaluate(x)
-                        if slope.any():
+                        if stimulus.any() and slope.any():
                             rows.append(x)
+                            depths.append(depth)
                             stimuli.append(stimulus)
         if not rows:
             raise DermisError("no pose within the servo limits touches the skin", where="thimble")
         table = np.array(stimuli)
-        self._strongest = float(np.sqrt((table**2).sum(axis=1).max()))
-        return np.array(rows), table
+        self._table_x, self._depths = np.array(rows), np.array(depths)
+        self._strengths = np.sqrt((table**2).sum(axis=1))
+        self._table = table / self._strengths[:, None]
+        self._strongest = float(self._strengths.max())

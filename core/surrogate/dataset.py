@@ -19,7 +19,7 @@ MAX_TILT = np.radians(25.0)
 MAX_DEPTH = 1.6e-3  # [m] beyond first contact
 CLEARANCE = 0.6e-3  # [m] before it
 MAX_FORCE = 4.0  # [N] a movement ends where it is reached
-STEPS = 16  # from one end of a movement to the other
+STEPS = (8, 32)  # from one end of a movement to the other: the friction state must be known for small steps and large
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class Dataset:
 
 
 def record(
-    device: Thimble, contact: DiscContact, trajectories: int, *, seed: int = 0, steps: int = STEPS,
+    device: Thimble, contact: DiscContact, trajectories: int, *, seed: int = 0, steps: tuple[int, int] = STEPS,
     max_force: float = MAX_FORCE, max_depth: float = MAX_DEPTH, max_tilt: float = MAX_TILT,
 ) -> Generator[tuple[int, int], None, Dataset]:  # fmt: skip
     """Move the device between random configurations and record; yields movements done and in all.
@@ -59,13 +59,12 @@ def record(
     Source: [S0] 4.1
     """
     rng = np.random.default_rng(seed)
-    shares = np.linspace(0.0, 1.0, steps + 1)
     x, force, before, owner = [], [], [], []
     for number in range(trajectories):
         a = _random(device, contact, rng, max_tilt, 0.0, CLEARANCE)
         b = _random(device, contact, rng, max_tilt, -max_depth, 0.0)
         state = FrictionState.rest(contact.count)
-        for share in shares:
+        for share in np.linspace(0.0, 1.0, int(rng.integers(steps[0], steps[1] + 1)) + 1):
             at = a + share * (b - a)
             if not device.feasible(at):
                 break

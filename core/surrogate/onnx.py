@@ -1,0 +1,258 @@
+"""ONNX: a network as a file that others can run, written and checked without the onnx package.
+
+ONNX is a protocol-buffer message. What is written here is a fixed graph of eight operators in opset 17, with inputs
+`x` (n, 3) and `friction` (n, q) and outputs `stress` (n, c) and `jacobian` (n, c, 3), all in double precision; a JSON
+text in the model's metadata says for which skin and device it was trained. onnxruntime runs it.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from ..files import read_bytes, write_bytes
+from ..version import version
+from .network import Network
+
+Array = NDArray[np.float64]
+
+OPSET, IR_VERSION = 17, 8
+META = "dermis"
+SCHEMA = "dermis-surrogate 1"
+INPUTS, OUTPUTS = ("x", "friction"), ("stress", "jacobian")
+_DOUBLE = 11  # TensorProto.DOUBLE
+_INT64 = 7
+
+
+def dumps(network: Network, meta: Mapping[str, Any] | None = None) -> bytes:
+    """Return a network as an ONNX model; the same network gives the same bytes.
+
+    Args:
+        meta: plain values that say what it was trained for, such as skin and device keys.
+    """
+    p, q, c, h = network.inputs, network.inputs - 3, network.outputs, network.hidden
+    weights = network.weights / network.scale
+    bias = network.bias - weights @ network.centre
+    # log(1 + e^-|z|) + max(z, 0): the plain Softplus operator overflows or is single precision only in some runtimes
+    nodes = [
+        _node("Concat", ["x", "friction"], ["u"], axis=1),
+        _node("MatMul", ["u", "weights"], ["uw"]),
+        _node("Add", ["uw", "bias"], ["z"]),
+        _node("Abs", ["z"], ["abs"]),
+        _node("Neg", ["abs"], ["minus"]),
+        _node("Exp", ["minus"], ["e"]),
+        _node("Add", ["e", "one"], ["e1"]),
+        _node("Log", ["e1"], ["log"]),
+        _node("Relu", ["z"], ["relu"]),
+        _node("Add", ["log", "relu"], ["active"]),
+        _node("MatMul", ["active", "readout"], ["sum"]),
+        _node("Add", ["sum", "offset"], ["stress"]),
+        _node("Sigmoid", ["z"], ["gate"]),
+        _node("Unsqueeze", ["gate", "axis"], ["gates"]),
+        _node("Mul", ["gates", "rows"], ["gated"]),
+        _node("MatMul", ["gated", "slopes"], ["jacobian"]),
+    ]
+    tensors = {
+        "weights": weights.T, "bias": bias, "one": np.ones(1), "readout": network.readout.T, "offset": network.offset,
+        "rows": network.readout[None], "slopes": weights[:, :3],
+    }  # fmt: skip
+    graph = b"".join(_field(1, node) for node in nodes)
+    graph += _field(2, b"surrogate")
+    graph += b"".join(_field(5, _tensor(name, value)) for name, value in tensors.items())
+    graph += _field(5, _tensor("axis", np.array([1], np.int64)))
+    graph += _field(11, _value("x", ("n", 3))) + _field(11, _value("friction", ("n", q)))
+    graph += _field(12, _value("stress", ("n", c))) + _field(12, _value("jacobian", ("n", c, 3)))
+    text = json.dumps({**(meta or {}), "schema": SCHEMA, "inputs": p, "hidden": h, "outputs": c}, sort_keys=True)
+    return b"".join([
+        _varint(1, IR_VERSION), _field(2, b"dermis"), _field(3, version().encode()), _field(7, graph),
+        _field(8, _field(1, b"") + _varint(2, OPSET)), _field(14, _field(1, META.encode()) + _field(2, text.encode())),
+    ])  # fmt: skip
+
+
+def write(path: Path, network: Network, meta: Mapping[str, Any] | None = None) -> None:
+    """Write a network as an ONNX file, whole or not at all.
+
+    Raises:
+        DermisError: the file cannot be written.
+    """
+    write_bytes(path, dumps(network, meta))
+
+
+class OnnxFit:
+    """A network in an ONNX file, run by onnxruntime.
+
+    Args:
+        path: the file.
+        expected: values that its metadata must have, such as {'skin': ..., 'device': ...}.
+
+    Raises:
+        DermisError: onnxruntime is missing, the file is not a whole ONNX model, has other inputs, outputs, shapes or a
+            newer opset than this product writes, or was trained for something else.
+    """
+
+    def __init__(self, path: Path, expected: Mapping[str, Any] | None = None) -> None:
+        where = str(path)
+        data = read_bytes(path)
+        self.meta = read_meta(data, where)
+        for name, wanted in (expected or {}).items():
+            if self.meta.get(name) != wanted:
+                raise DermisError(f"the surrogate was trained for another {name}", where=where,
+                                  value=self.meta.get(name), limit=str(wanted),
+                                  remedy="Adapt it to this one again, or use the direct method")  # fmt: skip
+        try:
+            import onnxruntime
+        except ImportError as error:
+            raise DermisError("onnxruntime is not installed", where=where, remedy="Use the direct method") from error
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = 4
+        try:
+            self._session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # onnxruntime raises classes of its own for every kind of damage
+            raise DermisError("onnxruntime cannot run this file", where=where, value=str(error)[:200]) from error
+        self._check(where)
+        self._friction = np.zeros((1, self.inputs - 3))
+        self._x = np.zeros((1, 3))
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs."""
+        return int(self.meta["inputs"])
+
+    @property
+    def outputs(self) -> int:
+        """Number of channels."""
+        return int(self.meta["outputs"])
+
+    def predict(self, u: Array) -> Array:
+        """Return channels for rows of inputs."""
+        u = np.atleast_2d(np.asarray(u, np.float64))
+        out: Array = self._session.run(["stress"], {"x": u[:, :3], "friction": u[:, 3:]})[0]
+        return out
+
+    def evaluate(self, u: Array) -> tuple[Array, Array]:
+        """Return the channels and their derivative by the first three inputs."""
+        self._x[0], self._friction[0] = u[:3], u[3:]
+        stress, jacobian = self._session.run(list(OUTPUTS), {"x": self._x, "friction": self._friction})
+        return stress[0], jacobian[0]
+
+    def _check(self, where: str) -> None:
+        p, c = self.inputs, self.outputs
+        wanted = {"x": [None, 3], "friction": [None, p - 3], "stress": [None, c], "jacobian": [None, c, 3]}
+        found = {v.name: (v.type, v.shape) for v in [*self._session.get_inputs(), *self._session.get_outputs()]}
+        for name, shape in wanted.items():
+            kind, sizes = found.get(name, ("missing", []))
+            fits = len(sizes) == len(shape) and all(b is None or a == b for a, b in zip(sizes, shape, strict=True))
+            if kind != "tensor(double)" or not fits:
+                raise DermisError(f"'{name}' is not what a surrogate has", where=where, value=f"{kind} {sizes}",
+                                  limit=f"tensor(double) {shape}")  # fmt: skip
+
+
+def read_meta(data: bytes, where: str = "") -> dict[str, Any]:
+    """Return the metadata of an ONNX model of ours.
+
+    Raises:
+        DermisError: not an ONNX model, truncated, without our metadata, or of a newer opset.
+    """
+    text, opset = None, 0
+    try:
+        for number, value in _fields(data):
+            if number == 8 and isinstance(value, bytes):
+                opset = max(opset, *(v for n, v in _fields(value) if n == 2 and isinstance(v, int)), 0)
+            if number == 14 and isinstance(value, bytes):
+                pair = dict(_fields(value))
+                if pair.get(1) == META.encode() and isinstance(pair.get(2), bytes):
+                    text = pair[2]
+        meta = json.loads(text.decode()) if isinstance(text, bytes) else None
+    except (ValueError, IndexError, struct.error, UnicodeDecodeError) as error:
+        raise DermisError("not a whole ONNX file", where=where, value=str(error) or None,
+                          remedy="Make it again, or use the direct method") from error  # fmt: skip
+    if not isinstance(meta, dict) or meta.get("schema") != SCHEMA:
+        raise DermisError("an ONNX file that Dermis did not make", where=where,
+                          value=meta.get("schema") if isinstance(meta, dict) else None, limit=SCHEMA,
+                          remedy="Use a surrogate made here, or the direct method")  # fmt: skip
+    if not 1 <= opset <= OPSET:
+        raise DermisError("another ONNX operator set", where=where, value=opset, limit=f"1 to {OPSET}")
+    sizes = [meta.get(n) for n in ("inputs", "outputs")]
+    if not all(isinstance(n, int) for n in sizes) or sizes[0] < 3 or sizes[1] < 1:  # type: ignore[operator]
+        raise DermisError("impossible sizes", where=where, value=sizes)
+    return meta
+
+
+# -- protocol buffers: https://protobuf.dev/programming-guides/encoding ------------------------------------------------
+
+
+def _number(value: int) -> bytes:
+    out = bytearray()
+    while value > 0x7F:
+        out.append(value & 0x7F | 0x80)
+        value >>= 7
+    out.append(value)
+    return bytes(out)
+
+
+def _varint(field: int, value: int) -> bytes:
+    return _number(field << 3) + _number(value)
+
+
+def _field(field: int, data: bytes) -> bytes:
+    return _number(field << 3 | 2) + _number(len(data)) + data
+
+
+def _node(kind: str, inputs: list[str], outputs: list[str], **attributes: int) -> bytes:
+    data = b"".join(_field(1, n.encode()) for n in inputs) + b"".join(_field(2, n.encode()) for n in outputs)
+    data += _field(4, kind.encode())
+    for name, value in attributes.items():
+        data += _field(5, _field(1, name.encode()) + _varint(3, value) + _varint(20, 2))  # AttributeProto.INT
+    return data
+
+
+def _tensor(name: str, value: NDArray[Any]) -> bytes:
+    value = np.ascontiguousarray(value)
+    kind = _INT64 if value.dtype == np.int64 else _DOUBLE
+    data = b"".join(_varint(1, n) for n in value.shape) + _varint(2, kind) + _field(8, name.encode())
+    return data + _field(9, value.astype("<i8" if kind == _INT64 else "<f8").tobytes())
+
+
+def _value(name: str, shape: tuple[int | str, ...]) -> bytes:
+    sizes = b"".join(_field(1, _field(2, n.encode()) if isinstance(n, str) else _varint(1, n)) for n in shape)
+    return _field(1, name.encode()) + _field(2, _field(1, _varint(1, _DOUBLE) + _field(2, sizes)))
+
+
+def _fields(data: bytes) -> Iterator[tuple[int, int | bytes]]:
+    """Yield field numbers and values of a message; raises ValueError or IndexError where it is cut off."""
+    at = 0
+    while at < len(data):
+        key, at = _read_number(data, at)
+        kind = key & 7
+        if kind == 0:
+            value, at = _read_number(data, at)
+            yield key >> 3, value
+        elif kind in (1, 2, 5):
+            size, at = (8, at) if kind == 1 else (4, at) if kind == 5 else _read_number(data, at)
+            if at + size > len(data):
+                raise ValueError(f"cut off at byte {len(data)}")
+            yield key >> 3, data[at : at + size]
+            at += size
+        else:
+            raise ValueError(f"no protocol buffer at byte {at}")
+
+
+def _read_number(data: bytes, at: int) -> tuple[int, int]:
+    value = shift = 0
+    while True:
+        byte = data[at]
+        at += 1
+        value |= (byte & 0x7F) << shift
+        if byte < 0x80:
+            return value, at
+        shift += 7
+        if shift > 63:
+            raise ValueError(f"no protocol buffer at byte {at}")

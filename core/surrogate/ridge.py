@@ -1,0 +1,81 @@
+"""Quadratic ridge: channels as a second-order polynomial of the inputs, fitted in one linear solve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from .table import SampleTable
+
+Array = NDArray[np.float64]
+
+PENALTY = 1e-3  # on coefficients of standardised inputs, times the number of samples
+
+
+@dataclass(frozen=True, eq=False)
+class QuadraticRidge:
+    """y = c + B s + s'Q s with s the standardised inputs.
+
+    Attributes:
+        centre, scale: of the inputs, shape (p,).
+        constant: shape (c,). linear: shape (c, p). quadratic: symmetric, shape (c, p, p).
+    """
+
+    centre: Array
+    scale: Array
+    constant: Array
+    linear: Array
+    quadratic: Array
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs."""
+        return len(self.centre)
+
+    @property
+    def outputs(self) -> int:
+        """Number of channels."""
+        return len(self.constant)
+
+    def predict(self, u: Array) -> Array:
+        """Return channels for rows of inputs."""
+        s = (np.atleast_2d(u) - self.centre) / self.scale
+        curved: Array = np.einsum("npq,nq->np", np.tensordot(s, self.quadratic, axes=(1, 2)), s, optimize=True)
+        return self.constant + s @ self.linear.T + curved
+
+    def evaluate(self, u: Array) -> tuple[Array, Array]:
+        """Return the channels and their derivative by the first three inputs."""
+        s = (u - self.centre) / self.scale
+        bent = self.quadratic @ s  # (c, p)
+        value = self.constant + self.linear @ s + bent @ s
+        return value, (self.linear[:, :3] + 2.0 * bent[:, :3]) / self.scale[:3]
+
+
+def fit_ridge(table: SampleTable, penalty: float = PENALTY) -> QuadraticRidge:
+    """Fit the polynomial.
+
+    Raises:
+        DermisError: a penalty that is not above zero.
+    """
+    if not penalty > 0:
+        raise DermisError("the penalty must be above zero", where="quadratic ridge", value=penalty, limit="> 0")
+    u = table.inputs
+    n, p = u.shape
+    centre, scale = u.mean(axis=0), u.std(axis=0)
+    scale = np.where(scale > 1e-12 * max(float(scale.max()), 1e-300), scale, 1.0)
+    s = (u - centre) / scale
+    first, second = np.triu_indices(p)
+    features = np.concatenate([s, s[:, first] * s[:, second]], axis=1)
+    middle = features.mean(axis=0)
+    features = features - middle
+    mean = table.channels.mean(axis=0)
+    gram = features.T @ features
+    gram[np.diag_indices(len(gram))] += penalty * n
+    coefficients = np.linalg.solve(gram, features.T @ (table.channels - mean)).T
+    quadratic = np.zeros((table.channels.shape[1], p, p))
+    quadratic[:, first, second] += 0.5 * coefficients[:, p:]
+    quadratic[:, second, first] += 0.5 * coefficients[:, p:]
+    return QuadraticRidge(centre, scale, mean - coefficients @ middle, coefficients[:, :p].copy(), quadratic)

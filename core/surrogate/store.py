@@ -1,0 +1,213 @@
+"""Surrogate: everything learned for one skin and device, made from scratch with progress, and kept in two files.
+
+`NAME.npz` holds the descriptors, their error curves and the quadratic ridge; `NAME.onnx` the network, for this product
+and for others. Both say which skin, device and friction they were made for and are refused for any other.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cache import cache_key
+from ..devices.disc import Disc, DiscContact
+from ..devices.thimble import Thimble
+from ..errors import DermisError
+from ..files import write_npz
+from ..skin.model import SkinModel
+from . import onnx
+from .dataset import Dataset, record, split
+from .learned import Descriptors, LearnedModel, descriptors
+from .network import Network, train
+from .ridge import QuadraticRidge, fit_ridge
+from .subspace import TOLERANCE, Subspace
+from .table import Fit, SampleTable, relative_rms
+
+Array = NDArray[np.float64]
+
+SCHEMA = "dermis-surrogate 1"
+TRAJECTORIES = 2400  # Source: [S0] 4.1
+_RIDGE = ("centre", "scale", "constant", "linear", "quadratic")
+
+
+@dataclass(frozen=True, eq=False)
+class Surrogate:
+    """What was learned.
+
+    Attributes:
+        descriptors: of stress and friction state.
+        ridge, network: fits; `network` is either the trained one or the ONNX file's.
+        meta: skin, device, friction and modulus it was made for, sample counts, test errors.
+    """
+
+    descriptors: Descriptors
+    ridge: QuadraticRidge
+    network: Fit
+    meta: Mapping[str, Any]
+
+    def model(self, skin: SkinModel, kind: str = "network") -> LearnedModel:
+        """Return the forward model for a skin of this shape, of any stiffness.
+
+        Raises:
+            DermisError: neither 'network' nor 'ridge', or another skin.
+        """
+        if kind not in ("network", "ridge"):
+            raise DermisError("unknown surrogate", where="thimble", value=kind, limit="network, ridge")
+        _same(self.meta, "skin", skin.key, "surrogate")
+        fit = self.network if kind == "network" else self.ridge
+        return LearnedModel(fit, self.descriptors.friction, skin.material.modulus / float(self.meta["modulus"]))
+
+
+def device_key(device: Thimble) -> str:
+    """Return a key for all that decides what a device does to a skin."""
+    return cache_key(json.dumps({k: np.asarray(v).tolist() for k, v in asdict(device).items()}, sort_keys=True))[:32]
+
+
+def contact_of(device: Thimble, skin: SkinModel, friction: float) -> DiscContact:
+    """Return the device's disc against a skin."""
+    return DiscContact(skin.compliance, skin.positions, Disc(radius=device.disc_radius), friction)
+
+
+def adapt(
+    device: Thimble, skin: SkinModel, friction: float, *, trajectories: int = TRAJECTORIES, seed: int = 0,
+    tolerance: float = TOLERANCE, hidden: int = 260, iterations: int = 400,
+    report: Callable[[str, int, int], None] | None = None,
+) -> Generator[tuple[str, int, int], None, Surrogate]:  # fmt: skip
+    """Make a surrogate for a skin: record, find the descriptors, fit both models; yields stage, done, total.
+
+    Args:
+        report: also called inside the training, which is one long step.
+
+    Raises:
+        DermisError: servo limits that exclude contact, or settings out of range.
+    """
+    recording = record(device, contact_of(device, skin, friction), trajectories, seed=seed)
+    while True:
+        try:
+            done, total = next(recording)
+        except StopIteration as stop:
+            data: Dataset = stop.value
+            break
+        yield "dataset", done, total
+    yield "descriptors", 0, 1
+    spaces = descriptors(data, skin.stress_components(), tolerance=tolerance)
+    table = spaces.table(data)
+    yield "training", 0, iterations
+
+    def told(i: int, n: int) -> None:
+        if report is not None:
+            report("training", i, n)
+
+    ridge, network, errors = fit_all(table, seed=seed, hidden=hidden, iterations=iterations, report=told)
+    yield "training", iterations, iterations
+    meta = {"schema": SCHEMA, "skin": skin.key, "device": device_key(device), "friction": friction,
+            "modulus": skin.material.modulus, "samples": len(data), "trajectories": trajectories, **errors}  # fmt: skip
+    return Surrogate(spaces, ridge, network, meta)
+
+
+def fit_all(
+    table: SampleTable, *, seed: int = 0, hidden: int = 260, iterations: int = 400,
+    report: Callable[[int, int], None] | None = None,
+) -> tuple[QuadraticRidge, Network, dict[str, float]]:  # fmt: skip
+    """Fit both models to half of the movements and return them with their errors on the other half."""
+    chosen, rest = split(table.trajectory, seed=seed)
+    if not rest.any():
+        raise DermisError("a single movement leaves nothing to test on", where="training")
+    ridge = fit_ridge(table.rows(chosen))
+    network = train(table.rows(chosen), hidden=hidden, iterations=iterations, seed=seed, report=report)
+    test = table.rows(rest)
+    return ridge, network, {"ridge_error": relative_rms(ridge, test), "network_error": relative_rms(network, test)}
+
+
+def save(path: Path, surrogate: Surrogate) -> tuple[Path, Path]:
+    """Write NAME.npz and NAME.onnx; `path` is either of them or NAME.
+
+    Raises:
+        DermisError: the network is not one trained here, or a file cannot be written.
+    """
+    if not isinstance(surrogate.network, Network):
+        raise DermisError("this surrogate came from a file", where=str(path), remedy="Copy the file")
+    spaces, meta = surrogate.descriptors, dict(surrogate.meta)
+    arrays: dict[str, NDArray[Any]] = {"meta": np.frombuffer(json.dumps(meta, sort_keys=True).encode(), np.uint8)}
+    for name, space in (("stress", spaces.stress), ("friction", spaces.friction)):
+        arrays.update({f"{name}_mean": space.mean, f"{name}_basis": space.basis, f"{name}_curve": space.curve})
+    arrays["readout"] = spaces.readout
+    arrays.update({f"ridge_{n}": getattr(surrogate.ridge, n) for n in _RIDGE})
+    tables, graph = Path(path).with_suffix(".npz"), Path(path).with_suffix(".onnx")
+    write_npz(tables, arrays)
+    onnx.write(graph, surrogate.network, meta)
+    return tables, graph
+
+
+def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surrogate:
+    """Read a surrogate for a skin and device.
+
+    Raises:
+        DermisError: a file is missing, damaged or foreign, or was made for another skin, device or friction.
+    """
+    tables, graph = Path(path).with_suffix(".npz"), Path(path).with_suffix(".onnx")
+    where = str(tables)
+    try:
+        with np.load(tables, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        meta = json.loads(arrays["meta"].tobytes().decode())
+        spaces = {n: Subspace(arrays[f"{n}_mean"], arrays[f"{n}_basis"], arrays[f"{n}_curve"])
+                  for n in ("stress", "friction")}  # fmt: skip
+        ridge = QuadraticRidge(*(arrays[f"ridge_{n}"] for n in _RIDGE))
+        readout = arrays["readout"]
+    except Exception as error:  # every reader has its own class for a damaged file
+        raise DermisError("the surrogate cannot be read", where=where, value=f"{type(error).__name__}: {error}"[:200],
+                          remedy="Adapt it again, or use the direct method") from error  # fmt: skip
+    expected = {"schema": SCHEMA, "skin": skin.key, "device": device_key(device), "friction": friction}
+    for name, wanted in expected.items():
+        _same(meta, name, wanted, where)
+    network = onnx.OnnxFit(graph, {n: expected[n] for n in ("skin", "device", "friction")})
+    return Surrogate(Descriptors(spaces["stress"], readout, spaces["friction"]), ridge, network, meta)
+
+
+def adapt_job(
+    arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Callable[[int, int], None]
+) -> dict[str, NDArray[Any]]:
+    """Make and save a surrogate in a child process.
+
+    Args:
+        parameters: 'device' (preset as read), 'device_key', 'skin' (parameters in SI), 'level', 'friction', 'path', and
+            optionally 'trajectories', 'iterations'.
+
+    Returns:
+        'errors': test errors of ridge and network.
+    """
+    from ..devices.spec import from_preset
+    from ..devices.thimble import mechanism
+    from ..skin.model import skin_from_parameters
+
+    device = mechanism(from_preset(str(parameters.get("device_key", "thimble")), parameters["device"]))
+    skin = skin_from_parameters(parameters["skin"], level=parameters.get("level", "standard"))
+    wanted = {n: int(parameters[n]) for n in ("trajectories", "iterations") if n in parameters}
+    shares = {"dataset": (0, 600), "descriptors": (600, 620), "training": (620, 1000)}
+
+    def tell(stage: str, done: int, total: int) -> None:
+        low, high = shares[stage]
+        report(low + (high - low) * done // max(total, 1), 1000)
+
+    steps = adapt(device, skin, float(parameters["friction"]), report=tell, **wanted)
+    while True:
+        try:
+            tell(*next(steps))
+        except StopIteration as stop:
+            made: Surrogate = stop.value
+            break
+    save(Path(parameters["path"]), made)
+    return {"errors": np.array([made.meta["ridge_error"], made.meta["network_error"]])}
+
+
+def _same(meta: Mapping[str, Any], name: str, wanted: Any, where: str) -> None:
+    if meta.get(name) != wanted:
+        raise DermisError(f"the surrogate was made for another {name}", where=where, value=meta.get(name),
+                          limit=str(wanted), remedy="Adapt it to this one, or use the direct method")  # fmt: skip

@@ -1,0 +1,129 @@
+"""SampleTable: any recorded table of device configurations and sensor channels, and how well a fit predicts it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from ..files import write_npz
+
+Array = NDArray[np.float64]
+
+TABLE_SCHEMA = "dermis-sample-table 1"
+
+
+class Fit(Protocol):
+    """A learned function of inputs u = (configuration, friction state)."""
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs, p."""
+        ...
+
+    @property
+    def outputs(self) -> int:
+        """Number of channels, c."""
+        ...
+
+    def predict(self, u: Array) -> Array:
+        """Return channels for rows of inputs, (n, p) to (n, c)."""
+        ...
+
+    def evaluate(self, u: Array) -> tuple[Array, Array]:
+        """Return the channels, shape (c,), and their derivative by the first three inputs, shape (c, 3)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class SampleTable:
+    """Samples to learn from: simulated, or recorded with a real sensor in a real device.
+
+    Attributes:
+        x: configuration (pitch, roll, distance), shape (n, 3).
+        memory: what else decides the channels, such as the friction state of the previous step, shape (n, q), q >= 0.
+        channels: stress components, electrodes or anything else, shape (n, c).
+        trajectory: which movement each row belongs to, shape (n,).
+    """
+
+    x: Array
+    memory: Array
+    channels: Array
+    trajectory: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        n = len(self.x)
+        shapes = (self.x.shape == (n, 3) and self.memory.ndim == 2 and self.channels.ndim == 2
+                  and len(self.memory) == len(self.channels) == len(self.trajectory) == n)  # fmt: skip
+        if not shapes or n == 0:
+            raise DermisError(
+                "a table needs x (n, 3), memory (n, q), channels (n, c) and trajectory (n,)", where="sample table",
+                value=f"{self.x.shape}, {self.memory.shape}, {self.channels.shape}, {self.trajectory.shape}",
+            )  # fmt: skip
+        for name in ("x", "memory", "channels"):
+            bad = np.flatnonzero(~np.isfinite(getattr(self, name)).all(axis=1))
+            if len(bad):
+                raise DermisError(f"{name} has values that are not finite", where=f"sample table, row {bad[0]}")
+
+    @property
+    def inputs(self) -> Array:
+        """Configuration and memory side by side, shape (n, 3 + q)."""
+        return np.concatenate([self.x, self.memory], axis=1)
+
+    def without_memory(self) -> SampleTable:
+        """Return the table for a model of the configuration alone, sigma(x). Source: [S0] 4.2."""
+        return SampleTable(self.x, self.memory[:, :0], self.channels, self.trajectory)
+
+    def rows(self, chosen: NDArray[np.bool_]) -> SampleTable:
+        """Return some of the rows."""
+        return SampleTable(self.x[chosen], self.memory[chosen], self.channels[chosen], self.trajectory[chosen])
+
+
+def relative_rms(fit: Fit, table: SampleTable) -> float:
+    """Return the RMS error of a fit over the RMS of the channels about their mean."""
+    miss = fit.predict(table.inputs) - table.channels
+    spread = table.channels - table.channels.mean(axis=0)
+    return float(np.sqrt((miss**2).sum() / (spread**2).sum()))
+
+
+def write_table(path: Path, table: SampleTable) -> None:
+    """Write a table as .npz (plain arrays)."""
+    write_npz(path, {"schema": np.array(TABLE_SCHEMA), "x": table.x, "memory": table.memory,
+                     "channels": table.channels, "trajectory": table.trajectory})  # fmt: skip
+
+
+def read_table(path: Path) -> SampleTable:
+    """Read a table from .npz (x, channels, optionally memory and trajectory) or .csv (x in the first three columns).
+
+    A table without `trajectory` is one movement; in a .csv all further columns are channels.
+
+    Raises:
+        DermisError: the file cannot be read, or arrays are missing or do not fit.
+    """
+    path, where = Path(path), str(path)
+    try:
+        if path.suffix.lower() == ".csv":
+            values = np.atleast_2d(np.genfromtxt(path, delimiter=",", comments="#"))
+            if np.isnan(values[0]).all():  # a line of names
+                values = values[1:]
+            found = {"x": values[:, :3], "channels": values[:, 3:]}
+        else:
+            with np.load(path, allow_pickle=False) as archive:
+                names = ("x", "channels", "memory", "trajectory")
+                found = {name: archive[name] for name in names if name in archive}
+    except (OSError, ValueError, KeyError, EOFError, IndexError) as error:
+        raise DermisError("the table cannot be read", where=where, value=str(error)) from error
+    except Exception as error:  # zipfile.BadZipFile and its kin
+        raise DermisError("the table cannot be read", where=where, value=str(error)) from error
+    for name in ("x", "channels"):
+        if name not in found:
+            raise DermisError(f"'{name}' is missing", where=where, limit="x (n, 3) and channels (n, c)")
+    n = len(found["x"])
+    return SampleTable(
+        np.asarray(found["x"], np.float64), np.asarray(found.get("memory", np.zeros((n, 0))), np.float64),
+        np.asarray(found["channels"], np.float64), np.asarray(found.get("trajectory", np.zeros(n)), np.int64),
+    )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The command line: `python -m core render | check | work`, for scenes sampled to a file and for their tracks."""
+"""The command line: `python -m core render | check | export | stream | work`, for sampled scenes and their tracks."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from .errors import SEVERITIES, DermisError, Finding, worst
 from .version import version
 
 if TYPE_CHECKING:
+    from .matching.screen_map import ScreenMap
     from .pipeline import Bake, Progress
+    from .track import CommandTrack
 
 # What a child process may be asked to do: name -> module of this package, function.
-JOBS = {"probe": (".work", "probe")}
+JOBS = {"probe": (".work", "probe"), "skin": (".skin.job", "make")}
 
 FAILED, REFUSED = 1, 2  # findings of severity error; nothing could be done
 
@@ -42,23 +44,62 @@ def render(options: argparse.Namespace) -> int:
     from . import pipeline, scene_file
     from .presets import Library
 
-    steps = pipeline.render(scene_file.load(options.scene), Library(options.presets))
-    bake = _drain(steps, quiet=options.quiet)
+    scene, library = scene_file.load(options.scene), Library(options.presets)
+    bake = _drain(pipeline.render(scene, library), quiet=options.quiet)
     written = pipeline.export(bake, options.out, plots=options.plots)
+    if options.maps:
+        written += pipeline.export_screen_maps(scene, library, options.out)
     for path in written:
         print(path)
+    for form in options.format:
+        for name, output in zip(pipeline.file_names(bake), bake.outputs, strict=True):
+            print(_export(output.track, options.out / name, form, options.force))
     for name in sorted(bake.skipped):
         if bake.skipped[name] and not options.quiet:
             print(f"skipped: {bake.skipped[name]} {name}", file=sys.stderr)
     return _tell(bake.all_findings, sys.stderr)
 
 
+def export(options: argparse.Namespace) -> int:
+    """Write tracks in other formats, whole or a range of them."""
+    from .formats import export as formats
+
+    failed = 0
+    for path in options.tracks:
+        try:
+            track = formats.read(path)
+            if options.limit:
+                track = track.within_limits()
+            if options.rate:
+                track = track.resampled(options.rate)
+            if options.range:
+                track = formats.cut(track, *options.range)
+            stem = (options.out or path.parent) / path.name.removesuffix(path.suffix)
+            if stem.with_name(stem.name + formats.format_of(options.format).suffix).resolve() == path.resolve():
+                raise DermisError("the file would replace itself", where=str(path), remedy="Choose another folder")
+            print(_export(track, stem, options.format, options.force))
+        except DermisError as error:  # one bad file does not take the others down
+            print(f"error: {error}", file=sys.stderr)
+            failed += 1
+    return REFUSED if failed else 0
+
+
+def _export(track: CommandTrack, stem: Path, form: str, force: bool) -> Path:
+    """Write one track; tell what its check found."""
+    from .formats import export as formats
+
+    path = stem.with_name(stem.name + formats.format_of(form).suffix)
+    _tell(formats.write(track, path, form, force=force), sys.stderr)
+    return path
+
+
 def check(options: argparse.Namespace) -> int:
     """Check a track and say what is wrong with it."""
-    from .formats import csv
+    from .formats import check as checks
+    from .formats import export as formats
 
-    track = csv.read(options.track)
-    findings = track.check()
+    track = formats.read(options.track)
+    findings = checks.findings_of(track)
     if options.json:
         report = {
             "file": str(options.track), "device": track.spec.key, "samples": len(track.times),
@@ -95,13 +136,32 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("scene", type=Path, metavar="FILE", help="a scene sampled to a file (.npz)")
     one.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the tracks; made if needed")
     one.add_argument("--plots", action="store_true", help="also write a picture of each track")
+    one.add_argument("--maps", action="store_true", help="also write the maps of touch screens, for real fingers")
     one.add_argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
+    one.add_argument("--format", action="append", default=[], choices=("json", "binary", "c"),
+                     help="also write this format; more than once")  # fmt: skip
+    one.add_argument("--force", action="store_true", help="write those formats in spite of errors")
     one.add_argument("--quiet", action="store_true", help="no progress")
     one.set_defaults(run=render)
 
+    one = commands.add_parser("export", help="write tracks in another format, or a range of them",
+                              description="Write command tracks in another format, or a range of them.")  # fmt: skip
+    one.add_argument("tracks", type=Path, nargs="+", metavar="TRACK", help="command tracks: CSV, JSON or binary")
+    one.add_argument("--format", required=True, choices=("csv", "json", "binary", "c"), help="what to write")
+    one.add_argument("--out", type=Path, metavar="DIR", help="folder; beside each track if left out")
+    one.add_argument("--range", type=float, nargs=2, metavar=("FROM", "TO"), help="part of the track [s]")
+    one.add_argument("--rate", type=float, metavar="HZ", help="resample")
+    one.add_argument("--limit", action="store_true", help="limit to what the device can do; changes are counted")
+    one.add_argument("--force", action="store_true", help="write in spite of errors, with a note in the header")
+    one.set_defaults(run=export)
+
+    from .stream.command_line import add_parser
+
+    add_parser(commands, _load_screen)
+
     one = commands.add_parser("check", help="check a track against its device's limits",
                               description="Check a track against the limits of its device.")  # fmt: skip
-    one.add_argument("track", type=Path, metavar="TRACK.csv", help="a command track")
+    one.add_argument("track", type=Path, metavar="TRACK", help="a command track: CSV, JSON or binary")
     one.add_argument("--json", action="store_true", help="the report as JSON")
     one.set_defaults(run=check)
 
@@ -109,6 +169,13 @@ def _parser() -> argparse.ArgumentParser:
                               description="Take jobs as JSON lines from standard input.")  # fmt: skip
     one.set_defaults(run=work)
     return parser
+
+
+def _load_screen(path: Path) -> ScreenMap:
+    """Read a screen map, for a sender that follows a touch panel."""
+    from .matching.screen_map import ScreenMap
+
+    return ScreenMap.load(path)
 
 
 def _drain(steps: Generator[Progress, None, Bake], *, quiet: bool) -> Bake:

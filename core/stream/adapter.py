@@ -1,0 +1,124 @@
+"""What every protocol offers a sender. The sender knows no protocol, and a protocol knows no sender."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ..errors import DermisError
+from .wire import Array, Wire
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A finger on a touch panel [m from the screen's centre]."""
+
+    down: bool
+    x: float
+    y: float
+
+
+class Adapter:
+    """One protocol, one device: from values to messages, and back.
+
+    Class attributes:
+        name: in URLs and menus. title: for people.
+        watchdog: the receiver goes to its safe state by itself when the sender falls silent.
+        own_safe: one message makes the receiver go to its safe state; otherwise the sender moves it there.
+        timed: commands may carry their play-out time.
+        datagrams: messages go as datagrams, never as a stream.
+        caution: what a person has to know before a finger goes in.
+
+    Attributes:
+        ready: the device has been recognised. armed: it takes commands. fault: why it cannot be used, in words.
+        pose: where the device says it is [units], or None.
+        touch: the last touch of a panel. counters: what went wrong or was changed, by name.
+        round_trip: the last one [s], or NaN. queue: commands that the device can hold for later; 0: not known.
+    """
+
+    name = ""
+    title = ""
+    watchdog = False
+    own_safe = False
+    timed = False
+    datagrams = False
+    caution = ""
+    OPTIONS: tuple[str, ...] = ()
+
+    def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
+        unknown = sorted(set(options) - set(self.OPTIONS))
+        if unknown:
+            raise DermisError("unknown option", where=f"protocol '{self.name}'", value=", ".join(unknown),
+                              limit=", ".join(self.OPTIONS) or "none")  # fmt: skip
+        self.wire = wire
+        self.options = options
+        self.ready = False
+        self.armed = False
+        self.fault = ""
+        self.pose: Array | None = None
+        self.touch: Touch | None = None
+        self.counters: Counter[str] = Counter()
+        self.round_trip = float("nan")
+        self.device = ""
+        self.queue = 0
+
+    def opened(self, now: float) -> None:
+        """Begin: the link has just been opened."""
+        self.ready = True
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Take what arrived: any portion of a stream, or one datagram."""
+
+    def poll(self, now: float) -> list[bytes]:
+        """Return messages that are due by themselves: handshake, clock, sign of life."""
+        return []
+
+    def arm(self) -> None:
+        """Ask the device to take commands; `armed` tells when it does."""
+        self.armed = True
+
+    def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
+        """Return the messages for values [units]; `play`: when they count, None for at once."""
+        raise NotImplementedError
+
+    def safe(self) -> list[bytes]:
+        """Return messages that make the device safe; without `own_safe`, the last ones after the way there."""
+        self.armed = False
+        return []
+
+    def number(self, name: str, default: float) -> float:
+        """Read an option as a number.
+
+        Raises:
+            DermisError: it is none.
+        """
+        try:
+            return float(self.options.get(name, default))
+        except ValueError:
+            raise DermisError("an option is no number", where=f"protocol '{self.name}', {name}",
+                              value=self.options[name]) from None  # fmt: skip
+
+
+NAMES: Mapping[str, tuple[str, str, str]] = {
+    "native": ("native", "Native", "Dermis native"),
+    "maestro": ("maestro", "Maestro", "Pololu Maestro, compact protocol"),
+    "servo-animation": ("servo_animation", "ServoAnimation", "Blender Servo Animation"),
+    "torque": ("torque", "Torque", "Torque board over UDP, HapTip style"),
+    "osc": ("osc", "Osc", "OSC 1.0"),
+}
+
+
+def make(protocol: str, wire: Wire, options: Mapping[str, str]) -> Adapter:
+    """Return the adapter of a protocol for a device.
+
+    Raises:
+        DermisError: no such protocol, an unknown option, or a device that the protocol cannot carry.
+    """
+    from importlib import import_module
+
+    if protocol not in NAMES:
+        raise DermisError("no such protocol", value=protocol, limit=", ".join(NAMES))
+    module, cls, _ = NAMES[protocol]
+    adapter: Adapter = getattr(import_module(f".{module}", __package__), cls)(wire, options)
+    return adapter

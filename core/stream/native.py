@@ -1,0 +1,173 @@
+"""The sender's side of the native protocol: handshake, arming, clock, commands with play-out times."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+
+from ..errors import DermisError
+from . import packets
+from .adapter import Adapter, Touch
+from .clock import DeviceClock
+from .packets import DeviceState, Kind, Nack, Packet
+from .wire import Array, Wire
+
+WATCHDOG_MS = 70  # silence after which the device goes to its safe state
+HELLO_EVERY, SYNC_EVERY, ARM_EVERY, SAFE_EVERY = 0.1, 0.02, 0.03, 0.005
+SILENCE = 1.0  # a device that has not answered for this long is gone [s]
+SAFE_TIMES = 4  # one may be lost
+
+
+class Native(Adapter):
+    """Dermis native, version 1."""
+
+    name, title = "native", "Dermis native"
+    watchdog = own_safe = timed = True
+    OPTIONS = ("watchdog_ms",)
+
+    def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
+        super().__init__(wire, options)
+        wire.need_ranges(self.title)
+        self.watchdog_ms = int(self.number("watchdog_ms", WATCHDOG_MS))
+        if not 10 <= self.watchdog_ms <= 80:
+            raise DermisError("the watchdog must allow for a safe state within 100 ms", where="watchdog_ms",
+                              value=self.watchdog_ms, limit="10 to 80 ms")  # fmt: skip
+        self.clock = DeviceClock()
+        self.decoder = packets.Decoder()
+        self.state = DeviceState.IDLE
+        self._session = 0
+        self._sequence = 0
+        self._due: dict[str, float] = {}
+        self._asked: dict[int, float] = {}
+        self._heard = 0.0
+        self._wants_arms = self._wants_pose = False
+        self._safes = 0
+
+    def opened(self, now: float) -> None:
+        """Begin a session of its own number, so that packets of an earlier one mean nothing."""
+        self._session = os.urandom(1)[0] or 1
+        self._heard = now
+        self.decoder = packets.Decoder()
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Take what the device says; what is damaged or of another session is counted and dropped."""
+        for packet in self.decoder.feed(data):
+            if packet.kind != Kind.NACK and packet.session != self._session:
+                self.counters["of another session"] += 1
+                continue
+            try:
+                self._take(packet, now)
+            except DermisError:
+                self.counters["malformed"] += 1
+        if self.decoder.damaged:
+            self.counters["damaged on the way here"] += self.decoder.damaged
+            self.decoder.damaged = 0
+
+    def poll(self, now: float) -> list[bytes]:
+        """Return handshake, arming, sign of life, and repeated stops."""
+        out = []
+        if not self.ready:
+            if not self.fault and self._is_due("hello", HELLO_EVERY, now):
+                out.append(self._pack(Kind.HELLO, packets.hello(self.wire.count, self.wire.hash)))
+            return out
+        if now - self._heard > SILENCE:
+            self.fault = f"the device has not answered for {SILENCE:g} s"
+        if self._safes and self._is_due("safe", SAFE_EVERY, now):
+            self._safes -= 1
+            out.append(self._pack(Kind.SAFE))
+        elif self._wants_arms and not self.armed and self._is_due("arm", ARM_EVERY, now):
+            if self._wants_pose:  # answered before the rest: links keep the order
+                self._wants_pose = False
+                out.append(self._pack(Kind.HELLO, packets.hello(self.wire.count, self.wire.hash)))
+            if self.state == DeviceState.CONFIGURED:
+                out.append(self._pack(Kind.ARM))
+            else:
+                body = packets.configure(self.watchdog_ms, self.wire.reach, self.wire.counts(self.wire.safe),
+                                         self.wire.slew_counts())  # fmt: skip
+                out.append(self._pack(Kind.CONFIGURE, body))
+        if self._is_due("sync", SYNC_EVERY, now):
+            token = round(now * 1e6) & 0xFFFFFFFF
+            if len(self._asked) > 100:  # answers that never came
+                self._asked.clear()
+            self._asked[token] = now
+            out.append(self._pack(Kind.SYNC, token.to_bytes(4, "little")))
+        return out
+
+    def arm(self) -> None:
+        """Configure the device, then arm it; repeated until it says that it is."""
+        self._wants_arms = self._wants_pose = True
+        self._safes = 0
+        self._due.pop("arm", None)
+
+    def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
+        """Return one COMMAND, with the device's own time where it is known."""
+        timed = play is not None and self.clock.known
+        when = self.clock.device_us(play) if timed and play is not None else 0
+        return [self._pack(Kind.COMMAND, packets.command(when, self.wire.counts(values), timed=timed))]
+
+    def safe(self) -> list[bytes]:
+        """Return SAFE, now and a few times more."""
+        self._wants_arms = self.armed = False
+        self._safes = SAFE_TIMES - 1
+        self._due.pop("safe", None)
+        return [self._pack(Kind.SAFE)] if self.ready else []
+
+    def _take(self, packet: Packet, now: float) -> None:
+        self._heard = now
+        if packet.kind == Kind.WELCOME:
+            self._welcome(packets.Welcome.read(packet.body), now)
+        elif packet.kind == Kind.STATE:
+            self._device_state(packets.read_state(packet.body)[0])
+        elif packet.kind == Kind.SYNCED:
+            reply = packets.Synced.read(packet.body)
+            asked = self._asked.pop(reply.host_us, None)
+            if asked is not None:
+                self.clock.reply(asked, now, reply.device_us)
+                self.round_trip = now - asked
+            self._device_state(reply.state)
+            for name, count in (("lost", reply.lost), ("damaged", reply.damaged), ("late", reply.late)):
+                self.counters[f"{name} at the device"] = count
+        elif packet.kind == Kind.NACK:
+            _, reason = packets.read_nack(packet.body)
+            name = Nack(reason).name.lower().replace("_", " ") if reason in set(Nack) else f"reason {reason}"
+            self.counters[f"refused: {name}"] += 1
+            if reason == Nack.OTHER_SESSION and not self.ready:
+                self.fault = "the device is in use by another sender"
+        elif packet.kind == Kind.TOUCH:
+            _, down, x, y = packets.read_touch(packet.body)
+            self.touch = Touch(down, x, y)
+
+    def _welcome(self, welcome: packets.Welcome, now: float) -> None:
+        self.device = welcome.device.hex()
+        if welcome.version != packets.VERSION:
+            self.fault = f"the device speaks version {welcome.version} of the protocol, this sender {packets.VERSION}"
+        elif welcome.channels != self.wire.count:
+            self.fault = (f"wrong device: it has {welcome.channels} channels, '{self.wire.spec.name}' has "
+                          f"{self.wire.count} on the wire")  # fmt: skip
+        elif any(welcome.spec_hash) and welcome.spec_hash != self.wire.hash:
+            self.fault = (f"wrong device: it was made for the preset {welcome.spec_hash.hex()}, "
+                          f"'{self.wire.spec.name}' is {self.wire.hash.hex()}")  # fmt: skip
+        else:
+            self.ready, self.fault, self.queue = True, "", welcome.queue
+            self.pose = None if welcome.pose is None else self.wire.values(welcome.pose)
+            self._device_state(welcome.state)
+
+    def _device_state(self, state: int) -> None:
+        was = self.armed
+        self.state = DeviceState(state) if state in set(DeviceState) else DeviceState.IDLE
+        self.armed = self._wants_arms and self.state == DeviceState.ARMED
+        if was and not self.armed and self.state == DeviceState.SAFE:
+            self._wants_arms = False
+            self.fault = f"the device went to its safe state by itself: it heard nothing for {self.watchdog_ms} ms"
+
+    def _pack(self, kind: Kind, body: bytes = b"") -> bytes:
+        self._sequence = (self._sequence + 1) & 0xFFFF
+        return packets.pack(kind, self._session, self._sequence, body)
+
+    def _is_due(self, name: str, every: float, now: float) -> bool:
+        if now < self._due.get(name, -1.0):
+            return False
+        self._due[name] = now + every
+        return True
+
+

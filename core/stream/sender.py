@@ -1,0 +1,92 @@
+"""The sender's process: reads the notice board, ticks the streamer on a monotonic clock, pins the status.
+
+Its standard input is a lifeline: when that ends, Blender is gone, and the device goes to its safe state.
+"""
+
+from __future__ import annotations
+
+import gc
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+
+from ..errors import DermisError
+from .board import Board
+from .source import Screen
+from .streamer import Streamer, Wish
+from .virtual_device import open_link
+
+STATUS_EVERY = 0.05
+
+
+def run(path: Path, load_screen: Callable[[Path], Screen] | None = None) -> int:
+    """Serve a board until its owner is gone; return the exit status."""
+    board = Board.open(path)
+    ended = threading.Event()
+    threading.Thread(target=_lifeline, args=(ended,), daemon=True).start()
+    for name in ("SIGTERM", "SIGINT", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), lambda *_: ended.set())
+    streamer = Streamer(open_link, load_screen)
+    gc.collect()
+    gc.freeze()  # a collection in the middle of a stream then has little to look at
+    try:
+        _loop(board, streamer, ended)
+    finally:  # a defect must not leave a device under voltage either
+        end = time.perf_counter() + 0.09
+        streamer.shut(time.perf_counter())
+        while not streamer.finished and time.perf_counter() < end:
+            streamer.tick(time.perf_counter())
+            time.sleep(0.001)
+        board.status({**streamer.status(), "state": "disconnected", "ended": True})
+        board.close()
+    return 0
+
+
+def _loop(board: Board, streamer: Streamer, ended: threading.Event) -> None:
+    clock = time.perf_counter
+    seen_wish = seen_beat = 0
+    status_at, shown = 0.0, ""
+    while not ended.is_set():
+        now = clock()
+        if board.beat_number != seen_beat:
+            beat = board.read_beat()
+            if beat is not None and beat.number != seen_beat:
+                seen_beat = beat.number
+                streamer.beat(beat, now)
+        if board.wish_number != seen_wish:
+            number = board.wish_number
+            wish = board.read_wish()
+            if wish:
+                seen_wish = number
+                streamer.apply(wish_of(wish), clock())
+        due = streamer.tick(clock())
+        now = clock()
+        if now >= status_at or streamer.state != shown:
+            shown, status_at = streamer.state, now + STATUS_EVERY
+            board.status(streamer.status())
+            now = clock()
+        if due > now:
+            time.sleep(due - now)
+
+
+def wish_of(plain: dict[str, object]) -> Wish:
+    """Read a wish; what this version does not know is refused.
+
+    Raises:
+        DermisError: an unknown field.
+    """
+    known = {f.name for f in fields(Wish)}
+    if not set(plain) <= known:
+        raise DermisError("unknown fields in a wish", value=", ".join(sorted(set(plain) - known)))
+    return Wish(**plain)  # type: ignore[arg-type]
+
+
+def _lifeline(ended: threading.Event) -> None:
+    while sys.stdin.buffer.read(4096):
+        pass
+    ended.set()

@@ -1,0 +1,73 @@
+"""Receivers of Blender Servo Animation's live mode: 0x3C, servo id, position high, position low, 0x3E.
+
+Its receiver starts anew at every byte 0x3C. So servo id 60 and positions with a byte of 60 never arrive: the rest of
+the command is taken for the start of another. Such a position is sent as the nearest one without that byte, and
+counted; id 60 is left out. Source: Servo Animation 2.x, its Arduino library's Command::write
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..errors import DermisError
+from .adapter import Adapter
+from .wire import Array, Wire
+
+START, END, TRAP = 0x3C, 0x3E, 0x3C
+REFRESH = 0.1
+MOST = 32767  # an int of the receiver has 16 bits
+
+
+class ServoAnimation(Adapter):
+    """Blender Servo Animation. Options: `first` servo id, positions at a channel's low and high."""
+
+    name, title = "servo-animation", "Blender Servo Animation"
+    caution = ("This receiver has no watchdog and no check sum: it keeps its last positions when the computer falls "
+               "silent. Keep a switch in the servos' supply at hand.")  # fmt: skip
+    OPTIONS = ("first", "position_low", "position_high")
+
+    def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
+        super().__init__(wire, options)
+        wire.need_ranges(self.title)
+        first = int(self.number("first", 0))
+        ids = [i for i in range(first, first + wire.count + 1) if i != TRAP][: wire.count]
+        if first < 0 or ids[-1] > 255:
+            raise DermisError("servo ids beyond 255", where=self.title, value=ids[-1], limit="0 to 255 without 60")
+        self.ids = ids
+        self.low, self.high = self.number("position_low", 1000), self.number("position_high", 2000)
+        if not (0 <= min(self.low, self.high) and max(self.low, self.high) <= MOST and self.low != self.high):
+            raise DermisError("impossible positions", where=self.title, value=f"{self.low:g} to {self.high:g}",
+                              limit=f"0 to {MOST}")  # fmt: skip
+        self._sent = np.full(wire.count, -1)
+        self._when = -1.0
+
+    def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
+        """Return one command for each servo that changed; all of them now and then."""
+        part = np.clip((values - self.wire.low) / (self.wire.high - self.wire.low), 0.0, 1.0)
+        wanted = self.low + (self.high - self.low) * part
+        positions = np.rint(wanted).astype(int)
+        if now - self._when > REFRESH:
+            due, self._when = np.arange(len(positions)), now
+        else:
+            due = np.flatnonzero(positions != self._sent)
+        self._sent = positions
+        out = []
+        for i in due:
+            position = around_trap(float(wanted[i]))
+            self.counters["positions moved off the byte 0x3C"] += int(position != positions[i])
+            out.append(bytes((START, self.ids[i], position >> 8, position & 0xFF, END)))
+        return [b"".join(out)] if out else []
+
+
+def around_trap(wanted: float) -> int:
+    """Return the position nearest to the one wanted that has no byte of 60."""
+    nearest = round(wanted)
+    if nearest >> 8 == TRAP:
+        low, high = (TRAP << 8) - 1, (TRAP + 1) << 8
+    elif nearest & 0xFF == TRAP:
+        low, high = nearest - 1, nearest + 1
+    else:
+        return nearest
+    return low if wanted - low <= high - wanted else high

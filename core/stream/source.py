@@ -1,0 +1,168 @@
+"""What a device shall do at a moment: by the track, by what Blender shows, by hand, or by a finger on a panel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..errors import DermisError
+from ..track import CommandTrack
+from .adapter import Touch
+from .clock import TrackClock
+from .wire import Array, Wire
+
+MODES = ("play", "follow", "jog", "panel")
+
+
+class Answer(Protocol):
+    """What a screen shall do for a touch."""
+
+    amplitude: float
+    carrier: float
+    limited: bool
+
+
+class Screen(Protocol):
+    """A map that answers touches; `core.matching.screen_map.ScreenMap` is one."""
+
+    def on_screen(self, x: Any, y: Any) -> Any: ...  # noqa: D102
+
+    def answer(self, x: float, y: float, direction: tuple[float, float], time: float = 0.0) -> Any: ...  # noqa: D102
+
+
+class Play:
+    """A track, at the times that Blender's playback asks for.
+
+    Args:
+        offset: added to Blender's time [s]: positive plays the track earlier.
+        free: play on where Blender's main thread stalls.
+    """
+
+    def __init__(self, wire: Wire, track: CommandTrack, offset: float = 0.0, *, free: bool = False) -> None:
+        missing = [n for n in wire.names if n not in {c.name for c in track.channels}]
+        if missing:
+            raise DermisError("the track is for another device", where=track.spec.name, value=", ".join(missing),
+                              limit=wire.spec.name)  # fmt: skip
+        for name, unit in zip(wire.names, wire.units, strict=True):
+            if track.spec.channel(name).unit != unit:
+                raise DermisError("a channel has another unit in the track", where=name,
+                                  value=track.spec.channel(name).unit, limit=unit)  # fmt: skip
+        self.clock = TrackClock(free=free)
+        self._times = track.times
+        self._values = np.stack([track.column(n) for n in wire.names], axis=1)
+        self._rest = wire.rest
+        self._offset = offset
+        step = track.duration / (len(track.times) - 1) if len(track.times) > 1 else 0.0
+        even = step > 0 and np.abs(np.diff(track.times) - step).max() < 1e-6 * step
+        self._rate = 1.0 / step if even else 0.0
+
+    @property
+    def moving(self) -> bool:
+        """Tell whether the playback runs."""
+        return self.clock.running
+
+    def wanted(self, moment: float, now: float) -> Array:
+        """Return values [units] at a moment; before and after the track the device rests."""
+        return self.value(self.clock.at(moment, now) + self._offset)
+
+    def value(self, time: float) -> Array:
+        """Return the track's values at a time of its own."""
+        times = self._times
+        if not len(times) or time < times[0] - 1e-9 or time > times[-1] + 1e-9:
+            return self._rest
+        if self._rate:
+            at = min(max((time - float(times[0])) * self._rate, 0.0), len(times) - 1.0)
+            k = int(at)
+        else:
+            k = max(int(np.searchsorted(times, time, side="right")) - 1, 0)
+            at = k + ((time - times[k]) / (times[k + 1] - times[k]) if k + 1 < len(times) else 0.0)
+        if k + 1 >= len(times):
+            return self._values[-1]
+        first = self._values[k]
+        return first + (at - k) * (self._values[k + 1] - first)
+
+
+@dataclass
+class Follow:
+    """The values that Blender published last."""
+
+    latest: Array
+    moving: bool = True
+
+    def wanted(self, moment: float, now: float) -> Array:
+        """Return them."""
+        return self.latest
+
+
+class Jog:
+    """Single actuators by hand, all others at rest."""
+
+    moving = True
+
+    def __init__(self, wire: Wire, values: Mapping[str, float]) -> None:
+        unknown = sorted(set(values) - set(wire.names))
+        if unknown:
+            raise DermisError("no such channel on the wire", value=", ".join(unknown), limit=", ".join(wire.names))
+        self._values = np.array([values.get(n, r) for n, r in zip(wire.names, wire.rest, strict=True)], np.float64)
+
+    def wanted(self, moment: float, now: float) -> Array:
+        """Return the values set by hand."""
+        return self._values
+
+
+@dataclass
+class Panel:
+    """A finger on a touch panel: it reports where, the map answers amplitude and carrier.
+
+    Source: [S4] section 3
+    """
+
+    wire: Wire
+    screen: Screen
+    window: float = 0.05
+    limited: int = 0
+    moving: bool = True
+    _trail: list[tuple[float, float, float]] = field(default_factory=list)
+    _values: Array | None = None
+    _seen: Touch | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("amplitude", "carrier"):
+            if name not in self.wire.names:
+                raise DermisError("a touch panel needs this channel", where=self.wire.spec.name, value=name)
+        self._values = self.wire.rest.copy()
+
+    def touched(self, touch: Touch | None, now: float) -> None:
+        """Take where the finger is now."""
+        assert self._values is not None
+        if touch is self._seen:
+            return
+        self._seen = touch
+        rest = self.wire.rest
+        if touch is None or not touch.down or not bool(self.screen.on_screen(np.float64(touch.x), np.float64(touch.y))):
+            self._trail.clear()
+            self._values = rest.copy()
+            return
+        self._trail.append((now, touch.x, touch.y))
+        while len(self._trail) > 2 and self._trail[1][0] < now - self.window:
+            del self._trail[0]
+        first = self._trail[0]
+        answer = self.screen.answer(touch.x, touch.y, (touch.x - first[1], touch.y - first[2]), now)
+        self.limited += bool(answer.limited)
+        values = rest.copy()
+        values[self.wire.names.index("amplitude")] = answer.amplitude
+        values[self.wire.names.index("carrier")] = answer.carrier
+        self._values = values
+
+    def wanted(self, moment: float, now: float) -> Array:
+        """Return the answer to the last touch."""
+        assert self._values is not None
+        return self._values
+
+
+def follow_values(wire: Wire, values: Sequence[float]) -> Array:
+    """Return published values as an array; rest where they do not fit the channels."""
+    return np.array(values, np.float64) if len(values) == wire.count else wire.rest

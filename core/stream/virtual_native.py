@@ -1,0 +1,210 @@
+"""A virtual device that speaks the native protocol, by the same contract as the firmware."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from ..errors import DermisError
+from . import packets
+from .packets import DeviceState, Kind, Nack, Packet, Reach, Welcome
+from .wire import Array, Wire
+
+DEVICE_ID = b"VIRTUAL1"
+
+
+class NativeDevice:
+    """Actuators that follow their targets at their own speed, a queue of timed commands, and a watchdog.
+
+    Args:
+        stuck: number of an actuator that does not move; -1: none.
+        skew: how much faster its clock runs than the host's [1].
+        queue: how many commands it can hold for later.
+
+    Attributes:
+        counts: where the actuators are, shape (channels,). state: `DeviceState`.
+        received, lost, damaged, late, watchdogs: counters. play_error: largest error of a play-out time [s of host].
+        safe_at: when the safe state was reached last [s], or None.
+    """
+
+    watchdog = True
+    datagrams = False
+
+    def __init__(
+        self, wire: Wire, *, stuck: int = -1, skew: float = 0.0, queue: int = 255, spec_hash: bytes = bytes(8)
+    ) -> None:
+        self.wire = wire
+        count = wire.count
+        self.counts = wire.counts(wire.rest).astype(np.float64)
+        self.state = DeviceState.IDLE
+        self.received = self.lost = self.damaged = self.late = self.watchdogs = 0
+        self.play_error = 0.0
+        self.early_least = np.inf
+        self.safe_at: float | None = None
+        self.touch: tuple[bool, float, float] | None = None
+        self._stuck, self._skew, self._most, self._spec_hash = stuck, skew, queue, spec_hash
+        self._start: float | None = None
+        self._decoder = packets.Decoder()
+        self._session = -1
+        self._last: int | None = None
+        self._target = self.counts.copy()
+        self._queue: deque[tuple[int, Array]] = deque()
+        self._heard = -np.inf
+        self._ticked: float | None = None
+        self._timeout, self._reach = 0.0, Reach.RAMP
+        self._safe = self.counts.copy()
+        self._slew = np.full(count, 65535.0)
+        self._sequence = 0
+        self.released = False
+
+    def clock_us(self, now: float) -> int:
+        """Return the device's own microseconds, unwrapped; they start near the overflow to try it."""
+        if self._start is None:
+            self._start = now
+        return 2**32 - 3_000_000 + round((now - self._start) * (1 + self._skew) * 1e6)
+
+    def feed(self, data: bytes, now: float) -> list[bytes]:
+        """Take bytes; return answers."""
+        out: list[bytes] = []
+        for packet in self._decoder.feed(data):
+            try:
+                out += self._take(packet, now)
+            except DermisError:
+                out.append(self._pack(packet.session, Kind.NACK, packets.nack(packet.sequence, Nack.MALFORMED)))
+        if self._decoder.damaged:
+            self.damaged += self._decoder.damaged
+            self._decoder.damaged = 0
+            out.append(self._pack(self._session, Kind.NACK, packets.nack(self._last or 0, Nack.DAMAGED)))
+        return out
+
+    def tick(self, now: float) -> list[bytes]:
+        """Let time pass: play what is due, move, watch for silence."""
+        step = 0.0 if self._ticked is None else (now - self._ticked) * 1e3
+        self._ticked = now
+        if self.state == DeviceState.ARMED and now - self._heard > self._timeout:
+            self.watchdogs += 1
+            self._go_safe()
+        clock = self.clock_us(now)
+        while self._queue and self._queue[0][0] <= clock:
+            when, self._target = self._queue.popleft()
+            self.play_error = max(self.play_error, (clock - when) * 1e-6)
+        goal = self._safe if self.state == DeviceState.SAFE else self._target
+        at_once = self.state == DeviceState.SAFE and self._reach == Reach.AT_ONCE
+        most = np.inf if at_once else self._slew * step
+        move = np.minimum(np.maximum(goal - self.counts, -most), most)
+        if self._stuck >= 0:
+            move[self._stuck] = 0.0
+        self.counts = self.counts + move
+        if self.state == DeviceState.SAFE and self.safe_at is None and (np.abs(goal - self.counts) < 1).all():
+            self.safe_at, self.released = now, self._reach == Reach.RELEASE
+        return []
+
+    def touched(self, down: bool, x: float, y: float, now: float) -> bytes:
+        """Return the packet that reports a finger on the panel."""
+        self.touch = (down, x, y)
+        return self._pack(self._session, Kind.TOUCH, packets.touch(self.clock_us(now), down, x, y))
+
+    def report(self) -> dict[str, object]:
+        """Return what it is doing, for people and for the twin."""
+        return {
+            "values": dict(zip(self.wire.names, self.wire.values(self.counts).tolist(), strict=True)),  # type: ignore[arg-type]
+            "state": self.state.name.lower(), "received": self.received, "lost": self.lost, "damaged": self.damaged,
+            "late": self.late, "watchdogs": self.watchdogs, "queued": len(self._queue), "safe_at": self.safe_at,
+            "play_error_ms": self.play_error * 1e3, "released": self.released,
+        }  # fmt: skip
+
+    def _take(self, packet: Packet, now: float) -> list[bytes]:
+        kind = packet.kind
+        if kind == Kind.HELLO:
+            return self._hello(packet, now)
+        if packet.session != self._session:
+            return [self._pack(packet.session, Kind.NACK, packets.nack(packet.sequence, Nack.OTHER_SESSION))]
+        out = []
+        if self._last is not None:
+            ahead = (packet.sequence - self._last) & 0xFFFF
+            if ahead == 0 or ahead > 0x8000:
+                return []  # a copy, or overtaken by a newer one
+            if ahead > 1:
+                self.lost += ahead - 1
+                out.append(self._pack(self._session, Kind.NACK, packets.nack(packet.sequence, Nack.GAP)))
+        self._last, self._heard = packet.sequence, now
+        if kind == Kind.CONFIGURE:
+            self._configure(packet.body)
+        elif kind == Kind.ARM:
+            if self.state in (DeviceState.CONFIGURED, DeviceState.ARMED):
+                self.state, self.safe_at, self.released = DeviceState.ARMED, None, False
+        elif kind == Kind.SAFE:
+            self._go_safe()
+        elif kind == Kind.SYNC:
+            return [*out, self._synced(packets.u32(packet.body), now)]
+        elif kind == Kind.COMMAND:
+            return out + self._command(packet, now)
+        else:
+            raise DermisError("unknown kind of packet", value=kind)
+        return [*out, self._pack(self._session, Kind.STATE, packets.state(self.state, kind))]
+
+    def _hello(self, packet: Packet, now: float) -> list[bytes]:
+        if packet.session != self._session and self.state == DeviceState.ARMED:
+            return [self._pack(packet.session, Kind.NACK, packets.nack(packet.sequence, Nack.OTHER_SESSION))]
+        packets.read_hello(packet.body)
+        if packet.session != self._session:
+            self._session, self.state, self._last = packet.session, DeviceState.IDLE, None
+            self._queue.clear()
+        self._last, self._heard = packet.sequence, now
+        pose = np.rint(self.counts).astype(np.uint16)
+        welcome = Welcome(packets.VERSION, self.wire.count, DEVICE_ID, self._spec_hash, self.clock_us(now) & 0xFFFFFFFF,
+                          self.state, min(self._most, 255), pose)  # fmt: skip
+        return [self._pack(self._session, Kind.WELCOME, welcome.body())]
+
+    def _configure(self, body: bytes) -> None:
+        if self.state == DeviceState.ARMED:
+            return  # nobody changes what is safe under way
+        watchdog, reach, safe, slew = packets.read_configure(body)
+        if len(safe) != self.wire.count:
+            raise DermisError("another number of channels", value=len(safe), limit=str(self.wire.count))
+        self._timeout, self._reach = watchdog * 1e-3, Reach(reach)
+        self._safe, self._slew = safe.astype(np.float64), slew.astype(np.float64)
+        self._target = self.counts.copy()
+        self.state = DeviceState.CONFIGURED
+
+    def _command(self, packet: Packet, now: float) -> list[bytes]:
+        when, timed, counts = packets.read_command(packet.body)
+        if len(counts) != self.wire.count:
+            raise DermisError("another number of channels", value=len(counts), limit=str(self.wire.count))
+        if self.state != DeviceState.ARMED:
+            return [self._pack(self._session, Kind.NACK, packets.nack(packet.sequence, Nack.NOT_ARMED))]
+        self.received += 1
+        target = counts.astype(np.float64)
+        if not timed:
+            self._queue.clear()
+            self._target = target
+            return []
+        clock = self.clock_us(now)
+        early = (when - clock + 2**31) % 2**32 - 2**31
+        self.early_least = min(self.early_least, early * 1e-6)
+        if early < 0:
+            self.late += 1
+            self._queue.clear()
+            self._target = target
+            return [self._pack(self._session, Kind.NACK, packets.nack(packet.sequence, Nack.LATE))]
+        if len(self._queue) >= self._most:
+            return [self._pack(self._session, Kind.NACK, packets.nack(packet.sequence, Nack.QUEUE_FULL))]
+        self._queue.append((clock + early, target))
+        return []
+
+    def _synced(self, host_us: int, now: float) -> bytes:
+        reply = packets.Synced(host_us, self.clock_us(now), self.state, min(len(self._queue), 255), self.received,
+                               self.lost, self.damaged, self.late, self.watchdogs)  # fmt: skip
+        return self._pack(self._session, Kind.SYNCED, reply.body())
+
+    def _go_safe(self) -> None:
+        if self.state != DeviceState.IDLE:
+            self._queue.clear()
+            self._target = self._safe.copy()
+            self.state = DeviceState.SAFE
+            self.safe_at = None
+
+    def _pack(self, session: int, kind: Kind, body: bytes) -> bytes:
+        self._sequence = (self._sequence + 1) & 0xFFFF
+        return packets.pack(kind, session, self._sequence, body)

@@ -23,6 +23,9 @@ class Canvas(Protocol):
     def rectangle(self, x: float, y: float, width: float, height: float, fill: Colour) -> None:
         """Fill a rectangle."""
 
+    def disc(self, x: float, y: float, radius: float, fill: Colour) -> None:
+        """Fill a disc."""
+
     def line(self, x0: float, y0: float, x1: float, y1: float, colour: Colour, width: float, dash: float = 0.0) -> None:
         """Draw a horizontal or vertical line, dashed on request."""
 
@@ -45,6 +48,10 @@ class SvgCanvas:
     def rectangle(self, x: float, y: float, width: float, height: float, fill: Colour) -> None:
         """Fill a rectangle."""
         self._parts.append(f'<rect x="{_n(x)}" y="{_n(y)}" width="{_n(width)}" height="{_n(height)}" fill="{fill}"/>')
+
+    def disc(self, x: float, y: float, radius: float, fill: Colour) -> None:
+        """Fill a disc."""
+        self._parts.append(f'<circle cx="{_n(x)}" cy="{_n(y)}" r="{_n(radius)}" fill="{fill}"/>')
 
     def line(self, x0: float, y0: float, x1: float, y1: float, colour: Colour, width: float, dash: float = 0.0) -> None:
         """Draw a line, dashed on request."""
@@ -95,6 +102,11 @@ class PngCanvas:
         i, j = np.flatnonzero(down), np.flatnonzero(across)
         if len(i) and len(j):
             self._blend(i[0], j[0], np.outer(down[i[0] : i[-1] + 1], across[j[0] : j[-1] + 1]), fill)
+
+    def disc(self, x: float, y: float, radius: float, fill: Colour) -> None:
+        """Fill a disc, its edge smoothed."""
+        s = self._scale
+        self._stroke(x * s, y * s, x * s, y * s, radius * s, fill)
 
     def line(self, x0: float, y0: float, x1: float, y1: float, colour: Colour, width: float, dash: float = 0.0) -> None:
         """Draw a horizontal or vertical line, dashed on request, laid on whole pixels."""

@@ -36,7 +36,7 @@ def write_svg(track: CommandTrack, path: Path, *, contact: Array | None = None) 
         DermisError: the file cannot be written.
     """
     canvas = SvgCanvas(WIDTH, _height(track))
-    _draw(track, contact, canvas)
+    _picture(track, contact, canvas)
     write_bytes(Path(path), canvas.to_bytes())
 
 
@@ -47,11 +47,25 @@ def write_png(track: CommandTrack, path: Path, *, contact: Array | None = None, 
         DermisError: the file cannot be written.
     """
     canvas = PngCanvas(WIDTH, _height(track), scale)
-    _draw(track, contact, canvas)
+    _picture(track, contact, canvas)
     write_bytes(Path(path), canvas.to_bytes())
 
 
+def _picture(track: CommandTrack, contact: Array | None, canvas: Canvas) -> None:
+    """Draw a panel a channel; pins, which are too many for that, as maps."""
+    if track.spec.kind == "pin_array":
+        from .plot_pins import draw
+
+        draw(track, contact, canvas)
+        return
+    _draw(track, contact, canvas)
+
+
 def _height(track: CommandTrack) -> float:
+    if track.spec.kind == "pin_array":
+        from .plot_pins import HEIGHT
+
+        return HEIGHT
     return TOP + len(track.channels) * (PANEL + GAP) - GAP + BOTTOM
 
 

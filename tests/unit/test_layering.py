@@ -48,7 +48,9 @@ MAY_IMPORT: dict[str, set[str]] = {
     "scene_file": BASE | {"scene"},
     "font": set(),
     "canvas": {"font"},
-    "plot": BASE | {"track", "canvas"},
+    "plot": BASE | {"track", "canvas", "plot_pins"},
+    "plot_pins": BASE | {"track", "canvas", "plot"},
+    "sliding": BASE | {"scene"},
     "work": BASE,
 }
 SEES_ALL = {"pipeline", "__init__", "__main__"}

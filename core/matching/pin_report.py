@@ -1,0 +1,149 @@
+"""How much each method would miss for one scene: all six side by side, on the matching mesh and on a finer one.
+
+On the mesh that the commands were computed with, DM2 is best by construction, which only checks the solver. The
+evidence is a finer mesh: there the target comes from contact solved anew, and the pins press with the commands of the
+matching mesh. It is reported whichever way it falls.
+
+Source: [S1] eq. 20 and 21
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contact.skin_touch import SkinTouch
+from ..devices.spec import DeviceSpec
+from ..errors import DermisError
+from .deformation import METHODS, Method
+from .pins import Matched, PinSetup, Weighting, make_solver, match, setup
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MethodReport:
+    """One method over one scene; errors are RMS over the frames in contact.
+
+    Attributes:
+        displacement_error, displacement_peak: u_err [m]; the peak is the worst frame.
+        displacement_share: u_err over the same norm of the target's displacement.
+        force_error, force_peak: f_err [N].
+        shear_ratio, target_ratio: tangential over normal force, rendered and wanted, of the RMS forces.
+        normal_force, target_normal: RMS force along the pad's normal [N].
+        at_limit: most pins at their limit in one frame.
+        kkt: worst optimality of DM2 and FM2.
+        finer_error, finer_share: as the first ones, with the commands on a finer mesh; NaN where none was given.
+    """
+
+    method: Method
+    displacement_error: float
+    displacement_peak: float
+    displacement_share: float
+    force_error: float
+    force_peak: float
+    shear_ratio: float
+    target_ratio: float
+    normal_force: float
+    target_normal: float
+    at_limit: int
+    kkt: float
+    finer_error: float = float("nan")
+    finer_share: float = float("nan")
+
+
+def compare(
+    skin: SkinTouch,
+    spec: DeviceSpec,
+    *,
+    methods: Sequence[Method] = METHODS,
+    weighting: Weighting = "all",
+    bounded: bool = True,
+    finer: SkinTouch | None = None,
+) -> tuple[MethodReport, ...]:
+    """Return one report per method for what a finger's skin felt.
+
+    Args:
+        skin: of the matching mesh.
+        finer: the same scene felt by a finer mesh of the same finger.
+
+    Raises:
+        DermisError: nothing was touched, or the finer mesh felt another scene.
+    """
+    if not len(skin.contact):
+        raise DermisError("nothing was touched, so there is nothing to compare", where=spec.name)
+    if finer is not None and not np.array_equal(finer.times, skin.times):
+        raise DermisError("the finer skin felt another scene", where=spec.name, value=len(finer.times))
+    ready = setup(skin.model, spec, weighting)
+    size = _target_size(ready, skin)
+    fine_ready = None if finer is None else setup(finer.model, spec, weighting)
+    reports = []
+    for method in methods:
+        matched = match(make_solver(ready, spec, method, skin.times, bounded=bounded), skin)
+        fine, fine_size = float("nan"), 1.0
+        if finer is not None and fine_ready is not None:
+            fine = _rms(error_on(fine_ready, finer, matched)[finer.contact])
+            fine_size = _target_size(fine_ready, finer)
+        reports.append(_report(method, matched, ready, skin, size, fine, fine / fine_size))
+    return tuple(reports)
+
+
+def error_on(ready: PinSetup, skin: SkinTouch, matched: Matched) -> Array:
+    """Return u_err of commands on another mesh than theirs, against that mesh's own target [m], shape (n,)."""
+    matcher = ready.matcher
+    result = np.zeros(len(skin.times))
+    targets = skin.force.reshape(len(skin.contact), -1).astype(np.float64)
+    result[skin.contact] = matcher.displacement_error(targets, matched.forces[np.ix_(skin.contact, matcher.active)])
+    return result
+
+
+def table(reports: Sequence[MethodReport]) -> str:
+    """Return the reports as text in columns; lengths in um, forces in mN."""
+    finer = bool(reports) and np.isfinite(reports[0].finer_error)
+    head = (
+        f"{'':4} {'u_err um':>9} {'peak um':>9} {'of target':>9} {'f_err mN':>9} {'normal N':>9} {'shear/normal':>13}"
+    )
+    head += f" {'at limit':>8}" + (f" {'finer um':>9} {'of target':>9}" if finer else "")
+    lines = [head]
+    for r in reports:
+        line = f"{r.method:4} {1e6 * r.displacement_error:9.1f} {1e6 * r.displacement_peak:9.1f} "
+        line += f"{100 * r.displacement_share:8.1f}% {1e3 * r.force_error:9.2f} {r.normal_force:9.3f} "
+        line += f"{r.shear_ratio:13.3f} {r.at_limit:8d}"
+        lines.append(line + (f" {1e6 * r.finer_error:9.1f} {100 * r.finer_share:8.1f}%" if finer else ""))
+    if reports:
+        lines.append(f"target: normal {reports[0].target_normal:.3f} N, shear/normal {reports[0].target_ratio:.3f}")
+    return "\n".join(lines)
+
+
+def _report(
+    method: Method, matched: Matched, ready: PinSetup, skin: SkinTouch, size: float, fine: float, fine_share: float
+) -> MethodReport:
+    frames = skin.contact
+    u, f = matched.displacement_error[frames], matched.force_error[frames]
+    target = skin.force.astype(np.float64).sum(axis=1)
+    shown = (matched.forces @ ready.pins.directions)[frames]
+    ratio, normal = _ratio(shown)
+    wanted, wanted_normal = _ratio(target)
+    return MethodReport(
+        method, _rms(u), float(u.max()), _rms(u) / size, _rms(f), float(f.max()), ratio, wanted, normal, wanted_normal,
+        int(matched.at_limit.max()), matched.worst, fine, fine_share,
+    )  # fmt: skip
+
+
+def _ratio(forces: Array) -> tuple[float, float]:
+    normal = _rms(forces[:, 2])
+    return _rms(np.hypot(forces[:, 0], forces[:, 1])) / max(normal, 1e-300), normal
+
+
+def _target_size(ready: PinSetup, skin: SkinTouch) -> float:
+    """Return the RMS of the target's displacement in the norm of u_err [m]."""
+    targets = skin.force.reshape(len(skin.contact), -1).astype(np.float64)
+    nothing = np.zeros((len(targets), len(ready.matcher.active)))
+    return _rms(ready.matcher.displacement_error(targets, nothing))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0

@@ -51,6 +51,9 @@ def render(options: argparse.Namespace) -> int:
     made = jobs.drain(jobs.bake(scene, _library(options), span=_span(options)), _teller(options))
     _end_of_progress(options)
     written = pipeline.export(made, Path(options.out), plots=options.plots)
+    if options.maps:
+        now = sampling.sample_now(scene, bpy.context.evaluated_depsgraph_get())
+        written += pipeline.export_screen_maps(now, _library(options), Path(options.out))
     for path in written:
         print(path)
     return _status(made.all_findings)
@@ -83,6 +86,7 @@ def _parser() -> argparse.ArgumentParser:
     one = commands.add_parser("render", parents=[shared], help="write a CSV track per finger and device")
     one.add_argument("--out", required=True, metavar="DIR", help="folder for the tracks; it is made if missing")
     one.add_argument("--plots", action="store_true", help="write a PNG plot beside each track")
+    one.add_argument("--maps", action="store_true", help="also write the maps of touch screens, for real fingers")
     one.add_argument(
         "--presets", metavar="DIR", type=Path, help="folder of your own presets, instead of the extension's"
     )

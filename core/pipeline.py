@@ -168,12 +168,44 @@ def export(bake: Bake, folder: Path, *, plots: bool = False) -> tuple[Path, ...]
     return tuple(written)
 
 
+def export_screen_maps(scene: TactileScene, library: Library, folder: Path) -> tuple[Path, ...]:
+    """Write the map and the law of every screen device, for screens that answer to a real finger.
+
+    Only the scene's first chunk is read: where the screens stand then gives the scale.
+
+    Raises:
+        DermisError: no finger has a screen device, a map cannot be used, or the folder cannot be written.
+    """
+    from .matching.perceptual import screen_maps
+
+    wanted = [w for w in _wanted(scene, library, []) if w[2].kind == "friction_screen"]
+    if not wanted:
+        raise DermisError(
+            "no finger has a screen device",
+            where=f"scene '{scene.name}'",
+            remedy="Add a touch screen, and an electrovibration device to the finger that touches it",
+        )
+    chunk = next(iter(scene.chunks))
+    written: dict[Path, None] = {}
+    for finger, use, spec in wanted:
+        for index, screen_map in screen_maps(scene, chunk.screens, use, spec).items():
+            stem = f"{_safe(scene.fingers[finger].name)}.{_safe(scene.screens[index].name)}.{use.preset}"
+            path = Path(folder) / f"{stem}.map.npz"
+            screen_map.save(path)
+            written[path] = None
+    return tuple(written)
+
+
+def _safe(name: str) -> str:
+    """Return a name that every file system takes."""
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
+
+
 def file_names(bake: Bake) -> tuple[str, ...]:
     """Return a file stem per output: finger and device, safe on every file system, never the same twice."""
     names: list[str] = []
     for output in bake.outputs:
-        safe = "".join(c if c.isalnum() or c in "-_" else "_" for c in output.finger)
-        stem = name = f"{safe or 'finger'}.{output.device}"
+        stem = name = f"{_safe(output.finger) or 'finger'}.{output.device}"
         number = 2
         while name.lower() in {n.lower() for n in names}:
             name = f"{stem}-{number}"

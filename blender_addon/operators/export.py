@@ -7,12 +7,12 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from .. import properties, reporting, results
-from ..preferences import core_module
+from .. import properties, reporting, results, results_skin
+from ..preferences import core_module, library
 
 
 class DERMIS_OT_export_tracks(bpy.types.Operator):
-    """Write one CSV file for each finger and device of the last bake"""
+    """Write one CSV file for each finger and device of the last bake, and one for the forces on each skin"""
 
     bl_idname = "dermis.export_tracks"
     bl_label = "Export Tracks"
@@ -51,7 +51,11 @@ class DERMIS_OT_export_tracks(bpy.types.Operator):
             if not folder.is_absolute():
                 raise errors.DermisError("relative to a file that was never saved", where="output folder",
                                          value=str(folder), remedy="Save the file, or choose another folder")
-            written = pipeline.export(result.bake, folder, plots=self.plots)
+            written = list(pipeline.export(result.bake, folder, plots=self.plots)) if result.bake.outputs else []
+            written += results_skin.export(result.bake, folder)
+            if not written:
+                raise errors.DermisError("neither tracks nor skins to export", where=str(folder),
+                                         remedy="Give a finger a device, or show its skin, and bake again")
         except errors.DermisError as error:
             return reporting.report_error(self, error, "Export")
         text = f"Wrote {len(written)} file{'' if len(written) == 1 else 's'} to {folder}"
@@ -99,6 +103,43 @@ class DERMIS_OT_export_scene(bpy.types.Operator):
         return {"FINISHED"}
 
 
+class DERMIS_OT_export_screen_maps(bpy.types.Operator):
+    """Write each touch screen's relief and law of friction, for a screen that answers to a real finger"""
+
+    bl_idname = "dermis.export_screen_maps"
+    bl_label = "Export Screen Maps"
+    bl_options = {"REGISTER"}
+
+    directory: StringProperty(name="Folder", description="Where the files go; empty: the scene's output folder",
+                              subtype="DIR_PATH")  # fmt: skip
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a touch screen."""
+        cls.poll_message_set("Add a touch screen first")
+        return any(o.dermis.role == "SCREEN" for o in context.scene.objects)
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for the folder."""
+        self.directory = bpy.path.abspath(context.scene.dermis.output_dir) if bpy.data.filepath else ""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Write the files."""
+        from .. import sampling
+
+        errors, pipeline = core_module("errors"), core_module("pipeline")
+        folder = Path(bpy.path.abspath(self.directory or context.scene.dermis.output_dir))
+        try:
+            scene = sampling.sample_now(context.scene, context.evaluated_depsgraph_get())
+            written = pipeline.export_screen_maps(scene, library(), folder)
+        except errors.DermisError as error:
+            return reporting.report_error(self, error, "Export Screen Maps")
+        self.report({"INFO"}, f"Wrote {len(written)} file{'' if len(written) == 1 else 's'} to {folder}")
+        return {"FINISHED"}
+
+
 class DERMIS_OT_load_result(bpy.types.Operator):
     """Read the stored result of this scene's last bake"""
 
@@ -122,4 +163,6 @@ class DERMIS_OT_load_result(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES: tuple[type, ...] = (DERMIS_OT_export_tracks, DERMIS_OT_export_scene, DERMIS_OT_load_result)
+CLASSES: tuple[type, ...] = (
+    DERMIS_OT_export_tracks, DERMIS_OT_export_scene, DERMIS_OT_export_screen_maps, DERMIS_OT_load_result,
+)  # fmt: skip

@@ -34,6 +34,7 @@ class DERMIS_PT_bake(DermisPanel, bpy.types.Panel):
         layout.prop(settings, "output_dir")
         layout.prop(settings, "plots")
         layout.operator("dermis.export_scene", icon="FILE_CACHE")
+        layout.operator("dermis.export_screen_maps", icon="TEXTURE")
 
 
 class DERMIS_PT_result(DermisPanel, bpy.types.Panel):

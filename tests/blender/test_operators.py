@@ -28,7 +28,7 @@ def test_a_new_finger_has_the_size_of_a_finger(scale: float) -> None:
     assert obj.dermis.role == "FINGER"
     assert obj.matrix_world.translation == Vector((1.0, 2.0, 3.0))
     assert high[0] - low[0] == pytest.approx(16.0, abs=0.05)
-    assert high[1] == pytest.approx(11.0, abs=0.05)
+    assert high[1] == pytest.approx(10.5, abs=0.05)
     assert low[2] == pytest.approx(0.0, abs=0.01)  # the pad's centre is the lowest point, and the origin
     assert 12.0 < high[2] < 14.0
 
@@ -186,6 +186,33 @@ def test_the_sampled_scene_is_written(tmp_path) -> None:
     ready()
     bpy.ops.dermis.export_scene(filepath=str(tmp_path / "scene"))
     assert (tmp_path / "scene.npz").stat().st_size > 0
+
+
+def test_an_exported_screen_map_answers_as_the_bake_does(tmp_path) -> None:
+    from core.matching.screen_map import ScreenMap
+
+    bpy.ops.dermis.demo_scene()
+    bpy.ops.dermis.bake()
+    assert bpy.ops.dermis.export_screen_maps(directory=str(tmp_path)) == {"FINISHED"}
+    (path,) = tmp_path.iterdir()
+    assert path.name.startswith("Reader.") and path.name.endswith(".electrovibration.map.npz")
+    screen_map = ScreenMap.load(path)
+    (output,) = [o for o in results.current(bpy.context.scene).bake.outputs if o.device == "electrovibration"]
+    amplitude, x, y = output.track.column("amplitude"), output.signals["x"], output.signals["y"]
+    strong = [i for i in range(50, len(x) - 50) if amplitude[i] > 100.0][::97]
+    assert len(strong) > 5
+    for i in strong:
+        direction = (x[i + 1] - x[i - 1], y[i + 1] - y[i - 1])
+        # the bake averages the direction over its window, a map is asked with the direction of the moment
+        assert screen_map.answer(x[i], y[i], direction).amplitude == pytest.approx(amplitude[i], rel=0.03)
+
+
+def test_screen_maps_need_a_screen_device(tmp_path) -> None:
+    span(1, 13)
+    finger()
+    screen()
+    with pytest.raises(RuntimeError, match="no finger has a screen device"):
+        bpy.ops.dermis.export_screen_maps(directory=str(tmp_path))
 
 
 def ready() -> None:

@@ -343,7 +343,14 @@ class Streamer:
             self.source.touched(self.adapter.touch, now)
         period, horizon = 1.0 / self.rate, self._horizon()
         ahead = self.wish.look_ahead
-        if not horizon and self._next < now - 2 * period:  # late: the newest value is the best one
+        if horizon and self._next < now + 0.25 * horizon:
+            # A playback has just begun, or this process was kept from working: what can no longer be on time is
+            # left out, and the device gets half of the look-ahead back.
+            behind = math.ceil((now + 0.5 * horizon - self._next) * self.rate)
+            if self._next < now - 2 * period:
+                self.counters["skipped"] += behind
+            self._next += behind * period
+        elif not horizon and self._next < now - 2 * period:  # late: the newest value is the best one
             behind = int((now - self._next) * self.rate)
             self.counters["skipped"] += behind
             self._next += behind * period

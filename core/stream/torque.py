@@ -25,13 +25,17 @@ POLL_EVERY = 0.01
 
 
 class Torque(Adapter):
-    """A torque board. Options: `inertia` [kg m2] and `loop_hz` of the position loop, `torque` limit [N m]."""
+    """A torque board.
+
+    Options: `torque` limit [N m], `inertia` of a motor at its pulley [kg m2], `loop_hz` of the position loop, and the
+    `stiffness` of the skin [N m/rad], which is fed forward.
+    """
 
     name, title = "torque", "Torque board"
     own_safe = datagrams = True
     caution = ("The paper says nothing of a watchdog in the board. It must let its motors go after 20 ms without a "
                "datagram; check yours before a finger goes in.")  # fmt: skip
-    OPTIONS = ("inertia", "loop_hz", "torque")
+    OPTIONS = ("inertia", "loop_hz", "torque", "stiffness")
 
     def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
         super().__init__(wire, options)
@@ -39,12 +43,13 @@ class Torque(Adapter):
             raise DermisError("a torque board turns motors, so its channels are angles", where=wire.spec.name,
                               value=", ".join(wire.units), limit="rad")  # fmt: skip
         self.torque = self.number("torque", float(wire.spec.parameters.get("torque_limit", 0.0)))
-        inertia, omega = self.number("inertia", 2e-7), 2 * math.pi * self.number("loop_hz", 30.0)
+        inertia, omega = self.number("inertia", 1e-6), 2 * math.pi * self.number("loop_hz", 15.0)
         if not (self.torque > 0 and inertia > 0 and 0 < omega < 2 * math.pi * 100):
             raise DermisError("the position loop needs a torque limit, an inertia and a bandwidth below 100 Hz",
                               where=self.title, value=f"{self.torque:g} N m, {inertia:g} kg m2")  # fmt: skip
         # A third pole for the integrator, which holds against the skin: (s + w)^3 of a bare inertia.
         self.gains = (3 * inertia * omega**2, 3 * inertia * omega, inertia * omega**3)
+        self.stiffness = self.number("stiffness", _stiffness(wire))
         self._sequence = 0
         self._sum = np.zeros(wire.count)
         self._speed = np.zeros(wire.count)
@@ -110,7 +115,9 @@ class Torque(Adapter):
         proportional, derivative, integral = self.gains
         step = min(now - self._stepped, 0.002) if math.isfinite(self._stepped) else 0.0
         error = values - self._angle
-        torque = proportional * error + self._sum - derivative * self._speed
+        wanted_speed = (values - self._target) / step if step > 1e-4 else np.zeros(self.wire.count)
+        self._target = values
+        torque = self.stiffness * values + proportional * error + self._sum + derivative * (wanted_speed - self._speed)
         held = np.clip(torque, -self.torque, self.torque)
         saturated = held != torque
         # What cannot be driven is not summed up.
@@ -130,3 +137,10 @@ class Torque(Adapter):
             self._asked.clear()
         self._asked[self._sequence] = now
         return HEAD.pack(TO_BOARD, self._sequence) + torque.astype("<f4").tobytes()
+
+
+def _stiffness(wire: Wire) -> float:
+    """Return the skin's stiffness at a pulley [N m/rad]: the mean of the preset's bounds, at the links' length."""
+    given = wire.spec.parameters
+    low, high = (float(given.get(f"skin_stiffness_{end}", 0.0)) for end in ("low", "high"))
+    return 0.5 * (low + high) * float(given.get("link_length", 0.0)) ** 2

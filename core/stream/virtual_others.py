@@ -102,7 +102,7 @@ class TorqueDevice:
     TIMEOUT, STEP = 0.02, 5e-5
 
     def __init__(
-        self, wire: Wire, *, stuck: int = -1, inertia: float = 2e-7, damping: float = 2e-6, stiffness: float = 0.01,
+        self, wire: Wire, *, stuck: int = -1, inertia: float = 1e-6, damping: float = 1e-5, stiffness: float = 0.02,
         encoder: float = 0.0,
     ) -> None:  # fmt: skip
         self.wire = wire

@@ -2,9 +2,24 @@
 
 PACKAGE = __package__  # the three-part name in an installed extension; extension_path_user takes no other
 
-from . import commands, handlers, jobs, operators, overlay, panels, preferences, properties  # noqa: E402
+from . import (  # noqa: E402
+    commands,
+    handlers,
+    jobs,
+    operators,
+    overlay,
+    panels,
+    preferences,
+    properties,
+    properties_skin,
+    skin_live,
+    skin_view,
+)
 
-MODULES = (preferences, properties, jobs, operators, panels, overlay, handlers, commands)
+MODULES = (
+    preferences, properties_skin, properties, jobs, operators, panels, overlay, skin_live, skin_view, handlers,
+    commands,
+)  # fmt: skip
 
 
 def register() -> None:

@@ -75,6 +75,7 @@ def _on_depsgraph(_scene: bpy.types.Scene, depsgraph: Any = None) -> None:
     _ticks += 1
     if _muted or depsgraph is None:
         return
+    changed = False
     for update in depsgraph.updates:
         # Selecting an object also arrives here, with neither flag set.
         if (update.is_updated_transform or update.is_updated_geometry or isinstance(update.id, bpy.types.Action)) and (
@@ -82,6 +83,11 @@ def _on_depsgraph(_scene: bpy.types.Scene, depsgraph: Any = None) -> None:
         ):
             _dirty.add(update.id.name)
             _edits += 1
+            changed = True
+    if changed and not bpy.app.background:
+        from . import skin_live
+
+        skin_live.request()
 
 
 @persistent
@@ -89,9 +95,10 @@ def _on_frame(scene: bpy.types.Scene, depsgraph: Any = None) -> None:
     # Without a window nobody looks; a sweep or a render job must not pay for a preview.
     if _muted or depsgraph is None or bpy.app.background or bpy.app.is_job_running("RENDER"):
         return
-    from . import live
+    from . import live, skin_live
 
     live.on_frame(scene)
+    skin_live.on_frame(scene, live.take_sample())
 
 
 @persistent

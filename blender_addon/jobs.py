@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator
+from contextlib import nullcontext
 from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -33,11 +34,14 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
     Raises:
         DermisError: the scene cannot be sampled or rendered.
     """
+    from . import skin_models
+
     pipeline = import_module(".pipeline", core.__name__)
     yield pipeline.Progress("preparing", 0, 1)
     tactile = sampling.sample(scene, span=span)
     sweep = tactile.chunks
-    steps = pipeline.render(tactile, library)
+    skins = any(f.parameters.get("skin_shown") for f in tactile.fingers)
+    steps = pipeline.render(tactile, library, cache=skin_models.cache())
     sampling_seconds = 0.0
     try:
         while True:
@@ -49,7 +53,9 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
                     break
                 yield pipeline.Progress("sampling", sweep.done, sweep.total)
             try:
-                yield next(steps)
+                with skin_models.one_thread() if skins else nullcontext():
+                    progress = next(steps)
+                yield progress
             except StopIteration as stop:
                 made = stop.value
                 # the sweep runs ahead of the pipeline's own clock, so that the job can stop between two samples

@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from . import handlers, results
+from . import handlers, results, skin_models
 from .preferences import core_module, library, setting
 
 STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
@@ -68,6 +68,7 @@ class _Trail:
     edits: int = -1  # of `handlers`, when `sampling` last forgot its surfaces and reliefs
     preview: Preview | None = None
     failure: Exception | None = None
+    taken: Any = None  # the last sample, until `take_sample` hands it on
 
 
 _trail = _Trail()
@@ -124,7 +125,7 @@ def step(context: bpy.types.Context) -> Preview:
         sampling.forget()
         _trail.edits = handlers.edits()
     try:
-        sample = sampling.sample_now(scene, context.evaluated_depsgraph_get())
+        sample = _trail.taken = sampling.sample_now(scene, context.evaluated_depsgraph_get())
         if not _continues(scene, sample, frame):
             _trail.samples = []
         _trail.samples.append(sample)
@@ -143,10 +144,16 @@ def _note(scene: bpy.types.Scene, text: str) -> Preview:
     return _trail.preview
 
 
+def take_sample() -> Any | None:
+    """Return the sample that this frame's preview was made from, once; None where none was taken."""
+    sample, _trail.taken = _trail.taken, None
+    return sample
+
+
 def reset() -> None:
     """Forget the trail; the next frame starts from rest."""
     global _memo, _memo_preview
-    _trail.samples, _trail.preview = [], None
+    _trail.samples, _trail.preview, _trail.taken = [], None, None
     _memo, _memo_preview = (), None
 
 
@@ -202,12 +209,14 @@ def _joined(samples: list[Any]) -> Any:
         channels={k: np.concatenate([p.channels[k] for p in parts]) for k in sorted(keys)},
     )
     last = samples[-1]
+    # Skins have a path of their own, in `skin_live`; only devices that are driven by them solve them here.
+    fingers = tuple(replace(f, parameters={**f.parameters, "skin_shown": False}) for f in last.fingers)
     span = (int(np.floor(frames[0])), int(np.ceil(frames[-1])))
-    return replace(last, frame_range=span, rate=float(last.fps), chunks=(joined,))
+    return replace(last, fingers=fingers, frame_range=span, rate=float(last.fps), chunks=(joined,))
 
 
 def _run(tactile: Any) -> Any:
-    steps = core_module("pipeline").render(tactile, library())
+    steps = core_module("pipeline").render(tactile, library(), cache=skin_models.cache())
     while True:
         try:
             next(steps)

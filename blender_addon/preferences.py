@@ -66,6 +66,7 @@ class DermisPreferences(bpy.types.AddonPreferences):
         row = self.layout.row()
         row.operator("dermis.open_presets", icon="FILE_FOLDER")
         row.operator("dermis.clear_results", icon="TRASH")
+        row.operator("dermis.clear_skins", icon="TRASH")
 
 
 def setting(name: str) -> Any:

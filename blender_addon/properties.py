@@ -1,9 +1,10 @@
 """What the artist sets, and nothing else: parameters live in the .blend, results outside it.
 
-Units. Everything that a property holds is SI except where its *name* ends in a unit: `_mm` (millimetres) or
-`_mm_s` (millimetres a second). Blender would scale properties of unit LENGTH by the scene's unit scale, so a scene in
-feet or millimetres would show a fingertip's half a millimetre as something else; these properties use Blender's
-lens unit instead, which means millimetres in every scene. Angles are radians (Blender shows degrees).
+Units. Everything that a property holds is SI except where its *name* ends in a unit: `_mm` (millimetres),
+`_mm_s` (millimetres a second) or `_mpa_m` (megapascals a metre, which are kilopascals a millimetre). Blender
+would scale properties of unit LENGTH by the scene's unit scale, so a scene in feet or millimetres would show a
+fingertip's half a millimetre as something else; these properties use Blender's lens unit instead, which means
+millimetres in every scene. Angles are radians (Blender shows degrees).
 
 Readers do not convert by hand: `parameters(group)` gives a group's values in SI under the engine's names
 (`touch_distance_mm` -> `touch_distance` in metres), and `ATTRIBUTES[type(group)]` lists attribute, engine name and
@@ -27,9 +28,10 @@ from bpy.props import (
 )
 
 from . import handlers
+from .properties_skin import DermisSkin, DermisSkinView
 
 FILE_VERSION = 1
-FACTORS = {"_mm_s": 1e-3, "_mm": 1e-3}
+FACTORS = {"_mm_s": 1e-3, "_mpa_m": 1e6, "_mm": 1e-3}
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
 
 
@@ -182,6 +184,7 @@ class DermisFinger(bpy.types.PropertyGroup):
                                unit="FREQUENCY")  # fmt: skip
     pattern_amplitude: _number("Amplitude", "Part of the device's range", 1.0, 0.0, 1.0, subtype="FACTOR")
     pattern_repeat: _switch("Repeat", "Go on while Play is on, instead of playing once", False)
+    skin: PointerProperty(type=DermisSkin, override=OVERRIDE)
     devices: CollectionProperty(type=DermisDevice, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"})
     active_device: IntProperty(name="Active Device", default=0, min=0, options=set(), override=OVERRIDE)
 
@@ -194,6 +197,10 @@ class DermisMaterial(bpy.types.PropertyGroup):
         options=set(), override=OVERRIDE,
     )  # fmt: skip
     friction: _number("Friction", "Coefficient of friction between skin and surface", 0.6, 0.0, 10.0, soft_max=2.0)
+    surface_stiffness_mpa_m: _number(
+        "Surface Stiffness [kPa/mm]", "How hard the object's own surface is to press in, for skin: pressure for each "
+        "millimetre that it yields; 0 is rigid. Skin itself has about 17", 0.0, 0.0, 1e9, soft_max=200.0, precision=1,
+    )  # fmt: skip
     mass: _number("Mass [kg]", "Mass of the object, for weight and inertia", 0.05, 0.0, 1e6, soft_max=2.0,
                   precision=3)  # fmt: skip
 
@@ -332,6 +339,7 @@ class DermisScene(bpy.types.PropertyGroup):
     plots: BoolProperty(
         name="With Plots", description="Write a PNG plot beside each exported track", default=False, options=set()
     )
+    skin_view: PointerProperty(type=DermisSkinView)
     live_preview: BoolProperty(
         name="Live Preview", description="Evaluate the current frame while you scrub, where no fresh bake covers it",
         default=True, options=set(),
@@ -362,7 +370,7 @@ def _attributes(group: Any, *leave_out: str) -> tuple[Attribute, ...]:
 
 ATTRIBUTES: dict[type, tuple[Attribute, ...]] = {
     DermisDevice: _attributes(DermisDevice, "preset", "enabled", "screen"),
-    DermisFinger: _attributes(DermisFinger, "devices", "active_device"),
+    DermisFinger: _attributes(DermisFinger, "skin", "devices", "active_device"),
     DermisMaterial: _attributes(DermisMaterial, "preset"),
     DermisScreen: _attributes(
         DermisScreen, "source", "image", "filepath", "sequence_start", "mesh_object", "invert", "resolution"

@@ -8,14 +8,15 @@ never as up to date, since nobody has watched the scene meanwhile.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 
-from . import handlers
+from . import handlers, properties_skin, results_skin
 from .preferences import core_module, setting, user_folder
 
 RESULT_VERSION = 1
@@ -30,6 +31,7 @@ class Result:
         fps, first: frames a second, and the frame at which the tracks start.
         generation: of `handlers` when it was made; -1 for one from an earlier session.
         fingerprint: the scene settings that no change handler reports.
+        skins: size, material and accuracy of every skin of the bake, from which its model is made again.
     """
 
     bake: Any
@@ -37,6 +39,7 @@ class Result:
     first: float
     generation: int
     fingerprint: tuple[Any, ...]
+    skins: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
 _results: dict[int, Result] = {}
@@ -57,7 +60,9 @@ def keep(scene: bpy.types.Scene, bake: Any) -> Result:
     from .sampling import frame_range, frames_per_second
 
     fps, first = float(frames_per_second(scene)), float(frame_range(scene)[0])
-    kept = _results[scene.session_uid] = Result(bake, fps, first, handlers.generation(), fingerprint(scene))
+    skins = {name: _skin_of(scene.objects[name]) for name in bake.skins if name in scene.objects}
+    kept = Result(bake, fps, first, handlers.generation(), fingerprint(scene), skins)
+    _results[scene.session_uid] = kept
     handlers.clear_dirty()
     return kept
 
@@ -128,6 +133,11 @@ def load(scene: bpy.types.Scene) -> Result | None:
     return result
 
 
+def _skin_of(obj: bpy.types.Object) -> dict[str, Any]:
+    values = properties_skin.parameters(obj.dermis.finger.skin)
+    return {"skin": values["skin"], "level": values["skin_level"]}
+
+
 def _key(content_hash: str) -> str:
     return str(core_module("cache").cache_key(f"bake {RESULT_VERSION}", content_hash))
 
@@ -145,8 +155,9 @@ def _write(path: Path, result: Result) -> None:
             "meta": dict(output.track.meta), "limited": dict(output.track.limited), "signals": sorted(output.signals),
             "findings": [f.as_dict() for f in output.findings],
         })  # fmt: skip
+    skins = results_skin.pack(bake.skins, result.skins, arrays)
     text = json.dumps({
-        "version": RESULT_VERSION, "fps": result.fps, "first": result.first, "outputs": outputs,
+        "version": RESULT_VERSION, "skins": skins, "fps": result.fps, "first": result.first, "outputs": outputs,
         "findings": [f.as_dict() for f in bake.findings], "skipped": dict(bake.skipped),
         "content_hash": bake.content_hash, "stage_seconds": dict(bake.stage_seconds),
     }, default=str)  # fmt: skip
@@ -173,11 +184,13 @@ def _read(path: Path) -> Result:
                 )
                 for i, entry in enumerate(header["outputs"])
             )  # fmt: skip
+            skins = results_skin.unpack(header.get("skins", []), file)
     except (OSError, KeyError, TypeError, ValueError) as error:
         if isinstance(error, errors.DermisError):
             raise
         raise errors.DermisError("the stored result cannot be read", where=str(path), value=str(error),
                                  remedy="Bake again") from error  # fmt: skip
     bake = pipeline.Bake(outputs, tuple(errors.Finding(**f) for f in header["findings"]), header["skipped"],
-                         header["content_hash"], header["stage_seconds"])  # fmt: skip
-    return Result(bake, header["fps"], header["first"], -1, ())
+                         header["content_hash"], header["stage_seconds"], skins)  # fmt: skip
+    made_of = {e["finger"]: {"skin": e["skin"], "level": e["level"]} for e in header.get("skins", [])}
+    return Result(bake, header["fps"], header["first"], -1, (), made_of)

@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from . import heightmaps, properties, sampling_roster
+from . import heightmaps, properties, properties_skin, sampling_roster
 from ._core import core
 from .sampling_meshes import MeshReader, zero_area_finding
 from .sampling_roster import Entry, InstanceKey, Roster
@@ -192,7 +192,9 @@ def _finger(obj: bpy.types.Object, screens: set[str], findings: list[Any]) -> An
             ))  # fmt: skip
         # Kept all the same: the numbers of its neighbours' channels must not change.
         uses.append(_scene.DeviceUse(device.preset, properties.parameters(device), screen))
-    return _scene.Finger(obj.name_full, tuple(uses), properties.parameters(obj.dermis.finger))
+    finger = obj.dermis.finger
+    values = {**properties.parameters(finger), **properties_skin.parameters(finger.skin)}
+    return _scene.Finger(obj.name_full, tuple(uses), values)
 
 
 def _with_content(body: Any, entry: Entry, objects: Mapping[int, Any], names: set[str], findings: list[Any]) -> Any:

@@ -27,7 +27,7 @@ SCHEMAS = {
 
 # What a haptic material may set, with the SI unit of each quantity; 'bool' for switches, 'text' for choices.
 MATERIAL_PARAMETERS = {
-    "friction": "1", "mass": "kg",
+    "friction": "1", "surface_stiffness": "Pa/m", "mass": "kg",
     "transient_on": "bool", "transient_amplitude": "1/(m/s)", "transient_decay": "1/s", "transient_frequency": "Hz",
     "texture_on": "bool", "texture_amplitude_x": "1", "texture_amplitude_y": "1",
     "texture_period_x": "m", "texture_period_y": "m", "texture_speed_threshold": "m/s",

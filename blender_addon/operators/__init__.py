@@ -2,10 +2,10 @@
 
 import bpy
 
-from . import add, bake, devices, export, housekeeping, roles
+from . import add, bake, devices, export, housekeeping, roles, skin
 
 CLASSES: tuple[type, ...] = (
-    *add.CLASSES, *roles.CLASSES, *devices.CLASSES, *bake.CLASSES, *export.CLASSES, *housekeeping.CLASSES
+    *add.CLASSES, *roles.CLASSES, *devices.CLASSES, *bake.CLASSES, *export.CLASSES, *housekeeping.CLASSES, *skin.CLASSES
 )  # fmt: skip
 
 

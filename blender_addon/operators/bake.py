@@ -39,8 +39,9 @@ class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
             results.store(scene, kept)
         except ValueError as error:  # a full disk must not cost the bake
             found.append(reporting.as_finding(error))
-        tracks = len(result.outputs)
-        done = f"Baked {tracks} track{'' if tracks == 1 else 's'}."
+        tracks, skins = len(result.outputs), len(result.skins)
+        done = f"Baked {tracks} track{'' if tracks == 1 else 's'}"
+        done += f" and {skins} skin{'' if skins == 1 else 's'}." if skins else "."
         reporting.report_findings(self, found, f"Bake of {scene.name}", done)
         return {"FINISHED"}
 

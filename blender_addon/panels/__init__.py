@@ -2,10 +2,11 @@
 
 import bpy
 
-from . import bake, choices, main, menus, object, preview
+from . import bake, choices, main, menus, object, preview, skin
 
 CLASSES: tuple[type, ...] = (
-    *main.CLASSES, *object.CLASSES, *bake.RESULT, *preview.CLASSES, *bake.SETTINGS, *menus.CLASSES
+    *main.CLASSES, *object.CLASSES, *skin.OBJECT, *bake.RESULT, *skin.VIEW,
+    *preview.CLASSES, *bake.SETTINGS, *menus.CLASSES
 )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from .. import handlers
 
 @dataclass(frozen=True)
 class Census:
-    """Names of fingers, of fingers without an enabled device, of touchable objects and of screens."""
+    """Names of fingers, of those with neither an enabled device nor a shown skin, of touchable objects and screens."""
 
     fingers: tuple[str, ...]
     idle: tuple[str, ...]
@@ -41,7 +41,9 @@ def _count(scene: bpy.types.Scene) -> Census:
         if role == "NONE":
             continue
         named[role].append(obj.name)
-        if role == "FINGER" and not any(d.enabled and d.preset for d in obj.dermis.finger.devices):
+        finger = obj.dermis.finger
+        busy = finger.skin.shown or any(d.enabled and d.preset for d in finger.devices)
+        if role == "FINGER" and not busy:
             idle.append(obj.name)
     version = scene.dermis.file_version
     return Census(tuple(named["FINGER"]), tuple(idle), tuple(named["TOUCHABLE"]), tuple(named["SCREEN"]),

@@ -12,7 +12,7 @@ _target = ""
 def refresh() -> None:
     """Read the folders again."""
     presets = library()
-    for group in ("devices", "materials"):
+    for group in ("devices", "materials", "skins"):
         _cache[group] = presets.list(group)
     _kinds.clear()
     for entry in _cache["devices"]:
@@ -28,6 +28,11 @@ def devices() -> tuple[Any, ...]:
 def materials() -> tuple[Any, ...]:
     """Return the haptic materials, broken ones too; empty before the first `refresh`."""
     return _cache.get("materials", ())
+
+
+def skins() -> tuple[Any, ...]:
+    """Return the fingertip presets, broken ones too; empty before the first `refresh`."""
+    return _cache.get("skins", ())
 
 
 def known() -> bool:

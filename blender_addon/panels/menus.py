@@ -21,6 +21,9 @@ class DERMIS_MT_add(bpy.types.Menu):
         layout.operator("dermis.add_screen", text="Touch Screen", icon="DESKTOP")
         layout.separator()
         layout.operator("dermis.demo_scene", text="Demo Scene", icon="SCENE_DATA")
+        layout.operator("dermis.demo_skin_scene", text="Demo Skin Scene", icon="SCENE_DATA").fingers = "ONE"
+        five = layout.operator("dermis.demo_skin_scene", text="Demo Skin Scene, Five Fingers", icon="SCENE_DATA")
+        five.fingers = "FIVE"
 
 
 def _broken(layout: Any, entries: list[Any]) -> None:

@@ -213,7 +213,7 @@ class DERMIS_PT_material(DermisPanel, bpy.types.Panel):
         material = context.object.dermis.material
         title = next((e.name for e in choices.materials() if e.key == material.preset), material.preset)
         self.layout.operator("dermis.choose_material", text=title or "From Preset", icon="PRESET")
-        _properties(self.layout, material, "friction")
+        _properties(self.layout, material, "friction", "surface_stiffness_mpa_m")
 
 
 class _Effect(DermisPanel):

@@ -65,7 +65,8 @@ def test_errors_come_back_as_errors_and_the_worker_lives() -> None:
     with Worker() as worker:
         with pytest.raises(DermisError) as caught:
             result(worker.run("brew"))
-        assert (caught.value.what, caught.value.value, caught.value.limit) == ("no such job", "brew", "probe")
+        assert (caught.value.what, caught.value.value) == ("no such job", "brew")
+        assert "probe" in caught.value.limit.split(", ")
         with pytest.raises(DermisError, match="an array of Python objects cannot be written"):
             result(worker.run("probe", {"x": np.array([{}], dtype=object)}))
         assert "found" in result(worker.run("probe"))[1]

@@ -1,0 +1,214 @@
+"""The skin of the active finger, how the view shows skins, and what they feel at the current frame."""
+
+from typing import Any
+
+import bpy
+
+from .. import properties_skin, skin_field, skin_live, skin_view
+from . import census, choices
+from .main import DermisPanel
+from .text import paragraph
+
+
+def _finger(context: bpy.types.Context) -> Any:
+    obj = context.object
+    return obj.dermis.finger if obj is not None and obj.dermis.role == "FINGER" else None
+
+
+def _column(layout: Any, group: Any, *names: str) -> Any:
+    column = layout.column()
+    column.use_property_split = True
+    column.use_property_decorate = False
+    for name in names:
+        column.prop(group, name)
+    return column
+
+
+class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
+    """A finger's skin."""
+
+    bl_idname = "DERMIS_PT_skin"
+    bl_label = "Skin"
+    bl_parent_id = "DERMIS_PT_object"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a finger."""
+        return _finger(context) is not None
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        """Draw the switch."""
+        self.layout.prop(_finger(context).skin, "shown", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw preset, accuracy, stiffness and touch depth."""
+        layout, skin = self.layout, _finger(context).skin
+        layout.active = skin.shown
+        title = next((e.name for e in choices.skins() if e.key == skin.preset), skin.preset.replace("_", " ").title())
+        layout.operator("dermis.choose_skin", text=title or "From Preset", icon="PRESET")
+        column = _column(layout, skin, "level")
+        row = column.row()
+        row.active = False
+        row.alignment = "RIGHT"
+        row.label(text=f"about {properties_skin.TETRAHEDRA[skin.level]} tetrahedra")
+        _column(layout, skin, "young_kpa", "alpha")
+        column = _column(layout, skin, "depth_mode")
+        if skin.depth_mode == "compliant":
+            column.prop(skin, "bone_stiffness")
+            column.prop(skin, "force_limit")
+
+
+class DERMIS_PT_skin_size(DermisPanel, bpy.types.Panel):
+    """Lengths of the fingertip."""
+
+    bl_idname = "DERMIS_PT_skin_size"
+    bl_label = "Size, Nail and Bone"
+    bl_parent_id = "DERMIS_PT_skin"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a finger."""
+        return _finger(context) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the lengths."""
+        skin = _finger(context).skin
+        for names in (
+            ("width_mm", "thickness_mm", "length_mm", "tip_mm"),
+            ("nail_width_mm", "nail_length_mm", "nail_margin_mm"),
+            ("bone_width_mm", "bone_thickness_mm", "bone_bed_mm", "bone_margin_mm"),
+            ("poisson",),
+        ):
+            _column(self.layout, skin, *names)
+
+
+class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
+    """How the view shows skins, and what they feel now."""
+
+    bl_idname = "DERMIS_PT_skin_view"
+    bl_label = "Skin Heat Map"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a finger."""
+        return bool(census.of(context.scene).fingers)
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        """Draw the switch."""
+        self.layout.prop(context.scene.dermis.skin_view, "show", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw quantity and range, then each finger's figures."""
+        layout, scene = self.layout, context.scene
+        if not skin_live.any_shown(scene):
+            paragraph(layout, context, "No finger shows its skin: switch Skin on in a finger's Object panel.", "INFO")
+            return
+        view = scene.dermis.skin_view
+        column = _column(layout, view, "quantity")
+        column.active = view.show
+        row = column.row(align=True)
+        row.prop(view, "range_mode")
+        if view.range_mode == "auto":
+            row.operator("dermis.reset_skin_range", text="", icon="FILE_REFRESH")
+        if view.range_mode == "fixed":
+            column.prop(view, "maximum", text=f"Maximum [{skin_field.QUANTITIES[view.quantity].unit}]")
+        if skin_live.failure():
+            paragraph(layout, context, skin_live.failure(), "ERROR")
+        states = skin_live.states(scene)
+        if not states and not skin_live.failure():
+            paragraph(layout, context, "Move along the timeline to see what the skin feels.")
+        for state in states:
+            _figures(layout.box().column(align=True), context, state)
+        if states:
+            deepest = max(s.depth for s in states)
+            text = skin_field.error_text(deepest)
+            paragraph(layout, context, text[:1].upper() + text[1:], "ERROR" if deepest > 2e-3 else "INFO")
+
+
+class DERMIS_PT_skin_style(DermisPanel, bpy.types.Panel):
+    """Colours and what else is drawn."""
+
+    bl_idname = "DERMIS_PT_skin_style"
+    bl_label = "Style"
+    bl_parent_id = "DERMIS_PT_skin_view"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the settings."""
+        view = context.scene.dermis.skin_view
+        column = _column(self.layout, view, "colours", "xray", "fill", "exaggeration", "contours", "legend", "maps")
+        if view.maps:
+            column.prop(view, "map_size")
+
+
+class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
+    """What was solved, what was skipped, and what did not converge."""
+
+    bl_idname = "DERMIS_PT_skin_work"
+    bl_label = "Solved and Skipped"
+    bl_parent_id = "DERMIS_PT_skin_view"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the counters of each finger."""
+        column = self.layout.column(align=True)
+        column.scale_y = 0.85
+        for state in skin_live.states(context.scene):
+            column.label(text=state.finger)
+            for name, count in state.counters.items():
+                if count:
+                    bad = name in ("not converged", "solved by the fallback")
+                    _pair(column, name, f"{count:,}", "ERROR" if bad else "BLANK1")
+        for name, count in skin_view.counters().items():
+            _pair(column, f"stress {name}", f"{count:,}", "BLANK1")
+
+
+def _figures(column: Any, context: bpy.types.Context, state: skin_live.SkinState) -> None:
+    column.scale_y = 0.85
+    icon = {"bake": "CHECKMARK", "live": "PLAY", "none": "TIME"}.get(state.source, "ERROR")
+    column.label(text=state.finger, icon=icon)
+    if state.note:
+        paragraph(column, context, state.note[:1].upper() + state.note[1:], inset=20.0)
+    if not state.touching:
+        return
+    _pair(column, "normal force", skin_view.force(state.normal_force))
+    _pair(column, "tangential force", skin_view.force(state.tangential_force))
+    deep = state.depth > 2e-3
+    _pair(column, "touch depth", f"{1e3 * state.depth:.2f} mm", "ERROR" if deep else "NONE")
+    if state.lift > 0.0:
+        _pair(column, "bone gave way", f"{1e3 * state.lift:.2f} mm")
+    _pair(column, "nodes", f"{state.sticking} stick, {state.slipping} slip")
+    if state.model is not None:
+        _pair(column, "mesh", f"{len(state.model.mesh.tetrahedra):,} tetrahedra")
+    if not state.converged:
+        where = "some frames of the bake" if state.work == "baked" else "this frame"
+        paragraph(column, context, f"Did not converge in {where}: use smaller steps, or less friction.", "ERROR")
+
+
+def _pair(layout: Any, name: str, value: str, icon: str = "NONE") -> None:
+    split = layout.split(factor=0.55)
+    split.label(text=name, icon=icon)
+    split.label(text=value)
+
+
+class DERMIS_MT_skins(bpy.types.Menu):
+    """Fingertip presets."""
+
+    bl_idname = "DERMIS_MT_skins"
+    bl_label = "Fingertip"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw one entry a preset; broken ones with their reason."""
+        layout = self.layout
+        for entry in choices.skins():
+            if entry.error is None:
+                text = f"{entry.name}{' (yours)' if entry.user else ''}"
+                layout.operator("dermis.apply_skin", text=text, icon="VIEW_PAN").preset = entry.key
+            else:
+                layout.label(text=f"{entry.key}: cannot be used", icon="ERROR")
+                layout.label(text=str(entry.error)[:110], icon="BLANK1")
+
+
+OBJECT: tuple[type, ...] = (DERMIS_PT_skin, DERMIS_PT_skin_size)
+VIEW: tuple[type, ...] = (DERMIS_PT_skin_view, DERMIS_PT_skin_style, DERMIS_PT_skin_work, DERMIS_MT_skins)

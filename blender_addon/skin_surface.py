@@ -1,0 +1,148 @@
+"""The surface that is drawn: the skin's triangles, refined along their own curvature, and how values get onto it.
+
+The tissue's mesh is coarse (2 mm in draft). Each edge gets a midpoint on a cubic that passes through both ends and
+follows the values' gradients there, so whatever is drawn is smooth and exact at the nodes. Positions, displacements and
+values all go through the same matrix, made once for a mesh.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int32]
+
+TRIANGLES = 3000  # a surface is refined until it has about as many
+MOST_LEVELS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class DisplaySurface:
+    """A skin's surface for drawing.
+
+    Attributes:
+        nodes: of the tissue's mesh that lie on it, shape (s,).
+        refine: from values at those nodes to values at the drawn vertices, sparse (d, s).
+        rest: drawn vertices without deformation [m], shape (d, 3).
+        triangles: counter-clockwise from outside, shape (t, 3).
+        palmar: which of them face away from the nail, shape (t,).
+        scatter: from triangles to vertices, sparse (d, t), for normals.
+    """
+
+    nodes: Index
+    refine: Any
+    rest: Array
+    triangles: Index
+    palmar: NDArray[np.bool_]
+    scatter: Any
+
+    @classmethod
+    def of(cls, mesh: Any) -> DisplaySurface:
+        """Build the surface of a tetrahedral mesh, without what nail and bone hold."""
+        from scipy.sparse import coo_array, identity
+
+        held = np.zeros(len(mesh.nodes), bool)
+        held[mesh.fixed] = True
+        shown = mesh.surface[~held[mesh.surface].all(axis=1)]
+        nodes, flat = np.unique(shown, return_inverse=True)
+        triangles = flat.reshape(-1, 3).astype(np.int32)
+        rest = mesh.nodes[nodes]
+        refine = identity(len(nodes), format="csr")
+        for _ in range(MOST_LEVELS):
+            if len(triangles) * 4 > 2 * TRIANGLES and len(triangles) > TRIANGLES / 2:
+                break
+            matrix, triangles = _refined(rest, triangles)
+            rest = matrix @ rest
+            refine = (matrix @ refine).tocsr()
+        count = len(triangles)
+        scatter = coo_array(
+            (np.ones(3 * count), (triangles.ravel(), np.repeat(np.arange(count), 3))), shape=(len(rest), count)
+        ).tocsr()
+        palmar = _crosses(rest, triangles)[2] < 0.0
+        return cls(nodes.astype(np.int32), refine, rest, triangles, palmar, scatter)
+
+    def moved(self, displacement: Array) -> Array:
+        """Return the drawn vertices for a displacement of the nodes on the surface [m], shape (d, 3)."""
+        return self.rest + self.refine @ displacement
+
+    def values(self, nodal: Array) -> Array:
+        """Return values at the drawn vertices, within the range of the nodes', shape (d,)."""
+        out: Array = self.refine @ nodal
+        return np.clip(out, nodal.min(), nodal.max()) if len(nodal) else out
+
+    def normals(self, positions: Array) -> Array:
+        """Return outward unit normals of the drawn vertices, shape (d, 3)."""
+        out = self.scatter @ np.stack(_crosses(positions, self.triangles), axis=1)
+        out /= np.maximum(np.sqrt((out * out).sum(axis=1)), 1e-30)[:, None]
+        return out  # type: ignore[no-any-return]
+
+
+def _crosses(points: Array, triangles: Index) -> tuple[Array, Array, Array]:
+    """Return twice the area times the normal of triangles, component by component."""
+    a = points[triangles[:, 0]]
+    b, c = (points[triangles[:, 1]] - a).T, (points[triangles[:, 2]] - a).T
+    return b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
+
+
+def _refined(points: Array, triangles: Index) -> tuple[Any, Index]:
+    """Return a matrix (n + edges, n) that adds a midpoint to every edge, and the four times as many triangles."""
+    from scipy.sparse import coo_array, diags_array, identity, vstack
+
+    n = len(points)
+    pairs = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    edges, number = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
+    u, v = _tangents(points, triangles)
+    gradient_u, gradient_v = _gradients(points, edges, u, v)
+    a, b = edges.T
+    along = points[b] - points[a]
+
+    def slope(at: NDArray[Any]) -> Any:
+        """Derivative of the values along each edge at one of its ends."""
+        across_u, across_v = (np.einsum("ij,ij->i", along, t[at]) for t in (u, v))
+        return diags_array(across_u) @ gradient_u[at] + diags_array(across_v) @ gradient_v[at]
+
+    rows = np.arange(len(edges))
+    ends = coo_array(
+        (np.full(2 * len(edges), 0.5), (np.tile(rows, 2), np.concatenate([a, b]))), shape=(len(edges), n)
+    )
+    middle = ends.tocsr() + 0.125 * (slope(a) - slope(b))
+    ab, bc, ca = number.reshape(3, -1) + n
+    i, j, k = triangles.T
+    parts = [np.stack(p, axis=1) for p in ((i, ab, ca), (ab, j, bc), (ca, bc, k), (ab, bc, ca))]
+    return vstack([identity(n, format="csr"), middle], format="csr"), np.concatenate(parts).astype(np.int32)
+
+
+def _tangents(points: Array, triangles: Index) -> tuple[Array, Array]:
+    """Return two unit vectors in the tangent plane of each point."""
+    normal = np.zeros_like(points)
+    crosses = np.stack(_crosses(points, triangles), axis=1)
+    for corner in range(3):
+        np.add.at(normal, triangles[:, corner], crosses)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    least = np.eye(3)[np.abs(normal).argmin(axis=1)]
+    u = np.cross(normal, least)
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    return u, np.cross(normal, u)
+
+
+def _gradients(points: Array, edges: NDArray[Any], u: Array, v: Array) -> tuple[Any, Any]:
+    """Return the least-squares gradient of values along u and v from each point's neighbours, sparse (n, n) each."""
+    from scipy.sparse import coo_array
+
+    n = len(points)
+    a, b = np.concatenate([edges, edges[:, ::-1]]).T
+    step = points[b] - points[a]
+    weight = 1.0 / np.einsum("ij,ij->i", step, step)
+    x, y = np.einsum("ij,ij->i", step, u[a]), np.einsum("ij,ij->i", step, v[a])
+    xx, xy, yy = (np.bincount(a, weight * p, minlength=n) for p in (x * x, x * y, y * y))
+    det = np.maximum(xx * yy - xy * xy, 1e-12)
+    out = []
+    for own in ((yy[a] * x - xy[a] * y) / det[a], (xx[a] * y - xy[a] * x) / det[a]):
+        c = weight * own
+        rows, columns = np.concatenate([a, a]), np.concatenate([b, a])
+        out.append(coo_array((np.concatenate([c, -c]), (rows, columns)), shape=(n, n)).tocsr())
+    return out[0], out[1]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from .axes import FAINT, FRAME, GRID, INK, LEFT, LIMIT, PAPER, RIGHT, TOUCH, WIDTH, thinned, ticks
 from .canvas import Canvas, PngCanvas, SvgCanvas
 from .devices.spec import Channel
 from .files import write_bytes
@@ -14,10 +15,8 @@ from .track import CommandTrack
 
 Array = NDArray[np.float64]
 
-WIDTH, PANEL, GAP = 920.0, 92.0, 16.0
-LEFT, RIGHT, TOP, BOTTOM = 76.0, 24.0, 62.0, 46.0
-INK, FAINT, GRID, PAPER, FRAME = "#20262e", "#6b7480", "#e4e7eb", "#ffffff", "#b9c0c8"
-LIMIT, TOUCH = "#c8503c", "#fdebc8"
+PANEL, GAP = 92.0, 16.0
+TOP, BOTTOM = 62.0, 46.0
 LINES = ("#1f6fb2", "#12876f", "#8a4fb0", "#b0661a", "#4c5fc4", "#a33a6a")
 MOST_POINTS = 4000  # of a curve in SVG; beyond, each step keeps its first, least, greatest and last value
 
@@ -161,28 +160,6 @@ def _shade(times: Array, contact: Array, first: float, last: float, top: float, 
     for part in _runs(np.asarray(contact) > 0.5):
         x0, x1 = _across(float(start[part.start]), first, last), _across(float(end[part.stop - 1]), first, last)
         canvas.rectangle(x0, top, x1 - x0, PANEL, TOUCH)
-
-
-def ticks(low: float, high: float, most: int) -> list[float]:
-    """Return round values (1, 2 or 5 times a power of ten apart) from low to high, at most `most` + 1 of them."""
-    raw = (high - low) / most
-    power = 10.0 ** np.floor(np.log10(raw))
-    step = next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= raw * (1 - 1e-9))
-    count = np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1)
-    return [float(f"{v:.12g}") + 0.0 for v in (count * step).tolist()]
-
-
-def thinned(x: Array, y: Array, most: int) -> tuple[Array, Array]:
-    """Return at most about `most` points that look like all: each step's first, least, greatest and last."""
-    if len(x) <= most:
-        return x, y
-    starts = np.unique(np.linspace(0, len(x), most // 4 + 1).astype(int)[:-1])
-    ends = np.r_[starts[1:], len(x)]
-    keep = {0, len(x) - 1}
-    for a, b in zip(starts.tolist(), ends.tolist(), strict=True):
-        keep |= {a, a + int(np.argmin(y[a:b])), a + int(np.argmax(y[a:b])), b - 1}
-    rows = np.array(sorted(keep))
-    return x[rows], y[rows]
 
 
 def _range(channel: Channel, values: Array) -> tuple[float, float]:

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .axes import FAINT, FRAME, GRID, INK, LEFT, LIMIT, PAPER, RIGHT, TOUCH, WIDTH, thinned, ticks
 from .canvas import Canvas
 from .devices.spec import DeviceSpec
-from .plot import FAINT, FRAME, GRID, INK, LEFT, LIMIT, PAPER, RIGHT, TOUCH, WIDTH, thinned, ticks
 from .track import CommandTrack
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ LINES = (("total", "#1f6fb2"), ("hardest pin", "#b0661a"))
 
 
 def draw(track: CommandTrack, contact: Array | None, canvas: Canvas) -> None:
-    """Draw the whole picture, `plot.WIDTH` by `HEIGHT` points."""
+    """Draw the whole picture, `axes.WIDTH` by `HEIGHT` points."""
     canvas.rectangle(0, 0, WIDTH, HEIGHT, PAPER)
     title = track.spec.name if "finger" not in track.meta else f"{track.meta['finger']} · {track.spec.name}"
     canvas.text(LEFT, 25, title[:60], 11.5, INK)
@@ -38,7 +38,7 @@ def draw(track: CommandTrack, contact: Array | None, canvas: Canvas) -> None:
     moments = first + (np.arange(MAPS) + 0.5) / MAPS * (last - first)
     room = (WIDTH - LEFT - RIGHT) / MAPS
     for k, moment in enumerate(moments.tolist()):
-        forces = np.zeros(len(track.channels))
+        forces: Array = np.zeros(len(track.channels))
         if len(track.times):
             forces = track.values[int(np.argmin(np.abs(track.times - moment)))]
         pin_map(track.spec, forces, high, LEFT + k * room + 4, MAP_TOP, room - 8, MAP_HEIGHT, canvas)
@@ -88,9 +88,9 @@ def _panel(track: CommandTrack, contact: Array | None, first: float, last: float
         for a, b in edges.tolist():
             x = float(across(track.times[a]))
             canvas.rectangle(x, PANEL_TOP, float(across(track.times[b - 1])) - x, PANEL_HEIGHT, TOUCH)
-    for v in ticks(0.0, top_value, 4):
-        canvas.line(LEFT, float(down(v)), WIDTH - RIGHT, float(down(v)), GRID, 0.75)
-        canvas.text(LEFT - 7, float(down(v)) + 3.5, f"{v:g}", 7.5, FAINT, "end")
+    for mark in ticks(0.0, top_value, 4):
+        canvas.line(LEFT, float(down(mark)), WIDTH - RIGHT, float(down(mark)), GRID, 0.75)
+        canvas.text(LEFT - 7, float(down(mark)) + 3.5, f"{mark:g}", 7.5, FAINT, "end")
     base = PANEL_TOP + PANEL_HEIGHT
     for t in ticks(first, last, 8):
         canvas.line(float(across(t)), PANEL_TOP, float(across(t)), base + 4, GRID, 0.75)
@@ -102,7 +102,7 @@ def _panel(track: CommandTrack, contact: Array | None, first: float, last: float
         canvas.line(LEFT, float(down(high)), WIDTH - RIGHT, float(down(high)), LIMIT, 1.0, 4.0)
     for k, ((name, colour), values) in enumerate(zip(LINES, curves, strict=True)):
         if len(track.times) > 1:
-            t, v = thinned(track.times, values, 4000)
-            canvas.curve(across(t), down(v), colour, 1.3)
+            some, thin = thinned(track.times, values, 4000)
+            canvas.curve(across(some), down(thin), colour, 1.3)
         canvas.text(LEFT + 10 + 120 * k, PANEL_TOP - 6, f"{name} [N]", 7.5, colour)
     canvas.text((LEFT + WIDTH - RIGHT) / 2, base + 34, "time [s]", 8, INK, "middle")

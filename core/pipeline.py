@@ -219,7 +219,7 @@ def _wanted(
 ) -> Iterator[tuple[int, DeviceUse, DeviceSpec]]:
     """Pair every finger with the devices that can be driven; say which cannot, and go on."""
     for i, finger in enumerate(scene.fingers):
-        if not finger.devices:
+        if not finger.devices and not finger.parameters.get("skin_shown", False):
             findings.append(
                 Finding(
                     "warning",

@@ -162,6 +162,37 @@ class DermisDevice(bpy.types.PropertyGroup):
     threshold: _number("Threshold", "Rectangle profile: part of the map's height above which friction is on", 0.5,
                        0.0, 1.0, subtype="FACTOR")  # fmt: skip
 
+    pin_method: _choice(
+        "Method", "How pin forces are found from what the skin shall feel ([S1])",
+        (("DM2", "Deformation, Optimal (DM2)", "The pins' forces whose effect on the skin is nearest to the target's, "
+          "within what a pin can do"),
+         ("DM1", "Deformation, Clamped (DM1)", "As DM0, then every force moved into its range: for comparison, and far off"),
+         ("DM0", "Deformation, Free (DM0)", "Pins that could pull as well as push: for comparison"),
+         ("FM2", "Force, Optimal (FM2)", "The pins' forces nearest to the target's forces, within what a pin can do"),
+         ("FM1", "Force, Clamped (FM1)", "As FM0, then every force moved into its range: the usual way"),
+         ("FM0", "Force, Free (FM0)", "Pins that could pull as well as push: for comparison")),
+        "DM2",
+    )  # fmt: skip
+    pin_nodes: _choice(
+        "Compare", "Where the skin's deformation is compared with the target's",
+        (("all", "All Tissue", "Every node of the mesh that can move, as in the paper"),
+         ("surface", "Surface", "The surface of the skin"),
+         ("receptor", "Receptor Depth", "0.3 to 2.0 mm below the pad, where receptors are")),
+        "all",
+    )  # fmt: skip
+    pin_bounded: BoolProperty(
+        name="Force Limit", description="Solve within the force that a pin can give; without it as the paper does, and "
+        "what is too much is cut off afterwards", default=True, options=set(), update=_touched, override=OVERRIDE,
+    )  # fmt: skip
+    pin_lead: BoolProperty(
+        name="Lead by Delay", description="Let the track run ahead by the device's control delay, so that pins press "
+        "when the touch is seen", default=True, options=set(), update=_touched, override=OVERRIDE,
+    )  # fmt: skip
+    pin_fade_in: _number("Fade In", "Time in which the pins' forces come up at the start of the track", 0.1, 0.0, 60.0,
+                         soft_max=2.0, unit="TIME_ABSOLUTE", precision=3, options=set())  # fmt: skip
+    pin_fade_out: _number("Fade Out", "Time in which the pins' forces go down at the end of the track", 0.1, 0.0, 60.0,
+                          soft_max=2.0, unit="TIME_ABSOLUTE", precision=3, options=set())  # fmt: skip
+
 
 class DermisFinger(bpy.types.PropertyGroup):
     """A fingertip: origin at the pad's centre, +Y towards the tip, +Z towards the nail."""

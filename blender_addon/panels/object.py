@@ -8,6 +8,7 @@ from . import choices
 from .main import DermisPanel
 from .text import paragraph
 
+DEVICE_ICONS = {"friction_screen": "DESKTOP", "pin_array": "LIGHTPROBE_VOLUME"}
 ICONS = {"FINGER": "VIEW_PAN", "TOUCHABLE": "MATERIAL", "SCREEN": "DESKTOP", "NONE": "OBJECT_DATA"}
 
 
@@ -91,7 +92,7 @@ class DERMIS_UL_devices(bpy.types.UIList):
         """Draw one device with its switch; what cannot be used says so."""
         entry = choices.device_entry(item.preset)
         broken = choices.known() and (entry is None or entry.error is not None)
-        icon = "ERROR" if broken else "DESKTOP" if choices.kind_of(item.preset) == "friction_screen" else "MOD_WARP"
+        icon = "ERROR" if broken else DEVICE_ICONS.get(choices.kind_of(item.preset), "MOD_WARP")
         row = layout.row(align=True)
         row.active = item.enabled and not broken
         row.label(text=choices.device_title(item.preset) or "No device chosen", icon=icon)
@@ -172,6 +173,14 @@ class DERMIS_PT_device(DermisPanel, bpy.types.Panel):
             if device.scale_mode == "manual":
                 column.prop(device, "scale")
             column.prop(device, "carrier")
+        if kind == "pin_array":
+            column = _properties(layout, device, "pin_method")
+            if device.pin_method.startswith("DM"):
+                column.prop(device, "pin_nodes")
+            column.prop(device, "pin_bounded")
+            column.prop(device, "pin_lead")
+            column.prop(device, "pin_fade_in")
+            column.prop(device, "pin_fade_out")
 
 
 class DERMIS_PT_pattern(DermisPanel, bpy.types.Panel):

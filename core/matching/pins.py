@@ -104,8 +104,8 @@ def render(
 ) -> Rendered:
     """Render one finger's pin array.
 
-    The use's parameters: method (DM2), weighting ('all'), bounded (True: what a pin can do; False: the paper's form),
-    lead (True: the track leads by the device's delay), fade_in and fade_out [s].
+    The use's parameters: pin_method ('DM2'), pin_nodes ('all', a weighting), pin_bounded (True: what a pin can do; False:
+    the paper's form), pin_lead (True: the track leads by the device's delay), pin_fade_in and pin_fade_out [s].
 
     Signals, at the times of the touch whatever the lead: 'contact', 'displacement_error' u_err [m], 'force_error'
     f_err [N], 'target_force' and 'rendered_force' along the pad's normal, 'target_shear' and 'rendered_shear' across
@@ -117,10 +117,10 @@ def render(
     Source: [S1] eq. 6-21
     """
     p = use.parameters
-    method = p.get("method", "DM2")
+    method = p.get("pin_method", "DM2")
     if method not in METHODS:
         raise DermisError("unknown matching method", where=spec.key, value=method, limit=", ".join(METHODS))
-    lead, fades = _lead(p, spec), (_length(p, "fade_in"), _length(p, "fade_out"))
+    lead, fades = _lead(p, spec), (_length(p, "pin_fade_in"), _length(p, "pin_fade_out"))
     count = len(skin.times)
     times = np.arange(sample_count(scene.fps, scene.frame_range, spec.rate)) / spec.rate
     skipped = {"pin_frames_without_contact": count - len(skin.contact)}
@@ -131,8 +131,8 @@ def render(
         return Rendered(
             CommandTrack(spec, times, np.zeros((len(times), len(spec.channels))), meta), nothing, (), skipped
         )
-    ready = setup(skin.model, spec, p.get("weighting", "all"))
-    solver = make_solver(ready, spec, method, skin.times, bounded=bool(p.get("bounded", True)))
+    ready = setup(skin.model, spec, p.get("pin_nodes", "all"))
+    solver = make_solver(ready, spec, method, skin.times, bounded=bool(p.get("pin_bounded", True)))
     matched = match(solver, skin)
     forces, series = matched.forces, _series(matched, ready, skin)
     values = interpolate(skin.times, forces, np.minimum(times + lead, skin.times[-1]))
@@ -231,7 +231,7 @@ _SETUPS: weakref.WeakKeyDictionary[SkinModel, dict[tuple[str, str], PinSetup]] =
 def _lead(parameters: Mapping[str, Any], spec: DeviceSpec) -> float:
     """Return by how much the track leads the touch, so that the device's delay cancels [s]."""
     delay = float(spec.parameters.get("delay", 0.0))
-    return delay if parameters.get("lead", True) else 0.0
+    return delay if parameters.get("pin_lead", True) else 0.0
 
 
 def _length(parameters: Mapping[str, Any], name: str) -> float:

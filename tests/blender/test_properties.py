@@ -14,7 +14,7 @@ FINGER = {"touch_distance", "pattern", "pattern_play", "pattern_angle", "pattern
           "pattern_repeat"}  # fmt: skip
 DEVICE = {"use_transient", "use_texture", "use_weight", "use_content", "use_pattern", "projection", "transient_axis",
           "weight_sign", "auto_range", "profile", "downhill", "scale_mode", "scale", "carrier", "direction_window",
-          "threshold"}  # fmt: skip
+          "threshold", "pin_method", "pin_nodes", "pin_bounded", "pin_lead", "pin_fade_in", "pin_fade_out"}  # fmt: skip
 GROUPS = (properties.DermisDevice, properties.DermisFinger, properties.DermisMaterial, properties.DermisScreen,
           properties.DermisObject, properties.DermisScene)  # fmt: skip
 

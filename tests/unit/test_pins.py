@@ -168,7 +168,7 @@ def test_tilted_pins_cannot_pull_back():
     back = felt(direction=np.radians(270.0), friction=0.5)
     assert back.force[-1].sum(axis=0)[1] < -0.5  # what is wanted
     for method in ("FM1", "DM2"):
-        forces = rendered(back, method=method, fade_out=0.0).track.values[-1]
+        forces = rendered(back, pin_method=method, pin_fade_out=0.0).track.values[-1]
         assert forces @ pins.setup(skin(), spec()).pins.directions[:, 1] >= 0.0
 
 
@@ -196,7 +196,7 @@ def test_stiffer_skin_needs_forces_that_much_larger_and_bounds_hold_after_it():
 
 
 def test_the_track_leads_by_the_delay_or_not():
-    late, early = (rendered(fade_in=0.0, fade_out=0.0, lead=lead).track for lead in (False, True))
+    late, early = (rendered(pin_fade_in=0.0, pin_fade_out=0.0, pin_lead=lead).track for lead in (False, True))
     shift = round(0.075 * RATE)
     np.testing.assert_allclose(early.values[:-shift], late.values[shift:], atol=1e-12)
     np.testing.assert_array_equal(early.values[-shift:], np.repeat(late.values[-1:], shift, axis=0))
@@ -204,7 +204,7 @@ def test_the_track_leads_by_the_delay_or_not():
 
 
 def test_fades_are_smooth_steps_of_their_length():
-    plain, faded = (rendered(fade_in=f, fade_out=f).track for f in (0.0, 0.2))
+    plain, faded = (rendered(pin_fade_in=f, pin_fade_out=f).track for f in (0.0, 0.2))
     t, end = plain.times, plain.times[-1]
 
     def smooth(x):
@@ -216,10 +216,10 @@ def test_fades_are_smooth_steps_of_their_length():
 
 
 def test_pins_stay_within_force_and_speed():
-    track = rendered(device=spec(slew=2.0), fade_in=0.0, fade_out=0.0, lead=False).track
+    track = rendered(device=spec(slew=2.0), pin_fade_in=0.0, pin_fade_out=0.0, pin_lead=False).track
     assert track.values.min() >= 0 and track.values.max() <= 0.4
     assert max(np.abs(b - a).max() for a, b in pairwise(track.values)) <= 2.0 / RATE * (1 + 1e-9)
-    assert rendered(bounded=False).track.values.max() > 0.4
+    assert rendered(pin_bounded=False).track.values.max() > 0.4
 
 
 def test_what_is_at_its_limit_is_told():
@@ -261,7 +261,7 @@ def test_impossible_planes_are_refused(bad):
 
 @pytest.mark.parametrize(
     ("parameters", "words"),
-    [({"method": "DM3"}, "method"), ({"weighting": "nail"}, "weighting"), ({"fade_in": -0.1}, "fade")],
+    [({"pin_method": "DM3"}, "method"), ({"pin_nodes": "nail"}, "weighting"), ({"pin_fade_in": -0.1}, "fade")],
 )
 def test_bad_settings_are_refused(parameters, words):
     with pytest.raises(DermisError, match=words):

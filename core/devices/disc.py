@@ -154,6 +154,17 @@ class DiscSolution:
         return out
 
 
+@dataclass(frozen=True, eq=False)
+class _Factors:
+    """LU factors of a Newton step, and which nodes it was for."""
+
+    lower: Array
+    pivots: NDArray[np.int32]
+    active: NDArray[np.intp]
+    slips: NDArray[np.intp]
+    law: Array
+
+
 class DiscContact:
     """Contact of one skin with a disc, pose after pose.
 
@@ -186,6 +197,9 @@ class DiscContact:
         self._block: tuple[bytes, Array] | None = None
         self.choice = 0  # counts how often the candidates were chosen, for those who keep tables by them
         self.solved = self.fallbacks = 0
+        from scipy.linalg.lapack import dgetrf, dgetrs
+
+        self._factorise, self._back = dgetrf, dgetrs
         self.hold(FrictionState.rest(count))
 
     def hold(self, state: FrictionState) -> None:
@@ -255,17 +269,14 @@ class DiscContact:
     def _newton(
         self, pose: DiscPose, offset: Array, change: Array, guess: Array, steps: int = MAX_STEPS
     ) -> tuple[Array, Array, Array, NDArray[np.int8], float, int]:
-        """Newton's method on the forces; each step solves for the derivatives too, for next to nothing."""
+        """Newton's method on the forces, and their derivatives from its last factors."""
         normal, r, mu, size = pose.normal, self._stiffness, self.friction, len(offset)
-        turn = np.concatenate([_crossing(pose.spin[0]), _crossing(pose.spin[1])], axis=1)
-        force, slope = guess, np.zeros((size, 3, 3))
-        best, step = (np.inf, force, offset, slope, np.zeros(size, np.int8)), 0
-        both = np.empty((size, 3, 3))  # forces, and how they turn with the disc
+        force, step = guess, 0
+        best = (np.inf, force, offset, np.zeros(size, np.int8))
+        factors: _Factors | None = None
+        best_factors: _Factors | None = None
         while True:
-            turned = force @ turn
-            both[:, :, 0], both[:, :, 1], both[:, :, 2] = force, turned[:, :3], turned[:, 3:]
-            images = (self._matrix @ both.reshape(-1, 3)).reshape(size, 3, 3)
-            w = images[:, :, 0] + offset
+            w = (self._matrix @ force.ravel()).reshape(size, 3) + offset
             v = force - r * w
             vn = v @ normal
             tangent = v - vn[:, None] * normal
@@ -279,23 +290,18 @@ class DiscContact:
             residual = float(np.sqrt((miss @ miss) / weight)) if weight > 0.0 else 0.0
             if step and residual < best[0]:
                 status = np.where(vn <= 0.0, OPEN, np.where(share < 1.0, SLIP, STICK)).astype(np.int8)
-                best = (residual, force, w, slope, status)
+                best, best_factors = (residual, force, w, status), factors
             if step == steps or (step and residual <= TOLERANCE):
                 break
             step += 1
             active = np.flatnonzero(vn > 0.0)
-            force, slope = np.zeros((size, 3)), np.zeros((size, 3, 3))
+            force, factors = np.zeros((size, 3)), None
             if len(active) == 0:
                 continue
-            right = np.empty((len(active), 3, 4))
-            right[:, :, 0] = offset[active]
-            right[:, :, 1:] = change[active]
-            moved = images[active]
-            turned = moved[:, :, 0] @ turn
-            right[:, :, 1] += moved[:, :, 1] - turned[:, :3]
-            right[:, :, 2] += moved[:, :, 2] - turned[:, 3:]
+            right = offset[active]
             matrix = self._active_block(active)
             slips = np.flatnonzero(share[active] < 1.0)
+            law = np.zeros((0, 3, 3))
             if len(slips):
                 at = active[slips]
                 law = _projection_slope(normal, tangent[at] / length[at, None], mu, share[at])
@@ -305,18 +311,36 @@ class DiscContact:
                 for k in range(3):
                     matrix[slips, :, 3 * slips + k] += rest[:, :, k]
                 matrix = matrix.reshape(3 * len(active), -1)
-                right[slips] = law @ right[slips]
-            try:
-                answer = np.linalg.solve(matrix, right.reshape(-1, 4)).reshape(-1, 3, 4)
-            except np.linalg.LinAlgError:
+                right[slips] = (law @ right[slips, :, None])[:, :, 0]
+            # the transpose is in Fortran order already, which saves a copy
+            lower, pivots, info = self._factorise(matrix.T, overwrite_a=bool(len(slips)))
+            if info != 0:
                 break
-            force[active] = -answer[:, :, 0]
-            slope[active] = -answer[:, :, 1:]
-            turned = force[active] @ turn
-            slope[active, :, 0] += turned[:, :3]
-            slope[active, :, 1] += turned[:, 3:]
-        residual, force, w, slope, status = best
+            factors = _Factors(lower, pivots, active, slips, law)
+            answer, _ = self._back(lower, pivots, -right.ravel(), trans=1)
+            force[active] = answer.reshape(-1, 3)
+        residual, force, w, status = best
+        slope = self._slope(pose, best_factors, force, w - offset, change)
         return force, w, slope, status, residual, step
+
+    def _slope(self, pose: DiscPose, factors: _Factors | None, force: Array, moved: Array, change: Array) -> Array:
+        """Differentiate the forces by the configuration with the factors of the last Newton step, (s, 3, 3)."""
+        slope = np.zeros((len(force), 3, 3))
+        if factors is None:
+            return slope
+        active = factors.active
+        turn = np.concatenate([_crossing(pose.spin[0]), _crossing(pose.spin[1])], axis=1)
+        turned = np.stack(np.hsplit(force[active] @ turn, 2), axis=2)  # Omega f
+        block = self._active_block(active)
+        right = change[active]
+        right[:, :, :2] += (block @ turned.reshape(-1, 2)).reshape(-1, 3, 2)
+        right[:, :, :2] -= np.stack(np.hsplit(moved[active] @ turn, 2), axis=2)
+        if len(factors.slips):
+            right[factors.slips] = factors.law @ right[factors.slips]
+        answer, _ = self._back(factors.lower, factors.pivots, -right.reshape(-1, 3), trans=1)
+        slope[active] = answer.reshape(-1, 3, 3)
+        slope[active, :, :2] += turned
+        return slope
 
     def _offsets(self, pose: DiscPose) -> tuple[Array, Array]:
         """Relative displacement without force, (s, 3), and its derivative as the disc sees it, (s, 3, 3)."""

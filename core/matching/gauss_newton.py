@@ -43,7 +43,8 @@ class Minimum:
         x: configuration (pitch, roll, distance), shape (3,).
         stimulus: there, shape (k,). residual: stimulus minus target.
         start_cost, cost: half the squared mismatch at the start and at the end.
-        kkt: |S (J'r - A'multipliers)| / (|J S| |r|), 0 at an exact minimum; S scales distance to tilt.
+        kkt: |S (J'r - A'multipliers)| / (|J S| |r|), with the multipliers of the step that would come next: 0 at an exact
+            minimum. S scales distance to tilt.
         active: servo limits that hold it back, indices into the six constraints.
         multipliers: of them, >= 0.
         room: c(x) of the six constraints [rad], >= 0.
@@ -238,9 +239,8 @@ def _quadratic_program(
     if best is None:  # only by rounding at a degenerate corner: stay where every limit holds
         best = (np.zeros(3), (), np.zeros(0))
     step, held, multipliers = best
-    # at limits that are touched now, their push is part of the balance; ones further on do not act yet
-    acting = [i for i, c in enumerate(held) if room[c] <= 1e3 * ON_LIMIT]
-    left = gradient - slopes[[held[i] for i in acting]].T @ multipliers[acting] if acting else gradient
+    # this is minus the Gram matrix times the step: zero exactly where there is no step left to make
+    left = gradient - slopes[list(held)].T @ multipliers if held else gradient
     return step, held, multipliers, float(np.sqrt(left @ left))
 
 

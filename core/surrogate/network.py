@@ -18,9 +18,9 @@ Array = NDArray[np.float64]
 Report = Callable[[int, int], None]
 
 HIDDEN = 260  # Source: [S0] 4.2
-ITERATIONS = 400
+ITERATIONS = 600
 START_PENALTY = 1e-4  # on the first readout, times the number of samples
-DECAY = 1e-5  # weight decay, relative to the mean square of the channels
+DECAY = 1e-4  # weight decay, relative to the mean square of the channels
 
 
 @dataclass(frozen=True, eq=False)

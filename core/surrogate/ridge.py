@@ -12,7 +12,7 @@ from .table import SampleTable
 
 Array = NDArray[np.float64]
 
-PENALTY = 1e-3  # on coefficients of standardised inputs, times the number of samples
+PENALTY = 1e-4  # on coefficients of standardised inputs, times the number of samples
 
 
 @dataclass(frozen=True, eq=False)

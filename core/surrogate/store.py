@@ -24,7 +24,7 @@ from ..skin.model import SkinModel
 from . import onnx
 from .dataset import Dataset, record, split
 from .learned import Descriptors, LearnedModel, descriptors
-from .network import Network, train
+from .network import HIDDEN, ITERATIONS, Network, train
 from .ridge import QuadraticRidge, fit_ridge
 from .subspace import TOLERANCE, Subspace
 from .table import Fit, SampleTable, relative_rms
@@ -76,7 +76,7 @@ def contact_of(device: Thimble, skin: SkinModel, friction: float) -> DiscContact
 
 def adapt(
     device: Thimble, skin: SkinModel, friction: float, *, trajectories: int = TRAJECTORIES, seed: int = 0,
-    tolerance: float = TOLERANCE, hidden: int = 260, iterations: int = 400,
+    tolerance: float = TOLERANCE, hidden: int = HIDDEN, iterations: int = ITERATIONS,
     report: Callable[[str, int, int], None] | None = None,
 ) -> Generator[tuple[str, int, int], None, Surrogate]:  # fmt: skip
     """Make a surrogate for a skin: record, find the descriptors, fit both models; yields stage, done, total.
@@ -112,7 +112,7 @@ def adapt(
 
 
 def fit_all(
-    table: SampleTable, *, seed: int = 0, hidden: int = 260, iterations: int = 400,
+    table: SampleTable, *, seed: int = 0, hidden: int = HIDDEN, iterations: int = ITERATIONS,
     report: Callable[[int, int], None] | None = None,
 ) -> tuple[QuadraticRidge, Network, dict[str, float]]:  # fmt: skip
     """Fit both models to half of the movements and return them with their errors on the other half."""

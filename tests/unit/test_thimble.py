@@ -180,3 +180,40 @@ def test_bad_mechanisms_are_refused(changes, words):
 def test_a_pose_out_of_reach_names_the_leg_and_the_limit(device):
     with pytest.raises(DermisError, match=r"leg \d: .*10.00 to 30.00 mm"):
         device.servo_angles([0, 0, 0.05])
+
+
+def test_turning_and_shifting_equal_the_central_difference(device):
+    """`spin` and `d_centre`, which the skin is sheared by, against differences of the pose itself."""
+    for x in configurations(12, seed=7):
+        pose = device.pose(x)
+        for j in range(3):
+            h = 1e-6 if j < 2 else 1e-8
+            ahead, behind = device.pose(x + h * np.eye(3)[j]), device.pose(x - h * np.eye(3)[j])
+            turn = (ahead.rotation - behind.rotation) / (2 * h) @ pose.rotation.T
+            vector = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+            np.testing.assert_allclose(pose.spin[j], vector, atol=2e-9)
+            np.testing.assert_allclose(pose.d_centre[:, j], (ahead.centre - behind.centre) / (2 * h), atol=2e-9)
+
+
+def test_the_workspace_is_where_every_single_pose_is_feasible(device):
+    pitch, roll, distance = np.radians([-40.0, 0.0, 25.0]), np.radians([0.0, 20.0]), np.linspace(0.009, 0.03, 8)
+    inside = device.workspace(pitch, roll, distance)
+    assert inside.shape == (3, 2, 8) and inside.any() and not inside.all()
+    for (i, j, k), value in np.ndenumerate(inside):
+        x = [pitch[i], roll[j], distance[k]]
+        closes = bool((device.reach(x) > 0).all())
+        turned = np.abs(device.servo_angles(x)[0] - device.servo_zero).max() if closes else np.inf
+        assert value == (turned <= device.servo_range)
+
+
+def test_the_built_in_preset_names_the_channels_that_the_method_fills():
+    from core.presets import Library
+
+    spec = Library().device("thimble_3rrs")
+    assert [c.name for c in spec.channels] == ["servo_1", "servo_2", "servo_3", "pitch", "roll", "distance"]
+    assert [bool(c.actuator) for c in spec.channels] == [True] * 3 + [False] * 3
+    built = thimble.mechanism(spec)
+    for channel in spec.channels[:3]:
+        assert channel.high == pytest.approx(built.servo_range) and channel.low == pytest.approx(-built.servo_range)
+        assert channel.slew == pytest.approx(built.servo_speed)
+    assert built.pulse_width([built.servo_zero + np.pi / 2])[0] == pytest.approx(2.5e-3, rel=1e-5)

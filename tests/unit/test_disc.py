@@ -1,0 +1,173 @@
+"""A disc against the skin, held to the path solver, to exact answers, and to differences of itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.contact.path import PathSolver
+from core.devices import disc as module
+from core.devices.disc import Disc, DiscContact, FrictionState, calibrated, first_contact, placed
+from core.devices.thimble import mechanism
+from core.errors import DermisError
+from core.presets import Library
+from core.skin.model import fingertip_skin
+from tests import problems
+
+
+@pytest.fixture(scope="module")
+def skin():
+    return fingertip_skin(level="draft")
+
+
+@pytest.fixture(scope="module")
+def device():
+    return mechanism(Library().device("thimble_3rrs"))
+
+
+def disc_of(device):
+    return Disc(radius=device.disc_radius)
+
+
+def contact_with(skin, device, friction):
+    return DiscContact(skin.compliance, skin.positions, disc_of(device), friction)
+
+
+def walk(count=40):
+    """A path that presses, tilts both ways, and leaves."""
+    t = np.linspace(0, 1, count)
+    depth = 1.4e-3 * np.sin(np.pi * t) - 0.1e-3
+    return np.stack([0.25 * np.sin(6 * t), 0.2 * np.sin(9 * t + 0.4), 0.018 - depth], axis=1)
+
+
+def forces_along(contact, device, path, state=None):
+    state = state or FrictionState.rest(contact.count)
+    out = []
+    for x in path:
+        contact.hold(state)
+        found = contact.solve(placed(device, device.pose(x)))
+        assert found.converged
+        state = contact.settle(found)
+        out.append(found.spread(contact.count))
+    return np.array(out), state
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3, 0.9])
+def test_a_path_equals_the_path_solver(skin, device, friction):
+    """Two implementations that share nothing but the law: Newton on the nodes near, and the alternating method."""
+    path, disc = walk(), disc_of(device)
+    ours, _ = forces_along(contact_with(skin, device, friction), device, path)
+    solver = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
+    theirs = np.array(
+        [solver.step([disc.body(placed(device, device.pose(x)), friction)]).solution.force for x in path]
+    )
+    assert np.abs(theirs).max() > 0.05
+    np.testing.assert_allclose(ours, theirs, atol=2e-5 * np.abs(theirs).max())
+
+
+def test_a_level_press_without_friction_is_the_exact_one(skin, device):
+    wide = replace(device, disc_radius=0.05)
+    x = np.array([0.0, 0.0, 0.018 - 0.8e-3])
+    found = contact_with(skin, wide, 0.0).solve(placed(wide, wide.pose(x)))
+    exact = problems.flat_press(skin.compliance, skin.positions[:, 2], 0.8e-3)
+    np.testing.assert_allclose(found.spread(skin.pad_count), exact, atol=1e-9 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.6])
+def test_the_derivative_is_that_of_the_forces(skin, device, friction, monkeypatch):
+    monkeypatch.setattr(module, "TOLERANCE", 1e-13)
+    contact = contact_with(skin, device, friction)
+    path = walk()
+    for step in (8, 15, 22, 30):
+        _, state = forces_along(contact, device, path[:step])
+        contact.hold(state)
+        x = path[step]
+        found = contact.solve(placed(device, device.pose(x)))
+        if friction:
+            assert set(found.status.tolist()) == {0, 1, 2}
+        slope = np.zeros((skin.pad_count, 3, 3))
+        slope[found.nodes] = found.slope
+        for j, h in enumerate((1e-7, 1e-7, 1e-9)):
+            ahead, behind = (contact.solve(placed(device, device.pose(x + s * h * np.eye(3)[j]))) for s in (1, -1))
+            difference = (ahead.spread(skin.pad_count) - behind.spread(skin.pad_count)) / (2 * h)
+            np.testing.assert_allclose(slope[:, :, j], difference, atol=2e-5 * np.abs(difference).max())
+
+
+def test_two_ways_to_one_pose_differ_only_with_friction(skin, device):
+    """[S0] figure 4: without friction the stress at C does not depend on the way."""
+    end = np.array([0.05, -0.08, 0.0168])
+    ways = [np.linspace(start, end, 12) for start in ([0.3, 0.0, 0.0185], [-0.25, 0.2, 0.0185])]
+    for friction, alike in ((0.0, True), (0.6, False)):
+        contact = contact_with(skin, device, friction)
+        first, second = (forces_along(contact, device, way)[0][-1] for way in ways)
+        apart = np.linalg.norm(first - second) / np.linalg.norm(first)
+        assert apart < 1e-6 if alike else apart > 0.02
+
+
+def test_standing_still_changes_nothing(skin, device):
+    """Anchors of slipping nodes move to where the nodes are: the same pose again then needs the same forces."""
+    contact = contact_with(skin, device, 0.4)
+    path = walk()[:20]
+    before, state = forces_along(contact, device, path)
+    after, _ = forces_along(contact, device, [path[-1]] * 5, state)
+    assert (contact.solve(placed(device, device.pose(path[-1]))).status == 1).any()
+    np.testing.assert_allclose(after[-1], before[-1], atol=1e-5 * np.abs(before[-1]).max())
+
+
+def test_the_rim_carries_nothing_outside_of_it(skin, device):
+    small = replace(device, disc_radius=2e-3)
+    x = np.array([0.0, 0.0, 0.018 - 1.0e-3])
+    found = contact_with(skin, small, 0.0).solve(placed(small, small.pose(x)))
+    reach = np.hypot(*skin.positions[found.nodes[found.status > 0], :2].T)
+    # the rim falls away as r^2 / 2 rho, so 1 mm deep it is met up to sqrt(2 rho d) farther out at most
+    assert reach.max() <= 2e-3 + np.sqrt(2 * small_rounding() * 1.0e-3) and found.touching
+
+
+def small_rounding():
+    return Disc().rounding
+
+
+def test_the_disc_moves_its_material_when_it_tilts(skin, device):
+    """Parasitic shift and yaw shear the skin: pressed flat and then turned by both tilts, it is pulled sideways."""
+    contact = contact_with(skin, device, 5.0)  # so rough that nothing slips
+    flat = np.array([0.0, 0.0, 0.0172])
+    tilted = np.array([0.12, 0.12, 0.0172])
+    force, _ = forces_along(contact, device, np.linspace(flat, tilted, 6))
+    moved = device.pose(tilted).centre[:2] - device.pose(flat).centre[:2]
+    still = replace(device, platform_radius=1e-9, base_radius=15e-3, crank=15e-3, rod=20e-3)  # no arm: no shift
+    ideal, _ = forces_along(contact_with(skin, device, 5.0), still, np.linspace(flat, tilted, 6))
+    assert np.linalg.norm(moved) > 1e-6
+    assert np.linalg.norm(force[-1] - ideal[-1]) > 1e-3 * np.linalg.norm(ideal[-1])
+
+
+def test_first_contact_is_where_the_gap_closes(skin, device):
+    contact = contact_with(skin, device, 0.6)
+    for pitch, roll in ((0.0, 0.0), (0.2, -0.1), (-0.3, 0.25)):
+        z = first_contact(device, contact, pitch, roll)
+        gap = contact.gap(placed(device, device.pose((pitch, roll, z)))).min()
+        assert abs(gap) < 1e-9
+        assert not contact.solve(placed(device, device.pose((pitch, roll, z + 1e-5)))).touching
+        assert contact.solve(placed(device, device.pose((pitch, roll, z - 1e-5)))).touching
+
+
+def test_calibration_puts_first_contact_where_it_was_felt(skin, device):
+    contact = contact_with(skin, device, 0.6)
+    felt_at = np.array([0.1, -0.05, 0.0169])
+    felt = device.servo_angles(felt_at)[0] - device.servo_zero
+    own = calibrated(device, contact, felt)
+    assert first_contact(own, contact, 0.1, -0.05) == pytest.approx(0.0169, abs=1e-9)
+    assert first_contact(device, contact, 0.1, -0.05) != pytest.approx(0.0169, abs=1e-5)
+
+
+def test_far_away_nothing_is_felt(skin, device):
+    found = contact_with(skin, device, 0.6).solve(placed(device, device.pose((0.0, 0.0, 0.025))))
+    assert not found.touching and found.method == "none" and not found.force.any()
+
+
+@pytest.mark.parametrize(("changes", "words"), [({"friction": -0.1}, "negative"), ({"cut": 3}, "does not fit")])
+def test_what_cannot_be_is_refused(skin, changes, words):
+    compliance = skin.compliance[changes.get("cut", 0) :]
+    with pytest.raises(DermisError, match=words):
+        DiscContact(compliance, skin.positions, Disc(), changes.get("friction", 0.6))

@@ -1,0 +1,103 @@
+"""The constrained search against the optimality conditions, exact minima and a general solver."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.devices.thimble import mechanism
+from core.errors import DermisError
+from core.matching.gauss_newton import ServoLimits, _quadratic_program, minimise
+from core.presets import Library
+
+NEUTRAL = np.array([0.0, 0.0, 0.018])
+
+
+@pytest.fixture(scope="module")
+def device():
+    return mechanism(Library().device("thimble_3rrs"))
+
+
+def test_the_quadratic_program_meets_its_optimality_conditions():
+    """It is strictly convex, so the conditions hold at one point only: whoever meets them has the answer."""
+    rng = np.random.default_rng(0)
+    bound = 0
+    for _ in range(400):
+        jacobian, residual = rng.normal(size=(8, 3)), rng.normal(size=8)
+        slopes = rng.normal(size=(3, 3))
+        low, high = rng.uniform(0.0, 0.2, 3), rng.uniform(0.0, 0.2, 3)
+        low[rng.random(3) < 0.2] = 0.0  # some limits are touched already
+        room, both = np.concatenate([high, low]), np.concatenate([-slopes, slopes])
+        step, held, multipliers, _ = _quadratic_program(jacobian, residual, room, both, ())
+        after = room + both @ step
+        assert after.min() > -1e-11
+        assert (multipliers >= 0).all()
+        np.testing.assert_allclose(after[list(held)], 0.0, atol=1e-11)
+        gradient = jacobian.T @ (jacobian @ step + residual)
+        push = both[list(held)].T @ multipliers if held else 0.0
+        np.testing.assert_allclose(gradient, push, atol=1e-7)
+        bound += bool(held)
+    assert 100 < bound < 400
+
+
+def test_a_linear_model_is_solved_in_one_step(device):
+    rng = np.random.default_rng(1)
+    jacobian = rng.normal(size=(10, 3)) / np.array([1.0, 1.0, device.platform_radius])
+    wanted = NEUTRAL + [0.05, -0.04, 0.0003]
+    found = minimise(lambda x: (jacobian @ (x - NEUTRAL), jacobian), jacobian @ (wanted - NEUTRAL), NEUTRAL, device)
+    np.testing.assert_allclose(found.x, wanted, atol=1e-7)
+    assert found.iterations <= 2 and found.why == "exact" and not found.active
+
+
+def test_the_minimum_at_a_servo_limit_equals_a_general_solver(device):
+    """A target far outside of the workspace, against scipy's SLSQP from the same start."""
+    from scipy.optimize import minimize
+
+    scale = np.array([1.0, 1.0, device.platform_radius])
+    for wanted in ([1.0, 0.2, 0.018], [0.1, -0.9, 0.021], [-0.6, 0.8, 0.008]):
+        goal = np.array(wanted) / scale
+        found = minimise(lambda x: (x / scale, np.diag(1 / scale)), goal, NEUTRAL, device, max_iterations=60)
+        other = minimize(
+            lambda y: 0.5 * ((y - goal) ** 2).sum(), NEUTRAL / scale, jac=lambda y: y - goal, method="SLSQP",
+            constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale)[0]}, options={"ftol": 1e-13},
+        )  # fmt: skip
+        assert found.room.min() >= 0.0 and found.active
+        assert found.kkt < 0.02
+        assert found.cost <= other.fun * (1 + 2e-3)
+        np.testing.assert_allclose(found.x / scale, other.x, atol=0.03)
+
+
+def test_tried_points_keep_the_limits_and_the_cost_falls(device):
+    """A curved valley that leads along and beyond the limits."""
+    seen = []
+
+    def evaluate(x):
+        seen.append(device.constraints(x)[0].min())
+        p, r, z = x[0], x[1], (x[2] - 0.018) / 0.01
+        return np.array([3 * (r - p * p - 0.4), 1.0 - p, z - p * r]), np.array(
+            [[-6 * p, 3.0, 0.0], [-1.0, 0.0, 0.0], [-r, -p, 100.0]]
+        )
+
+    found = minimise(evaluate, np.zeros(3), NEUTRAL, device, max_iterations=60)
+    assert min(seen) >= 0.0
+    assert found.cost < found.start_cost and found.active
+
+
+def test_narrower_limits_are_those_of_the_servos_speed(device):
+    angles = np.array([0.69, 0.0, -0.3])
+    near = ServoLimits.of(device).near(angles, 0.05)
+    np.testing.assert_allclose(near.high, [device.servo_range, 0.05, -0.25])
+    np.testing.assert_allclose(near.low, [0.64, -0.05, -0.35])
+
+
+@pytest.mark.parametrize(
+    ("target", "start", "words"),
+    [
+        (np.array([np.nan, 0, 0]), NEUTRAL, "not finite"),
+        (np.zeros(2), NEUTRAL, "does not fit"),
+        (np.zeros(3), np.array([0.0, 0.0, 0.0095]), "outside the servos' range"),
+    ],
+)
+def test_what_cannot_be_is_refused(device, target, start, words):
+    with pytest.raises(DermisError, match=words):
+        minimise(lambda x: (x, np.eye(3)), target, start, device)

@@ -46,7 +46,8 @@ def command(*arguments: str) -> list[str]:
 
 def environment() -> dict[str, str]:
     """Return a child's environment: it finds this engine and the same installed packages, in the same order."""
-    paths = [str(HOME), *(p for p in sys.path if p.rstrip("/\\").endswith("-packages"))]
+    given = os.environ.get("PYTHONPATH", "").split(os.pathsep)  # where this process was told to look, so does its child
+    paths = [str(HOME), *(p for p in sys.path if p.rstrip("/\\").endswith("-packages") or (p and p in given))]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(dict.fromkeys(paths)), "OPENBLAS_NUM_THREADS": "1"}
 
 

@@ -43,7 +43,7 @@ def run(path: Path, load_screen: Callable[[Path], Screen] | None = None) -> int:
             streamer.tick(time.perf_counter())
             time.sleep(0.001)
         board.status({**streamer.status(), "state": "disconnected", "ended": True})
-        board.close()
+        board.remove()  # its owner may be gone without having done so
     return 0
 
 

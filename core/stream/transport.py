@@ -384,7 +384,8 @@ def _cannot_open(place: str, error: Exception) -> DermisError:
 
 
 def holder_of(place: str) -> str:
-    """Return the name and id of a process that has a port open, where the system tells; otherwise ''."""
+    """Return name and id of the processes that have a port open, where the system tells; otherwise ''."""
+    found = []
     try:
         wanted = os.path.realpath(place)
         for process in sorted(Path("/proc").glob("[0-9]*"), key=lambda p: int(p.name)):
@@ -392,7 +393,7 @@ def holder_of(place: str) -> str:
                 continue
             with contextlib.suppress(OSError):
                 if any(os.path.realpath(link) == wanted for link in (process / "fd").iterdir()):
-                    return f"{(process / 'comm').read_text().strip()} (process {process.name})"
+                    found.append(f"{(process / 'comm').read_text().strip()} (process {process.name})")
     except OSError:
         pass
-    return ""
+    return ", ".join(found)

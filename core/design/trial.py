@@ -1,0 +1,94 @@
+"""The trial by the six interactions: do their scenes, sensed with noise and wobble, give the numbers of motors expected?
+
+Source: [S2] V; the rule, the noise and the wobble are those fixed in `interactions`
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contact.skin_touch import SkinSampler, SkinTouch
+from ..matching.readings import Counts, readings_of
+from ..matching.table import SkinTable
+from ..skin.model import SkinModel
+from .interactions import EXPECTED, KNEE, NAMES, NOISE, WOBBLE, Wobble, interaction
+from .synergies import CHOICES, reduce
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One interaction of one seed.
+
+    Attributes:
+        name, seed: which. expected: motors. found: motors, by choice of components.
+        percent: error above that of all motors, in percent, for k = 1..n, by choice.
+        error: with all motors [counts].
+    """
+
+    name: str
+    seed: int
+    expected: int
+    found: tuple[int, ...]
+    percent: tuple[tuple[float, ...], ...]
+    error: float
+
+
+def felt(skin: SkinModel, name: str, seed: int, wobble: Wobble = WOBBLE) -> SkinTouch:
+    """Return what the skin feels in one of the six interactions."""
+    scene = interaction(name, skin.positions, seed=seed, wobble=wobble)
+    sampler = SkinSampler(scene, {0: skin})
+    for chunk in scene.chunks:
+        sampler.add(chunk)
+    return sampler.finish()[0]
+
+
+def sense(touch: SkinTouch, noise: float = NOISE, seed: int = 0) -> Counts:
+    """Return what the virtual sensor reads along a touch, sample by sample, shape (n, 20), with seeded noise."""
+    sensor = readings_of(touch.model)
+    exact = np.tile(sensor.rest, (len(touch.times), 1))
+    if len(touch.contact):
+        exact[touch.contact] = sensor.counts(touch.force)
+    from ..matching.readings import quantised
+
+    rng = np.random.default_rng([seed, 977])
+    return quantised(exact + noise * rng.standard_normal(exact.shape)) if noise > 0.0 else quantised(exact)
+
+
+def judge(table: SkinTable, sensed: Array, name: str, seed: int, limit: float = KNEE) -> Verdict:
+    """Return how many motors one interaction needs, its components being its own."""
+    found = reduce(table, [np.asarray(sensed, np.float64)], limit)
+    return Verdict(name, seed, EXPECTED[name], tuple(r.motors for r in found),
+                   tuple(tuple(r.percent[0].tolist()) for r in found), float(found[0].error[0, -1]))  # fmt: skip
+
+
+def trial(
+    tables: Sequence[SkinTable], skin: SkinModel, seeds: Sequence[int]
+) -> Generator[tuple[int, int], None, tuple[tuple[Verdict, ...], ...]]:
+    """Judge all six interactions for each seed and each device's table; yield (done, total), return the verdicts."""
+    tables = [table.heard_with(NOISE) for table in tables]
+    verdicts: list[list[Verdict]] = [[] for _ in tables]
+    total = len(seeds) * len(NAMES)
+    for i, seed in enumerate(seeds):
+        for j, name in enumerate(NAMES):
+            sensed = sense(felt(skin, name, seed), seed=100 * seed + j)
+            for found, table in zip(verdicts, tables, strict=True):
+                found.append(judge(table, sensed, name, seed))
+            yield i * len(NAMES) + j + 1, total
+    return tuple(tuple(v) for v in verdicts)
+
+
+def exceptions(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
+    """Return a line for each verdict that is not as expected, by either choice of components."""
+    lines = []
+    for v in verdicts:
+        for choice, found, percent in zip(CHOICES, v.found, v.percent, strict=True):
+            if found != v.expected:
+                shown = ", ".join(f"{p:.1f}" for p in percent)
+                lines.append(f"{v.name}, seed {v.seed}, by {choice}: {found} instead of {v.expected} ({shown} %)")
+    return tuple(lines)

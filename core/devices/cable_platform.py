@@ -1,0 +1,219 @@
+"""Cable platform: a disc under the pad, pulled to the finger by three cables and pushed off it by springs around them.
+
+The servos stand above the nail and wind the cables on pulleys, so a command is three pulley angles; zero is the
+reference configuration, where the springs hold the platform away from the fingertip. The pose is a static equilibrium:
+cables pull or hang slack but never push, springs press along their axis and resist being bent aside, and the skin
+pushes back. The platform's weight (a few grams) is left out.
+
+In the finger's frame the base joints stand above the nail; the platform's frame is parallel to the finger's in the
+reference configuration, its face looks along +Z.
+
+Source: [S2] II and Fig. 1; [S2] corrections (tensions >= 0, springs, contact)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from .press import Poses, crossing
+from .spec import DeviceSpec
+
+Array = NDArray[np.float64]
+
+NEWTON_STEPS = 40
+BALANCE = 1e-6  # [N], and over the platform's radius for moments: a pose this near to balance is one
+MOTORS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class CablePlatform:
+    """The mechanism.
+
+    Attributes:
+        disc_radius: of the face that touches [m].
+        joints: where the cables hold the platform, in its frame [m], shape (3, 3).
+        base: where they leave the base, in the finger's frame [m], shape (3, 3).
+        height: of the platform's face in the reference configuration [m], below the pad and so negative.
+        pulley: radius [m].
+        spring: axial stiffness [N/m]. bending: sideways stiffness of a spring [N/m]. free_length: of a spring [m].
+        cable: stiffness of a cable [N/m].
+        tension_limit: what a servo can pull [N].
+    """
+
+    disc_radius: float
+    joints: Array
+    base: Array
+    height: float
+    pulley: float
+    spring: float
+    bending: float
+    free_length: float
+    cable: float
+    tension_limit: float
+
+    @property
+    def rest(self) -> Array:
+        """Pulley angles of the reference configuration [rad], shape (3,)."""
+        return np.zeros(MOTORS)
+
+    @property
+    def rest_lengths(self) -> Array:
+        """Cable lengths in the reference configuration [m], shape (3,)."""
+        return np.linalg.norm(self._arms_at_rest, axis=1)
+
+    @property
+    def _arms_at_rest(self) -> Array:
+        return self.joints + np.array([0.0, 0.0, self.height]) - self.base
+
+    def rest_poses(self, count: int) -> Poses:
+        """Return the reference configuration, `count` times."""
+        return Poses(np.tile(np.eye(3), (count, 1, 1)), np.tile([0.0, 0.0, self.height], (count, 1)))
+
+    def lengths(self, commands: Array) -> Array:
+        """Return cable lengths [m] for pulley angles [rad], shape (n, 3)."""
+        return self.rest_lengths - self.pulley * np.asarray(commands, np.float64)
+
+    def commands(self, poses: Poses) -> Array:
+        """Return pulley angles [rad] that make the cables just straight at poses, shape (n, 3): inverse kinematics."""
+        arms = poses.centre[:, None] + self.joints @ poses.rotation.transpose(0, 2, 1) - self.base
+        return (self.rest_lengths - np.linalg.norm(arms, axis=2)) / self.pulley
+
+    def carry(self, commands: Array, start: Poses) -> Poses:
+        """Return the static equilibrium without load; see `press.Carrier`.
+
+        The springs' preload keeps all cables taut then, so they are taken as rods; `give` lets them hang slack.
+        """
+        lengths = self.lengths(commands)
+        poses = start
+        scale = np.array([1.0, 1.0, 1.0, *(1.0 / self.disc_radius,) * 3])
+        rotation, centre = poses.rotation.copy(), poses.centre.copy()
+        active = np.arange(len(lengths))
+        for _ in range(NEWTON_STEPS):
+            wrench, stiffness = self._balance(poses, lengths[active], taut=True)
+            left = np.abs(wrench * scale).max(axis=1, initial=0.0) > BALANCE
+            if left.sum() < len(left):
+                active, poses = active[left], poses.take(np.flatnonzero(left))
+                wrench, stiffness = wrench[left], stiffness[left]
+            if not len(active):
+                break
+            twist = np.linalg.solve(stiffness, wrench[:, :, None])[:, :, 0]
+            # no more than some mm and a quarter radian at once: beyond, cables change between taut and slack
+            size = np.maximum(np.abs(twist[:, :3]).max(axis=1) / 6e-3, np.abs(twist[:, 3:]).max(axis=1) / 0.25)
+            poses = poses.moved(twist / np.maximum(size, 1.0)[:, None])
+            rotation[active], centre[active] = poses.rotation, poses.centre
+        return Poses(rotation, centre)
+
+    def give(self, commands: Array, poses: Poses, *, first: bool) -> tuple[Array, Array]:
+        """Return force and moment of cables and springs, and their compliance; see `press.Carrier`."""
+        wrench, stiffness = self._balance(poses, self.lengths(commands), taut=first)
+        gives = np.linalg.inv(0.5 * (stiffness + stiffness.transpose(0, 2, 1)))
+        return wrench, gives
+
+    def tensions(self, poses: Poses, commands: Array) -> Array:
+        """Return cable tensions [N] at poses, never negative, shape (n, 3)."""
+        arms = poses.centre[:, None] + self.joints @ poses.rotation.transpose(0, 2, 1) - self.base
+        return self.cable * np.maximum(np.linalg.norm(arms, axis=2) - self.lengths(commands), 0.0)
+
+    def imbalance(self, poses: Poses, commands: Array, load: Array) -> Array:
+        """Return what is left of forces [N] and moments [N m] on the platform, shape (n, 6)."""
+        wrench: Array = self._balance(poses, self.lengths(commands))[0] + load
+        return wrench
+
+    def energy(self, poses: Poses, commands: Array) -> Array:
+        """Return the energy of springs and cables [J], shape (n,); its derivative is the force, for tests."""
+        arms = poses.centre[:, None] + self.joints @ poses.rotation.transpose(0, 2, 1) - self.base
+        length = np.linalg.norm(arms, axis=2)
+        aside = (arms - self._arms_at_rest)[:, :, :2]
+        stretch = np.maximum(length - self.lengths(commands), 0.0)
+        each = self.spring * (length - self.free_length) ** 2 + self.cable * stretch**2
+        return 0.5 * (each.sum(axis=1) + self.bending * (aside**2).sum(axis=(1, 2)))
+
+    def _balance(self, poses: Poses, lengths: Array, *, taut: bool = False) -> tuple[Array, Array]:
+        """Return force and moment of springs and cables about the finger's origin, (n, 6), and their stiffness."""
+        at = poses.centre[:, None] + self.joints @ poses.rotation.transpose(0, 2, 1)
+        arms = at - self.base
+        length = np.sqrt((arms**2).sum(axis=2))
+        along = arms / length[:, :, None]
+        stretch = length - lengths
+        pulls = np.ones_like(stretch, bool) if taut else stretch > 0.0
+        tension = self.cable * np.where(pulls, stretch, 0.0)
+        pull = tension + self.spring * (length - self.free_length)
+        axial = np.where(pulls, self.cable, 0.0) + self.spring
+        aside = self.bending * (arms - self._arms_at_rest)
+        aside[:, :, 2] = 0.0
+        force = -pull[:, :, None] * along - aside
+        across = pull / length
+        k = (axial - across)[:, :, None, None] * (along[:, :, :, None] * along[:, :, None, :])
+        k += across[:, :, None, None] * np.eye(3)
+        k[:, :, 0, 0] += self.bending
+        k[:, :, 1, 1] += self.bending
+        lever = crossing(at)
+        wrench = np.concatenate([force.sum(axis=1), np.cross(at, force).sum(axis=1)], axis=1)
+        stiffness = np.empty((len(at), 6, 6))
+        moved = k @ lever  # force for a turn, with the sign of -(k (w x r)) = k [r] w
+        turned = lever @ k
+        pushed = crossing(force)
+        stiffness[:, :3, :3] = k.sum(axis=1)
+        stiffness[:, :3, 3:] = -moved.sum(axis=1)
+        stiffness[:, 3:, :3] = (turned + pushed).sum(axis=1)
+        stiffness[:, 3:, 3:] = -(lever @ moved + pushed @ lever).sum(axis=1)
+        return wrench, stiffness
+
+
+def mechanism(spec: DeviceSpec) -> CablePlatform:
+    """Read the mechanism of a preset.
+
+    Raises:
+        DermisError: a missing parameter, one that is not above zero, or joints that do not make a triangle.
+    """
+    p, where = spec.parameters, f"device preset '{spec.key}'"
+    radius, base_radius, disc, drop, base_height, pulley, spring, bending, preload, cable, limit = (
+        positive(p, name, where)
+        for name in (
+            "platform_radius", "base_radius", "disc_radius", "rest_distance", "base_height", "pulley_radius",
+            "spring_stiffness", "spring_bending", "spring_preload", "cable_stiffness", "tension_limit",
+        )
+    )  # fmt: skip
+    angles = joint_angles(p, "joint_angles", MOTORS, where)
+    joints, base = on_circle(radius, angles, 0.0), on_circle(base_radius, angles, base_height)
+    rest = np.linalg.norm(joints + np.array([0.0, 0.0, -drop]) - base, axis=1)
+    if np.ptp(rest) > 1e-9:
+        raise DermisError("the cables must be equally long at rest", where=where, value=rest.tolist())
+    return CablePlatform(disc, joints, base, -drop, pulley, spring, bending, float(rest[0]) + preload / spring, cable,
+                         limit)  # fmt: skip
+
+
+def positive(p: Mapping[str, Any], name: str, where: str) -> float:
+    """Return a parameter that must be one number above zero."""
+    value = p.get(name)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
+        raise DermisError(f"'{name}' must be above zero", where=where, value=value, limit="> 0")
+    return float(value)
+
+
+def joint_angles(p: Mapping[str, Any], name: str, count: int, where: str) -> Array:
+    """Return the angles of joints around the pad's normal [rad], from +X to +Y, shape (count,).
+
+    Raises:
+        DermisError: another number of them, two alike, or all on one side of a line through the middle.
+    """
+    value = p.get(name)
+    if not isinstance(value, list) or len(value) != count:
+        raise DermisError(f"'{name}' must be {count} angles", where=where, value=value)
+    angles = np.sort(np.mod(np.asarray(value, np.float64), 2 * np.pi))
+    between = np.diff(np.append(angles, angles[0] + 2 * np.pi))
+    if between.min() < 1e-6 or between.max() >= np.pi:
+        raise DermisError(f"'{name}' must surround the middle", where=where, value=np.degrees(value).round(3).tolist(),
+                          limit="no two alike, none 180 degrees or more apart from the next")  # fmt: skip
+    return np.asarray(value, np.float64)
+
+
+def on_circle(radius: float, angles: Array, height: float) -> Array:
+    """Return points on a circle about the pad's normal [m], shape (n, 3)."""
+    return np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full(len(angles), height)])

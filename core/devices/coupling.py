@@ -1,0 +1,69 @@
+"""Coupling: fewer motors that drive a platform's original ones together, by pulleys of different radii or levers.
+
+Original commands are m = offset + matrix c for commands c of the new motors.
+
+Source: [S2] IV.B and VI (pulley radii are multiples of the components)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from .spec import Channel, DeviceSpec
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """How new motors drive the original ones.
+
+    Attributes:
+        matrix: original command for a unit of each new motor, shape (n, k). offset: original command at zero, (n,).
+        channels: the original motors, with their ranges.
+    """
+
+    matrix: Array
+    offset: Array
+    channels: tuple[Channel, ...]
+
+    def original(self, commands: Array) -> Array:
+        """Return the original motors' commands, (..., k) to (..., n)."""
+        out: Array = self.offset + commands @ self.matrix.T
+        return out
+
+    def reduced(self, commands: Array) -> Array:
+        """Return the new motors' commands that come nearest, each original motor over its range, (..., n) to (..., k)."""
+        scale = 1.0 / np.array([c.high - c.low for c in self.channels])
+        inverse = np.linalg.pinv(self.matrix * scale[:, None]) * scale
+        out: Array = (commands - self.offset) @ inverse.T
+        return out
+
+
+def coupling_of(spec: DeviceSpec) -> Coupling | None:
+    """Return the coupling of a preset made by `design`; None where each motor drives itself.
+
+    Raises:
+        DermisError: a matrix that does not fit the motors, or that has fewer independent columns than motors.
+    """
+    p, where = spec.parameters, f"device preset '{spec.key}'"
+    if "coupling" not in p:
+        return None
+    matrix = np.asarray(p["coupling"], np.float64)
+    offset, low, high = (np.asarray(p.get(name, []), np.float64)
+                         for name in ("coupling_offset", "coupling_low", "coupling_high"))  # fmt: skip
+    n, k = len(offset), len(spec.channels)
+    if matrix.shape != (n, k) or low.shape != (n,) or high.shape != (n,) or not (high > low).all():
+        raise DermisError("the coupling does not fit the motors", where=where, value=f"{matrix.shape}, {n} offsets",
+                          limit=f"({n}, {k}), a range for each original motor")  # fmt: skip
+    if np.linalg.matrix_rank(matrix) < k:
+        raise DermisError("two motors of the coupling do the same", where=where)
+    unit = spec.channels[0].unit if "coupling_unit" not in p else str(p["coupling_unit"])
+    channels = tuple(
+        Channel(f"original_{i + 1}", unit, low=float(low[i]), high=float(high[i])) for i in range(n)
+    )
+    return Coupling(matrix, offset, channels)

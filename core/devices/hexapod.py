@@ -1,0 +1,125 @@
+"""Six-leg platform: a disc under the pad whose six legs' lengths set all of its pose.
+
+The paper's legs are compliant wires through a fixed base (a parallel continuum manipulator); here they are modelled
+as rigid, straight, and free to turn at both ends. Neither their bending under load nor their curved shape is computed.
+
+In the finger's frame the base joints stand above the nail; the platform's frame is parallel to the finger's in the
+reference configuration, its face looks along +Z.
+
+Source: [S2] II and Fig. 2
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from .cable_platform import joint_angles, on_circle, positive
+from .press import Poses
+from .spec import DeviceSpec
+
+Array = NDArray[np.float64]
+
+MOTORS = 6
+NEWTON_STEPS = 30
+CLOSED = 1e-11  # [m] a pose whose legs are this near to the lengths asked for is the pose
+SINGULAR = 1e-4  # least ratio of the singular values of the legs' directions, moments over the platform's radius
+
+
+@dataclass(frozen=True, eq=False)
+class Hexapod:
+    """The mechanism.
+
+    Attributes:
+        disc_radius: of the face that touches [m].
+        joints: of the legs on the platform, in its frame [m], shape (6, 3).
+        base: of the legs on the base, in the finger's frame [m], shape (6, 3).
+        height: of the platform's face in the reference configuration [m], below the pad and so negative.
+    """
+
+    disc_radius: float
+    joints: Array
+    base: Array
+    height: float
+
+    @property
+    def rest(self) -> Array:
+        """Leg lengths of the reference configuration [m], shape (6,)."""
+        return self.commands(self.rest_poses(1))[0]
+
+    def rest_poses(self, count: int) -> Poses:
+        """Return the reference configuration, `count` times."""
+        return Poses(np.tile(np.eye(3), (count, 1, 1)), np.tile([0.0, 0.0, self.height], (count, 1)))
+
+    def commands(self, poses: Poses) -> Array:
+        """Return leg lengths [m] at poses, shape (n, 6): inverse kinematics."""
+        return np.linalg.norm(self._legs(poses)[1], axis=2)
+
+    def carry(self, commands: Array, start: Poses) -> Poses:
+        """Return the pose that closes all legs: forward kinematics; see `press.Carrier`.
+
+        Raises:
+            DermisError: lengths for which no pose is found from `start`.
+        """
+        poses = start
+        wanted = np.asarray(commands, np.float64)
+        for _ in range(NEWTON_STEPS):
+            at, legs = self._legs(poses)
+            length = np.sqrt((legs**2).sum(axis=2))
+            miss = wanted - length
+            if np.abs(miss).max(initial=0.0) <= CLOSED:
+                return poses
+            twist = np.linalg.solve(_rows(at, legs / length[:, :, None]), miss[:, :, None])[:, :, 0]
+            size = np.maximum(np.abs(twist[:, :3]).max(axis=1) / 5e-3, np.abs(twist[:, 3:]).max(axis=1) / 0.3)
+            poses = poses.moved(twist / np.maximum(size, 1.0)[:, None])
+        worst = int(np.abs(miss).max(axis=1).argmax())
+        raise DermisError(
+            "no pose closes the legs", where="six-leg platform", value=(1e3 * wanted[worst]).round(3).tolist(),
+            limit="lengths [mm] of a pose near the one before",
+        )  # fmt: skip
+
+    def give(self, commands: Array, poses: Poses, *, first: bool) -> None:
+        """Return None: the legs are rigid; see `press.Carrier`."""
+        return None
+
+    def conditioning(self, poses: Poses) -> Array:
+        """Return how far poses are from where the legs lose their hold, 0 at a singularity, shape (n,)."""
+        at, legs = self._legs(poses)
+        rows = _rows(at - poses.centre[:, None], legs / np.linalg.norm(legs, axis=2)[:, :, None])
+        rows[:, :, 3:] /= np.linalg.norm(self.joints[0])
+        values = np.linalg.svd(rows, compute_uv=False)
+        return values[:, -1] / values[:, 0]
+
+    def _legs(self, poses: Poses) -> tuple[Array, Array]:
+        at = poses.centre[:, None] + self.joints @ poses.rotation.transpose(0, 2, 1)
+        return at, at - self.base
+
+
+def mechanism(spec: DeviceSpec) -> Hexapod:
+    """Read the mechanism of a preset.
+
+    Raises:
+        DermisError: a missing parameter, one that is not above zero, joints that do not surround the middle, or legs
+            that do not hold the platform in its reference configuration.
+    """
+    p, where = spec.parameters, f"device preset '{spec.key}'"
+    radius, base_radius, disc, drop, base_height = (
+        positive(p, name, where)
+        for name in ("platform_radius", "base_radius", "disc_radius", "rest_distance", "base_height")
+    )
+    joints = on_circle(radius, joint_angles(p, "platform_angles", MOTORS, where), 0.0)
+    base = on_circle(base_radius, joint_angles(p, "base_angles", MOTORS, where), base_height)
+    device = Hexapod(disc, joints, base, -drop)
+    held = float(device.conditioning(device.rest_poses(1))[0])
+    if held < SINGULAR:
+        raise DermisError("the legs do not hold the platform", where=where, value=held, limit=f">= {SINGULAR}",
+                          remedy="Turn the platform's joints against the base's")  # fmt: skip
+    return device
+
+
+def _rows(at: Array, along: Array) -> Array:
+    """Return how leg lengths change with a movement about the finger's origin, shape (n, 6, 6)."""
+    return np.concatenate([along, np.cross(at, along)], axis=2)

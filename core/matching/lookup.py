@@ -1,0 +1,210 @@
+"""Look-up matching: from what the virtual sensor reads to motor commands and back, by the nearest rows of a table.
+
+The eight nearest rows are averaged with weights of the inverse square of their distance. A query that hits a row gets
+that row. Of rows equally far, those whose pose is nearest the last command are taken, and all rows in which nothing
+touches are one rest row.
+
+Source: [S2] eq. 1-4 and 8-10 with the corrections
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices.coupling import coupling_of
+from ..devices.spec import DeviceSpec
+from ..errors import DermisError, Finding
+from ..interpolate import interpolate
+from ..scene import DeviceUse, TactileScene, sample_count
+from ..skin.model import SkinModel
+from ..track import CommandTrack
+from .readings import readings_of, saturated
+from .rendered import Rendered
+from .table import NEIGHBOURS, SkinTable, build, mechanism
+
+if TYPE_CHECKING:
+    from ..contact.sampled import SampledTouch
+    from ..contact.skin_touch import SkinTouch
+    from .nearest import Neighbours
+
+Array = NDArray[np.float64]
+
+ROWS = 3375  # of the table that is swept when a scene is rendered without one: a few seconds, once a skin and device
+
+
+def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = None) -> Array:
+    """Return motor commands for sensed readings [counts], (q, channels) to (q, motors), in order of time.
+
+    Readings that cannot be told from those of untouched skin give the command of rest.
+
+    Args:
+        last: the command before the first query, for ties; that of rest where None.
+
+    Raises:
+        DermisError: another number of channels, or readings that are not finite.
+
+    Source: [S2] eq. 2-4
+    """
+    readings = np.asarray(readings, np.float64)
+    found = table.by_reading.query(readings, NEIGHBOURS)
+    values = table.commands[table.heard]
+    out = _mean(found, values)
+    rest = table.commands[table.rest]
+    quiet = table.from_rest(readings) <= table.hush if table.hush > 0.0 else np.zeros(len(out), bool)
+    out[quiet] = rest
+    poses = values / table.scale
+    known = np.asarray(table.readings, np.float64)[table.heard]
+    for i in np.flatnonzero(found.tied & ~quiet):  # a tie looks back at the command before: one by one
+        before = (out[i - 1] if i else rest if last is None else np.asarray(last, np.float64)) / table.scale
+        rows = table.by_reading.within(readings[i], float(found.squared[i, -1]))
+        squared = ((known[rows] - readings[i]) ** 2).sum(axis=1)
+        from_last = ((poses[rows] - before) ** 2).sum(axis=1)
+        order = np.lexsort((rows, from_last, squared))[:NEIGHBOURS]
+        out[i] = _weighted(squared[order], values[rows[order]])
+    return out
+
+
+def readings_for(table: SkinTable, commands: Array) -> Array:
+    """Return the readings [counts] to expect from motor commands, (q, motors) to (q, channels).
+
+    Distances are of commands over each motor's range.
+
+    Source: [S2] eq. 8-10
+    """
+    found = table.by_command.query(np.asarray(commands, np.float64) / table.scale, NEIGHBOURS)
+    return _mean(found, np.asarray(table.readings, np.float64))
+
+
+def _mean(found: Neighbours, values: Array) -> Array:
+    """Average the neighbours' values by inverse square distance; an exact hit returns its own."""
+    hit = found.squared[:, 0] == 0.0
+    weights = 1.0 / np.where(hit[:, None], 1.0, found.squared)
+    weights[hit] = 0.0
+    weights[hit, 0] = 1.0
+    weights /= weights.sum(axis=1, keepdims=True)
+    out: Array = np.einsum("qk,qkc->qc", weights, values[found.index])
+    return out
+
+
+def _weighted(squared: Array, values: Array) -> Array:
+    """Average values of one query, nearest first."""
+    if squared[0] == 0.0:
+        return values[0]
+    weights = 1.0 / squared
+    out: Array = weights @ values / weights.sum()
+    return out
+
+
+def render(
+    touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinTouch
+) -> Rendered:
+    """Render one finger's platform: what the virtual sensor reads at every sample, looked up.
+
+    The use's parameters: table (path of a collected table; where empty, a small one is swept and kept with the skin),
+    table_rows (its size). A device with couplings looks up the original motors' commands, and its own come nearest.
+
+    Signals: 'contact', 'sensed_error' (norm of the difference between what is read and what the command will make the
+    sensor read, by the same table) [counts], 'target_force' [N], and 'clipped' (1 where a motor would leave its range).
+
+    Raises:
+        DermisError: a table that cannot be read or is another device's, or a broken preset.
+
+    Source: [S2] III
+    """
+    p = use.parameters
+    coupling = coupling_of(spec)
+    table = table_of(skin.model, spec, str(p.get("table", "")), int(p.get("table_rows", ROWS)))
+    sensor = readings_of(skin.model)
+    count = len(skin.times)
+    rest = table.commands[table.rest]
+    commands = np.tile(rest, (count, 1))
+    series = {name: np.zeros(count) for name in ("contact", "sensed_error", "target_force", "clipped")}
+    findings: list[Finding] = []
+    touched = skin.contact
+    if len(touched):
+        sensed = sensor.sense(skin.force)
+        commands[touched] = commands_of(table, sensed)
+        series["contact"][touched] = 1.0
+        series["target_force"][touched] = skin.force[:, :, 2].sum(axis=1)
+        if coupling is not None:
+            commands = coupling.original(coupling.reduced(commands))
+        expected = readings_for(table, commands[touched])
+        series["sensed_error"][touched] = np.linalg.norm(expected - sensed, axis=1)
+        full = saturated(sensed)
+        if full:
+            findings.append(Finding("warning", "sensor-saturated", "the virtual sensor is at the end of its scale",
+                                    "look-up matching", limit="0 to 4095 counts", count=full,
+                                    remedy="Touch less deeply"))  # fmt: skip
+    else:
+        findings.append(Finding("info", "no-touch", "the finger touches nothing, so the platform stays at rest",
+                                f"finger '{scene.fingers[finger].name}'"))  # fmt: skip
+    values = commands if coupling is None else coupling.reduced(commands)
+    low = np.array([-np.inf if c.low is None else c.low for c in spec.channels])
+    high = np.array([np.inf if c.high is None else c.high for c in spec.channels])
+    limited = np.clip(values, low, high)
+    beyond = np.abs(limited - values).max(axis=1) > 1e-9 * np.maximum(np.abs(values).max(axis=1), 1e-9)
+    series["clipped"][beyond] = 1.0
+    if beyond.any():
+        worst = float(np.abs(limited - values).max())
+        findings.append(Finding("warning", "motor-range", "a motor would leave its range and stays at its end",
+                                f"device '{spec.key}'", f"by up to {worst:.3g} {spec.channels[0].unit}",
+                                frame=float(skin.frames[np.flatnonzero(beyond)[0]]), count=int(beyond.sum())))  # fmt: skip
+    times = np.arange(sample_count(scene.fps, scene.frame_range, spec.rate)) / spec.rate
+    if count > 1:
+        at = np.minimum(times, skin.times[-1])
+        limited = interpolate(skin.times, limited, at)
+        series = {name: interpolate(skin.times, s[:, None], at)[:, 0] for name, s in series.items()}
+    meta = {"method": "lookup", "table_rows": str(len(table.commands)), "neighbours": str(NEIGHBOURS),
+            "sensor": "virtual, 19 electrodes and pressure"}  # fmt: skip
+    skipped = {"lookups_without_contact": count - len(touched)}
+    return Rendered(CommandTrack(spec, times, limited, meta), series, tuple(findings), skipped)
+
+
+_TABLES: weakref.WeakKeyDictionary[SkinModel, dict[tuple[str, str, int], SkinTable]] = weakref.WeakKeyDictionary()
+
+
+def table_of(skin: SkinModel, spec: DeviceSpec, path: str = "", rows: int = ROWS) -> SkinTable:
+    """Return a device's table for a skin: read from a file, from the skin's cache, or swept now.
+
+    Raises:
+        DermisError: a file that cannot be read, or a table of another device.
+    """
+    from ..cache import cache_key
+    from .table import original_key
+
+    key = original_key(spec)
+    if path:
+        from pathlib import Path
+
+        table = SkinTable.load(Path(path))
+        motors = len(mechanism(spec).rest)
+        if table.commands.shape[1] != motors:
+            raise DermisError("the table is of another device", where=path, value=f"{table.commands.shape[1]} motors",
+                              limit=f"{motors} motors")  # fmt: skip
+        return table
+    kept = _TABLES.setdefault(skin, {})
+    name = (key, skin.key + repr(skin.material), rows)
+    if name not in kept:
+        stored = cache_key("dermis-skin-table 1", *(str(part) for part in name))
+        found = None if skin.cache is None else skin.cache.get(stored)
+        if found is not None:
+            try:
+                kept[name] = SkinTable.load(found)
+                return kept[name]
+            except DermisError:  # damaged: swept again
+                pass
+        table = build(spec, skin, readings_of(skin), rows)
+        if skin.cache is not None:
+            skin.cache.put(stored, table.save)
+        kept[name] = table
+    return kept[name]
+
+
+def known(table: SkinTable) -> Mapping[str, Any]:
+    """Return where a table comes from, for reports."""
+    return {"rows": len(table.commands), **table.meta}

@@ -1,0 +1,70 @@
+"""What the virtual sensor in the pulp reads: 19 electrodes and the pressure, in counts of 12 bits.
+
+Source: [S2] II and III (19 electrodes and DC pressure, 12 bits, 100 Hz)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..sensor import electrode_sensor
+from ..skin.model import SkinModel
+
+Array = NDArray[np.float64]
+Counts = NDArray[np.uint16]
+
+CHANNELS = 20
+FULL_SCALE = 4095
+# Chosen so that a platform pressed in by 2.4 mm at any tilt stays within the scale, and bulging skin does too.
+ELECTRODE_REST, ELECTRODE_GAIN = 1000.0, 6000.0  # counts, counts for tissue that is pressed to nothing
+PRESSURE_REST, PRESSURE_GAIN = 500.0, 0.12  # counts, counts a Pa of mean pressure on the pad
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """The sensor of one skin as a linear map and its quantisation.
+
+    Attributes:
+        matrix: counts for forces on the pad nodes [1/N], the last row the pressure, shape (20, 3 m).
+        rest: counts of untouched skin, shape (20,).
+    """
+
+    matrix: Array
+    rest: Array
+
+    def counts(self, force: NDArray[np.floating[Any]]) -> Array:
+        """Return exact counts of contact forces [N], (n, m, 3) to (n, 20)."""
+        flat = np.asarray(force, np.float64).reshape(len(force), -1)
+        return flat @ self.matrix.T + self.rest
+
+    def sense(
+        self, force: NDArray[np.floating[Any]], noise: float = 0.0, rng: np.random.Generator | None = None
+    ) -> Counts:
+        """Return what is read: whole counts, with normal noise of a standard deviation [counts], within the scale."""
+        exact = self.counts(force)
+        if noise > 0.0:
+            exact = exact + noise * (rng or np.random.default_rng(0)).standard_normal(exact.shape)
+        return quantised(exact)
+
+
+def quantised(counts: Array) -> Counts:
+    """Return whole counts within the 12 bits of the scale."""
+    return np.clip(np.rint(counts), 0, FULL_SCALE).astype(np.uint16)
+
+
+def saturated(counts: NDArray[Any]) -> int:
+    """Return how many readings (rows) have a channel at either end of the scale."""
+    return int(((counts <= 0) | (counts >= FULL_SCALE)).any(axis=1).sum())
+
+
+def readings_of(skin: SkinModel) -> Readings:
+    """Return the virtual sensor of a skin."""
+    electrodes = ELECTRODE_GAIN * electrode_sensor(skin).matrix
+    pressure = -PRESSURE_GAIN * skin.normals.reshape(1, -1) / skin.areas.sum()
+    rest = np.full(CHANNELS, ELECTRODE_REST)
+    rest[-1] = PRESSURE_REST
+    return Readings(np.vstack([electrodes, pressure]), rest)

@@ -1,0 +1,281 @@
+"""SkinTable: what a device does to the skin, configuration by configuration: commands and sensed readings.
+
+Source: [S2] III.A; corrections: one rest row for all configurations in which nothing touches, rows come from rest
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices import cable_platform, hexapod
+from ..devices.press import Poses, Press, Pressed, rotation
+from ..devices.spec import DeviceSpec
+from ..errors import DermisError
+from ..files import write_npz
+from ..skin.model import SkinModel
+from .nearest import NearestPoints
+from .readings import Counts, Readings, quantised, saturated
+
+Array = NDArray[np.float64]
+
+NEIGHBOURS = 8  # Source: [S2] III.B
+FORMAT = "dermis-skin-table 1"
+UNBALANCED = 0.02  # [N] a platform whose forces are farther from balance is left out of the table
+HUSH = 1.7  # of the noise's expected norm: untouched skin stays below this nearly always (1 in 10,000 with 20 channels)
+UNSETTLED = 5e-3  # contact forces farther from Coulomb's law than this share are left out
+MECHANISMS: Mapping[str, ModuleType] = {"cable_platform": cable_platform, "hexapod": hexapod}
+Mechanism = cable_platform.CablePlatform | hexapod.Hexapod
+
+
+@dataclass(frozen=True, eq=False)
+class SkinTable:
+    """A look-up table.
+
+    Attributes:
+        commands: of each row, SI, shape (n, motors). readings: what was sensed [counts], shape (n, channels).
+        rest: the row in which nothing touches.
+        scale: range of each motor, by which commands are compared, shape (motors,).
+        hush: readings nearer to those of rest than this cannot be told from rest [counts]: such rows count as the rest
+            row, and such queries hit it. 0 for a sensor without noise.
+        meta: where it comes from: device, skin, counts of rows left out.
+
+    Raises:
+        DermisError: fewer rows than neighbours, shapes that do not fit, or a scale that is not above zero.
+    """
+
+    commands: Array
+    readings: NDArray[Any]
+    rest: int
+    scale: Array
+    hush: float = 0.0
+    meta: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        n = len(self.commands)
+        if n < NEIGHBOURS:
+            raise DermisError("too few rows", where="look-up table", value=n, limit=f">= {NEIGHBOURS}",
+                              remedy="Sweep more configurations, or press deeper")  # fmt: skip
+        if self.commands.ndim != 2 or self.readings.ndim != 2 or len(self.readings) != n:
+            raise DermisError("commands and readings do not fit", where="look-up table",
+                              value=f"{self.commands.shape}, {self.readings.shape}")  # fmt: skip
+        if self.scale.shape != (self.commands.shape[1],) or not (self.scale > 0.0).all():
+            raise DermisError("each motor needs a range above zero", where="look-up table", value=self.scale.tolist())
+        if not np.isfinite(self.commands).all():
+            raise DermisError("a command is not finite", where="look-up table")
+        if not 0 <= self.rest < n:
+            raise DermisError("the rest row does not exist", where="look-up table", value=self.rest)
+
+    @cached_property
+    def by_reading(self) -> NearestPoints:
+        """The rows prepared for searches by what is sensed; those that cannot be told from rest are left out."""
+        return NearestPoints(self.readings[self.heard])
+
+    @cached_property
+    def heard(self) -> NDArray[np.intp]:
+        """The rest row and the rows that can be told from it, rising.
+
+        Raises:
+            DermisError: fewer than the neighbours that are asked for.
+        """
+        told = self.from_rest(self.readings) > self.hush
+        told[self.rest] = True
+        rows = np.flatnonzero(told)
+        if len(rows) < NEIGHBOURS:
+            raise DermisError("too few rows can be told from rest", where="look-up table", value=len(rows),
+                              limit=f">= {NEIGHBOURS}", remedy="Press deeper, or use a sensor with less noise")  # fmt: skip
+        return rows
+
+    def from_rest(self, readings: NDArray[Any]) -> Array:
+        """Return how far readings are from those of rest [counts], shape (n,)."""
+        out: Array = np.linalg.norm(np.asarray(readings, np.float64) - self.readings[self.rest], axis=1)
+        return out
+
+    def heard_with(self, noise: float) -> SkinTable:
+        """Return the same table for a sensor with noise of a standard deviation [counts] in every channel."""
+        return replace(self, hush=HUSH * noise * float(np.sqrt(self.readings.shape[1])))
+
+    @cached_property
+    def by_command(self) -> NearestPoints:
+        """The rows prepared for searches by command, each motor over its range."""
+        return NearestPoints(self.commands / self.scale)
+
+    def save(self, path: Path) -> None:
+        """Write the table, whole or not at all: commands in single precision, readings in 16 bits."""
+        header = np.frombuffer(json.dumps({"format": FORMAT, **self.meta}, sort_keys=True).encode(), np.uint8)
+        write_npz(Path(path), {
+            "header": header, "commands": self.commands.astype(np.float32), "readings": self.readings,
+            "rest": np.array(self.rest), "scale": self.scale,
+        })  # fmt: skip
+
+    @classmethod
+    def load(cls, path: Path) -> SkinTable:
+        """Read a table.
+
+        Raises:
+            DermisError: it cannot be read, or is none.
+        """
+        where = str(path)
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                meta = json.loads(archive["header"].tobytes())
+                parts = {name: archive[name] for name in ("commands", "readings", "rest", "scale")}
+        except FileNotFoundError as error:
+            raise DermisError("the file does not exist", where=where) from error
+        except (OSError, ValueError, KeyError, EOFError, TypeError, AttributeError, zipfile.BadZipFile) as error:
+            raise DermisError("not a look-up table", where=where, value=str(error)[:100]) from error
+        if not isinstance(meta, dict) or meta.pop("format", None) != FORMAT:
+            raise DermisError("not a look-up table of this version", where=where, limit=FORMAT)
+        return cls(parts["commands"].astype(np.float64), parts["readings"], int(parts["rest"]),
+                   parts["scale"].astype(np.float64), 0.0, meta)  # fmt: skip
+
+
+def mechanism(spec: DeviceSpec) -> Mechanism:
+    """Return the mechanism of a platform's preset.
+
+    Raises:
+        DermisError: another kind of device, or a broken preset.
+    """
+    if spec.kind not in MECHANISMS:
+        raise DermisError("this device has no look-up table", where=f"device preset '{spec.key}'", value=spec.kind,
+                          limit=", ".join(MECHANISMS))  # fmt: skip
+    found: Mechanism = MECHANISMS[spec.kind].mechanism(spec)
+    return found
+
+
+def press_of(skin: SkinModel, spec: DeviceSpec) -> Press:
+    """Return what presses a skin with a preset's platform."""
+    return Press(skin.compliance, skin.positions, mechanism(spec), float(spec.parameters.get("friction", 0.4)))
+
+
+def sweep(spec: DeviceSpec, points: Array, rows: int | None = None) -> Array:
+    """Return the commands of a data collection, shape (n, motors).
+
+    Three motors: a grid of equal steps over depth and two tilts, the corrected paper's 55^3. Six motors: an evenly
+    spread sequence (Halton) over depth, tilts, shifts and yaw. Depth is the platform's, beyond the first touch of the
+    undeformed skin.
+
+    Args:
+        points: undeformed pad nodes [m], shape (m, 3).
+        rows: about how many; as the preset says where None. A grid takes the next smaller cube.
+
+    Raises:
+        DermisError: fewer rows than neighbours, or poses that the motors cannot reach.
+    """
+    device, p = mechanism(spec), spec.parameters
+    low, high = (float(v) for v in p["sweep_press"])
+    tilt = float(p["sweep_tilt"])
+    motors = len(device.rest)
+    if motors == 3:
+        asked = int(p["sweep_levels"]) if rows is None else int(np.floor(rows ** (1 / 3) + 1e-9))
+        _enough(asked**3)
+        levels = np.linspace(0.0, 1.0, asked)
+        share = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), axis=-1).reshape(-1, 3)
+        extent = np.zeros((len(share), 3))
+    else:
+        count = int(p["sweep_rows"]) if rows is None else int(rows)
+        _enough(count)
+        sequence = halton(count, 6)
+        share = sequence[:, :3]
+        shift, yaw = float(p["sweep_shift"]), float(p["sweep_yaw"])
+        extent = (2.0 * sequence[:, 3:] - 1.0) * np.array([shift, shift, yaw])
+    poses = platform_poses(points, low + (high - low) * share[:, 0], tilt * (2.0 * share[:, 1] - 1.0),
+                           tilt * (2.0 * share[:, 2] - 1.0), extent[:, :2], extent[:, 2])  # fmt: skip
+    commands = device.commands(poses)
+    ends = np.array([[c.low, c.high] for c in original_channels(spec)])
+    outside = np.flatnonzero(((commands < ends[:, 0]) | (commands > ends[:, 1])).any(axis=1))
+    if len(outside):
+        worst = commands[outside[0]]
+        raise DermisError("the sweep asks for more than the motors can do", where=f"device preset '{spec.key}'",
+                          value=f"{len(outside)} of {len(commands)} rows, first {worst.round(4).tolist()}",
+                          limit=f"{ends[:, 0].min():.4g} to {ends[:, 1].max():.4g}")  # fmt: skip
+    return commands
+
+
+def platform_poses(points: Array, depth: Array, pitch: Array, roll: Array, shift: Array, yaw: Array) -> Poses:
+    """Return platform poses by what they do to the skin.
+
+    Args:
+        points: undeformed pad nodes [m], shape (m, 3).
+        depth: beyond the first touch, along the platform's normal [m], shape (n,).
+        pitch, roll, yaw: about X, then the turned Y, then the turned Z [rad]. shift: of the centre, x and y [m].
+    """
+    zero = np.zeros_like(pitch)
+    turn = rotation(np.column_stack([pitch, zero, zero])) @ rotation(np.column_stack([zero, roll, zero]))
+    turn = turn @ rotation(np.column_stack([zero, zero, yaw]))
+    normal = turn[:, :, 2]
+    height = np.concatenate([(normal[i : i + 4096] @ points.T).min(axis=1) for i in range(0, len(normal), 4096)])
+    z = (height + depth - (normal[:, :2] * shift).sum(axis=1)) / normal[:, 2]
+    return Poses(turn, np.column_stack([shift, z]))
+
+
+def original_channels(spec: DeviceSpec) -> tuple[Any, ...]:
+    """Return the channels of the motors of the uncoupled device: those of its own, or those its couplings drive."""
+    from ..devices.coupling import coupling_of
+
+    coupling = coupling_of(spec)
+    return spec.channels if coupling is None else coupling.channels
+
+
+def original_key(spec: DeviceSpec) -> str:
+    """Return what a table depends on of a device: its mechanism and sweep, not how its motors are coupled or named."""
+    parts = {k: v for k, v in spec.parameters.items() if not k.startswith("coupling") and k != "knee_error"}
+    ends = [(c.low, c.high) for c in original_channels(spec)]
+    return hashlib.sha256(json.dumps([spec.kind, parts, ends], sort_keys=True, default=str).encode()).hexdigest()
+
+
+def tabulate(
+    spec: DeviceSpec, readings: Readings, rest_command: Array, commands: Array, pressed: Pressed
+) -> tuple[Array, Counts, dict[str, int]]:
+    """Return commands and readings of the rows that touch and are in balance, and how many were left out and why."""
+    good = (pressed.imbalance <= UNBALANCED) & (pressed.residual <= UNSETTLED)
+    keep = good & pressed.touching
+    counts = quantised(readings.counts(pressed.force[keep]))
+    left = {"rest_rows": int((good & ~pressed.touching).sum()), "unbalanced_rows": int((~good).sum()),
+            "saturated_rows": saturated(counts)}  # fmt: skip
+    return commands[keep], counts, left
+
+
+def build(spec: DeviceSpec, skin: SkinModel, readings: Readings, rows: int) -> SkinTable:
+    """Sweep a small table in this process; `design.collect` is for large ones."""
+    press = press_of(skin, spec)
+    commands = sweep(spec, skin.positions, rows)
+    kept, counts, left = tabulate(spec, readings, press.carrier.rest, commands, press.press(commands))
+    return assemble(spec, readings, press.carrier.rest, kept, counts, {"asked": len(commands), **left})
+
+
+def assemble(
+    spec: DeviceSpec, readings: Readings, rest_command: Array, commands: Array, counts: Counts, meta: Mapping[str, Any]
+) -> SkinTable:
+    """Put the rest row before the rows that touch."""
+    channels = original_channels(spec)
+    scale = np.array([c.high - c.low for c in channels])
+    return SkinTable(np.vstack([rest_command, commands]), np.vstack([quantised(readings.rest[None]), counts]), 0, scale, 0.0,
+                     {"device": spec.key, "device_hash": spec.hash, **meta})  # fmt: skip
+
+
+def halton(count: int, dimensions: int) -> Array:
+    """Return the Halton sequence in the first primes, without its first point, shape (count, dimensions)."""
+    primes = (2, 3, 5, 7, 11, 13)[:dimensions]
+    out = np.zeros((count, dimensions))
+    for j, prime in enumerate(primes):
+        number, factor = np.arange(1, count + 1), 1.0 / prime
+        while number.any():
+            out[:, j] += factor * (number % prime)
+            number, factor = number // prime, factor / prime
+    return out
+
+
+def _enough(rows: int) -> None:
+    if rows < NEIGHBOURS:
+        raise DermisError("too few rows", where="look-up table", value=rows, limit=f">= {NEIGHBOURS}")

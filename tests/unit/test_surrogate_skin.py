@@ -1,0 +1,191 @@
+"""Surrogates of a skin: what they are made from, what they know of friction, and whom they refuse."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.devices.disc import FrictionState, placed
+from core.devices.thimble import mechanism
+from core.errors import DermisError
+from core.matching.thimble import describe, finish, match_sequence
+from core.presets import Library
+from core.skin.model import fingertip_skin
+from core.surrogate.dataset import MAX_FORCE, drain, record, split
+from core.surrogate.forward import DirectModel
+from core.surrogate.learned import LearnedModel, descriptors
+from core.surrogate.ridge import fit_ridge
+from core.surrogate.store import adapt, adapt_job, contact_of, load, save
+from core.surrogate.table import relative_rms
+from tests import touches
+
+
+@pytest.fixture(scope="module")
+def skin():
+    return fingertip_skin(level="draft")
+
+
+@pytest.fixture(scope="module")
+def device():
+    return mechanism(Library().device("thimble_3rrs"))
+
+
+@pytest.fixture(scope="module")
+def data(skin, device):
+    return drain(record(device, contact_of(device, skin, 0.6), 700, seed=4))
+
+
+@pytest.fixture(scope="module")
+def small(skin, device):
+    steps = adapt(device, skin, 0.6, trajectories=60, hidden=12, iterations=15)
+    stages = []
+    while True:
+        try:
+            stages.append(next(steps))
+        except StopIteration as stop:
+            return stop.value, stages
+
+
+def test_movements_start_clear_and_stop_at_the_largest_force(data, device):
+    total = np.linalg.norm(data.force.reshape(len(data), -1, 3).sum(axis=1), axis=1)
+    starts = np.flatnonzero(np.diff(data.trajectory, prepend=-1))
+    ends = np.concatenate([starts[1:], [len(data)]])
+    assert (data.before[starts] == 0).all()  # nothing touched before the first sample in contact
+    inner = np.setdiff1d(np.arange(len(data)), starts)
+    np.testing.assert_array_equal(data.before[inner], data.force[inner - 1])  # the previous step's friction state
+    assert (total > 0).all()
+    stopped = np.isin(np.arange(len(data)), ends - 1)
+    assert (total[~stopped] <= MAX_FORCE).all()
+    assert all(device.feasible(x) for x in data.x[::50])
+
+
+def test_the_same_seed_gives_the_same_movements(skin, device):
+    one, two = (drain(record(device, contact_of(device, skin, 0.6), 5, seed=3)) for _ in range(2))
+    np.testing.assert_array_equal(one.force, two.force)
+
+
+def test_no_movement_is_in_both_halves(data):
+    train, test = split(data.trajectory)
+    assert not set(data.trajectory[train]) & set(data.trajectory[test])
+    assert (train ^ test).all()
+    share = len(set(data.trajectory[train])) / len(set(data.trajectory))
+    assert share == pytest.approx(0.5, abs=0.01)
+
+
+def test_stress_components_keep_the_norm_of_stress(skin, data):
+    """W is the basis times an operator whose norm is that of the stress: with all components nothing is lost."""
+    whole = skin.stress_components()
+    spaces = descriptors(data, whole, tolerance=0.10)
+    assert 0.10 >= spaces.stress.error > 0.05 and spaces.stress.curve[spaces.stress.size - 1] > 0.10
+    force = data.force.astype(float)[::7]
+    centred = force - data.force.astype(float).mean(axis=0)
+    stress = np.linalg.norm(centred @ whole.T, axis=1)
+    kept = np.linalg.norm(centred @ spaces.readout.T, axis=1)
+    assert (kept <= stress * (1 + 1e-9)).all()
+    left = np.sqrt(((stress**2 - kept**2).sum()) / (stress**2).sum())
+    assert left == pytest.approx(spaces.stress.error, abs=0.02)
+
+
+def test_the_previous_friction_state_helps(skin, data):
+    """[S0] 4.2: the model without friction input is less discriminative. On movements that neither has seen."""
+    spaces = descriptors(data, skin.stress_components())
+    table = spaces.table(data)
+    train, test = split(data.trajectory)
+    errors = {}
+    for name, t in (("with", table), ("without", table.without_memory())):
+        errors[name] = relative_rms(fit_ridge(t.rows(train)), t.rows(test))
+    assert errors["with"] < 0.7 * errors["without"]
+
+
+def test_stiffness_scales_stress_and_forces(skin, device, small):
+    """Twice the alpha: the same poses give twice the forces, so the surrogate needs no new training."""
+    made, _ = small
+    stiff = skin.with_material(alpha=2.0)
+    x = np.array([0.05, -0.1, 0.0171])
+    readout = made.descriptors.readout
+    for state in (FrictionState.rest(skin.pad_count), FrictionState(
+        np.zeros(skin.pad_count, bool), np.zeros((skin.pad_count, 2)), np.full((skin.pad_count, 3), 0.01)
+    )):  # fmt: skip
+        doubled = replace(state, force=2 * state.force)
+        soft, hard = made.model(skin, "ridge"), made.model(stiff, "ridge")
+        soft.hold(state)
+        hard.hold(doubled)
+        for a, b in zip(soft.evaluate(x), hard.evaluate(x), strict=True):
+            np.testing.assert_allclose(b, 2 * a, rtol=1e-12)
+    direct = [DirectModel(device, contact_of(device, s, 0.6), readout).evaluate(x)[0] for s in (skin, stiff)]
+    np.testing.assert_allclose(direct[1], 2 * direct[0], rtol=1e-6)
+
+
+def test_adapting_tells_its_progress_and_errors(small):
+    made, stages = small
+    names = [s for s, _, _ in stages]
+    assert list(dict.fromkeys(names)) == ["dataset", "descriptors", "training"]
+    assert stages[59][1:] == (60, 60) and stages[-1] == ("training", 15, 15)
+    assert 0 < made.meta["network_error"] < 2 and 0 < made.meta["ridge_error"] < 2
+
+
+def test_what_was_saved_is_what_is_loaded(tmp_path, skin, device, small):
+    pytest.importorskip("onnxruntime")
+    made, _ = small
+    save(tmp_path / "mine", made)
+    read = load(tmp_path / "mine.onnx", skin, device, 0.6)
+    x = np.array([0.02, 0.03, 0.0172])
+    for kind in ("network", "ridge"):
+        a, b = made.model(skin, kind), read.model(skin, kind)
+        for ours, theirs in zip(a.evaluate(x), b.evaluate(x), strict=True):
+            np.testing.assert_allclose(theirs, ours, rtol=1e-6, atol=1e-9)
+    np.testing.assert_array_equal(read.descriptors.stress.curve, made.descriptors.stress.curve)
+    with pytest.raises(DermisError, match="came from a file"):
+        save(tmp_path / "again", read)
+
+
+@pytest.mark.parametrize(("other", "words"), [("skin", "another skin"), ("device", "another device"),
+                                              ("friction", "another friction")])  # fmt: skip
+def test_surrogates_of_something_else_are_refused(tmp_path, skin, device, small, other, words):
+    made, _ = small
+    save(tmp_path / "mine", made)
+    changed = {"skin": skin, "device": device, "friction": 0.6}
+    if other == "skin":
+        changed["skin"] = replace(skin, key="0" * 64)
+    elif other == "device":
+        changed["device"] = replace(device, rod=0.021)
+    else:
+        changed["friction"] = 0.3
+    with pytest.raises(DermisError, match=words):
+        load(tmp_path / "mine", **changed)
+
+
+def test_damaged_tables_are_refused(tmp_path, skin, device, small):
+    save(tmp_path / "mine", small[0])
+    data = (tmp_path / "mine.npz").read_bytes()
+    (tmp_path / "mine.npz").write_bytes(data[: len(data) // 2])
+    with pytest.raises(DermisError, match="cannot be read.*direct method"):
+        load(tmp_path / "mine", skin, device, 0.6)
+
+
+def test_a_job_makes_the_files(tmp_path):
+    pytest.importorskip("onnxruntime")
+    library, told = Library(), []
+    parameters = {
+        "device": library.load("devices", "thimble_3rrs"), "skin": library.skin("index_medium"), "level": "draft",
+        "friction": 0.6, "path": str(tmp_path / "mine"), "trajectories": 30, "iterations": 5,
+    }  # fmt: skip
+    errors = adapt_job({}, parameters, lambda done, total: told.append(done / total))["errors"]
+    assert errors.shape == (2,) and (tmp_path / "mine.onnx").is_file() and (tmp_path / "mine.npz").is_file()
+    assert told == sorted(told) and told[-1] == 1.0
+
+
+def test_a_learned_model_matches_nearly_as_well(skin, device, data):
+    """Ridge in the search, true contact in the friction update: what it renders is compared, not what it believes."""
+    spaces = descriptors(data, skin.stress_components())
+    model = LearnedModel(fit_ridge(spaces.table(data)), spaces.friction)
+    forces = touches.flat_press(40).forces(skin)
+    readout = describe(device, skin, 0.6).readout
+    left = {}
+    for name, keys in (("stress", {}), ("ridge", {"model": model})):
+        found = finish(match_sequence(device, skin, forces, name, readout=spaces.readout, **keys))
+        rendered, target = (f.reshape(len(f), -1) @ readout.T for f in (found.force, forces))
+        left[name] = np.linalg.norm(rendered - target) / np.linalg.norm(target)
+    assert left["stress"] < left["ridge"] < left["stress"] + 0.25

@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,6 +37,15 @@ if TYPE_CHECKING:
 
 
 DEFAULT_SKIN = "index_medium"
+# kind of device -> the file in matching/ that drives it
+RENDERERS = {
+    "shear_tactor": "projection",
+    "friction_screen": "perceptual",
+    "pin_array": "pins",
+    "thimble": "thimble",
+    "cable_platform": "lookup",
+    "hexapod": "lookup",
+}
 
 
 @dataclass(frozen=True)
@@ -302,29 +312,29 @@ def _sample(
         yield Progress("sampling", done, scene.sample_count)
     with clock.stage("contact"):
         touch = pads.finish()
-    return touch, {} if skin is None else skin.finish()
+    if skin is None:
+        return touch, {}
+    held = skin.solve_held(touch)
+    while True:
+        with clock.stage("skin contact"):
+            solved = next(held, None)
+        if solved is None:
+            break
+        yield Progress("skin contact", solved, scene.sample_count)
+    return touch, skin.finish()
 
 
 def _renderer(spec: DeviceSpec) -> Renderer:
     """Return the method that drives this kind of device; its module loads only now."""
-    if spec.kind == "shear_tactor":
-        from .matching import projection
-
-        return projection.render
-    if spec.kind == "friction_screen":
-        from .matching import perceptual
-
-        return perceptual.render
-    if spec.kind == "pin_array":
-        from .matching import pins
-
-        return pins.render
-    raise DermisError(
-        "unknown kind of device",
-        where=f"device preset '{spec.key}'",
-        value=spec.kind,
-        limit="shear_tactor, friction_screen, pin_array",
-    )
+    if spec.kind not in RENDERERS:
+        raise DermisError(
+            "unknown kind of device",
+            where=f"device preset '{spec.key}'",
+            value=spec.kind,
+            limit=", ".join(RENDERERS),
+        )
+    render: Renderer = import_module(f".matching.{RENDERERS[spec.kind]}", __package__).render
+    return render
 
 
 def _finish(rendered: Rendered, scene: TactileScene, finger: int, use: DeviceUse, content_hash: str) -> Output:

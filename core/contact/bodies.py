@@ -24,6 +24,7 @@ class ContactBody:
         friction: Coulomb coefficient against skin.
         softness: compliance of its own surface [m/Pa]: it yields by this times the pressure. 0 is rigid.
         deforms: its surface is another every frame; what sticks to it is then carried by triangles.
+        away: it is nowhere near, and only keeps its place in the order.
     """
 
     surface: Surface | Plane
@@ -32,6 +33,7 @@ class ContactBody:
     friction: float = 0.5
     softness: float = 0.0
     deforms: bool = False
+    away: bool = False
 
     def same_place(self, other: ContactBody) -> bool:
         """Whether another state of this body has the same surface, pose and properties."""
@@ -82,6 +84,8 @@ def contact_frame(points: Array, bodies: Sequence[ContactBody], reach: float, bo
         tuple(bodies), np.full(m, np.inf), np.zeros((m, 3)), np.full(m, -1), np.full(m, -1), np.zeros(m), np.zeros(m)
     )
     for index, body in enumerate(bodies):
+        if body.away:
+            continue
         local = (points - body.translation) @ body.rotation
         if isinstance(body.surface, Surface) and not _boxes_meet(local, body.surface.box, reach):
             continue
@@ -158,3 +162,6 @@ def _dot(a: Array, b: Array) -> Array:
 
 def _boxes_meet(points: Array, box: Array, reach: float) -> bool:
     return bool((points.max(axis=0) + reach >= box[0]).all() and (points.min(axis=0) - reach <= box[1]).all())
+
+
+AWAY = ContactBody(Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3)), friction=0.0, away=True)

@@ -9,7 +9,7 @@ friction can carry, and a finding says that it slips.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,11 +35,37 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 
 @dataclass(frozen=True, eq=False)
 class HoldingFinger:
-    """A finger that may hold: its skin's compliance [m/N], shape (3 m, 3 m), and pad nodes [m], shape (m, 3)."""
+    """A finger that may hold.
+
+    Attributes:
+        compliance: of its skin [m/N], shape (3 m, 3 m). points: its pad nodes [m], shape (m, 3).
+        name: for findings.
+        areas: skin of each node [m^2], shape (m,); needed where an object is soft.
+        bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
+    """
 
     compliance: Array
     points: Array
     name: str = "finger"
+    areas: Array | None = None
+    bone: Array = field(default_factory=lambda: BONE)
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """What one finger can reach in a frame, besides the held object.
+
+    Attributes:
+        pose: finger-to-world matrix, rigid, shape (4, 4).
+        bodies: everything near, posed in the finger's frame; the held object's own entry is replaced.
+        own: index of the held object among them.
+        history: where the finger's nodes stick; kept by whoever solves the finger otherwise.
+    """
+
+    pose: Array
+    bodies: tuple[ContactBody, ...]
+    own: int
+    history: ContactHistory
 
 
 @dataclass(frozen=True)
@@ -55,6 +81,8 @@ class HeldStep:
         displacement: of the object from its animated pose: translation [m], rotation vector [rad], shape (6,).
         holds: contacts supply what is wanted.
         residual: of the contact laws, see `cone.natural_residual`; iterations: of the solver.
+        frames: the gaps that each finger was solved for.
+        slips: relative displacement w of each finger's nodes [m], one (m, 3) a finger.
     """
 
     forces: tuple[Array, ...]
@@ -65,6 +93,8 @@ class HeldStep:
     holds: bool
     residual: float
     iterations: int
+    frames: tuple[ContactFrame, ...] = ()
+    slips: tuple[Array, ...] = ()
 
     def balance_residual(self) -> float:
         """Return |contact force - m (a - g)| relative to |m (a - g)|."""
@@ -82,6 +112,18 @@ class _Grip:
     inverse: Array
     offset: Array
     wrench: Array
+    history: ContactHistory
+    own: int
+
+    @property
+    def friction(self) -> Array:
+        return self.frame.friction[self.near]
+
+    @property
+    def pressing(self) -> bool:
+        """Whether a node would sink into the held object if nothing gave way."""
+        closest = self.frame.body[self.near] == self.own
+        return bool((along(self.offset, self.frame.normal[self.near])[closest] < 0.0).any())
 
 
 class HeldObject:
@@ -122,6 +164,7 @@ class HeldObject:
         self.fingers = tuple(fingers)
         self.gravity = np.asarray(gravity, dtype=np.float64)
         self._rho = float(np.median(np.concatenate([np.diag(f.compliance) for f in fingers])))
+        self.softness, self.deforms = 0.0, False
         self._inverses: dict[int, tuple[bytes, Array, Array]] = {}
         self._histories = [ContactHistory(f.points.shape[0]) for f in fingers]
         self._findings: dict[str, Finding] = {}
@@ -132,9 +175,14 @@ class HeldObject:
         """Forget friction's history and the object's displacement."""
         for history in self._histories:
             history.clear()
+        self.let_go()
+
+    def let_go(self) -> None:
+        """Put the object back on its animated path; the fingers keep their friction's history."""
         self._turn = np.eye(3)
         self._shift = np.zeros(3)
         self._forces = [np.zeros_like(f.points) for f in self.fingers]
+        self._scaled = [np.zeros_like(f.points) for f in self.fingers]
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -146,7 +194,7 @@ class HeldObject:
         angular_velocity: Array | None = None, angular_acceleration: Array | None = None, *,
         frame_number: float | None = None,
     ) -> HeldStep:  # fmt: skip
-        """Solve the next frame.
+        """Solve the next frame of fingers that touch nothing else.
 
         Args:
             pose: animated object-to-world matrix, rigid, shape (4, 4).
@@ -154,31 +202,53 @@ class HeldObject:
             acceleration: of the centre of mass, in world space [m/s^2].
             angular_velocity, angular_acceleration: in world space [rad/s], [rad/s^2].
         """
-        rotation, middle = self._placed(pose)
+        nothing = ContactBody(self.surface)
+        reaches = [Reach(np.asarray(p, dtype=np.float64), (nothing,), 0, h)
+                   for p, h in zip(finger_poses, self._histories, strict=True)]  # fmt: skip
+        rates = acceleration, angular_velocity, angular_acceleration
+        step = self.step_among(pose, reaches, *rates, frame_number=frame_number)
+        assert step is not None
+        return step
+
+    def step_among(
+        self, pose: Array, reaches: Sequence[Reach | None], acceleration: Array | None = None,
+        angular_velocity: Array | None = None, angular_acceleration: Array | None = None, *,
+        frame_number: float | None = None, only_if_pressed: bool = False,
+    ) -> HeldStep | None:  # fmt: skip
+        """Solve the next frame of fingers that may touch other bodies too.
+
+        Args:
+            reaches: of each finger; None for one that is nowhere near.
+            only_if_pressed: return None, and change nothing, where no finger presses the object.
+        """
+        rotation, middle = self.placed(pose)
         wanted = self._wanted(rotation, acceleration, angular_velocity, angular_acceleration)
-        grips = [self._grip(i, p, rotation, middle) for i, p in enumerate(finger_poses)]
+        grips = [None if r is None else self._grip(i, r, rotation, middle) for i, r in enumerate(reaches)]
+        there = [g for g in grips if g is not None]
+        if only_if_pressed and not any(g.pressing for g in there):
+            return None
         where = float(self._frames) if frame_number is None else frame_number
         self._frames += 1
-        touching = any(bool((along(g.offset, g.frame.normal[g.near]) < 0.0).any()) for g in grips)
         step = None
-        if touching:
+        if any(g.pressing for g in there):
             step = self._balanced(grips, wanted)
+            if step is None:
+                self._note("slips", "friction cannot hold the object", where)
         else:
             self._note("dropped", "nothing touches the held object", where)
         if step is None:
-            if touching:
-                self._note("slips", "friction cannot hold the object", where)
-            step = self._carried(grips, wanted)
+            step = self._carried(grips)
+            holds = False
         else:
             self._shift = self._shift + step[1][:3]
             self._turn = _rotation(step[1][3:]) @ self._turn
-        forces, _, residual, iterations = step
-        return self._finish(grips, forces, wanted, residual, iterations, pose, finger_poses, step[1] is not _STILL)
+            holds = True
+        return self._finish(grips, step, reaches, wanted, pose, holds)
 
     # -- one frame -----------------------------------------------------------------------------------------------
 
-    def _placed(self, pose: Array) -> tuple[Array, Array]:
-        """Rotation and centre of mass where the object is now: animated, then displaced."""
+    def placed(self, pose: Array) -> tuple[Array, Array]:
+        """Return rotation and centre of mass [m] where the object is now: animated, then displaced."""
         pose = np.asarray(pose, dtype=np.float64)
         rotation = self._turn @ pose[:3, :3]
         middle = pose[:3, :3] @ self.centre + pose[:3, 3] + self._shift
@@ -190,44 +260,59 @@ class HeldObject:
         inertia = rotation @ self.inertia @ rotation.T
         return np.concatenate([self.mass * (a - self.gravity), inertia @ alpha + np.cross(omega, inertia @ omega)])
 
-    def _body(self, finger_pose: Array, rotation: Array, middle: Array) -> ContactBody:
+    def body(self, finger_pose: Array, rotation: Array, middle: Array) -> ContactBody:
+        """Return the object in a finger's frame, its centre of mass at `middle` in the world [m]."""
         turn = finger_pose[:3, :3].T @ rotation
         origin = middle - rotation @ self.centre
         place = finger_pose[:3, :3].T @ (origin - finger_pose[:3, 3])
-        return ContactBody(self.surface, turn, place, self.friction)
+        return ContactBody(self.surface, turn, place, self.friction, self.softness, self.deforms)
 
-    def _grip(self, index: int, finger_pose: Array, rotation: Array, middle: Array) -> _Grip:
-        finger, history = self.fingers[index], self._histories[index]
-        frame = contact_frame(finger.points, [self._body(finger_pose, rotation, middle)], REACH, BONE)
+    def _grip(self, index: int, reach: Reach, rotation: Array, middle: Array) -> _Grip:
+        finger, pose = self.fingers[index], reach.pose
+        body = self.body(pose, rotation, middle)
+        bodies = (*reach.bodies[: reach.own], body, *reach.bodies[reach.own + 1 :])
+        frame = contact_frame(finger.points, bodies, REACH, finger.bone)
         near = np.flatnonzero(frame.body >= 0)
-        offset = history.offset(frame, finger.points)[near]
-        turn = finger_pose[:3, :3]
-        arm = finger.points[near] @ turn.T + finger_pose[:3, 3] - middle
+        offset = reach.history.offset(frame, finger.points)[near]
+        turn = pose[:3, :3]
+        arm = finger.points[near] @ turn.T + pose[:3, 3] - middle
         wrench = np.zeros((6, near.size, 3))
         wrench[:3] = turn[:, None, :]
         for axis in range(3):
             wrench[3:, :, axis] = np.cross(arm, turn[:, axis]).T
-        key = near.tobytes()
+        wrench[:, frame.body[near] != reach.own] = 0.0  # what presses on another body does not carry this one
+        soft = self._soft(finger, frame)[near]
+        key = near.tobytes() + soft.tobytes()
         kept = self._inverses.get(index)
         if kept is None or kept[0] != key:
             rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
-            matrix = finger.compliance[rows[:, None], rows]
+            matrix = finger.compliance[rows[:, None], rows] + np.diag(np.repeat(soft, 3))
             inverse: Array = np.asarray(np.linalg.inv(matrix + self._rho * np.eye(rows.size)), dtype=np.float64)
             kept = self._inverses[index] = (key, matrix, inverse)
-        return _Grip(frame, near, kept[1], kept[2], offset, wrench.reshape(6, -1))
+        return _Grip(frame, near, kept[1], kept[2], offset, wrench.reshape(6, -1), reach.history, reach.own)
+
+    def _soft(self, finger: HoldingFinger, frame: ContactFrame) -> Array:
+        """Compliance of the bodies' own surfaces at a finger's nodes [m/N], shape (m,)."""
+        if not frame.softness.any():
+            return np.zeros(frame.gap.shape[0])
+        if finger.areas is None:
+            raise DermisError("a soft object needs the areas of the skin's nodes", where=finger.name)
+        return frame.softness / finger.areas
 
     def _balanced(
-        self, grips: Sequence[_Grip], wanted: Array
+        self, everybody: Sequence[_Grip | None], wanted: Array
     ) -> tuple[list[Array], Array, float, int] | None:
         """Forces in their cones with G f = h, by the alternating method with the object eliminated; None if it slips.
 
         The skin feels f, the object -f, so h on the skin is minus what is wanted on the object.
         """
         rho = self._rho
+        index = [i for i, g in enumerate(everybody) if g is not None]
+        grips = [g for g in everybody if g is not None]
         ends = np.cumsum([0] + [3 * g.near.size for g in grips])
         parts = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
         normals = np.concatenate([g.frame.normal[g.near] for g in grips])
-        mu = np.full(normals.shape[0], self.friction)
+        mu = np.concatenate([g.friction for g in grips])
         b = np.concatenate([g.offset.reshape(-1) for g in grips])
         wrench = np.concatenate([g.wrench for g in grips], axis=1)
         # torques are measured in the lever of the contacts, so that both halves of the wrench weigh alike
@@ -236,9 +321,9 @@ class HeldObject:
         g_rows, target = wrench * scale[:, None], -wanted * scale
         image = np.concatenate([grip.inverse @ g_rows[:, p].T for grip, p in zip(grips, parts, strict=True)])
         schur = np.linalg.pinv(g_rows @ image, rcond=1e-10)
-        z = np.concatenate([f[grip.near] for f, grip in zip(self._forces, grips, strict=True)])
+        z = np.concatenate([self._forces[i][grip.near] for i, grip in zip(index, grips, strict=True)])
         z, _ = project(z, normals, mu)
-        y = np.zeros_like(z)
+        y = np.concatenate([self._scaled[i][grip.near] for i, grip in zip(index, grips, strict=True)])
         size = max(float(np.linalg.norm(target)), 1e-12)
         move = np.zeros(6)
         for iteration in range(1, MAX_ITERATIONS + 1):
@@ -266,50 +351,70 @@ class HeldObject:
         w = np.concatenate([g.matrix @ z.reshape(-1)[p] for g, p in zip(grips, parts, strict=True)])
         w = (w + b - g_rows.T @ move).reshape(-1, 3)
         residual = natural_residual(z, w, normals, mu, 1.0 / rho)
+        for i, grip, p in zip(index, grips, parts, strict=True):
+            self._scaled[i] = np.zeros_like(self.fingers[i].points)
+            self._scaled[i][grip.near] = y.reshape(-1)[p].reshape(-1, 3)
+            grip.offset += (-g_rows.T @ move)[p].reshape(-1, 3)
         return [z.reshape(-1)[p].reshape(-1, 3) for p in parts], move * scale, residual, iteration
 
-    def _carried(self, grips: Sequence[_Grip], wanted: Array) -> tuple[list[Array], Array, float, int]:
+    def _carried(self, grips: Sequence[_Grip | None]) -> tuple[list[Array], Array, float, int]:
         """Forces with the object on its animated path: what friction can carry."""
         forces, residual, iterations = [], 0.0, 0
+        self._scaled = [np.zeros_like(f.points) for f in self.fingers]
         for grip in grips:
+            if grip is None:
+                continue
             normals = grip.frame.normal[grip.near]
-            s = solve(grip.matrix, grip.offset, self.friction, normals=normals, tolerance=TOLERANCE)
+            s = solve(grip.matrix, grip.offset, grip.friction, normals=normals, tolerance=TOLERANCE)
             forces.append(s.force)
             residual, iterations = max(residual, s.residual), iterations + s.iterations
-        return forces, _STILL, residual, iterations
+        return forces, np.zeros(6), residual, iterations
 
     def _finish(
-        self, grips: Sequence[_Grip], forces: Sequence[Array], wanted: Array, residual: float, iterations: int,
-        pose: Array, finger_poses: Sequence[Array], holds: bool,
+        self, grips: Sequence[_Grip | None], step: tuple[list[Array], Array, float, int],
+        reaches: Sequence[Reach | None], wanted: Array, pose: Array, holds: bool,
     ) -> HeldStep:  # fmt: skip
+        """Sum the forces up and move the anchors to where the nodes are now."""
+        forces, _, residual, iterations = step
         on_object = np.zeros(6)
-        status = []
-        rotation, middle = self._placed(pose)
-        for i, (grip, force) in enumerate(zip(grips, forces, strict=True)):
+        status, frames, slips = [], [], []
+        rotation, middle = self.placed(pose)
+        rest = iter(forces)
+        for i, (grip, reach) in enumerate(zip(grips, reaches, strict=True)):
             finger = self.fingers[i]
-            whole = np.zeros_like(finger.points)
+            whole, w = np.zeros_like(finger.points), np.zeros_like(finger.points)
+            if grip is None or reach is None:
+                self._forces[i] = whole
+                continue
+            force = next(rest)
             whole[grip.near] = force
             self._forces[i] = whole
             on_object -= grip.wrench @ force.reshape(-1)
-            moved = replace(grip.frame, bodies=(self._body(finger_poses[i], rotation, middle),))
-            found = status_of(whole, whole, grip.frame.normal, np.full(whole.shape[0], self.friction))
+            w[grip.near] = (grip.matrix @ force.reshape(-1)).reshape(-1, 3) + grip.offset
+            body = self.body(reach.pose, rotation, middle)
+            bodies = (*grip.frame.bodies[: grip.own], body, *grip.frame.bodies[grip.own + 1 :])
+            moved = replace(grip.frame, bodies=bodies)
+            found = status_of(whole, w, grip.frame.normal, grip.frame.friction)
+            gap = along(w, grip.frame.normal)
+            # on the body's surface: what is pressed into a soft one lies on it all the same
+            soft = self._soft(finger, grip.frame)
             deformed = finger.points + (finger.compliance @ whole.reshape(-1)).reshape(-1, 3)
-            self._histories[i].keep(moved, found == STICK, deformed)
+            grip.history.keep(moved, found == STICK, deformed + soft[:, None] * whole - gap[:, None] * moved.normal)
             status.append(found)
+            frames.append(moved)
+            slips.append(w)
         displacement = np.concatenate([self._shift, _vector(self._turn)])
-        return HeldStep(tuple(self._forces), tuple(status), on_object, wanted, displacement, holds, residual,
-                        iterations)  # fmt: skip
+        here = tuple(self._forces[i] for i, g in enumerate(grips) if g is not None)
+        return HeldStep(here, tuple(status), on_object, wanted, displacement, holds, residual, iterations,
+                        tuple(frames), tuple(slips))  # fmt: skip
 
     def _note(self, code: str, what: str, where: float) -> None:
         known = self._findings.get(code)
         if known is None:
-            remedy = "Press harder, raise the friction, or make it lighter"
+            remedy = "Press harder, raise the friction, make it lighter, or key when it is held"
             self._findings[code] = Finding("warning", code, what, self.name, f"{self.mass:g} kg", "", remedy, where)
         else:
             self._findings[code] = replace(known, count=known.count + 1)
-
-
-_STILL = np.zeros(6)
 
 
 def _rotation(vector: Array) -> Array:

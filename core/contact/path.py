@@ -19,7 +19,7 @@ from .bodies import ContactBody, ContactFrame, contact_frame
 from .candidates import CandidateInverse
 from .cone import OPEN, STICK, along, assess
 from .history import ContactHistory
-from .solve import Solution, solve
+from .solve import Solution, solve, status_of
 from .triangles import Array
 
 TOLERANCE = 3e-5
@@ -102,8 +102,8 @@ class PathSolver:
         depth_limit: depth of the undeformed skin beyond which a frame is a finding [m].
 
     Attributes:
-        counters: how many frames were 'solved', 'unchanged', 'same' and 'idle'; 'fallback' and 'unconverged' ones;
-            'rebuilds' and 'updates' of the candidate inverse.
+        counters: how many frames were 'solved', 'unchanged', 'same', 'idle' and 'held' (see `adopt`); 'fallback',
+            'unconverged' and 'deep' ones; 'rebuilds' and 'updates' of the candidate inverse.
 
     Raises:
         DermisError: shapes that do not fit, or a compliance that is not positive definite.
@@ -138,7 +138,7 @@ class PathSolver:
         self._zero = np.zeros((m, 3))
         self._status = np.zeros(m, dtype=np.int8)
         self.counters = dict.fromkeys(
-            ("solved", "unchanged", "same", "idle", "fallback", "unconverged", "rebuilds", "updates", "deep"), 0
+            ("solved", "unchanged", "same", "idle", "fallback", "unconverged", "rebuilds", "updates", "deep", "held"), 0
         )
         self._findings: dict[str, Finding] = {}
         self._frames = 0
@@ -220,6 +220,30 @@ class PathSolver:
         self._frames += 1
         self.counters["rebuilds"], self.counters["updates"] = self._candidates.rebuilds, self._candidates.updates
         self._step = PathStep(solution, image, frame, work, from_rest)
+        return self._step
+
+    def adopt(
+        self, force: Array, displacement: Array, frame: ContactFrame, residual: float, *,
+        frame_number: float | None = None,
+    ) -> PathStep:  # fmt: skip
+        """Take over a frame that was solved together with other fingers, whose history is already kept.
+
+        Args:
+            force: on the nodes [N], shape (m, 3). displacement: relative, w [m], shape (m, 3).
+            frame: the gaps it was solved for. residual: of the contact laws.
+        """
+        from_rest = self._step is None or self._step.work == "idle"
+        status = status_of(force, displacement, frame.normal, frame.friction)
+        solution = Solution(force, displacement, frame.normal, frame.friction, status, EASY + 1, residual,
+                            CHECK * self.tolerance, "admm")  # fmt: skip
+        self._report(solution, frame, self._frames if frame_number is None else frame_number)
+        self._last, self._force, self._y, self._image = None, force, displacement / -self._rho, self._apply(force)
+        self._gap = frame.gap
+        self._gap_deformed = np.where(np.isfinite(frame.gap), along(displacement, frame.normal), np.inf)
+        self._bodies, self._at_rest = frame.bodies, False
+        self.counters["held"] += 1
+        self._frames += 1
+        self._step = PathStep(solution, self._image, frame, "solved", from_rest)
         return self._step
 
     # -- one frame -----------------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
 from ..skin.model import SkinModel
-from .bodies import ContactBody
+from .bodies import ContactBody, ContactFrame
 from .path import DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
 
 Array = NDArray[np.float64]
@@ -106,6 +106,26 @@ class Yielding:
             step, raised = self._limited(bodies, frame)
         else:
             step, raised = self.solver.step(bodies, frame_number=frame), 0.0
+        return self._yielded(step, raised, frame)
+
+    def lift(self, bodies: Sequence[ContactBody], frame: float) -> float:
+        """Return how far the force limit would lift the bone in the next frame [m], without taking it."""
+        if not np.isfinite(self.force_limit):
+            return 0.0
+        before, found = self.solver.save(), dict(self._findings)
+        _, raised = self._limited(bodies, frame)
+        self.solver.restore(before)
+        self._findings = found
+        return raised
+
+    def adopt(
+        self, force: Array, displacement: Array, gaps: ContactFrame, residual: float, raised: float, frame: float
+    ) -> Yielded:
+        """Take over a frame that was solved together with other fingers, the bone lifted by `raised` [m]."""
+        step = self.solver.adopt(force, displacement, gaps, residual, frame_number=frame)
+        return self._yielded(step, raised, frame)
+
+    def _yielded(self, step: PathStep, raised: float, frame: float) -> Yielded:
         spring = self._spring(step)
         depth = -float(step.frame.gap.min()) if step.frame is not None else 0.0
         depth = max(depth - spring, 0.0)

@@ -1,0 +1,176 @@
+"""HeldBody: a body of a scene while fingers hold it: when, by whom, how heavy, and how it moves.
+
+When it is held says `held.held`, the switch that weight and content of a shear tactor follow too. It is balanced only
+where the skin of every finger that holds it is simulated: what an unseen finger carries is not known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Finding
+from ..scene import Body, Chunk, TactileScene
+from .bodies import ContactBody
+from .gap import Surface
+from .held import MODES, held
+from .held_object import HeldObject, HeldStep, HoldingFinger, Reach
+from .sampled import SampledTouch
+from .triangles import Array
+
+# Angular acceleration is the difference of angular velocity over this share of a sample to either side.
+SHARE = 1e-3
+
+
+def may_be_held(scene: TactileScene, b: int, chunk: Chunk) -> bool:
+    """Tell from the header and one chunk whether a body could be held there: it has a mass and a way to be held."""
+    given = scene.bodies[b].parameters
+    if not _mass(given) > 0.0:
+        return False
+    mode = given.get("held_mode", "auto")
+    if mode == "keyed":
+        switch = chunk.channels.get(f"body/{b}/held")
+        return bool(float(given.get("held", 0.0)) > 0.5 if switch is None else (switch > 0.5).any())
+    # an unknown mode is refused by `held` itself
+    return mode == "auto" and len(scene.fingers) > 1 or mode not in MODES
+
+
+class HeldBody:
+    """One body that is held at some sample.
+
+    Args:
+        touch: of the whole range.
+        b: the body's index.
+        skins: finger index -> what is known of its skin, for the fingers that are simulated.
+    """
+
+    def __init__(self, scene: TactileScene, touch: SampledTouch, b: int, skins: Mapping[int, HoldingFinger]) -> None:
+        self.index = b
+        self._body: Body = scene.bodies[b]
+        self._gravity = np.asarray(scene.gravity, dtype=np.float64)
+        self.order = tuple(sorted(skins))
+        self._fingers = [skins[f] for f in self.order]
+        self._object: HeldObject | None = None
+        self._shared: tuple[float, int] | None = None
+        times = touch.times
+        nobody = np.zeros(len(times), dtype=bool)
+        whole, unseen = nobody.copy(), nobody.copy()
+        for f in range(len(scene.fingers)):
+            holds = held(touch, scene, f, b, times)
+            if holds is not None:
+                whole |= holds
+                unseen |= holds & (f not in skins)
+        self.keyed = self._body.parameters.get("held_mode", "auto") == "keyed"
+        self.held: NDArray[np.bool_] = whole & ~unseen
+        self._unseen = int(unseen.sum())
+        self._first_unseen = float(touch.frames[np.argmax(unseen)])
+        if not self.held.any():
+            return
+        centre = touch.centre(b, self._body.mesh)
+        self._centre, self._acceleration = centre.at(times), centre.at(times, 2)
+        motion = touch.body_motion(b)
+        self._spin = motion.at(times).angular_velocity
+        self._spin_rate = np.zeros_like(self._spin)
+        if len(times) > 2:
+            h = SHARE * float(np.diff(times).min())
+            before, after = (np.clip(times + d, times[0], times[-1]) for d in (-h, h))
+            change = motion.at(after).angular_velocity - motion.at(before).angular_velocity
+            self._spin_rate = change / (after - before)[:, None]
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Frames in which it slipped, and whether fingers without a simulated skin hold it."""
+        found = () if self._object is None else self._object.findings
+        if self._shared:
+            shared = Finding("info", "held-together", "a finger holds another object too: this one follows its "
+                             "animated path there", where=f"object '{self._body.name}'", frame=self._shared[0],
+                             count=self._shared[1])  # fmt: skip
+            found = (*found, shared)
+        if not self._unseen:
+            return found
+        unseen = Finding("info", "held-unseen", "it is held by a finger whose skin is not simulated: it follows its "
+                         "animated path there, and the contacts need not carry its weight",
+                         where=f"object '{self._body.name}'", remedy="Show the skin of every finger that holds it",
+                         frame=self._first_unseen, count=self._unseen)  # fmt: skip
+        return (*found, unseen)
+
+    def shared(self, frame: float) -> None:
+        """Note a sample in which a finger that holds it already balances another object."""
+        self._shared = (self._shared[0], self._shared[1] + 1) if self._shared else (frame, 1)
+
+    def let_go(self) -> None:
+        """Take a sample in which nobody holds it."""
+        if self._object is not None:
+            self._object.let_go()
+
+    def step(
+        self, sample: int, surface: Surface, turn: Array, origin: Array, reaches: Sequence[Reach | None],
+        frame: float,
+    ) -> HeldStep | None:  # fmt: skip
+        """Balance it at a sample; None where opposed fingers do not press it yet.
+
+        Args:
+            surface: its own, carried by rotation `turn` and translation `origin` [m] to the world.
+            reaches: of the fingers in `order`.
+        """
+        held_object = self._at(surface, turn.T @ (self._centre[sample] - origin))
+        mine = next((r.bodies[r.own] for r in reaches if r is not None), None)
+        if mine is not None:
+            held_object.friction, held_object.softness, held_object.deforms = mine.friction, mine.softness, mine.deforms
+        return held_object.step_among(
+            rigid(turn, origin), reaches, self._acceleration[sample], self._spin[sample], self._spin_rate[sample],
+            frame_number=frame, only_if_pressed=not self.keyed,
+        )  # fmt: skip
+
+    def body(self, finger_pose: Array, surface: Surface, turn: Array, origin: Array, sample: int) -> ContactBody:
+        """Return it in a finger's frame, displaced as the last balance left it."""
+        held_object = self._at(surface, turn.T @ (self._centre[sample] - origin))
+        return held_object.body(finger_pose, *held_object.placed(rigid(turn, origin)))
+
+    def _at(self, surface: Surface, centre: Array) -> HeldObject:
+        """Return the balance, made at its first sample; a surface that changes takes its inertia along."""
+        known = self._object
+        if known is None:
+            known = self._object = HeldObject(
+                surface, _mass(self._body.parameters), self._fingers, 0.0, centre=centre,
+                inertia=inertia_of(surface, _mass(self._body.parameters), centre), gravity=self._gravity,
+                name=f"object '{self._body.name}'",
+            )  # fmt: skip
+        elif known.surface is not surface:
+            known.surface, known.centre = surface, centre
+            known.inertia = inertia_of(surface, known.mass, centre)
+        return known
+
+
+def inertia_of(surface: Surface, mass: float, centre: Array) -> Array:
+    """Return the inertia of a homogeneous solid about a point, or of its box where it encloses nothing [kg m^2].
+
+    A sum over the tetrahedra that its triangles span with the point, shape (3, 3).
+    """
+    a, b, c = (surface.vertices[surface.triangles[:, k]] - centre for k in range(3))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+    total = float(volume.sum())
+    size = surface.box[1] - surface.box[0]
+    if not surface.closed or not abs(total) > 1e-6 * float(size.max()) ** 3:
+        return np.asarray(np.diag((size @ size - size**2) * mass / 12.0))
+    # integral of x x' over a tetrahedron with a corner at the origin: V/20 (sum of corner products + sum sum')
+    corners = a + b + c
+    second = sum(np.einsum("n,ni,nj->ij", volume, x, x) for x in (a, b, c, corners)) / 20.0
+    second = np.asarray(second) * (mass / total)
+    return np.asarray(np.trace(second) * np.eye(3) - second)
+
+
+def _mass(parameters: Mapping[str, object]) -> float:
+    value = parameters.get("mass", 0.0)
+    return float(value) if isinstance(value, (int, float)) else 0.0
+
+
+def rigid(turn: Array, place: Array) -> Array:
+    """Return the matrix of a rotation and a translation [m], shape (4, 4)."""
+    out = np.eye(4)
+    out[:3, :3], out[:3, 3] = turn, place
+    return out
+
+

@@ -1,0 +1,213 @@
+"""A block that two fingers pick up in a scene: contacts carry m (a - g) along the whole path, or a finding says not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from core.contact.gap import Surface
+from core.contact.held import held
+from core.contact.held_body import inertia_of
+from core.contact.skin_touch import SkinSampler
+from core.contact.touch import TouchSampler
+from core.errors import DermisError
+from core.scene import Body, Chunk, Finger, Mesh, TactileScene
+from core.skin.model import fingertip_skin
+
+HALF = np.array([0.01, 0.015, 0.01])
+CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float) * HALF
+TRIANGLES = np.array([
+    [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+    [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
+], dtype=np.int32)  # fmt: skip
+BLOCK = Mesh(CORNERS, TRIANGLES)
+GRAVITY = np.array([0.0, -9.81, 0.0])
+RATE, COUNT, CLOSED, SQUEEZE = 240.0, 30, 8, 1e-3
+BALANCE = 1e-6
+TIMES = np.arange(COUNT) / RATE
+
+
+@pytest.fixture(scope="module")
+def skin():
+    return fingertip_skin(level="draft")
+
+
+def carried(path, turn=None):
+    """Poses of the block and of two pads facing each other along z, closing over the first samples."""
+    block = np.tile(np.eye(4), (COUNT, 1, 1))
+    block[:, :3, 3] = path
+    if turn is not None:
+        block[:, :3, :3] = turn
+    open_by = 2e-3 * np.clip(1 - np.arange(COUNT) / CLOSED, 0, 1)
+    fingers = np.tile(np.eye(4), (2, COUNT, 1, 1))
+    fingers[1, :, :3, :3] = np.diag([-1.0, 1.0, -1.0])
+    height = HALF[2] - SQUEEZE + open_by
+    fingers[0, :, 2, 3], fingers[1, :, 2, 3] = height, -height
+    return block, block[None] @ fingers
+
+
+def make(mass=0.03, mode="auto", **more):
+    given = {"friction": 0.6, "held_mode": mode, **({} if mass is None else {"mass": mass}), **more}
+    fingers = tuple(Finger(n) for n in ("index", "thumb"))
+    return TactileScene("s", Fraction(24), (1, 2), RATE, fingers, (Body("block", BLOCK, given),), (), (),
+                        tuple(GRAVITY))  # fmt: skip
+
+
+def run(scene, skins, block, fingers, cuts=(), channels=None, surfaces=None):
+    pads, sampler = TouchSampler(scene), SkinSampler(scene, skins)
+    for i, j in zip((0, *cuts), (*cuts, COUNT), strict=True):
+        screens = np.zeros((0, j - i, 4, 4))
+        chunk = Chunk(np.arange(i, j) / 10 + 1, TIMES[i:j], fingers[:, i:j], block[None, i:j], screens,
+                      {} if surfaces is None else {0: surfaces[i:j]},
+                      {k: v[i:j] for k, v in (channels or {}).items()})  # fmt: skip
+        pads.add(chunk)
+        sampler.add(chunk)
+    touch = pads.finish()
+    return sampler.finish(touch), touch
+
+
+def on_block(felt, fingers, sample):
+    """Newton's third law, counted from the nodes' forces in world space."""
+    return -sum(fingers[f, sample, :3, :3] @ felt[f].force_at(sample).sum(axis=0) for f in felt)
+
+
+def codes(felt):
+    return [f.code for touch in felt.values() for f in touch.findings]
+
+
+def shaken():
+    """A cubic in time, which the motion's spline follows exactly, and its acceleration."""
+    a, b = np.array([0.2, 0.5, -1.0]), np.array([8.0, -20.0, 30.0])
+    path = a * TIMES[:, None] ** 2 + b * TIMES[:, None] ** 3
+    return path, 2 * a + 6 * b * TIMES[:, None]
+
+
+def test_contacts_carry_the_block_while_it_is_shaken(skin):
+    path, acceleration = shaken()
+    block, fingers = carried(path)
+    felt, _ = run(make(0.03), {0: skin, 1: skin}, block, fingers)
+    forces = np.array([on_block(felt, fingers, i) for i in range(CLOSED, COUNT)])
+    wanted = 0.03 * (acceleration[CLOSED:] - GRAVITY)
+    assert np.linalg.norm(forces - wanted, axis=1).max() <= BALANCE * np.linalg.norm(wanted, axis=1).min()
+    # nothing slips but while the fingers close and press too little
+    slips = [f for f in felt[0].findings if f.code == "slips"]
+    assert codes(felt) == ["slips"] and slips[0].count < CLOSED and slips[0].frame < 1 + CLOSED / 10
+    # the acceleration tells: a block at rest asks for its weight alone
+    still, there = carried(np.zeros((COUNT, 3)))
+    rest, _ = run(make(0.03), {0: skin, 1: skin}, still, there)
+    np.testing.assert_allclose(on_block(rest, there, COUNT - 1), -0.03 * GRAVITY, atol=BALANCE * 0.3)
+    assert np.linalg.norm(forces[-1] + 0.03 * GRAVITY) > 0.05
+
+
+def test_tilting_turns_the_weight_about_the_fingers(skin):
+    angle = 0.9 * (TIMES / TIMES[-1]) ** 2
+    turn = np.zeros((COUNT, 3, 3))
+    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
+    turn[:, 1, 0], turn[:, 0, 1], turn[:, 2, 2] = np.sin(angle), -np.sin(angle), 1
+    block, fingers = carried(np.zeros((COUNT, 3)), turn)
+    felt, touch = run(make(0.03), {0: skin, 1: skin}, block, fingers)
+    for i in range(CLOSED, COUNT):
+        np.testing.assert_allclose(on_block(felt, fingers, i), -0.03 * GRAVITY, atol=BALANCE * 0.3)
+    # in the finger's frame the drag on the skin turns with gravity, here by 0.9 rad
+    drag = np.array([felt[0].force_at(i).sum(axis=0)[:2] for i in (CLOSED, COUNT - 1)])
+    bearing = np.arctan2(drag[:, 0], -drag[:, 1])
+    assert bearing[1] - bearing[0] == pytest.approx(angle[CLOSED] - 0.9, abs=0.05)
+
+
+def test_it_slips_at_the_mass_that_friction_cannot_carry(skin):
+    block, fingers = carried(np.zeros((COUNT, 3)))
+    light, _ = run(make(1e-5), {0: skin, 1: skin}, block, fingers)
+    limit = 2 * 0.6 * float(light[0].normal_force[-1]) / 9.81
+    holds, _ = run(make(0.85 * limit), {0: skin, 1: skin}, block, fingers)
+    np.testing.assert_allclose(on_block(holds, fingers, COUNT - 1), -0.85 * limit * GRAVITY, rtol=1e-6,
+                               atol=1e-6 * limit * 9.81)  # fmt: skip
+    slips, _ = run(make(1.05 * limit), {0: skin, 1: skin}, block, fingers)
+    found = [f for f in slips[0].findings if f.code == "slips"]
+    assert len(found) == 1 and found[0].where == "object 'block'" and found[0].count >= COUNT - CLOSED
+    assert np.isfinite(slips[0].force).all() and slips[0].normal_force[-1] > 0
+    # once closed, the lighter one is held for good
+    assert not [f for f in holds[0].findings if f.code == "slips" and f.count > CLOSED]
+
+
+@pytest.mark.parametrize("mode", ["auto", "keyed"])
+def test_it_is_the_switch_of_weight_and_content(skin, mode):
+    """The samples in which contacts balance are those of `held.held`, which the shear tactor's effects ask."""
+    block, fingers = carried(np.zeros((COUNT, 3)))
+    switch = (np.arange(COUNT) >= 18).astype(float)
+    scene = make(0.03, mode)
+    felt, touch = run(scene, {0: skin, 1: skin}, block, fingers, channels={"body/0/held": switch})
+    holds = held(touch, scene, 0, 0, touch.times)
+    assert holds[20:].all() and (mode == "auto" or not holds[:18].any())
+    balanced = [np.allclose(on_block(felt, fingers, i), -0.03 * GRAVITY, atol=1e-6) for i in range(CLOSED, COUNT)]
+    np.testing.assert_array_equal(balanced, holds[CLOSED:])
+
+
+def test_chunks_do_not_matter(skin):
+    path, _ = shaken()
+    block, fingers = carried(path)
+    whole, _ = run(make(0.03), {0: skin, 1: skin}, block, fingers)
+    cut, _ = run(make(0.03), {0: skin, 1: skin}, block, fingers, cuts=(1, 2, 9, 20))
+    for f in whole:
+        np.testing.assert_array_equal(whole[f].force, cut[f].force)
+
+
+def test_a_block_given_anew_every_sample_is_held_alike(skin):
+    path, _ = shaken()
+    block, fingers = carried(path)
+    rigid, _ = run(make(0.03), {0: skin, 1: skin}, block, fingers)
+    scene = replace(make(0.03), bodies=(replace(make(0.03).bodies[0], mesh=None),))
+    meshes = tuple(Mesh(CORNERS.copy(), TRIANGLES) for _ in range(COUNT))
+    soft, _ = run(scene, {0: skin, 1: skin}, block, fingers, surfaces=meshes)
+    assert np.linalg.norm(soft[0].force - rigid[0].force) <= 1e-3 * np.linalg.norm(rigid[0].force)
+
+
+@pytest.mark.parametrize("given", [{"mass": None}, {"mode": "never"}, {"mode": "keyed"}])
+def test_what_is_not_held_is_touched_as_before(skin, given):
+    """No mass, never, or never keyed: each finger meets the animated block by itself."""
+    block, fingers = carried(np.zeros((COUNT, 3)))
+    felt, _ = run(make(**{"mass": 0.03, **given}), {0: skin, 1: skin}, block, fingers)
+    alone = replace(make(None), fingers=(Finger("index"),))
+    single, _ = run(alone, {0: skin}, block, fingers[:1])
+    np.testing.assert_array_equal(felt[0].force, single[0].force)
+    assert not codes(felt)
+
+
+def test_a_finger_without_skin_leaves_the_block_on_its_path_and_says_so(skin):
+    block, fingers = carried(np.zeros((COUNT, 3)))
+    felt, _ = run(make(0.03), {0: skin}, block, fingers)
+    free, _ = run(make(None), {0: skin}, block, fingers)
+    np.testing.assert_array_equal(felt[0].force, free[0].force)
+    assert codes(felt) == ["held-unseen"]
+
+
+def test_a_bone_that_gives_way_keeps_its_force_limit_while_it_holds(skin):
+    block, fingers = carried(np.zeros((COUNT, 3)))
+    soft = {"depth_mode": "compliant", "bone_stiffness": 1e5, "force_limit": 0.4}
+    scene = replace(make(0.02), fingers=tuple(Finger(n, (), soft) for n in ("index", "thumb")))
+    felt, _ = run(scene, {0: skin, 1: skin}, block, fingers)
+    assert felt[0].normal_force[-1] == pytest.approx(0.4, rel=0.03) and felt[0].lift[-1] > 1e-4
+    np.testing.assert_allclose(on_block(felt, fingers, COUNT - 1), -0.02 * GRAVITY, atol=BALANCE * 0.2)
+
+
+def test_the_touch_of_the_range_is_needed(skin):
+    block, fingers = carried(np.zeros((COUNT, 3)))
+    sampler = SkinSampler(make(0.03), {0: skin, 1: skin})
+    sampler.add(Chunk(np.arange(COUNT) + 1.0, TIMES, fingers, block[None], np.zeros((0, COUNT, 4, 4))))
+    with pytest.raises(DermisError, match="touch of the whole range"):
+        sampler.finish()
+
+
+def test_inertia_of_a_solid():
+    """A box in closed form, off its centre by Steiner's theorem; an open sheet has that of its box."""
+    size, mass = 2 * HALF, 0.05
+    box = Surface.build(CORNERS + [0.3, 0.1, 0.0], TRIANGLES)
+    exact = np.diag((size @ size - size**2) * mass / 12)
+    np.testing.assert_allclose(inertia_of(box, mass, np.array([0.3, 0.1, 0])), exact, rtol=1e-9, atol=1e-15)
+    d = np.array([0.02, -0.01, 0.005])
+    steiner = exact + mass * (d @ d * np.eye(3) - np.outer(d, d))
+    np.testing.assert_allclose(inertia_of(box, mass, np.array([0.3, 0.1, 0]) - d), steiner, rtol=1e-9)
+    sheet = Surface.build(CORNERS, TRIANGLES[:-2])
+    np.testing.assert_allclose(inertia_of(sheet, mass, np.zeros(3)), exact, rtol=1e-12)

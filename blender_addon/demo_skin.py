@@ -40,9 +40,9 @@ def build(fingers: int) -> bpy.types.Scene:
     else:
         _five(scene)
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    camera.data.clip_start, camera.data.lens = 0.005, 60.0
-    camera.location = (0.06, -0.16, 0.10)
-    camera.rotation_euler = (Vector((0.0, 0.0, 0.010)) - camera.location).to_track_quat("-Z", "Y").to_euler()
+    camera.data.clip_start, camera.data.lens, camera.data.display_size = 0.005, 60.0, 0.02
+    camera.location = (-0.05, 0.15, 0.08)
+    camera.rotation_euler = (Vector((0.0, 0.0, 0.008)) - camera.location).to_track_quat("-Z", "Y").to_euler()
     scene.collection.objects.link(camera)
     scene.camera = camera
     properties.stamp(scene)
@@ -67,9 +67,10 @@ def look(context: bpy.types.Context) -> None:
         space.show_region_ui = True
         view = space.region_3d
         view.view_perspective = "PERSP"
-        view.view_location = Vector((0.0, 0.002, 0.012))
-        view.view_rotation = Euler((math.radians(62.0), 0.0, math.radians(-24.0))).to_quaternion()
-        view.view_distance = 0.20 if wide else 0.17
+        # From in front of the tips: nail, pad and what is touched are all in view.
+        view.view_location = Vector((-0.020, 0.0, 0.002) if wide else (-0.014, 0.0, 0.006))
+        view.view_rotation = Euler((math.radians(66.0), 0.0, math.radians(160.0))).to_quaternion()
+        view.view_distance = 0.175 if wide else 0.125
 
 
 def sphere(radius: float, segments: int = 64) -> bpy.types.Mesh:

@@ -186,7 +186,7 @@ class DermisSkinView(bpy.types.PropertyGroup):
         options=set(), update=_redraw,
     )  # fmt: skip
     map_size: IntProperty(
-        name="Map Size", description="Height of a pad map in the view", default=150, min=60, max=600, subtype="PIXEL",
+        name="Map Size", description="Height of a pad map in the view", default=180, min=60, max=600, subtype="PIXEL",
         options=set(), update=_redraw,
     )  # fmt: skip
 

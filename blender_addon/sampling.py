@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from fractions import Fraction
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -176,27 +176,58 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Any:
     Raises:
         DermisError: a value that is not a finite number.
     """
-    view_layer = scene.view_layers[depsgraph.view_layer.name]
+    global _live_cast
     fps, span = frames_per_second(scene), frame_range(scene)
-    findings = sampling_header.scene_findings(scene)
-    has = sampling_roster.has_instancers(scene)
-    presence = {key: None for key, _, _ in sampling_roster.instances(depsgraph)} if has else {}
-    none = sampling_simulated.Simulations(frozenset(), span[0], ())
-    roster = sampling_header.roster(scene, depsgraph, view_layer, none, None, presence)
-    header = sampling_header.header(depsgraph, roster, _live_reader, live=True)
-    recorder = Recorder(header.roster, _live_reader, 1, presence)
+    key = (scene.session_uid, depsgraph.view_layer.name, handlers.ticks(), handlers.edits(), len(bpy.data.objects),
+           sampling_roster.metres_per_unit(scene))  # fmt: skip
+    if _live_cast is None or _live_cast.key != key:
+        _live_cast = _cast(scene, depsgraph, span, key)
+    cast = _live_cast
+    recorder = Recorder(cast.header.roster, _live_reader, 1, cast.presence)
     recorder.record(0, depsgraph)
     frame = float(np.float32(scene.frame_current_final))
     time = (frame - span[0]) * fps.denominator / fps.numerator
     chunk = recorder.chunk(np.array([frame]), np.array([time]), 1, [])
+    if not cast.lasting:
+        _live_cast = None
     return TactileScene(
-        scene.name_full, fps, span, float(scene.dermis.sample_rate), header.fingers, header.bodies, header.screens,
-        (chunk,), gravity=sampling_header.gravity(scene, findings), findings=(*findings, *header.roster.findings),
+        scene.name_full, fps, span, float(scene.dermis.sample_rate), cast.header.fingers, cast.header.bodies,
+        cast.header.screens, (chunk,), gravity=sampling_header.gravity(scene, list(cast.findings)),
+        findings=(*cast.findings, *cast.header.roster.findings),
     )  # fmt: skip
+
+
+class _Cast(NamedTuple):
+    """Who takes part in the live preview, and for which state of the scene that was found out."""
+
+    key: tuple[Any, ...]
+    header: Any
+    presence: dict[InstanceKey, Any]
+    findings: tuple[Any, ...]
+    lasting: bool  # it holds for other frames too
+
+
+_live_cast: _Cast | None = None
+
+
+def _cast(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, span: tuple[int, int], key: tuple[Any, ...]) -> _Cast:
+    """Find out who takes part: once a change, and once a frame only where instances, reliefs or visibility vary."""
+    view_layer = scene.view_layers[depsgraph.view_layer.name]
+    findings = sampling_header.scene_findings(scene)
+    has = sampling_roster.has_instancers(scene)
+    presence = {k: None for k, _, _ in sampling_roster.instances(depsgraph)} if has else {}
+    none = sampling_simulated.Simulations(frozenset(), span[0], ())
+    roster = sampling_header.roster(scene, depsgraph, view_layer, none, None, presence)
+    header = sampling_header.header(depsgraph, roster, _live_reader, live=True)
+    sampling_header.gravity(scene, findings)
+    lasting = not has and not header.screens and not any(e.blinking or e.mirrored for e in header.roster.entries)
+    return _Cast(key, header, presence, tuple(findings), lasting)
 
 
 def forget() -> None:
     """Drop the surfaces and reliefs kept for the live preview."""
+    global _live_cast
+    _live_cast = None
     _live_reader.clear()
     heightmaps.forget()
 

@@ -63,6 +63,7 @@ class _Kit:
     """What belongs to a mesh: its surface, and how element values get to the surface's nodes."""
 
     surface: DisplaySurface
+    points: Array
     averaging: Any
     pad_rows: NDArray[np.intp]
 
@@ -76,7 +77,7 @@ def kit(mesh: Any) -> _Kit:
     if found is None:
         surface = DisplaySurface.of(mesh)
         pad_rows = np.searchsorted(surface.nodes, mesh.pad)
-        found = _kits[mesh] = _Kit(surface, mesh.averaging[surface.nodes], pad_rows)
+        found = _kits[mesh] = _Kit(surface, mesh.nodes[surface.nodes], mesh.averaging[surface.nodes], pad_rows)
     return found
 
 
@@ -87,20 +88,19 @@ def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn
     if not state.force.any():
         zero = np.zeros(len(surface.rest))
         lifted = surface.rest + (0.0, 0.0, state.lift)
-        return Drawn(surface, lifted, surface.normals(surface.rest), zero, 0.0, 0.0)
+        return Drawn(surface, lifted, surface.at_rest, zero, 0.0, 0.0)
     stimulus = core_module("stimulus").Stimulus(state.model, state.force)
     moved = stimulus.displacement[surface.nodes]
     nodal = _nodal(own, stimulus, quantity, moved)
-    positions = surface.moved(exaggeration * moved)
+    positions, normals, values = surface.deformed(own.points, exaggeration * moved, nodal)
     positions[:, 2] += state.lift
-    return Drawn(surface, positions, surface.normals(positions), surface.values(nodal), float(nodal.min()),
-                 float(nodal.max()))  # fmt: skip
+    return Drawn(surface, positions, normals, values, float(nodal.min()), float(nodal.max()))
 
 
 def _nodal(own: _Kit, stimulus: Any, quantity: str, moved: Array) -> Array:
     """Return a quantity at the nodes of the surface."""
     if quantity == "displacement":
-        return np.sqrt((moved * moved).sum(axis=1))
+        return np.linalg.norm(moved, axis=1)
     if quantity in ("pressure", "traction"):
         out = np.zeros(len(moved))
         model = stimulus.skin

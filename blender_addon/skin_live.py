@@ -70,14 +70,24 @@ class _Shape:
         self._mesh: Any = None
         self._stretch = np.eye(3)
         self._surface: Any = None
+        self._pose: Any = None
+        self._placed: Any = None
         self.low, self.high = np.zeros(3), np.zeros(3)
 
     def see(self, mesh: Any) -> None:
         """Take the mesh of this frame."""
         if mesh is not self._mesh:
-            self._mesh, self._surface = mesh, None
+            self._mesh, self._surface, self._pose = mesh, None, None
             if len(mesh.vertices):
                 self.low, self.high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+
+    def placed(self, pose: Array) -> tuple[Any, Array]:
+        """Return the surface and its rotation to the world for an object's matrix; most objects stand still."""
+        if self._pose is None or not np.array_equal(self._pose, pose):
+            rotation = core_module("motion").rotations(pose[None, :3, :3])[0]
+            self._placed = self.surface(rotation.T @ pose[:3, :3]), rotation
+            self._pose = pose.copy()
+        return self._placed  # type: ignore[no-any-return]
 
     def surface(self, stretch: Array) -> Any:
         """Return the surface after scale and shear."""
@@ -95,6 +105,7 @@ class _Track:
 
     key: tuple[Any, ...]
     path: Any
+    box: tuple[Array, Array]  # of the pad at rest
     order: list[int] = field(default_factory=list)
     before: Any = None  # the path's state before the last frame
     far: int = 0
@@ -112,6 +123,8 @@ class _Live:
     shapes: dict[str, _Shape] = field(default_factory=dict)
     states: tuple[SkinState, ...] = ()
     failure: str = ""
+    middles: Array = field(default_factory=lambda: np.zeros((0, 3)))  # of the bodies' boxes in the world, this frame
+    halves: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 _live = _Live()
@@ -129,7 +142,14 @@ def any_shown(scene: bpy.types.Scene) -> bool:
 
 
 def states(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
-    """Return the skins to show at the current frame, by finger; empty where nothing is known."""
+    """Return the skins to show at the current frame, by finger, and as pin arrays render them; empty if unknown."""
+    from . import pin_view
+
+    targets = _targets(scene)
+    return (*targets, *pin_view.rendered(scene, targets)) if targets else ()
+
+
+def _targets(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
     if not any_shown(scene):
         return ()
     frame, state = float(scene.frame_current_final), results.state(scene)
@@ -250,6 +270,12 @@ def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> bool:
     _live.generation, _live.scene, _live.cast = handlers.generation(), scene.session_uid, cast
     for b, name in enumerate(names):
         _live.shapes[name].see(sample.chunks[0].surfaces[b][0])
+    shapes = list(_live.shapes.values())
+    if shapes:
+        lows, highs = np.array([s.low for s in shapes]), np.array([s.high for s in shapes])
+        linear = sample.chunks[0].bodies[:, 0, :3, :3]
+        _live.middles = np.einsum("bij,bj->bi", linear, (lows + highs) / 2) + sample.chunks[0].bodies[:, 0, :3, 3]
+        _live.halves = np.einsum("bij,bj->bi", np.abs(linear), (highs - lows) / 2)
     return again
 
 
@@ -276,7 +302,7 @@ def _solve(sample: Any, f: int, finger: Any, frame: float, again: bool) -> SkinS
     chunk = sample.chunks[0]
     pose = chunk.fingers[f, 0]
     turn, place = pose[:3, :3], pose[:3, 3]
-    near = _near(model, track.path.solver.reach, turn, place, chunk)
+    near = _near(track, turn, place) if sample.bodies else []
     track.far += len(sample.bodies) - len(near)
     track.order += [b for b in near if b not in track.order]
     starts = frame == _live.first
@@ -305,34 +331,28 @@ def _track(finger: Any, model: Any, where: str) -> _Track:
     track = _live.tracks.get(finger.name)
     if track is None or track.key != key:
         path = core_module("contact.yielding").Yielding.of(model, p, where)
-        track = _live.tracks[finger.name] = _Track(key, path)
+        points = model.positions
+        track = _live.tracks[finger.name] = _Track(key, path, (points.min(axis=0), points.max(axis=0)))
         track.before = path.solver.save()
     return track
 
 
-def _near(model: Any, reach: float, turn: Array, place: Array, chunk: Any) -> list[int]:
+def _near(track: _Track, turn: Array, place: Array) -> list[int]:
     """Return the bodies whose boxes come within reach of the fingertip's."""
-    shapes = [_live.shapes[name] for name in _live.cast[1]]
-    if not shapes:
-        return []
-    points = model.positions
-    low, high = points.min(axis=0), points.max(axis=0)
-    middle, half = place + turn @ ((low + high) / 2), np.abs(turn) @ ((high - low) / 2) + reach
-    lows, highs = np.array([s.low for s in shapes]), np.array([s.high for s in shapes])
-    linear = chunk.bodies[:, 0, :3, :3]
-    centres = np.einsum("bij,bj->bi", linear, (lows + highs) / 2) + chunk.bodies[:, 0, :3, 3]
-    halves = np.einsum("bij,bj->bi", np.abs(linear), (highs - lows) / 2)
-    return [int(b) for b in np.flatnonzero((np.abs(middle - centres) <= half + halves).all(axis=1))]
+    low, high = track.box
+    middle, half = place + turn @ ((low + high) / 2), np.abs(turn) @ ((high - low) / 2) + track.path.solver.reach
+    inside = (np.abs(middle - _live.middles) <= half + _live.halves).all(axis=1)
+    return np.flatnonzero(inside).tolist()
 
 
 def _body(sample: Any, b: int, turn: Array, place: Array) -> Any:
     """Return a body in the finger's frame."""
     chunk = sample.chunks[0]
     pose, shape = chunk.bodies[b, 0], _live.shapes[sample.bodies[b].name]
-    rotation = core_module("motion").rotations(pose[None, :3, :3])[0]
+    surface, rotation = shape.placed(pose)
     stiffness = _value(sample, b, "surface_stiffness", 0.0)
     return core_module("contact.bodies").ContactBody(
-        shape.surface(rotation.T @ pose[:3, :3]), turn.T @ rotation, turn.T @ (pose[:3, 3] - place),
+        surface, turn.T @ rotation, turn.T @ (pose[:3, 3] - place),
         friction=_value(sample, b, "friction", 0.6), softness=1.0 / stiffness if stiffness > 0 else 0.0,
         deforms=shape.deforms,
     )  # fmt: skip

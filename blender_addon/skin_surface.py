@@ -30,7 +30,9 @@ class DisplaySurface:
         rest: drawn vertices without deformation [m], shape (d, 3).
         triangles: counter-clockwise from outside, shape (t, 3).
         palmar: which of them face away from the nail, shape (t,).
-        scatter: from triangles to vertices, sparse (d, t), for normals.
+        coarse: the triangles between `nodes`, shape (c, 3).
+        scatter: from those to the nodes, sparse (s, c), for normals.
+        at_rest: normals of the drawn vertices without deformation, shape (d, 3).
     """
 
     nodes: Index
@@ -38,7 +40,9 @@ class DisplaySurface:
     rest: Array
     triangles: Index
     palmar: NDArray[np.bool_]
+    coarse: Index
     scatter: Any
+    at_rest: Array
 
     @classmethod
     def of(cls, mesh: Any) -> DisplaySurface:
@@ -50,7 +54,8 @@ class DisplaySurface:
         shown = mesh.surface[~held[mesh.surface].all(axis=1)]
         nodes, flat = np.unique(shown, return_inverse=True)
         triangles = flat.reshape(-1, 3).astype(np.int32)
-        rest = mesh.nodes[nodes]
+        rest = points = mesh.nodes[nodes]
+        coarse = triangles
         refine = identity(len(nodes), format="csr")
         for _ in range(MOST_LEVELS):
             if len(triangles) * 4 > 2 * TRIANGLES and len(triangles) > TRIANGLES / 2:
@@ -58,27 +63,31 @@ class DisplaySurface:
             matrix, triangles = _refined(rest, triangles)
             rest = matrix @ rest
             refine = (matrix @ refine).tocsr()
-        count = len(triangles)
+        count = len(coarse)
         scatter = coo_array(
-            (np.ones(3 * count), (triangles.ravel(), np.repeat(np.arange(count), 3))), shape=(len(rest), count)
+            (np.ones(3 * count), (coarse.ravel(), np.repeat(np.arange(count), 3))), shape=(len(points), count)
         ).tocsr()
         palmar = _crosses(rest, triangles)[2] < 0.0
-        return cls(nodes.astype(np.int32), refine, rest, triangles, palmar, scatter)
+        at_rest = _unit(refine @ _unit(scatter @ np.stack(_crosses(points, coarse), axis=1)))
+        return cls(nodes.astype(np.int32), refine, rest, triangles, palmar, coarse, scatter, at_rest)
 
-    def moved(self, displacement: Array) -> Array:
-        """Return the drawn vertices for a displacement of the nodes on the surface [m], shape (d, 3)."""
-        return self.rest + self.refine @ displacement
+    def deformed(self, points: Array, displacement: Array, nodal: Array) -> tuple[Array, Array, Array]:
+        """Return vertices [m], unit normals and values of the drawn surface, shapes (d, 3), (d, 3) and (d,).
 
-    def values(self, nodal: Array) -> Array:
-        """Return values at the drawn vertices, within the range of the nodes', shape (d,)."""
-        out: Array = self.refine @ nodal
-        return np.clip(out, nodal.min(), nodal.max()) if len(nodal) else out
+        Args:
+            points: the nodes on the surface at rest [m], shape (s, 3).
+            displacement: of those nodes [m], shape (s, 3). nodal: values at them, shape (s,).
+        """
+        normals = _unit(self.scatter @ np.stack(_crosses(points + displacement, self.coarse), axis=1))
+        fine = self.refine @ np.concatenate([displacement, normals, nodal[:, None]], axis=1)
+        # a cubic may overshoot; what is drawn stays within what the nodes have
+        values = np.clip(fine[:, 6], nodal.min(), nodal.max())
+        return self.rest + fine[:, :3], _unit(fine[:, 3:6]), values
 
-    def normals(self, positions: Array) -> Array:
-        """Return outward unit normals of the drawn vertices, shape (d, 3)."""
-        out = self.scatter @ np.stack(_crosses(positions, self.triangles), axis=1)
-        out /= np.maximum(np.sqrt((out * out).sum(axis=1)), 1e-30)[:, None]
-        return out  # type: ignore[no-any-return]
+
+def _unit(vectors: Array) -> Array:
+    out: Array = vectors / np.maximum(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)), 1e-30)[:, None]
+    return out
 
 
 def _crosses(points: Array, triangles: Index) -> tuple[Array, Array, Array]:

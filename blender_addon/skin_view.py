@@ -18,7 +18,7 @@ from .skin_field import QUANTITIES, SIGNED, Drawn
 from .skin_live import SkinState
 
 BIAS = 0.3e-3  # [m] by which the skin is brought forward, so that the artist's finger does not cover it
-LEGEND_WIDTH, BAR, LINE, MARGIN, COLUMN = 264, 11, 16, 11, 132
+LEGEND_WIDTH, BAR, LINE, MARGIN, NARROW = 270, 11, 16, 11, 132
 MAP_LENGTH = 26e-3  # [m] of finger that a pad map shows
 BANDS = 8
 SOURCES = {"bake": paint.GREEN, "live": paint.BLUE, "stale": paint.ORANGE, "earlier": paint.ORANGE}
@@ -276,34 +276,35 @@ def _draw_pixels() -> None:
 
 
 def _columns(context: bpy.types.Context, now: Shown, right: float, bottom: float, scale: float) -> float:
-    """Draw a card for each finger, from right to left in reverse order; return where the next thing goes."""
+    """Draw a card for each finger, side by side, smaller where there are many; return where the next thing goes."""
     view = context.scene.dermis.skin_view
-    width, height = COLUMN * scale, (view.map_size + 5.2 * LINE + MARGIN) * scale
-    room = max(int((right - 0.25 * context.region.width) // (width + 6 * scale)), 1)
-    last = list(zip(now.states, now.drawn, strict=True))[:room]
-    left = right - len(last) * width - (len(last) - 1) * 6 * scale
-    for state, drawn in last:
+    gap, count = 6 * scale, len(now.states)
+    room = right - paint.width_of(context.area, "TOOLS") - 2 * MARGIN * scale
+    fitting = max(min(count, int((room + gap) // (NARROW * scale + gap))), 1)
+    width = min(max(NARROW, 0.76 * view.map_size) * scale, (room + gap) / fitting - gap)
+    size = min(view.map_size * scale, width / 0.76)
+    height = size + (5.2 * LINE + MARGIN) * scale
+    left = right - fitting * width - (fitting - 1) * gap
+    for state, drawn in zip(now.states[:fitting], now.drawn[:fitting], strict=True):
         paint.rectangle(left, bottom, width, height, paint.PANEL)
-        _pad_map(state, drawn, now, view, left, bottom + 5.0 * LINE * scale, scale)
-        _figures(state, left + 9 * scale, bottom + 4.2 * LINE * scale, scale)
-        left += width + 6 * scale
-    if len(now.states) > len(last):
-        paint.text(f"and {len(now.states) - len(last)} more", right - width, bottom + height + 4 * scale, paint.FAINT,
-                   scale)  # fmt: skip
-    return bottom + height + 6 * scale
+        if drawn is not None:
+            middle = np.array([left + 0.5 * width, bottom + 5.0 * LINE * scale + 0.5 * size])
+            _pad_map(state, drawn, now, view, middle, size, scale)
+        _figures(state, left + 9 * scale, bottom + 4.2 * LINE * scale, width - 18 * scale, scale)
+        left += width + gap
+    if count > fitting:
+        paint.text(f"and {count - fitting} more", right - width, bottom + height + 4 * scale, paint.FAINT, scale)
+        height += LINE * scale
+    return bottom + height + gap
 
 
 def _pad_map(
-    state: SkinState, drawn: Drawn | None, now: Shown, view: Any, left: float, bottom: float, scale: float
+    state: SkinState, drawn: Drawn, now: Shown, view: Any, at: np.ndarray, size: float, scale: float
 ) -> None:
     """Draw a pad as seen through the nail, tip up: the finger's X to the right, its Y upwards."""
-    if drawn is None:
-        return
-    size = view.map_size * scale
     zoom = size / MAP_LENGTH
     rest = drawn.surface.rest
     middle = 0.5 * (rest.min(axis=0) + rest.max(axis=0))
-    at = np.array([left + 0.5 * COLUMN * scale, bottom + 0.5 * size])
     shift = Matrix.Translation((at[0] - zoom * middle[0], at[1] - zoom * middle[1], 0.0))
     flat = Matrix.Diagonal((zoom, zoom, 0.0, 1.0))
     flat[2][2] = 1e-6 * zoom  # flat, and can still be inverted
@@ -322,9 +323,9 @@ def _pad_map(
         paint.arrow(start, end, paint.INK, 2.0, scale)
 
 
-def _figures(state: SkinState, x: float, y: float, scale: float) -> None:
+def _figures(state: SkinState, x: float, y: float, width: float, scale: float) -> None:
     colour = SOURCES.get(state.source, paint.FAINT)
-    paint.text(state.finger, x, y, paint.INK, scale, width=(COLUMN - 18) * scale)
+    paint.text(state.finger, x, y, paint.INK, scale, width=width - 12 * scale)
     if state.model is None:
         rows = [(state.note, paint.ORANGE)]
     elif not state.touching:
@@ -338,14 +339,16 @@ def _figures(state: SkinState, x: float, y: float, scale: float) -> None:
         ]  # fmt: skip
     for text, ink in rows:
         y -= LINE * scale
-        paint.text(text, x, y, ink, scale, width=(COLUMN - 14) * scale)
-    paint.disc(np.array([x + (COLUMN - 24) * scale, y + (len(rows) * LINE + 4) * scale]), 3.2 * scale, colour)
+        paint.text(text, x, y, ink, scale, width=width + 4 * scale)
+    paint.disc(np.array([x + width - 4 * scale, y + (len(rows) * LINE + 4) * scale]), 3.2 * scale, colour)
 
 
 def _legend(now: Shown, view: Any, right: float, bottom: float, scale: float) -> None:
     """Draw the colours with their range and unit, where the forces come from, and how far off the model is."""
     quantity = QUANTITIES[view.quantity]
-    width, height = LEGEND_WIDTH * scale, (4.6 * LINE + BAR + 2 * MARGIN) * scale
+    deepest = max((s.depth for s in now.states), default=0.0)
+    said = paint.wrapped(skin_field.error_text(deepest), 46)
+    width, height = LEGEND_WIDTH * scale, ((2.9 + len(said)) * LINE + BAR + 2 * MARGIN) * scale
     left, x = right - width, right - width + MARGIN * scale
     inner = width - 2 * MARGIN * scale
     paint.rectangle(left, bottom, width, height, paint.PANEL)
@@ -359,9 +362,8 @@ def _legend(now: Shown, view: Any, right: float, bottom: float, scale: float) ->
     for share in (0.0, 0.5, 1.0):
         value = (now.low + share * (now.high - now.low)) / quantity.factor
         paint.text(f"{value:.4g}", x + share * inner, y, paint.INK, scale, align=share)
-    deepest = max((s.depth for s in now.states), default=0.0)
     y -= 1.15 * LINE * scale
-    for line in paint.wrapped(skin_field.error_text(deepest), 44)[:2]:
+    for line in said:
         paint.text(line, x, y, paint.ORANGE if deepest > 2e-3 else paint.FAINT, scale, width=inner)
         y -= LINE * scale
     note = next((s for s in now.states if s.note), None)

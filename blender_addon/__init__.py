@@ -9,6 +9,7 @@ from . import (  # noqa: E402
     operators,
     overlay,
     panels,
+    pin_view,
     preferences,
     properties,
     properties_skin,
@@ -17,8 +18,8 @@ from . import (  # noqa: E402
 )
 
 MODULES = (
-    preferences, properties_skin, properties, jobs, operators, panels, overlay, skin_live, skin_view, handlers,
-    commands,
+    preferences, properties_skin, properties, jobs, operators, panels, overlay, pin_view, skin_live, skin_view,
+    handlers, commands,
 )  # fmt: skip
 
 

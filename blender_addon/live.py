@@ -210,7 +210,16 @@ def _joined(samples: list[Any]) -> Any:
     )
     last = samples[-1]
     # Skins have a path of their own, in `skin_live`; only devices that are driven by them solve them here.
-    fingers = tuple(replace(f, parameters={**f.parameters, "skin_shown": False}) for f in last.fingers)
+    # A trail ends at the frame that is shown, so nothing may fade out there.
+    unfaded = {"pin_fade_in": 0.0, "pin_fade_out": 0.0}
+    fingers = tuple(
+        replace(
+            f,
+            parameters={**f.parameters, "skin_shown": False},
+            devices=tuple(replace(d, parameters={**d.parameters, **unfaded}) for d in f.devices),
+        )
+        for f in last.fingers
+    )
     span = (int(np.floor(frames[0])), int(np.ceil(frames[-1])))
     return replace(last, fingers=fingers, frame_range=span, rate=float(last.fps), chunks=(joined,))
 

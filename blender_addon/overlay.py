@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from . import live, twin
+from . import live, pin_view, skin_live, twin
 
 _handles: list[Any] = []
 CARD_WIDTH, DIAL, LINE, MARGIN = 260, 92, 17, 12
@@ -100,6 +100,8 @@ def _draw_pixels() -> None:
     shown = live.preview(scene)
     if shown is None or not (shown.rows or shown.source == "live"):
         return
+    if not shown.rows and skin_live.states(scene):
+        return  # fingers without devices: the skin's legend says where it comes from
     import gpu
 
     scale = context.preferences.system.ui_scale
@@ -124,7 +126,8 @@ def _width_of(area: bpy.types.Area, kind: str) -> float:
 
 
 def _card_height(row: live.Row) -> float:
-    return DIAL + 3.0 * MARGIN + LINE if "tactor_x" in row.values else 3 * LINE + 2 * MARGIN
+    tall = "tactor_x" in row.values or row.kind == "pin_array"
+    return DIAL + 3.0 * MARGIN + LINE if tall else 3 * LINE + 2 * MARGIN
 
 
 def _card(row: live.Row, left: float, bottom: float, scale: float) -> None:
@@ -135,7 +138,9 @@ def _card(row: live.Row, left: float, bottom: float, scale: float) -> None:
     _text(f"{row.finger}   {row.title}", x, top, INK, scale, width=(CARD_WIDTH - 2 * MARGIN) * scale)
     if "tactor_x" in row.values:
         _dial(row, x, bottom + MARGIN * scale, scale)
-    else:
+    elif row.kind == "pin_array":
+        pin_view.card(row, x, bottom + MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, DIAL * scale, scale)
+    elif "amplitude" in row.values:
         _bar(row, x, top - 1.6 * LINE * scale, scale)
 
 

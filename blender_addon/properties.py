@@ -166,7 +166,7 @@ class DermisDevice(bpy.types.PropertyGroup):
         "Method", "How pin forces are found from what the skin shall feel ([S1])",
         (("DM2", "Deformation, Optimal (DM2)", "The pins' forces whose effect on the skin is nearest to the target's, "
           "within what a pin can do"),
-         ("DM1", "Deformation, Clamped (DM1)", "As DM0, then every force moved into its range: for comparison, and far off"),
+         ("DM1", "Deformation, Clamped (DM1)", "As DM0, then every force moved into its range: for comparison"),
          ("DM0", "Deformation, Free (DM0)", "Pins that could pull as well as push: for comparison"),
          ("FM2", "Force, Optimal (FM2)", "The pins' forces nearest to the target's forces, within what a pin can do"),
          ("FM1", "Force, Clamped (FM1)", "As FM0, then every force moved into its range: the usual way"),

@@ -2,10 +2,11 @@
 
 import bpy
 
-from . import add, bake, devices, export, housekeeping, roles, skin
+from . import add, bake, devices, export, housekeeping, pins, roles, skin
 
 CLASSES: tuple[type, ...] = (
-    *add.CLASSES, *roles.CLASSES, *devices.CLASSES, *bake.CLASSES, *export.CLASSES, *housekeeping.CLASSES, *skin.CLASSES
+    *add.CLASSES, *roles.CLASSES, *devices.CLASSES, *bake.CLASSES, *export.CLASSES, *housekeeping.CLASSES,
+    *skin.CLASSES, *pins.CLASSES,
 )  # fmt: skip
 
 

@@ -2,10 +2,10 @@
 
 import bpy
 
-from . import bake, choices, main, menus, object, preview, skin
+from . import bake, choices, main, menus, object, pins, preview, skin
 
 CLASSES: tuple[type, ...] = (
-    *main.CLASSES, *object.CLASSES, *skin.OBJECT, *bake.RESULT, *skin.VIEW,
+    *main.CLASSES, *object.CLASSES, *pins.CLASSES, *skin.OBJECT, *bake.RESULT, *skin.VIEW,
     *preview.CLASSES, *bake.SETTINGS, *menus.CLASSES
 )  # fmt: skip
 

@@ -24,6 +24,7 @@ class DERMIS_MT_add(bpy.types.Menu):
         layout.operator("dermis.demo_skin_scene", text="Demo Skin Scene", icon="SCENE_DATA").fingers = "ONE"
         five = layout.operator("dermis.demo_skin_scene", text="Demo Skin Scene, Five Fingers", icon="SCENE_DATA")
         five.fingers = "FIVE"
+        layout.operator("dermis.demo_pins_scene", text="Demo Pin Array Scene", icon="SCENE_DATA")
 
 
 def _broken(layout: Any, entries: list[Any]) -> None:

@@ -9,10 +9,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from ..contact.bodies import ContactBody
+from ..contact.path import PathSolver
+from ..contact.plane import Plane
 from ..errors import DermisError
+from ..skin.model import SkinModel
 
+Array = NDArray[np.float64]
+
+DEPTHS = (0.5e-3, 1.0e-3, 1.5e-3, 2.0e-3)  # [m] of the press test. Source: [S1] IV.D
+FRICTION = 0.6  # of the push plate; it changes the load of a press by little
 PAPER_RANGE = (0.61, 0.90)  # alpha of the ten people of [S1] fig. 6
 
 
@@ -29,6 +37,29 @@ class Calibration:
     alpha: float
     standard_error: float
     residual: float
+
+
+def press_loads(skin: SkinModel, depths: ArrayLike = DEPTHS, friction: float = FRICTION) -> Array:
+    """Return the loads of a flat plate pressed into a skin to each depth, with the skin's own E and alpha [N].
+
+    Args:
+        depths: rising, from above zero [m], shape (n,).
+
+    Raises:
+        DermisError: depths that do not rise from above zero.
+
+    Source: [S1] IV.D
+    """
+    d = np.asarray(depths, dtype=np.float64)
+    if d.ndim != 1 or not (np.diff(d, prepend=0.0) > 0).all():
+        raise DermisError("depths must rise from above zero", where="press test", value=np.ravel(d).tolist())
+    solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas)
+    plate = Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3))
+    loads = []
+    for depth in d.tolist():
+        body = ContactBody(plate, translation=np.array([0.0, 0.0, depth]), friction=friction)
+        loads.append(float(solver.step([body]).solution.force[:, 2].sum()))
+    return np.array(loads)
 
 
 def stiffness_factor(depths: ArrayLike, measured: ArrayLike, modelled: ArrayLike) -> Calibration:

@@ -5,7 +5,7 @@ Source: [S1] III and IV
 
 from __future__ import annotations
 
-import weakref
+from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
@@ -32,6 +32,7 @@ Weighting = Literal["all", "surface", "receptor"]
 WEIGHTINGS: tuple[Weighting, ...] = get_args(Weighting)
 
 RECEPTOR_BAND = (0.3e-3, 2.0e-3)  # [m] below the pad. Source: TouchSim's fitted depths of SA1 to PC
+SETUPS_KEPT = 8
 BLOCK = 512  # frames whose errors are computed together
 FADE = 0.1  # [s] default length of fade-in and fade-out; chosen
 
@@ -52,7 +53,7 @@ class PinSetup:
 
 
 def setup(skin: SkinModel, spec: DeviceSpec, weighting: Weighting = "all") -> PinSetup:
-    """Build the matrices of a skin and a pin array; kept for as long as the skin lives.
+    """Build the matrices of a skin and a pin array; the last few are kept, by what the skin and the preset say.
 
     Args:
         weighting: which nodes' displacements are compared: 'all' free nodes as in the paper, those of the 'surface',
@@ -63,9 +64,9 @@ def setup(skin: SkinModel, spec: DeviceSpec, weighting: Weighting = "all") -> Pi
     """
     if weighting not in WEIGHTINGS:
         raise DermisError("unknown weighting", where=spec.key, value=weighting, limit=", ".join(WEIGHTINGS))
-    kept = _SETUPS.setdefault(skin, {})
-    key = (spec.hash, weighting)
-    if key not in kept:
+    key = (skin.key, skin.material.modulus, spec.hash, weighting)
+    kept = _SETUPS.get(key)
+    if kept is None:
         mesh = skin.mesh
         pins = pin_array.layout(spec)
         if pins.count != len(spec.channels):
@@ -79,8 +80,11 @@ def setup(skin: SkinModel, spec: DeviceSpec, weighting: Weighting = "all") -> Pi
         chosen = node_weights(skin, weighting)[mesh.free] > 0
         response = skin.unit_response[:, np.repeat(chosen, 3)]
         influence = response.T.astype(np.float64) / skin.material.modulus
-        kept[key] = PinSetup(pins, met, Matcher(spread, influence, active=met.hits), spread)
-    return kept[key]
+        kept = _SETUPS[key] = PinSetup(pins, met, Matcher(spread, influence, active=met.hits), spread)
+        while len(_SETUPS) > SETUPS_KEPT:
+            _SETUPS.popitem(last=False)
+    _SETUPS.move_to_end(key)
+    return kept
 
 
 def node_weights(skin: SkinModel, weighting: Weighting) -> Array:
@@ -104,8 +108,9 @@ def render(
 ) -> Rendered:
     """Render one finger's pin array.
 
-    The use's parameters: pin_method ('DM2'), pin_nodes ('all', a weighting), pin_bounded (True: what a pin can do; False:
-    the paper's form), pin_lead (True: the track leads by the device's delay), pin_fade_in and pin_fade_out [s].
+    The use's parameters: pin_method ('DM2'), pin_nodes (a weighting, 'all'), pin_bounded (True: within what a pin can
+    do; False: the paper's form), pin_lead (True: the track leads by the device's delay), pin_fade_in and
+    pin_fade_out [s].
 
     Signals, at the times of the touch whatever the lead: 'contact', 'displacement_error' u_err [m], 'force_error'
     f_err [N], 'target_force' and 'rendered_force' along the pad's normal, 'target_shear' and 'rendered_shear' across
@@ -225,7 +230,7 @@ _SIGNALS = (
     "contact", "displacement_error", "force_error", "target_force", "target_shear", "rendered_force",
     "rendered_shear", "at_limit",
 )  # fmt: skip
-_SETUPS: weakref.WeakKeyDictionary[SkinModel, dict[tuple[str, str], PinSetup]] = weakref.WeakKeyDictionary()
+_SETUPS: OrderedDict[tuple[str, float, str, str], PinSetup] = OrderedDict()
 
 
 def _lead(parameters: Mapping[str, Any], spec: DeviceSpec) -> float:

@@ -237,13 +237,13 @@ def outline(skin: SkinModel, displacement: Array) -> tuple[Array, Array]:
     return points[rising, 0], points[rising, 2]
 
 
-def page(parts: dict[str, list[str]], rig: Rig, seconds: float) -> str:
+def page(parts: dict[str, list[str]], rig: Rig) -> str:
     """Return the page."""
     fine, standard = len(rig.fine.mesh.tetrahedra), len(rig.skin.mesh.tetrahedra)
     text = [
         "# Deformation matching: paper against ours", "",
         "Regenerate with `python -m tests.benchmarks.figures_s1 --out presets` in the benchmarks' environment "
-        f"({seconds:.0f} s on two shared cores). Source of the paper's figures: [S1].", "",
+        "(some two minutes). Source of the paper's figures: [S1].", "",
         "What differs: the paper uses one mesh of 27,737 ordinary (locking) tetrahedra for target and matching; here the "
         f"commands come from {standard:,} tetrahedra with averaged nodal pressure, and the evidence from {fine:,}, on which "
         "the target's contact is solved anew and the same commands press. The paper leaves the pins unbounded; here no "
@@ -301,7 +301,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parts["direction"] = direction(rig, pictures)
         print(f"directions: {time.perf_counter() - started:.0f} s", file=sys.stderr, flush=True)
         parts["friction"] = friction(rig, pictures)
-    text = page(parts, rig, time.perf_counter() - started)
+    text = page(parts, rig)
     write_bytes(options.out / "devices" / "pin_array_128_figures.md", text.encode("utf-8"))
     print(text)
     return 0

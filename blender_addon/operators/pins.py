@@ -1,0 +1,134 @@
+# mypy: disable-error-code="valid-type"
+"""Pin arrays: the press test that gives a person's stiffness, how far each method misses, an example scene."""
+
+from typing import Any
+
+import bpy
+from bpy.props import FloatProperty
+
+from .. import handlers, pin_reports, properties_skin, reporting, skin_models
+from ..preferences import core_module
+
+DEPTHS_MM = (0.5, 1.0, 1.5, 2.0)  # Source: [S1] section IV.D
+
+
+def _load(depth: float) -> Any:
+    return FloatProperty(
+        name=f"Load at {depth:g} mm [N]", default=0.0,
+        description="What the scale reads with the finger pressed this deep; 0: not read",
+        min=-1e3, max=1e3, soft_min=0.0, soft_max=20.0, precision=3,
+    )  # fmt: skip
+
+
+def _is_finger(context: bpy.types.Context) -> bool:
+    return context.object is not None and context.object.dermis.role == "FINGER"
+
+
+class DERMIS_OT_press_test(bpy.types.Operator):
+    """Enter the loads of a press test: they give this person's stiffness, the finger's personal factor"""
+
+    bl_idname = "dermis.press_test"
+    bl_label = "Press Test"
+    bl_options = {"REGISTER", "UNDO"}
+
+    load_1: _load(DEPTHS_MM[0])
+    load_2: _load(DEPTHS_MM[1])
+    load_3: _load(DEPTHS_MM[2])
+    load_4: _load(DEPTHS_MM[3])
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a finger."""
+        cls.poll_message_set("Select a finger")
+        return _is_finger(context)
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for the loads."""
+        return context.window_manager.invoke_props_dialog(self, width=320)
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the fields."""
+        column = self.layout.column()
+        column.label(text="Press the finger flat and read the scale:")
+        column.use_property_split = True
+        for k in range(len(DEPTHS_MM)):
+            column.prop(self, f"load_{k + 1}")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Fit the factor and give it to the finger."""
+        loads = [getattr(self, f"load_{k + 1}") for k in range(len(DEPTHS_MM))]
+        read = [(1e-3 * d, f) for d, f in zip(DEPTHS_MM, loads, strict=True) if f != 0.0]
+        calibration = core_module("matching.calibration")
+        skin = context.object.dermis.finger.skin
+        values = properties_skin.parameters(skin)
+        try:
+            with skin_models.one_thread():
+                model = skin_models.get({**values["skin"], "alpha": 1.0}, values["skin_level"], wait=True)
+                depths = [d for d, _ in read]
+                modelled = calibration.press_loads(model, depths) if depths else []
+            fit = calibration.stiffness_factor(depths, [f for _, f in read], modelled)
+        except core_module("errors").DermisError as error:
+            return reporting.report_error(self, error, self.bl_label)
+        skin.alpha = fit.alpha
+        handlers.mark_dirty(context.object.name)
+        pin_reports.calibrated[context.object.name] = fit
+        low, high = calibration.PAPER_RANGE
+        spread = f" ± {fit.standard_error:.3f}" if fit.standard_error == fit.standard_error else ""
+        self.report({"INFO"}, f"Personal factor {fit.alpha:.3f}{spread} ({low} to {high} among the paper's people)")
+        return {"FINISHED"}
+
+
+class DERMIS_OT_compare_pins(bpy.types.Operator):
+    """Say how far each matching method would miss for what this finger felt in the last bake"""
+
+    bl_idname = "dermis.compare_pins"
+    bl_label = "Compare Methods"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a finger with a pin array."""
+        cls.poll_message_set("Select a finger with a pin array")
+        return _is_finger(context) and pin_reports.device_of(context.object) is not None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Compare."""
+        errors = core_module("errors")
+        try:
+            reports = pin_reports.compare(context.scene, context.object)
+        except errors.DermisError as error:
+            return reporting.report_error(self, error, self.bl_label)
+        print(core_module("matching.pin_report").table(reports))
+        best = min((r for r in reports if not r.method.endswith("0")), key=lambda r: r.displacement_error)
+        self.report({"INFO"}, f"{best.method} misses least: {1e3 * best.displacement_error:.2f} mm")
+        return {"FINISHED"}
+
+
+class DERMIS_OT_demo_pins_scene(bpy.types.Operator):
+    """Open the paper's experiment in a scene of its own: a plane is pressed into the finger and drawn along"""
+
+    bl_idname = "dermis.demo_pins_scene"
+    bl_label = "Demo Pin Array Scene"
+    bl_options = {"REGISTER", "UNDO"}
+
+    depth: FloatProperty(name="Depth [mm]", description="How deep the plane is pressed", default=2.0, min=0.01, max=4.0)
+    friction: FloatProperty(name="Friction", default=0.6, min=0.0, max=10.0, soft_max=1.0)
+    direction: FloatProperty(
+        name="Direction", description="Of the movement: from the finger's right (0) to its tip (90)", default=0.0,
+        subtype="ANGLE",
+    )  # fmt: skip
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Build it and look at it."""
+        from .. import demo_pins, demo_skin
+
+        scene = demo_pins.build(1e-3 * self.depth, self.friction, self.direction)
+        if context.window is None:
+            self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")
+            return {"FINISHED"}
+        context.window.scene = scene
+        demo_skin.look(context)
+        self.report({"INFO"}, "Bake in the Dermis tab, then play: pins, target and rendered skin")
+        return {"FINISHED"}
+
+
+CLASSES: tuple[type, ...] = (DERMIS_OT_press_test, DERMIS_OT_compare_pins, DERMIS_OT_demo_pins_scene)

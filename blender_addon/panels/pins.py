@@ -1,0 +1,51 @@
+"""A finger's pin array: the press test, and how far each method misses."""
+
+import bpy
+
+from .. import pin_reports
+from .main import DermisPanel
+from .text import paragraph
+
+
+class DERMIS_PT_pins(DermisPanel, bpy.types.Panel):
+    """Calibration and comparison."""
+
+    bl_idname = "DERMIS_PT_pins"
+    bl_label = "Pin Array"
+    bl_parent_id = "DERMIS_PT_object"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a finger with a pin array."""
+        obj = context.object
+        return obj is not None and obj.dermis.role == "FINGER" and pin_reports.device_of(obj) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the personal factor and the table."""
+        layout, obj = self.layout, context.object
+        row = layout.row(align=True)
+        row.operator("dermis.press_test", icon="FORCE_FORCE")
+        row.prop(obj.dermis.finger.skin, "alpha", text="")
+        fit = pin_reports.calibrated.get(obj.name)
+        if fit is not None and abs(fit.alpha - obj.dermis.finger.skin.alpha) < 1e-6:
+            known = f" ± {fit.standard_error:.3f}" if fit.standard_error == fit.standard_error else ""
+            layout.label(text=f"Measured: {fit.alpha:.3f}{known}, readings within {1e3 * fit.residual:.0f} mN")
+        layout.operator("dermis.compare_pins", icon="SPREADSHEET")
+        reports = pin_reports.shown(context.scene, obj)
+        if not reports:
+            text = "After a bake: how far the skin would be from the target under each method."
+            paragraph(layout, context, text, "INFO")
+            return
+        grid = layout.grid_flow(row_major=True, columns=4, even_columns=False, align=True)
+        for text in ("", "miss [mm]", "of target", "shear / N"):
+            grid.label(text=text)
+        for report in reports:
+            grid.label(text=report.method)
+            grid.label(text=f"{1e3 * report.displacement_error:.2f}")
+            grid.label(text=f"{100 * report.displacement_share:.0f} %")
+            grid.label(text=f"{report.shear_ratio:.2f}")
+        first = reports[0]
+        layout.label(text=f"Wanted: {first.target_normal:.2f} N, shear / N {first.target_ratio:.2f}")
+
+
+CLASSES: tuple[type, ...] = (DERMIS_PT_pins,)

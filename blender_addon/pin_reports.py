@@ -1,0 +1,50 @@
+"""What was found out about fingers with pin arrays, for the session: press tests, and methods side by side."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from . import results, skin_models
+from .preferences import core_module, library
+
+calibrated: dict[str, Any] = {}
+"""The last press test of each finger, by its name."""
+
+_reports: dict[str, tuple[str, tuple[Any, ...]]] = {}
+
+
+def device_of(obj: bpy.types.Object) -> Any | None:
+    """Return the finger's first pin array, or None."""
+    from .panels import choices
+
+    for device in obj.dermis.finger.devices:
+        if device.enabled and choices.kind_of(device.preset) == "pin_array":
+            return device
+    return None
+
+
+def compare(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
+    """Compare all methods for what a finger felt in the last bake, and remember it.
+
+    Raises:
+        DermisError: no bake, none with this finger's skin, or nothing touched.
+    """
+    errors, device, result = core_module("errors"), device_of(obj), results.current(scene)
+    felt = result.bake.skins.get(obj.name) if result is not None else None
+    if device is None or result is None or felt is None:
+        raise errors.DermisError("no bake of this finger's skin is at hand", where=f"finger '{obj.name}'",
+                                 remedy="Press Bake, then compare")  # fmt: skip
+    with skin_models.one_thread():
+        reports = core_module("matching.pin_report").compare(
+            felt, library().device(device.preset), weighting=device.pin_nodes, bounded=device.pin_bounded
+        )
+    _reports[obj.name] = (result.bake.content_hash, reports)
+    return reports
+
+
+def shown(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
+    """Return the comparison of the bake that is at hand; empty where there is none."""
+    result, known = results.current(scene), _reports.get(obj.name)
+    return known[1] if result is not None and known is not None and known[0] == result.bake.content_hash else ()

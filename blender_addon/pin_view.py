@@ -1,0 +1,249 @@
+"""The pins of an array in the view: each a disc at its point of action, and all of them as a map in the corner.
+
+Colour and size follow the force. Points of action are where a pin's line meets the skin at rest, from the engine; they
+are computed once for a size of finger and a device.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+from numpy.typing import NDArray
+
+from . import handlers, live, paint, properties_skin, skin_models, twin
+from .preferences import core_module, library
+
+if TYPE_CHECKING:
+    from .skin_live import SkinState
+
+Array = NDArray[np.float64]
+
+SIDES = 14  # of a disc
+STEM = 2.4e-3  # [m] how far a pin is drawn to stick out
+LIFT = 0.12e-3  # [m] of a disc above the skin, so that both do not fight for the same pixels
+IDLE = (0.55, 0.58, 0.62, 0.55)
+HIDDEN = 0.45  # opacity of what an object hides: where a finger touches, one always does
+MOST = 8
+_handles: list[Any] = []
+
+
+class Pins(NamedTuple):
+    """Where a device's pins act on a finger, in the finger's frame.
+
+    Attributes:
+        points: [m], shape (pins, 3), NaN where a pin misses. directions: of their motion, shape (pins, 3).
+        radius: of a pin [m]. force_limit: [N]. rows, columns: of the array.
+    """
+
+    points: Array
+    directions: Array
+    radius: float
+    force_limit: float
+    rows: int
+    columns: int
+
+
+_pins: dict[str, Pins | None] = {}
+_states: dict[str, tuple[SkinState, tuple[Any, ...], SkinState]] = {}
+_specs: dict[tuple[str, int], Any] = {}
+
+
+def pins_of(obj: bpy.types.Object, device: str) -> Pins | None:
+    """Return the pins of a device on a finger; None while the skin is being made or where the layout cannot be used."""
+    skin = properties_skin.parameters(obj.dermis.finger.skin)
+    key = json.dumps([skin["skin"], skin["skin_level"], device, handlers.generation()], sort_keys=True)
+    if key not in _pins:
+        while len(_pins) >= MOST:
+            _pins.pop(next(iter(_pins)))
+        errors, pin_array = core_module("errors"), core_module("devices.pin_array")
+        try:
+            model = skin_models.get(skin["skin"], skin["skin_level"])
+            if model is None:
+                return None
+            spec = library().device(device)
+            layout = pin_array.layout(spec)
+            met = pin_array.contacts(layout, model.mesh.nodes, model.mesh.surface)
+            met = pin_array.on_pad(met, layout, model.positions)
+            points = np.where(met.hits[:, None], met.points, np.nan)
+            rows, columns = int(spec.parameters["rows"]), int(spec.parameters["columns"])
+            radius = float(spec.parameters["pin_radius"])
+            _pins[key] = Pins(points, layout.directions, radius, layout.force_limit, rows, columns)
+        except errors.DermisError:
+            _pins[key] = None  # the bake says why
+    return _pins[key]
+
+
+def discs(pins: Pins, forces: Array) -> twin.Part:
+    """Return a disc a pin that meets the skin, a larger and warmer one for a larger force, and its stem."""
+    hits = np.flatnonzero(np.isfinite(pins.points[:, 0]))
+    share = np.clip(forces[hits] / pins.force_limit, 0.0, 1.0)
+    inward = pins.directions[hits]
+    side = np.cross(inward, [0.0, 1.0, 0.0])
+    side /= np.linalg.norm(side, axis=1, keepdims=True)
+    up = np.cross(side, inward)
+    angle = np.arange(SIDES) * (2.0 * np.pi / SIDES)
+    radius = pins.radius * (0.35 + 0.75 * np.sqrt(share))
+    centre = pins.points[hits] - LIFT * inward
+    rim = (np.cos(angle)[None, :, None] * side[:, None] + np.sin(angle)[None, :, None] * up[:, None])
+    rim = centre[:, None] + radius[:, None, None] * rim
+    back = centre - STEM * inward
+    thin = 0.18 * pins.radius
+    stems = np.stack([centre - thin * side, centre + thin * side, back + thin * side, back - thin * side], axis=1)
+    positions = np.concatenate([centre[:, None], rim, stems], axis=1)
+    colours = np.array([twin.heat(s) if s > 1e-3 else IDLE for s in share.tolist()]).reshape(-1, 4)
+    shades = np.repeat(colours[:, None], positions.shape[1], axis=1)
+    shades[:, SIDES + 1 :, 3] *= 0.4
+    i = np.arange(SIDES)
+    one = np.vstack([np.stack([np.zeros_like(i), 1 + i, 1 + (i + 1) % SIDES], axis=1),
+                     SIDES + 1 + np.array([[0, 1, 2], [0, 2, 3]])])  # fmt: skip
+    triangles = one[None] + positions.shape[1] * np.arange(len(hits))[:, None, None]
+    return twin.Part(
+        positions.reshape(-1, 3).astype(np.float32), shades.reshape(-1, 4).astype(np.float32),
+        triangles.reshape(-1, 3).astype(np.int32),
+    )  # fmt: skip
+
+
+def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[SkinState, ...]:
+    """Return, for every skin with a pin array, the skin as its pins render this very frame.
+
+    Fades and lead, which belong to the track, are left out: shown is the best that the method can do for the target.
+    """
+    found = []
+    for target in targets:
+        obj = scene.objects.get(target.finger)
+        if obj is None or target.model is None or not target.touching:
+            continue
+        for device in obj.dermis.finger.devices:
+            if device.enabled and (spec := _spec(device.preset)) is not None:
+                found.append(_rendered(target, device, spec))
+                break
+    for gone in set(_states) - {t.finger for t in targets}:
+        del _states[gone]
+    return tuple(found)
+
+
+def _rendered(target: SkinState, device: Any, spec: Any) -> SkinState:
+    key = (device.preset, device.pin_method, device.pin_nodes, device.pin_bounded, handlers.generation())
+    known = _states.get(target.finger)
+    if known is not None and known[0] is target and known[1] == key:
+        return known[2]
+    pins, deformation = core_module("matching.pins"), core_module("matching.deformation")
+    name = f"{target.finger}: {device.pin_method} pins"
+    with skin_models.one_thread():
+        try:
+            ready = pins.setup(target.model, spec, device.pin_nodes)
+            limit = ready.pins.force_limit if device.pin_bounded else None
+            found = deformation.PinSolver(ready.matcher, device.pin_method, force_limit=limit).solve(target.force)
+            force = pins.rendered_force(ready, found.forces)
+            note = f"u_err {1e3 * found.displacement_error:.2f} mm"
+        except core_module("errors").DermisError as error:
+            force, note = np.zeros_like(target.force), str(error)
+    total = force.sum(axis=0)
+    made = replace(target, finger=name, force=force, normal_force=float(total[2]), note=note, sticking=0, slipping=0,
+                   tangential_force=float(np.hypot(total[0], total[1])), counters={})  # fmt: skip
+    _states[target.finger] = (target, key, made)
+    return made
+
+
+def _spec(preset: str) -> Any | None:
+    """Return a pin array's preset; None for other devices and for presets that cannot be read."""
+    key = (preset, handlers.edits())
+    if key not in _specs:
+        _specs.clear()
+        try:
+            spec = library().device(preset)
+        except core_module("errors").DermisError:
+            spec = None
+        _specs[key] = spec if spec is not None and spec.kind == "pin_array" else None
+    return _specs[key]
+
+
+def forces_of(row: live.Row) -> Array:
+    """Return a row's pin forces [N], in the order of the device's channels."""
+    return np.array(list(row.values.values()))
+
+
+def card(row: live.Row, left: float, bottom: float, width: float, height: float, scale: float) -> None:
+    """Draw the map of a pin array as its wearer would see it through the nail, tip up, and its figures [px]."""
+    forces = forces_of(row)
+    high = max((h for h in row.high.values() if h), default=0.4)
+    rows, columns = grid(row)
+    cell = min(width / columns, (height - 22 * scale) / rows)
+    x0, y0 = left, bottom + 20 * scale
+    paint.rectangle(x0 - 2 * scale, y0 - 2 * scale, columns * cell + 4 * scale, rows * cell + 4 * scale,
+                    (*paint.FAINT[:3], 0.10))  # fmt: skip
+    for pin, force in enumerate(forces.tolist()):
+        r, c = divmod(pin, columns)
+        share = min(max(force / high, 0.0), 1.0)
+        centre = np.array([x0 + (c + 0.5) * cell, y0 + (r + 0.5) * cell])
+        if share > 1e-3:
+            paint.disc(centre, 0.48 * cell * np.sqrt(share) + 0.5, twin.heat(share))
+    total, full = float(forces.sum()), int((forces >= 0.999 * high).sum())
+    words = f"{total:.2f} N in all, {int((forces > 1e-3 * high).sum())} pins, {full} at {high:g} N"
+    paint.text(words, left, bottom + 2 * scale, paint.INK, scale)
+
+
+def grid(row: live.Row) -> tuple[int, int]:
+    """Return rows and columns of a row's device; one line of pins where its preset cannot be read."""
+    obj = bpy.context.scene.objects.get(row.finger)
+    pins = pins_of(obj, row.device) if obj is not None else None
+    if pins is not None and pins.rows * pins.columns == len(row.values):
+        return pins.rows, pins.columns
+    return 1, max(len(row.values), 1)
+
+
+def _draw() -> None:
+    context = bpy.context
+    scene, space = context.scene, context.space_data
+    if not scene.dermis.show_twin or not getattr(space.overlay, "show_overlays", True):
+        return
+    shown = live.preview(scene)
+    rows = [row for row in shown.rows if row.kind == "pin_array"] if shown is not None else []
+    if not rows:
+        return
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    from .overlay import finger_matrix
+    from .sampling_roster import metres_per_unit
+
+    unit = 1.0 / metres_per_unit(scene)
+    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
+    for row in rows:
+        frame, obj = finger_matrix(scene, row.finger), scene.objects.get(row.finger)
+        pins = pins_of(obj, row.device) if obj is not None else None
+        if frame is None or pins is None or len(pins.points) != len(row.values):
+            continue
+        part = discs(pins, forces_of(row))
+        with gpu.matrix.push_pop():
+            gpu.matrix.multiply_matrix(frame @ Matrix.Scale(unit, 4))
+            gpu.state.blend_set("ALPHA")
+            gpu.state.depth_mask_set(False)
+            for test, opacity in (("GREATER", HIDDEN), ("LESS_EQUAL", 1.0)):
+                gpu.state.depth_test_set(test)
+                colours = part.colours * np.array([1.0, 1.0, 1.0, opacity], np.float32)
+                batch = batch_for_shader(shader, "TRIS", {"pos": part.positions, "color": colours},
+                                         indices=part.triangles)  # fmt: skip
+                batch.draw(shader)
+            gpu.state.depth_test_set("NONE")
+            gpu.state.blend_set("NONE")
+
+
+def register() -> None:
+    """Add the draw handler; without a window it is never called."""
+    _handles.append(bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW"))
+
+
+def unregister() -> None:
+    """Remove it."""
+    while _handles:
+        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+    _pins.clear()
+    _states.clear()
+    _specs.clear()

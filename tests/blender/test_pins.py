@@ -1,0 +1,137 @@
+"""Pin arrays in Blender: settings, press test, comparison, the demo, and what the view draws."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon import demo_pins, live, pin_reports, pin_view, properties, results, skin_live
+from blender_addon.panels import choices
+from blender_addon.preferences import core_module, library
+
+
+@pytest.fixture
+def demo():
+    """Return the demo scene, shown."""
+    choices.refresh()
+    scene = demo_pins.build(1.5e-3, 0.5, 0.0)
+    bpy.context.window.scene = scene
+    finger = scene.objects["Index"]
+    finger.dermis.finger.skin.level = "draft"
+    bpy.context.view_layer.objects.active = finger
+    return scene
+
+
+def bake(scene: bpy.types.Scene):
+    """Bake a few frames and return the result."""
+    scene.frame_start, scene.frame_end = 1, 19
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    return results.current(scene)
+
+
+def test_settings_reach_the_track(demo) -> None:
+    device = demo.objects["Index"].dermis.finger.devices[0]
+    device.pin_method, device.pin_lead, device.pin_fade_out = "FM1", False, 0.0
+    output = bake(demo).bake.outputs[0]
+    assert output.track.meta["method"] == "FM1" and output.track.meta["lead_s"] == "0"
+    assert output.track.values.shape[1] == 128 and output.track.values[-1].any()
+    assert not output.track.values[0].any()  # it fades in
+    assert {"pin_method", "pin_nodes"} <= set(properties.parameters(device))
+
+
+def test_the_demos_bake_is_the_engines_own_experiment(demo) -> None:
+    scene = core_module("sliding").sliding_plane(1.5e-3, 0.5)
+    at = demo.objects["Plane"]
+    for frame in (1, 5, 10, 30, 61):
+        demo.frame_set(frame)
+        sample = int(np.argmin(np.abs(scene.chunks[0].frames - frame)))
+        np.testing.assert_allclose(at.matrix_world.translation, scene.chunks[0].bodies[0, sample, :3, 3], atol=2e-6)
+
+
+def test_a_press_test_gives_alpha_and_can_be_undone(demo) -> None:
+    skin = demo.objects["Index"].dermis.finger.skin
+    model = core_module("skin.model").skin_from_parameters({}, level="draft")
+    loads = 0.73 * core_module("matching.calibration").press_loads(model)
+    names = {f"load_{k + 1}": float(f) for k, f in enumerate(loads)}
+    skin.alpha = 0.9  # what is there must not matter
+    assert bpy.ops.dermis.press_test(**names) == {"FINISHED"}
+    assert skin.alpha == pytest.approx(0.73, rel=2e-3)  # a preset's lengths in single precision
+    assert pin_reports.calibrated["Index"].residual < 5e-3
+    assert "UNDO" in bpy.types.Operator.bl_rna_get_subclass_py("DERMIS_OT_press_test").bl_options
+
+
+@pytest.mark.parametrize(
+    ("loads", "words"),
+    [
+        ({}, "number|one reading"),
+        ({"load_2": 1.0}, "one reading"),
+        ({"load_1": 1.0, "load_2": 0.9}, "does not rise"),
+        ({"load_1": -0.2, "load_2": 0.9}, "negative"),
+    ],
+)
+def test_nonsense_is_refused_and_changes_nothing(demo, loads, words) -> None:
+    skin = demo.objects["Index"].dermis.finger.skin
+    skin.alpha = 0.8
+    with pytest.raises(RuntimeError, match=words):
+        bpy.ops.dermis.press_test(**loads)
+    assert skin.alpha == pytest.approx(0.8)
+
+
+def test_methods_are_compared_for_the_bake_at_hand(demo) -> None:
+    finger = demo.objects["Index"]
+    with pytest.raises(RuntimeError, match="no bake"):
+        bpy.ops.dermis.compare_pins()
+    result = bake(demo)
+    assert bpy.ops.dermis.compare_pins() == {"FINISHED"}
+    shown = pin_reports.shown(demo, finger)
+    direct = core_module("matching.pin_report").compare(result.bake.skins["Index"], library().device("pin_array_128"))
+    assert [r.method for r in shown] == [r.method for r in direct]
+    np.testing.assert_allclose([r.displacement_error for r in shown], [r.displacement_error for r in direct])
+    finger.dermis.finger.devices[0].pin_method = "FM2"
+    bake(demo)
+    assert not pin_reports.shown(demo, finger)  # of another bake
+
+
+def test_the_view_shows_the_bakes_pins(demo) -> None:
+    result = bake(demo)
+    demo.frame_set(15)
+    shown = live.preview(demo)
+    row = next(r for r in shown.rows if r.kind == "pin_array")
+    expected = results.values_at(result, result.bake.outputs[0], 15.0)
+    np.testing.assert_allclose(pin_view.forces_of(row), expected)
+    pins = pin_view.pins_of(demo.objects["Index"], "pin_array_128")
+    part = pin_view.discs(pins, pin_view.forces_of(row))
+    hits = np.isfinite(pins.points[:, 0])
+    assert len(part.positions) == hits.sum() * (1 + pin_view.SIDES + 4)
+    assert part.triangles.max() == len(part.positions) - 1
+    centres = part.positions.reshape(hits.sum(), -1, 3)[:, 0]
+    np.testing.assert_allclose(centres, pins.points[hits] - pin_view.LIFT * pins.directions[hits], atol=1e-8)
+    radii = np.linalg.norm(part.positions.reshape(hits.sum(), -1, 3)[:, 1] - centres, axis=1)
+    forces = pin_view.forces_of(row)[hits]
+    assert np.all(np.diff(radii[np.argsort(forces)]) >= -1e-9)  # a larger disc for a larger force
+    assert pin_view.grid(row) == (8, 16)
+
+
+def test_the_rendered_skin_stands_beside_the_target(demo) -> None:
+    bake(demo)
+    demo.frame_set(15)
+    target, rendered = skin_live.states(demo)
+    pins = core_module("matching.pins")
+    ready = pins.setup(target.model, library().device("pin_array_128"))
+    solver = core_module("matching.deformation").PinSolver(ready.matcher, "DM2")
+    expected = pins.rendered_force(ready, solver.solve(target.force).forces)
+    np.testing.assert_allclose(rendered.force, expected, atol=1e-12)
+    assert rendered.finger == "Index: DM2 pins" and target.finger == "Index"
+
+
+def test_live_pins_do_not_fade_at_the_frame_that_is_shown(demo) -> None:
+    for frame in (10, 11, 12, 13):
+        demo.frame_set(frame)
+        shown = live.step(bpy.context)
+    row = next(r for r in shown.rows if r.kind == "pin_array")
+    assert pin_view.forces_of(row).sum() > 0.5
+
+
+def test_pins_are_registered_once(demo) -> None:
+    assert len(pin_view._handles) == 1

@@ -93,6 +93,19 @@ def _export(track: CommandTrack, stem: Path, form: str, force: bool) -> Path:
     return path
 
 
+def compare(options: argparse.Namespace) -> int:
+    """Say how far each matching method of a pin array would miss for a sampled scene."""
+    from . import scene_file
+    from .matching import pin_report
+    from .presets import Library
+
+    scene, library = scene_file.load(options.scene), Library(options.presets)
+    for name, reports in pin_report.compare_scene(scene, library, finer=options.finer).items():
+        print(name)
+        print(pin_report.table(reports))
+    return 0
+
+
 def check(options: argparse.Namespace) -> int:
     """Check a track and say what is wrong with it."""
     from .formats import check as checks
@@ -158,6 +171,15 @@ def _parser() -> argparse.ArgumentParser:
     from .stream.command_line import add_parser
 
     add_parser(commands, _load_screen)
+
+    text = "Say how far each matching method of a pin array would miss for a sampled scene."
+    one = commands.add_parser("compare", help="how far each matching method of a pin array would miss",
+                              description=text)  # fmt: skip
+    one.add_argument("scene", type=Path, metavar="FILE", help="a scene sampled to a file (.npz)")
+    one.add_argument("--finer", default="", choices=["", "fine", "reference"], metavar="LEVEL",
+                     help="also judge the commands on a finer mesh: fine or reference")  # fmt: skip
+    one.add_argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
+    one.set_defaults(run=compare)
 
     one = commands.add_parser("check", help="check a track against its device's limits",
                               description="Check a track against the limits of its device.")  # fmt: skip

@@ -15,13 +15,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.skin_touch import SkinTouch
+from ..cache import Cache
+from ..contact.skin_touch import SkinSampler, SkinTouch
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError
+from ..presets import Library
+from ..scene import TactileScene
+from ..skin.model import skin_from_parameters
 from .deformation import METHODS, Method
 from .pins import Matched, PinSetup, Weighting, make_solver, match, setup
 
 Array = NDArray[np.float64]
+
+DEFAULT_SKIN = "index_medium"
 
 
 @dataclass(frozen=True)
@@ -89,6 +95,54 @@ def compare(
             fine_size = _target_size(fine_ready, finer)
         reports.append(_report(method, matched, ready, skin, size, fine, fine / fine_size))
     return tuple(reports)
+
+
+def compare_scene(
+    scene: TactileScene, library: Library, *, finer: str = "", cache: Cache | None = None
+) -> dict[str, tuple[MethodReport, ...]]:
+    """Compare all methods for every finger of a scene that wears a pin array; by finger's and device's name.
+
+    Args:
+        finer: accuracy of the mesh that the commands are judged on beside their own, such as 'fine'; '' for none.
+
+    Raises:
+        DermisError: no finger wears a pin array, or one of them touches nothing.
+    """
+    uses = [(f, use, library.device(use.preset)) for f, finger in enumerate(scene.fingers) for use in finger.devices]
+    uses = [(f, use, spec) for f, use, spec in uses if spec.kind == "pin_array"]
+    if not uses:
+        raise DermisError("no finger wears a pin array", where=f"scene '{scene.name}'")
+    wearers = sorted({f for f, _, _ in uses})
+    felt = _felt(scene, library, wearers, "", cache)
+    fine = _felt(scene, library, wearers, finer, cache) if finer else {}
+    reports = {}
+    for f, use, spec in uses:
+        p = use.parameters
+        reports[f"{scene.fingers[f].name}, {spec.name}"] = compare(
+            felt[f],
+            spec,
+            weighting=p.get("pin_nodes", "all"),
+            bounded=bool(p.get("pin_bounded", True)),
+            finer=fine.get(f),
+        )
+    return reports
+
+
+def _felt(
+    scene: TactileScene, library: Library, fingers: Sequence[int], level: str, cache: Cache | None
+) -> dict[int, SkinTouch]:
+    """Return what fingers feel, with meshes of their own accuracy or of another."""
+    skins = {}
+    for f in fingers:
+        p = scene.fingers[f].parameters
+        parameters = p.get("skin") or library.skin(DEFAULT_SKIN)
+        own = str(p.get("skin_level", "standard"))
+        where = f"finger '{scene.fingers[f].name}', skin"
+        skins[f] = skin_from_parameters(parameters, level=level or own, cache=cache, where=where)
+    sampler = SkinSampler(scene, skins)
+    for chunk in scene.chunks:
+        sampler.add(chunk)
+    return sampler.finish()
 
 
 def error_on(ready: PinSetup, skin: SkinTouch, matched: Matched) -> Array:

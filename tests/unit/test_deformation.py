@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from core.errors import DermisError
-from core.matching.calibration import stiffness_factor
+from core.matching.calibration import DEPTHS, press_loads, stiffness_factor
 from core.matching.deformation import METHODS, Matcher, PinSolver
+from core.skin.model import fingertip_skin
 
 
 def problem(seed=0, nodes=30, loaded=12, pins=6):
@@ -156,3 +157,18 @@ def test_alphas_uncertainty_covers_the_truth():
 def test_nonsense_readings_are_refused(depths, loads, words):
     with pytest.raises(DermisError, match=words):
         stiffness_factor(depths, loads, [0.3, 0.9][: len(depths)])
+
+
+def test_press_loads_scale_with_alpha_and_rise():
+    skin = fingertip_skin(level="draft")
+    loads = press_loads(skin)
+    assert (np.diff(loads, prepend=0.0) > 0).all()
+    np.testing.assert_allclose(press_loads(skin.with_material(alpha=0.7)), 0.7 * loads, rtol=1e-3)
+    got = stiffness_factor(DEPTHS, 0.7 * loads, loads)
+    assert got.alpha == pytest.approx(0.7, abs=1e-10)
+
+
+@pytest.mark.parametrize("depths", [[0.0, 1e-3], [2e-3, 1e-3], [[1e-3]], [float("nan")]])
+def test_presses_that_do_not_deepen_are_refused(depths):
+    with pytest.raises(DermisError, match="depths must rise"):
+        press_loads(fingertip_skin(level="draft"), depths)

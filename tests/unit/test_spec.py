@@ -115,3 +115,39 @@ def test_channel_by_name() -> None:
     assert spec.channel("y").low == -0.001
     with pytest.raises(DermisError, match=r"Tester: no such channel \(found 'z'; allowed: x, y\)"):
         spec.channel("z")
+
+
+def repeated(**entry: Any) -> dict[str, Any]:
+    """Return the preset with pins in place of its channels."""
+    pin = {"name": "pin_{}", "repeat": 12, "unit": "N", "actuator": "pin_{}", "low": 0, "high": 0.4}
+    return {**changed("channels", [{**pin, **entry}]), "parameters": {}}
+
+
+def test_a_repeated_channel_is_spelled_out_with_padded_numbers() -> None:
+    spec = from_preset("pins", repeated())
+    assert [c.name for c in spec.channels] == [f"pin_{i:02d}" for i in range(1, 13)]
+    assert spec.channels[11] == Channel("pin_12", "N", 0.0, 0.4, actuator="pin_12")
+    alone = from_preset("pins", repeated(repeat=1))
+    assert [c.name for c in alone.channels] == ["pin_1"]
+
+
+def test_repeated_and_single_channels_stand_beside_each_other_in_order() -> None:
+    preset = repeated(repeat=2)
+    preset["channels"].insert(0, {"name": "valve", "unit": "Pa"})
+    assert [c.name for c in from_preset("pins", preset).channels] == ["valve", "pin_1", "pin_2"]
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        ({"repeat": 0}, "repeat"),
+        ({"repeat": 2.5}, "repeat"),
+        ({"repeat": True}, "repeat"),
+        ({"repeat": 10_000}, "4096"),
+        ({"name": "pin"}, "needs {}"),
+        ({"name": "pin_{}_{}"}, "needs {}"),
+    ],
+)
+def test_repetitions_that_make_no_sense_are_refused(entry: dict[str, Any], words: str) -> None:
+    with pytest.raises(DermisError, match=words):
+        from_preset("pins", repeated(**entry))

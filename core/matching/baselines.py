@@ -74,4 +74,4 @@ def fit_plane(device: Thimble, patch: ContactPatch, start: Array, limits: ServoL
         return np.concatenate([gap, hold * x]), np.concatenate([slope, np.diag(hold)])
 
     target = np.concatenate([np.zeros(len(patch.points)), hold * start])
-    return minimise(evaluate, target, start, device, limits, tolerance=1e-8, max_iterations=30)
+    return minimise(evaluate, target, start, device, limits, tolerance=1e-8, max_iterations=30, max_evaluations=60)

@@ -27,6 +27,7 @@ SMALL_STEP = 1e-4  # of tilt [rad], and of distance over the platform's radius: 
 EXACT = 1e-7  # mismatch relative to the target below which nothing is left to gain
 SMALL_GAIN = 1e-3  # of the cost in one step, 0.05 % of the mismatch: at a kink (a node about to slip) steps creep
 MAX_ITERATIONS = 20
+MAX_EVALUATIONS = 16  # the longest searches creep along kinks for hardly any gain: frames must come in time
 SHORTEST = 1.0 / 64.0
 LONGEST = 0.35  # rad: a step beyond it leaves the range of any linearisation
 ARMIJO = 1e-4
@@ -101,7 +102,7 @@ class ServoLimits:
 
 def minimise(
     evaluate: Evaluate, target: Array, start: Array, device: Thimble, limits: ServoLimits | None = None, *,
-    tolerance: float = OPTIMAL, max_iterations: int = MAX_ITERATIONS,
+    tolerance: float = OPTIMAL, max_iterations: int = MAX_ITERATIONS, max_evaluations: int = MAX_EVALUATIONS,
 ) -> Minimum:  # fmt: skip
     """Return the configuration whose stimulus is nearest to the target, from a feasible start.
 
@@ -141,7 +142,7 @@ def minimise(
         if kkt <= tolerance:
             why = "optimal"
             break
-        if iterations >= max_iterations:
+        if iterations >= max_iterations or evaluations >= max_evaluations:
             break
         reach = float(np.sqrt(step @ step))
         if reach > LONGEST:
@@ -159,12 +160,12 @@ def minimise(
                 if new_cost <= cost - share * max(wanted, 0.0) and new_cost < cost and new_jacobian.any():
                     found = True
                     break
-            if share * reach < SMALL_STEP:
+            if share * reach < SMALL_STEP or evaluations >= max_evaluations:
                 break
             share *= 0.5 if trial is None else _shorter(share, cost, new_cost, wanted / ARMIJO)
         iterations += 1
         if not found or trial is None:
-            why = "step" if reach <= SMALL_STEP else "stalled"
+            why = "step" if reach <= SMALL_STEP else "limit" if evaluations >= max_evaluations else "stalled"
             break
         moved = float(np.sqrt((((trial[0] - x) / scale) ** 2).sum()))
         gained = 1.0 - new_cost / cost
@@ -214,6 +215,9 @@ def _quadratic_program(
     gradient = jacobian.T @ residual
     room = np.maximum(room, 0.0)
     best: tuple[Array, tuple[int, ...], Array] | None = None
+    step = np.linalg.solve(gram, -gradient) if gram[0, 0] > 0.0 else np.zeros(3)
+    if (room + slopes @ step).min() >= 0.0:  # most steps meet no limit
+        return step, (), np.zeros(0), float(np.sqrt(gradient @ gradient))
     for held in _working_sets(guess):
         k = len(held)
         system, right = np.zeros((3 + k, 3 + k)), np.concatenate([-gradient, -room[list(held)]])

@@ -27,6 +27,8 @@ Search = Callable[[Array, ServoLimits], Minimum]
 HOVER = 0.4e-3  # [m] between disc and skin while nothing is touched
 NOTHING = 1e-12  # targets below this share of the table's strongest stimulus are no touch
 PROMISE = 0.85  # a table entry must leave less than this share of a mismatch to be tried
+WORTHWHILE = 0.05  # of the cost: for less than that the device does not jump
+LONGEST_WAIT = 32  # frames between two tries of the table while they fail
 TABLE_TILTS = np.radians([-24.0, -16.0, -8.0, 0.0, 8.0, 16.0, 24.0])
 TABLE_DEPTHS = (0.05e-3, 0.15e-3, 0.35e-3, 0.7e-3, 1.1e-3, 1.5e-3)
 
@@ -93,6 +95,7 @@ class StressMatcher:
         self.state = FrictionState.rest(self.contact.count)
         self._pressed = False
         self._moved = np.zeros(3)
+        self._wait, self._patience = 0, 1
 
     def step(self, target: Array, search: Search | None = None) -> ThimbleFrame:
         """Find the pose for the next frame's target, shape (k,), and renew the friction state.
@@ -145,12 +148,17 @@ class StressMatcher:
         if self._pressed:
             best = minimise(self.model.evaluate, target, self._extrapolated(limits), self.device, limits)
             searches = 1
-        if best is None or promised < PROMISE * best.mismatch:
+        if best is not None:
+            self._wait = max(self._wait - 1, 0)
+        if best is None or (promised < PROMISE * best.mismatch and self._wait == 0):
             start = self._within(self._table_pose(nearest, size * float(alike[nearest])), limits)
             other = minimise(self.model.evaluate, target, start, self.device, limits)
             searches += 1
-            if best is None or other.cost < best.cost:
-                best = other
+            if best is None or other.cost < (1.0 - WORTHWHILE) * best.cost:
+                best, self._patience = other, 1
+            else:  # a promise that was not kept: wait longer and longer before the next is believed
+                self._patience = min(2 * self._patience, LONGEST_WAIT)
+                self._wait = self._patience
         return best, searches
 
     def _table_pose(self, row: int, strength: float) -> Array:

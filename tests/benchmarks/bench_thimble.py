@@ -235,15 +235,15 @@ def bake() -> Result:
 
     count, fingers = 241, 5
     times = np.arange(count) / 60.0
-    ring, turn = np.meshgrid(np.linspace(0, np.pi, 25), np.linspace(0, 2 * np.pi, 49)[:-1], indexing="ij")
-    points = 15e-3 * np.stack([np.sin(ring) * np.cos(turn), np.sin(ring) * np.sin(turn), np.cos(ring)], -1)
-    index = np.arange(25 * 48).reshape(25, 48)
-    a, b, c, d = index[:-1], index[1:], np.roll(index[1:], -1, 1), np.roll(index[:-1], -1, 1)
-    upper, lower = np.stack([a, b, c], -1)[1:].reshape(-1, 3), np.stack([a, c, d], -1)[:-1].reshape(-1, 3)
-    lower = np.where(lower >= 0, lower, 0)
-    vertices, faces = points.reshape(-1, 3), np.concatenate([upper, lower]).astype(np.int32)
-    faces[faces < 48], faces[faces >= 24 * 48] = 0, 24 * 48  # one vertex at each pole
-    ball = Mesh(vertices, faces)
+    from scipy.spatial import ConvexHull
+
+    turn, height = np.pi * (1 + 5**0.5) * np.arange(1200), 1 - (np.arange(1200) + 0.5) / 600
+    points = np.stack([np.cos(turn) * np.sqrt(1 - height**2), np.sin(turn) * np.sqrt(1 - height**2), height], axis=1)
+    faces = ConvexHull(points).simplices
+    p, q, r = (points[faces[:, i]] for i in range(3))
+    inside_out = np.einsum("ij,ij->i", np.cross(q - p, r - p), p) < 0
+    faces[inside_out] = faces[inside_out][:, ::-1]
+    ball = Mesh(15e-3 * points, faces.astype(np.int32))
     hands = np.tile(np.eye(4), (fingers, count, 1, 1))
     hands[:, :, 0, 3] = 40e-3 * np.arange(fingers)[:, None]
     balls = np.tile(np.eye(4), (fingers, count, 1, 1))
@@ -258,7 +258,7 @@ def bake() -> Result:
     model = skin("draft")
     describe(device(), model, 0.6)  # made once for a finger's shape
     chunks = [
-        Chunk(times[i : i + 60] * 60, times[i : i + 60], hands[:, i : i + 60], balls[:, i : i + 60], hands[:0, :0])
+        Chunk(times[i : i + 60] * 60, times[i : i + 60], hands[:, i : i + 60], balls[:, i : i + 60], hands[:0, i : i + 60])
         for i in range(0, count, 60)
     ]
 

@@ -56,7 +56,7 @@ def test_the_minimum_at_a_servo_limit_equals_a_general_solver(device):
     scale = np.array([1.0, 1.0, device.platform_radius])
     for wanted in ([1.0, 0.2, 0.018], [0.1, -0.9, 0.021], [-0.6, 0.8, 0.008]):
         goal = np.array(wanted) / scale
-        found = minimise(lambda x: (x / scale, np.diag(1 / scale)), goal, NEUTRAL, device, max_iterations=60)
+        found = minimise(lambda x: (x / scale, np.diag(1 / scale)), goal, NEUTRAL, device, max_iterations=60, max_evaluations=200)
         other = minimize(
             lambda y: 0.5 * ((y - goal) ** 2).sum(), NEUTRAL / scale, jac=lambda y: y - goal, method="SLSQP",
             constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale)[0]}, options={"ftol": 1e-13},
@@ -78,7 +78,7 @@ def test_tried_points_keep_the_limits_and_the_cost_falls(device):
             [[-6 * p, 3.0, 0.0], [-1.0, 0.0, 0.0], [-r, -p, 100.0]]
         )
 
-    found = minimise(evaluate, np.zeros(3), NEUTRAL, device, max_iterations=60)
+    found = minimise(evaluate, np.zeros(3), NEUTRAL, device, max_iterations=60, max_evaluations=200)
     assert min(seen) >= 0.0
     assert found.cost < found.start_cost and found.active
 

@@ -31,7 +31,7 @@ class SkinState:
 
     Attributes:
         finger: the object's name.
-        model: the skin, or None while it is being made.
+        model: the skin, or None while it is being made, or where it cannot be made (`note` says why).
         force: on the pad nodes in the finger's frame [N], shape (m, 3).
         normal_force, tangential_force: totals [N]. depth, lift: [m], see the engine's `SkinTouch`.
         sticking, slipping: number of nodes.
@@ -291,7 +291,10 @@ def _solve(sample: Any, f: int, finger: Any, frame: float, again: bool) -> SkinS
     where = f"finger '{finger.name}'"
     parameters = finger.parameters
     level = str(parameters["skin_level"])
-    model = skin_models.get(parameters["skin"], level, where=f"{where}, skin")
+    try:
+        model = skin_models.get(parameters["skin"], level, where=f"{where}, skin")
+    except core_module("errors").DermisError as error:  # the other fingers go on
+        return SkinState(finger.name, None, np.zeros((0, 3)), note=str(error))
     if model is None:
         done = skin_models.progress(parameters["skin"], level) or 0.0
         return SkinState(finger.name, None, np.zeros((0, 3)), note=f"making the {level} skin: {done:.0%}")

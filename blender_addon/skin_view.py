@@ -19,7 +19,6 @@ from .skin_live import SkinState
 
 BIAS = 0.3e-3  # [m] by which the skin is brought forward, so that the artist's finger does not cover it
 LEGEND_WIDTH, BAR, LINE, MARGIN, NARROW = 270, 11, 16, 11, 132
-MAP_LENGTH = 26e-3  # [m] of finger that a pad map shows
 BANDS = 8
 SOURCES = {"bake": paint.GREEN, "live": paint.BLUE, "stale": paint.ORANGE, "earlier": paint.ORANGE}
 _VERTEX = """
@@ -302,7 +301,8 @@ def _pad_map(
     state: SkinState, drawn: Drawn, now: Shown, view: Any, at: np.ndarray, size: float, scale: float
 ) -> None:
     """Draw a pad as seen through the nail, tip up: the finger's X to the right, its Y upwards."""
-    zoom = size / MAP_LENGTH
+    longest = max(float(np.ptp(d.surface.rest[:, 1])) for d in now.drawn if d is not None)
+    zoom = size / (1.05 * longest)  # one scale for all
     rest = drawn.surface.rest
     middle = 0.5 * (rest.min(axis=0) + rest.max(axis=0))
     shift = Matrix.Translation((at[0] - zoom * middle[0], at[1] - zoom * middle[1], 0.0))

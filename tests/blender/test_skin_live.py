@@ -1,0 +1,202 @@
+"""Skins while scrubbing: exact forces, history, what is skipped, and agreement with the bake."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon import handlers, results, skin_field, skin_live, skin_view
+from core.skin.model import fingertip_skin
+from tests.problems import flat_press
+
+from .build import cube, finger, keys, span
+
+DEPTH = 0.8e-3
+TOP = 0.02  # height of the plate's face [m]
+
+
+@pytest.fixture(autouse=True)
+def nothing_remembered():
+    """Start without a history."""
+    skin_live.reset()
+    skin_view.forget_range()
+
+
+@pytest.fixture
+def pressing() -> bpy.types.Scene:
+    """Return a scene in which a draft finger comes down on a plate by frame 5 and slides along it until frame 13."""
+    scene = span(1, 13)
+    hand = finger(location=(0.0, 0.0, TOP + 0.01))
+    hand.dermis.finger.skin.shown = True
+    hand.dermis.finger.skin.level = "draft"
+    plate = cube("Plate", 0.04, (0.0, 0.0, TOP - 0.02))
+    plate.dermis.material.friction = 0.5
+    z = [TOP + 0.03, TOP + 0.03, TOP - 0.5 * DEPTH, TOP - 0.9 * DEPTH, TOP - DEPTH, *[TOP - DEPTH] * 8]
+    y = [0.0] * 6 + [0.1e-3 * i for i in range(7)]
+    keys(hand, "location", list(range(1, 14)), np.column_stack([np.zeros(13), y, z]))
+    scene.dermis.sample_rate = 24.0
+    bpy.context.view_layer.update()
+    return scene
+
+
+def at(scene: bpy.types.Scene, frame: int) -> skin_live.SkinState:
+    """Go to a frame and solve it."""
+    scene.frame_set(frame)
+    (state,) = skin_live.step(bpy.context)
+    return state
+
+
+def test_a_press_without_friction_has_the_exact_forces(pressing: bpy.types.Scene) -> None:
+    bpy.data.objects["Plate"].dermis.material.friction = 0.0
+    state = at(pressing, 5)
+    model = fingertip_skin(level="draft")
+    exact = flat_press(model.compliance, model.positions[:, 2], DEPTH)
+    assert state.normal_force == pytest.approx(exact[:, 2].sum(), rel=1e-3)
+    assert np.abs(state.force - exact).max() < 1e-3 * np.abs(exact).max()
+    assert state.tangential_force < 1e-6 * state.normal_force
+    assert state.depth == pytest.approx(DEPTH - model.positions[:, 2].min(), rel=1e-4)
+
+
+def test_stepping_forward_gives_what_a_bake_at_the_same_rate_gives(pressing: bpy.types.Scene) -> None:
+    stepped = {frame: at(pressing, frame) for frame in range(1, 14)}
+    bpy.ops.dermis.bake()
+    for frame in (3, 5, 8, 13):
+        pressing.frame_set(frame)
+        (baked,) = skin_live.states(pressing)
+        assert baked.source == "bake"
+        scale = np.abs(baked.force).max()
+        assert np.abs(stepped[frame].force - baked.force).max() < 2e-3 * scale
+        assert stepped[frame].tangential_force == pytest.approx(baked.tangential_force, rel=5e-3, abs=1e-4)
+    assert stepped[13].tangential_force > 0.2 * stepped[13].normal_force
+
+
+def test_a_jump_starts_from_rest_and_says_so(pressing: bpy.types.Scene) -> None:
+    for frame in range(1, 13):
+        along = at(pressing, frame)
+    assert along.note == "live, from rest at frame 1"
+    jumped = at(pressing, 4)
+    assert "from rest at frame 4: play or step forward" in jumped.note
+    skin_live.reset()
+    again = at(pressing, 12)
+    assert again.note.startswith("live, from rest at frame 12")
+    # without the slide in its past the skin is not dragged along
+    assert again.tangential_force < 0.2 * along.tangential_force
+
+
+def test_a_change_within_a_frame_does_not_advance_the_history(pressing: bpy.types.Scene) -> None:
+    for frame in range(1, 9):
+        state = at(pressing, frame)
+    handlers.mark_dirty("nothing really")
+    (again,) = skin_live.step(bpy.context)
+    assert again is not state
+    assert again.force == pytest.approx(state.force, abs=1e-4 * np.abs(state.force).max())
+    (same,) = skin_live.step(bpy.context)
+    assert same is again
+
+
+def test_undo_resets_the_history(pressing: bpy.types.Scene) -> None:
+    for frame in range(1, 9):
+        at(pressing, frame)
+    handlers._on_history()
+    assert skin_live.states(pressing) == ()
+    assert "from rest at frame 9" in at(pressing, 9).note
+
+
+def test_far_and_still_frames_are_skipped_and_counted(pressing: bpy.types.Scene) -> None:
+    first = at(pressing, 1)
+    assert (first.work, first.touching) == ("idle", False)
+    assert at(pressing, 2).counters["skipped, nothing near"] == 2
+    for frame in (3, 4, 5):
+        assert at(pressing, frame).work == "solved"
+    at(pressing, 6)
+    still = at(pressing, 7)  # the second frame without movement
+    assert still.work in ("same", "unchanged")
+    before = skin_view.counters()
+    skin_view.shown(pressing)
+    skin_view.shown(pressing)
+    after = skin_view.counters()
+    assert after["computed"] - before["computed"] == 1
+
+
+def test_a_hidden_skin_is_not_solved(pressing: bpy.types.Scene) -> None:
+    bpy.data.objects["Finger"].dermis.finger.skin.shown = False
+    pressing.frame_set(5)
+    assert skin_live.step(bpy.context) == ()
+    assert not skin_live.any_shown(pressing)
+
+
+def test_a_soft_object_takes_part_of_the_depth(pressing: bpy.types.Scene) -> None:
+    material = bpy.data.objects["Plate"].dermis.material
+    hard = at(pressing, 5).normal_force
+    material.surface_stiffness_mpa_m = 17.0
+    skin_live.reset()
+    soft = at(pressing, 5).normal_force
+    assert 0.2 * hard < soft < 0.9 * hard
+    material.surface_stiffness_mpa_m = 1e6
+    skin_live.reset()
+    assert at(pressing, 5).normal_force == pytest.approx(hard, rel=2e-3)
+
+
+def test_a_compliant_bone_keeps_its_force_limit(pressing: bpy.types.Scene) -> None:
+    skin = bpy.data.objects["Finger"].dermis.finger.skin
+    rigid = at(pressing, 5)
+    skin.depth_mode, skin.bone_stiffness, skin.force_limit = "compliant", 1e6, 0.5 * rigid.normal_force
+    skin_live.reset()
+    limited = at(pressing, 5)
+    assert limited.force[:, 2].sum() == pytest.approx(0.5 * rigid.normal_force, rel=5e-3)
+    assert limited.lift > 0.05e-3 and limited.depth == pytest.approx(rigid.depth - limited.lift, abs=2e-5)
+    # what is drawn is lifted with the bone
+    drawn = skin_field.draw_of(limited, "pressure")
+    assert drawn.positions[:, 2].max() - rigid_top(limited) == pytest.approx(limited.lift, abs=5e-5)
+
+
+def rigid_top(state: skin_live.SkinState) -> float:
+    """Return the height of the drawn skin's highest vertex at rest."""
+    return float(skin_field.kit(state.model.mesh).surface.rest[:, 2].max())
+
+
+def test_a_turned_scene_gives_the_same_forces(pressing: bpy.types.Scene) -> None:
+    from mathutils import Matrix
+
+    straight = at(pressing, 5)
+    pivot = bpy.data.objects.new("Pivot", None)
+    pressing.collection.objects.link(pivot)
+    for name in ("Finger", "Plate"):
+        bpy.data.objects[name].parent = pivot
+    pivot.matrix_world = Matrix.Translation((0.3, -0.2, 0.1)) @ Matrix.Rotation(1.1, 4, (1.0, 2.0, -0.5))
+    bpy.context.view_layer.update()
+    skin_live.reset()
+    turned = at(pressing, 5)
+    assert turned.force == pytest.approx(straight.force, abs=2e-3 * np.abs(straight.force).max())
+
+
+def test_a_press_that_is_too_deep_is_a_finding_with_its_frame(pressing: bpy.types.Scene) -> None:
+    hand = bpy.data.objects["Finger"]
+    keys(hand, "location", [1, 5, 8, 13], [(0, 0, TOP + 0.03), (0, 0, TOP - 1e-3), (0, 0, TOP - 2.3e-3),
+                                           (0, 0, TOP - 2.3e-3)])  # fmt: skip
+    bpy.ops.dermis.bake()
+    found = [f for f in results.current(pressing).bake.all_findings if f.code == "too-deep"]
+    assert len(found) == 1 and 5 < found[0].frame <= 8
+    assert "2.00" <= found[0].value < "2.31"
+
+
+def test_a_changed_scene_is_shown_as_out_of_date(pressing: bpy.types.Scene) -> None:
+    bpy.ops.dermis.bake()
+    pressing.frame_set(5)
+    assert skin_live.states(pressing)[0].note == "from the bake"
+    bpy.data.objects["Finger"].dermis.finger.skin.young_kpa = 80.0
+    (stale,) = skin_live.states(pressing)
+    assert (stale.source, stale.note) == ("stale", "from a bake that is out of date")
+    (live,) = skin_live.step(bpy.context)
+    assert live.source == "live" and skin_live.states(pressing)[0] is live
+    assert live.normal_force == pytest.approx(0.8 * stale.normal_force, rel=0.02)
+
+
+def test_a_size_without_room_for_tissue_says_so(pressing: bpy.types.Scene) -> None:
+    bpy.data.objects["Finger"].dermis.finger.skin.bone_thickness_mm = 12.0
+    pressing.frame_set(5)
+    (state,) = skin_live.step(bpy.context)
+    assert state.model is None and not state.touching
+    assert "bone_thickness" in state.note and "12.60 mm" in state.note
+    assert skin_view.shown(pressing).drawn == (None,)

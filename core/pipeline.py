@@ -188,7 +188,11 @@ def export_screen_maps(scene: TactileScene, library: Library, folder: Path) -> t
     """
     from .matching.perceptual import screen_maps
 
-    wanted = [w for w in _wanted(scene, library, []) if w[2].kind == "friction_screen"]
+    wanted = [
+        (finger, use, spec)
+        for finger, use, spec in _wanted(scene, library, [])
+        if spec.kind == "friction_screen" and use.parameters.get("relief", "map") != "mesh"  # a mesh needs no map
+    ]
     if not wanted:
         raise DermisError(
             "no finger has a screen device",

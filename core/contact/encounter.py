@@ -100,12 +100,12 @@ class Encounter:
         body = self._touch.body_at(self.body, self.times)
         local = turned_back(body, self.which, _relative_velocity(finger, body, self.which))
         moving = self._pair.surface_velocity
-        return local if moving is None else local - self._between(moving)
+        return local if moving is None else local - self.between(moving)
 
     @cached_property
     def normal(self) -> Array:
         """Outward normal of the body at the touching samples, in carried space, shape (k, 3)."""
-        n = self._between(self._carried_normal)
+        n = self.between(self._carried_normal)
         return scaled(n, 1.0 / np.maximum(np.sqrt(dot(n, n)), 1e-300))
 
     @cached_property
@@ -117,7 +117,7 @@ class Encounter:
         finger = self._touch.finger_at(self.finger, self.times)
         body = self._touch.body_at(self.body, self.times)
         offset = finger.position[self.which] - body.position[self.which]
-        return turned_back(body, self.which, offset) + self._between(self._to_surface)
+        return turned_back(body, self.which, offset) + self.between(self._to_surface)
 
     # -- between the samples -------------------------------------------------------------------------------------
 
@@ -204,8 +204,8 @@ class Encounter:
         u = np.where(known[index + 1], np.where(known[index], u, 1.0), 0.0)
         return index, u
 
-    def _between(self, samples: Array) -> Array:
-        """Interpolate a series of samples (n, 3) linearly at the touching times."""
+    def between(self, samples: Array) -> Array:
+        """Interpolate a series of samples, shape (n, 3), linearly at the touching times, shape (k, 3)."""
         index, u = self._weights
         if len(samples) == 1:
             return samples[index]

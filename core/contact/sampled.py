@@ -27,12 +27,15 @@ class PairTouch:
         normal: outward normal of the body in world axes, zero beyond reach, shape (n, 3).
         point: closest point in the body's carried space (scaled, not rotated) [m], zero beyond reach, shape (n, 3).
         surface_velocity: of the closest point of a deforming body in its carried space [m/s], or None if rigid.
+        relief: normal of the curved surface that the faces stand for, in world axes, zero beyond reach, shape (n, 3);
+            None where no device of the finger asks for it.
     """
 
     gap: Array
     normal: Array
     point: Array
     surface_velocity: Array | None = None
+    relief: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,6 +42,7 @@ class _Pair:
     normal: list[Array] = field(default_factory=list)
     point: list[Array] = field(default_factory=list)
     surface_velocity: list[Array] = field(default_factory=list)
+    relief: list[Array] = field(default_factory=list)
     last: int = -2  # the last sample at which the gap was known
     side: int = 1  # of an open surface
 
@@ -57,6 +58,10 @@ class TouchSampler:
         self._scene = scene
         distances = [float(f.parameters.get("touch_distance", 0.0)) for f in scene.fingers]
         self.reach = max(distances, default=0.0) + FASTEST_APPROACH / scene.rate
+        # fingers with a device that follows the surface's own normals
+        self._relief = {
+            i for i, f in enumerate(scene.fingers) if any(d.parameters.get("relief") == "mesh" for d in f.devices)
+        }
         self._chunks: list[Chunk] = []
         self._count = 0
         self._pairs: dict[tuple[int, int], _Pair] = {}
@@ -269,16 +274,20 @@ class TouchSampler:
         for f in np.unique(who[known]).tolist():
             own = np.flatnonzero(known & (who == f))
             index, gap, normal = samples[own], found.gap[own], found.normal[own]
+            relief = surface.smooth_normals(found.triangle[own], found.weights[own]) if f in self._relief else None
             pair = self._pairs.setdefault((f, b), _Pair())
             if not surface.closed:
                 side = self._sides(pair, surface, index, points[own], turn, fingers[f])
                 gap, normal = gap * side, normal * side[:, None]
+                relief = None if relief is None else relief * side[:, None]
             pair.last = self._count + int(index[-1])
             pair.start.append(self._count + index)
             pair.gap.append(gap)
             pair.normal.append(turned(turn[index], normal))
             pair.point.append(found.point[own])
             pair.surface_velocity.append(moving[own])
+            if relief is not None:
+                pair.relief.append(turned(turn[index], relief))
 
     def _sides(
         self, pair: _Pair, surface: Surface, index: NDArray[np.intp], local: Array, turn: Array, finger: Array
@@ -303,7 +312,10 @@ class TouchSampler:
             full = np.zeros((self._count, 3))
             full[index] = np.concatenate(parts)
             arrays.append(full)
-        return PairTouch(gap, arrays[0], arrays[1], arrays[2] if arrays[2].any() else None)
+        relief = np.zeros((self._count, 3)) if pair.relief else None
+        if relief is not None:
+            relief[index] = np.concatenate(pair.relief)
+        return PairTouch(gap, arrays[0], arrays[1], arrays[2] if arrays[2].any() else None, relief)
 
     # -- repairs -------------------------------------------------------------------------------------------------
 

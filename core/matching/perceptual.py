@@ -5,70 +5,62 @@ path on the screen -> direction (eq. 4) -> slope (eq. 3) -> friction (eq. 5) -> 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..devices.friction_screen import AMPLITUDE, CARRIER, FrictionScreen
+from ..devices.friction_screen import FrictionScreen
 from ..devices.spec import DeviceSpec
 from ..effects.gradient import check_map, metres_of
-from ..effects.slide import FULL, LEAST, STILL_SPEED, directions
+from ..effects.slide import FULL, LEAST, directions
 from ..errors import DermisError, Finding
-from ..motion import Spline
 from ..scene import DeviceUse, Screen, TactileScene
 from ..track import CommandTrack
 from .rendered import Rendered
 from .screen_map import ScreenMap, height_range, steepest_of_all
+from .screen_path import DIRECTION_WINDOW, Settings, driven_values, scale_findings, screen_path, screens_of
 
 if TYPE_CHECKING:
     from ..contact.touch import SampledTouch
 
 Array = NDArray[np.float64]
 
-TOUCH_DISTANCE = 0.0005  # [m], where neither screen nor finger says
-BEHIND = 0.02  # [m]; a pad deeper than a fingertip is thick lies behind the screen and does not touch it
-DIRECTION_WINDOW = 0.02  # [s]
+RELIEFS = ("map", "mesh")
 THRESHOLD = 0.5
-SCALE_CHANGE = 1e-4  # relative; float32 matrices differ by less
-SHEAR = 1e-3
-
-
-@dataclass(frozen=True)
-class _Path:
-    """A pad's path in a screen's own axes, at the device's times: x, y, z [m], touching, at rest."""
-
-    x: Array
-    y: Array
-    z: Array
-    touching: NDArray[np.bool_]
-    resting: NDArray[np.bool_]
 
 
 def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
     """Return the voltage of a friction screen along a finger's path.
 
     `DeviceUse.screen` names the screen; empty, the finger feels every screen, at each moment the one it is nearest
-    to among those it touches. A screen's `height_map` may be a sequence (k, rows, columns): `map_fps` maps a second
+    to among those it touches. With `relief` 'mesh' it feels the normals of the touchable objects instead of the map,
+    see `mesh_relief`. A screen's `height_map` may be a sequence (k, rows, columns): `map_fps` maps a second
     (default: one a frame), the first at scene frame `sequence_start` (default: the range's first).
 
     Raises:
         DermisError: no such screen, a map or setting that cannot be used, a screen without area.
 
-    Source: [S4] eq. 1 to 5
+    Source: [S4] eq. 1 to 6
     """
     device = FrictionScreen.of(spec)
     where = f"finger '{scene.fingers[finger].name}', {spec.name}"
-    settings = _Settings(touch, scene, finger, use, spec.rate, where)
+    relief_kind = use.parameters.get("relief", "map")
+    if relief_kind not in RELIEFS:
+        raise DermisError("unknown relief", where=where, value=relief_kind, limit=", ".join(RELIEFS))
+    if relief_kind == "mesh":
+        from . import mesh_relief
+
+        return mesh_relief.render(touch, scene, finger, use, spec)
+    settings = Settings(touch, scene, finger, use, spec.rate, where)
     findings: list[Finding] = []
-    relevant = _screens(scene, use)
+    relevant = screens_of(scene, use)
     maps = screen_maps(scene, touch.screens, use, spec)
     for index in maps:
-        findings += _scale_findings(touch.screens[index], scene.screens[index].name)
+        findings += scale_findings(touch.screens[index], scene.screens[index].name)
 
-    paths = [_path(touch, scene, finger, index, settings) for index in relevant]
+    paths = [screen_path(touch, scene, finger, index, settings) for index in relevant]
     # Of several screens under one finger the nearest counts; the earlier in the scene's order where they tie.
     distance = np.array([np.where(p.touching, np.abs(p.z), np.inf) for p in paths])
     chosen = np.argmin(distance, axis=0)
@@ -96,9 +88,7 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
                              ("grad_x", relief.grad_x), ("grad_y", relief.grad_y), ("height", relief.height),
                              ("friction", relief.friction)):  # fmt: skip
             signals[name][felt] = values
-    volts = device.law.volts(signals["friction"])
-    animated = settings.series("carrier")
-    carrier = np.full(n, device.carrier) if animated is None else animated
+    values, driven = driven_values(signals["friction"], settings, device, spec, where)
     signals = {
         "contact": contact.astype(np.float64),
         "screen": np.where(contact, np.array(relevant)[chosen], -1.0),
@@ -111,11 +101,7 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
                                 value=f"{nearest * 1e3:.3g} mm from its plane at the nearest",
                                 remedy="Bring the pad to the screen, or raise its touch distance"))  # fmt: skip
     findings += _flat_findings(maps, scene)
-    findings += device.check(volts, carrier, where)
-    values = np.empty((n, len(spec.channels)))
-    for column, channel in enumerate(spec.channels):
-        known = {AMPLITUDE: volts, CARRIER: carrier}.get(channel.name)
-        values[:, column] = channel.rest if known is None else known
+    findings += driven
     track = CommandTrack(spec, settings.times, values, _meta(maps, scene, device))
     return Rendered(track, signals, tuple(findings))
 
@@ -139,7 +125,7 @@ def screen_maps(scene: TactileScene, matrices: Array, use: DeviceUse, spec: Devi
     where = f"device '{use.preset}'"
     if mode not in ("auto", "manual"):
         raise DermisError("unknown way to scale", where=where, value=mode, limit="auto, manual")
-    screens = {index: _map_of(scene.screens[index], matrices[index]) for index in _screens(scene, use)}
+    screens = {index: _map_of(scene.screens[index], matrices[index]) for index in screens_of(scene, use)}
     manual = float(given.get("scale", 0.0)) if mode == "manual" else 0.0
     if mode == "manual" and profile != "rectangle" and not (np.isfinite(manual) and manual != 0.0):
         raise DermisError("the scale must not be zero", where=where, value=manual, remedy="Choose the automatic scale")
@@ -165,19 +151,6 @@ def screen_maps(scene: TactileScene, matrices: Array, use: DeviceUse, spec: Devi
     return result
 
 
-def _screens(scene: TactileScene, use: DeviceUse) -> Sequence[int]:
-    names = [screen.name for screen in scene.screens]
-    if not names:
-        raise DermisError("no touch screen in the scene", where=f"device '{use.preset}'",
-                          remedy="Add one with Add > Dermis > Touch Screen")  # fmt: skip
-    if not use.screen:
-        return range(len(names))
-    if use.screen not in names:
-        raise DermisError("no such touch screen", where=f"device '{use.preset}'", value=use.screen,
-                          limit=", ".join(names), remedy="Choose a touch screen for the device")  # fmt: skip
-    return [names.index(use.screen)]
-
-
 def _map_of(screen: Screen, matrices: Array) -> tuple[NDArray[np.float32], tuple[float, float], float]:
     """Return maps (k, rows, columns), size in metres as the object is scaled at the start, and the height unit."""
     where = f"screen '{screen.name}'"
@@ -186,104 +159,6 @@ def _map_of(screen: Screen, matrices: Array) -> tuple[NDArray[np.float32], tuple
     heights = np.asarray(screen.height_map, dtype=np.float32)
     check_map(heights, size, screen.height_unit, where)
     return (heights if heights.ndim == 3 else heights[None]), size, screen.height_unit
-
-
-def _path(touch: SampledTouch, scene: TactileScene, finger: int, index: int, settings: _Settings) -> _Path:
-    """Interpolate the pad's path in the screen's axes: a finger that rides on a moving screen is at rest there."""
-    screen, matrices = scene.screens[index], touch.screens[index]
-    where = f"screen '{screen.name}'"
-    pads = touch.fingers[finger, :, :3, 3]
-    axes = matrices[:, :3, :3]
-    lengths = np.linalg.norm(axes, axis=1)
-    volume = np.abs(np.linalg.det(axes))
-    flat = volume <= 1e-9 * lengths.prod(axis=1)
-    if flat.any():
-        raise DermisError("the screen is scaled to nothing", where=where, value=f"frame {touch.frames[flat][0]:g}",
-                          limit="a scale other than zero")  # fmt: skip
-    local = np.linalg.solve(axes, (pads - matrices[:, :3, 3])[..., None])[..., 0]
-    # Across the screen the map goes with its object; from its plane the true distance counts.
-    local[:, :2] *= lengths[0, :2]
-    local[:, 2] *= volume / np.linalg.norm(np.cross(axes[:, :, 0], axes[:, :, 1]), axis=1)
-    x, y, z = Spline(touch.times, local).at(settings.times).T
-    reach = settings.touch_distance(index)
-    inside = (np.abs(x) <= 0.5 * screen.size[0] * lengths[0, 0]) & (np.abs(y) <= 0.5 * screen.size[1] * lengths[0, 1])
-    resting = _resting(touch.times, local, settings.times)
-    return _Path(x, y, z, inside & (z <= reach) & (z >= -BEHIND), resting)
-
-
-def _resting(sampled: Array, local: Array, times: Array) -> NDArray[np.bool_]:
-    """Return at which times the two samples around the step that ends there lie at one place of the screen.
-
-    After an abrupt stop a spline swings by micrometres, and its last swing would be taken for the direction to hold.
-    """
-    if len(sampled) < 2:
-        return np.ones(len(times), bool)
-    chord = np.diff(local[:, :2], axis=0)
-    still = np.hypot(chord[:, 0], chord[:, 1]) <= STILL_SPEED * np.diff(sampled)
-    middle = times - 0.5 * (times[1] - times[0] if len(times) > 1 else 0.0)
-    return np.asarray(still[np.clip(np.searchsorted(sampled, middle) - 1, 0, len(still) - 1)])
-
-
-class _Settings:
-    """The settings of one use: animated where a channel says so, else constant."""
-
-    def __init__(
-        self, touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, rate: float, where: str
-    ) -> None:
-        # The last sample is the last moment that is known; a rounding error must not cost it.
-        self.times = np.arange(int(touch.times[-1] * rate + 1e-6) + 1) / rate
-        self._touch, self._scene, self._finger, self._where = touch, scene, finger, where
-        self._given: Mapping[str, Any] = use.parameters
-        devices = scene.fingers[finger].devices
-        place = next((i for i, d in enumerate(devices) if d is use), None)
-        place = place if place is not None else (devices.index(use) if use in devices else 0)
-        self._prefix = f"device/{finger}/{place}/"
-
-    def constant(self, name: str, default: Any) -> Any:
-        """Return a setting that does not change over a scene."""
-        return self._given.get(name, default)
-
-    def series(self, name: str) -> Array | None:
-        """Return a setting at the device's times, or None where nobody set it."""
-        animated = self._channel(self._prefix + name)
-        if animated is not None:
-            return animated
-        return np.full(len(self.times), float(self._given[name])) if name in self._given else None
-
-    def touch_distance(self, screen: int) -> Array:
-        """Return the distance [m] from which the pad touches: the screen's own, else the finger's."""
-        for prefix, owner in ((f"screen/{screen}/", self._scene.screens[screen]),
-                              (f"finger/{self._finger}/", self._scene.fingers[self._finger])):  # fmt: skip
-            animated = self._channel(prefix + "touch_distance")
-            if animated is not None:
-                return animated
-            if "touch_distance" in owner.parameters:
-                return np.full(len(self.times), float(owner.parameters["touch_distance"]))
-        return np.full(len(self.times), TOUCH_DISTANCE)
-
-    def _channel(self, key: str) -> Array | None:
-        values = self._touch.channels.get(key)
-        if values is None:
-            return None
-        return np.interp(self.times, self._touch.times, values)
-
-
-def _scale_findings(matrices: Array, name: str) -> list[Finding]:
-    """Say where a screen is deformed while it moves, because the map keeps the size that it has at the start."""
-    findings = []
-    lengths = np.linalg.norm(matrices[:, :3, :3], axis=1)
-    changed = (np.abs(lengths / np.maximum(lengths[0], 1e-30) - 1.0) > SCALE_CHANGE).any(axis=1)
-    if changed.any():
-        findings.append(Finding("warning", "screen-scale-animated", "the screen's scale changes; slopes are those of "
-                                "its size at the start", where=f"screen '{name}'",
-                                count=int(changed.sum())))  # fmt: skip
-    units = matrices[:, :3, :3] / np.maximum(lengths, 1e-30)[:, None, :]
-    sheared = np.abs(np.einsum("ni,ni->n", units[:, :, 0], units[:, :, 1])) > SHEAR
-    if sheared.any():
-        findings.append(Finding("warning", "screen-sheared", "the screen is sheared; directions on it are distorted",
-                                where=f"screen '{name}'", remedy="Apply its scale, or its parent's",
-                                count=int(sheared.sum())))  # fmt: skip
-    return findings
 
 
 def _flat_findings(maps: Mapping[int, ScreenMap], scene: TactileScene) -> list[Finding]:

@@ -1,0 +1,160 @@
+"""Mesh relief: friction from the surface normals of whatever the finger touches, without a map of it.
+
+The form of eq. 6 that equals the map's, f = -f0 n_xy . v / n_z, for meshes of any shape that may move and deform. The
+normal is that of the curved surface that the faces stand for, at the point closest to the pad. Its axes are those of
+the screen, on which the finger's motion is then read too. Without a screen they are the finger's own, x and y along
+the pad: a finger that follows the surface feels nothing, one that slides over it at a slant does, and its motion is
+that over the object's material.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contact.encounter import Encounter, turned, turned_back
+from ..contact.held import meet
+from ..devices.friction_screen import FrictionScreen
+from ..devices.spec import DeviceSpec
+from ..effects.slide import DOWNHILL, FULL, STEEPEST_NORMAL, directions, friction_of_normal, without_downhill
+from ..errors import DermisError, Finding
+from ..scene import DeviceUse, TactileScene
+from ..track import CommandTrack
+from .rendered import Rendered
+from .screen_path import DIRECTION_WINDOW, Settings, driven_values, scale_findings, screen_path, screens_of
+
+if TYPE_CHECKING:
+    from ..contact.sampled import SampledTouch
+
+Array = NDArray[np.float64]
+
+
+def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
+    """Return the voltage of a friction screen from the normals under a finger's path.
+
+    The pad touches an object at the finger's `touch_distance`; with screens in the scene it must be over one of them
+    besides. Of several objects the nearest counts. The automatic scale makes the steepest slope that the finger meets
+    over the whole bake friction 100. Only the profile 'slope' exists here.
+
+    Raises:
+        DermisError: another profile, an unknown way to scale or downhill, a scale of zero, or no such screen.
+
+    Source: [S4] eq. 6, with the sign and the division that make it equal to eq. 5
+    """
+    device = FrictionScreen.of(spec)
+    where = f"finger '{scene.fingers[finger].name}', {spec.name}"
+    settings = Settings(touch, scene, finger, use, spec.rate, where)
+    mode, downhill = _checked(settings, where)
+    times, n = settings.times, len(settings.times)
+    met = [(b, m) for b in range(len(scene.bodies)) if (m := meet(touch, scene, finger, b, times)) is not None]
+    gaps = np.array([np.where(m.touching, m.gap, np.inf) for _, m in met]).reshape(len(met), n)
+    contact: NDArray[np.bool_] = np.isfinite(gaps).any(axis=0)
+    chosen = gaps.argmin(axis=0) if met else np.zeros(n, dtype=np.intp)
+
+    names = ("x", "y", "distance", "direction_x", "direction_y", "grad_x", "grad_y", "height", "friction")
+    signals = {name: np.zeros(n) for name in names}
+    findings: list[Finding] = []
+    normal = np.zeros((n, 3))
+    screen = np.full(n, -1.0)
+    resting: NDArray[np.bool_] | None = None
+    if scene.screens:
+        relevant = screens_of(scene, use)
+        paths = [screen_path(touch, scene, finger, s, settings) for s in relevant]
+        over = np.array([np.where(p.inside, np.abs(p.z), np.inf) for p in paths])
+        nearest = np.argmin(over, axis=0)
+        contact &= np.isfinite(over).any(axis=0)
+        resting = np.zeros(n, dtype=bool)
+        for place, (s, path) in enumerate(zip(relevant, paths, strict=True)):
+            mine = nearest == place
+            signals["x"][mine], signals["y"][mine], resting[mine] = path.x[mine], path.y[mine], path.resting[mine]
+            screen[mine & contact] = s
+            findings += scale_findings(touch.screens[s], scene.screens[s].name)
+            axes = touch.screens[s][:, :3, :3] / np.linalg.norm(touch.screens[s][:, :3, :3], axis=1)[:, None, :]
+            for k, (b, m) in enumerate(met):
+                local = np.einsum("nij,ni->nj", axes, _relief(touch, finger, b))
+                _put(normal, m.between(local), m, mine & contact & (chosen == k))
+    else:
+        pads = touch.finger_at(finger, touch.times)
+        for k, (b, m) in enumerate(met):
+            local = turned_back(pads, slice(None), _relief(touch, finger, b))
+            _put(normal, m.between(local), m, contact & (chosen == k))
+            steps = np.zeros((n, 3))
+            _put(steps, _velocity(touch, finger, m), m, contact & (chosen == k))
+            signals["x"] += np.cumsum(steps[:, 0]) / spec.rate
+            signals["y"] += np.cumsum(steps[:, 1]) / spec.rate
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    window = float(settings.constant("direction_window", DIRECTION_WINDOW))
+    direction = directions(signals["x"], signals["y"], contact, spec.rate, window, resting)
+    signed, limited = friction_of_normal(normal[contact], direction[contact], 1.0)
+    slopes = -normal[contact, :2] / np.maximum(normal[contact, 2:], STEEPEST_NORMAL)
+    scale = _scale(settings, mode, slopes, contact, where)
+    signals["friction"][contact] = without_downhill(signed * scale, downhill)
+    signals["direction_x"], signals["direction_y"] = direction.T
+    signals["grad_x"][contact], signals["grad_y"][contact] = slopes.T
+    signals["distance"][contact] = gaps.min(axis=0, initial=np.inf)[contact]
+
+    if not contact.any():
+        findings.append(Finding("warning", "never-touches", "the finger never touches an object", where=where,
+                                remedy="Bring the pad to a touchable object, or raise its touch distance"))  # fmt: skip
+    if limited:
+        findings.append(Finding("info", "too-steep", "the surface is steeper than a screen can be read from; its slope "
+                                "is limited", where=where, limit=f"n_z >= {STEEPEST_NORMAL:g}",
+                                count=limited))  # fmt: skip
+    values, driven = driven_values(signals["friction"], settings, device, spec, where)
+    signals = {"contact": contact.astype(np.float64), "screen": screen, **signals}
+    law = device.law
+    meta = {
+        "relief": "mesh",
+        "screen": ", ".join(s.name for i, s in enumerate(scene.screens) if (screen == i).any()),
+        "downhill": downhill,
+        "scale": f"{float(np.max(scale, initial=0.0)):.9g}",
+        "law": f"slope {law.slope:.9g} intercept {law.intercept:.9g} base {law.base:.9g}",
+    }
+    track = CommandTrack(spec, times, values, meta)
+    skipped = {"normals_limited": limited} if limited else {}
+    return Rendered(track, signals, (*findings, *driven), skipped)
+
+
+def _checked(settings: Settings, where: str) -> tuple[str, str]:
+    """Return the way to scale and the way downhill."""
+    for name, default, known in (("profile", "slope", ("slope",)), ("scale_mode", "auto", ("auto", "manual")),
+                                 ("downhill", "rectify", DOWNHILL)):  # fmt: skip
+        value = settings.constant(name, default)
+        if value not in known:
+            raise DermisError(f"the normals of a mesh know no such {name.replace('_', ' ')}", where=where, value=value,
+                              limit=", ".join(known))  # fmt: skip
+    return str(settings.constant("scale_mode", "auto")), str(settings.constant("downhill", "rectify"))
+
+
+def _scale(settings: Settings, mode: str, slopes: Array, contact: NDArray[np.bool_], where: str) -> float | Array:
+    """Return f0, of the whole bake or of each touching time."""
+    if mode == "auto":
+        steepest = float(np.linalg.norm(slopes, axis=1).max(initial=0.0))
+        return FULL / steepest if steepest > 1e-12 else 0.0
+    manual = settings.series("scale")
+    if manual is None or not np.isfinite(manual).all() or not manual.any():
+        raise DermisError("the scale must not be zero", where=where, remedy="Choose the automatic scale")
+    return manual[contact]
+
+
+def _relief(touch: SampledTouch, finger: int, body: int) -> Array:
+    """Return the normals at the samples in world axes, shape (n, 3)."""
+    relief = touch.pairs[finger, body].relief
+    if relief is None:
+        raise DermisError("the touch was sampled without the normals of its surfaces", where=f"finger {finger}")
+    return relief
+
+
+def _velocity(touch: SampledTouch, finger: int, met: Encounter) -> Array:
+    """Return the pad's velocity over the material in the finger's axes at the touching times [m/s], shape (k, 3)."""
+    world = turned(touch.body_at(met.body, met.times), met.which, met.velocity)
+    return turned_back(touch.finger_at(finger, met.times), met.which, world)
+
+
+def _put(target: Array, values: Array, met: Encounter, where: NDArray[np.bool_]) -> None:
+    """Write values of an encounter's touching times, shape (k, 3), where they are wanted."""
+    full = np.zeros_like(target)
+    full[met.which] = values
+    target[where] = full[where]

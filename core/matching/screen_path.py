@@ -1,0 +1,178 @@
+"""ScreenPath: where a pad is on a screen, at the device's times, and the settings that hold there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices.friction_screen import AMPLITUDE, CARRIER, FrictionScreen
+from ..devices.spec import DeviceSpec
+from ..effects.slide import STILL_SPEED
+from ..errors import DermisError, Finding
+from ..motion import Spline
+from ..scene import DeviceUse, TactileScene
+
+if TYPE_CHECKING:
+    from ..contact.touch import SampledTouch
+
+Array = NDArray[np.float64]
+
+TOUCH_DISTANCE = 0.0005  # [m], where neither screen nor finger says
+DIRECTION_WINDOW = 0.02  # [s]
+BEHIND = 0.02  # [m]; a pad deeper than a fingertip is thick lies behind the screen and does not touch it
+SCALE_CHANGE = 1e-4  # relative; float32 matrices differ by less
+SHEAR = 1e-3
+
+
+@dataclass(frozen=True)
+class ScreenPath:
+    """A pad's path in a screen's own axes, at the device's times.
+
+    Attributes:
+        x, y, z: [m], shape (n,). inside: over the screen. touching: near enough to its plane besides. resting: at rest.
+    """
+
+    x: Array
+    y: Array
+    z: Array
+    inside: NDArray[np.bool_]
+    touching: NDArray[np.bool_]
+    resting: NDArray[np.bool_]
+
+
+def screens_of(scene: TactileScene, use: DeviceUse) -> Sequence[int]:
+    """Return the screens that a use concerns: the one that it names, or all.
+
+    Raises:
+        DermisError: no such screen, or none at all.
+    """
+    names = [screen.name for screen in scene.screens]
+    if not names:
+        raise DermisError("no touch screen in the scene", where=f"device '{use.preset}'",
+                          remedy="Add one with Add > Dermis > Touch Screen")  # fmt: skip
+    if not use.screen:
+        return range(len(names))
+    if use.screen not in names:
+        raise DermisError("no such touch screen", where=f"device '{use.preset}'", value=use.screen,
+                          limit=", ".join(names), remedy="Choose a touch screen for the device")  # fmt: skip
+    return [names.index(use.screen)]
+
+
+def screen_path(touch: SampledTouch, scene: TactileScene, finger: int, index: int, settings: Settings) -> ScreenPath:
+    """Interpolate the pad's path in the screen's axes: a finger that rides on a moving screen is at rest there.
+
+    Raises:
+        DermisError: a screen that is scaled to nothing.
+    """
+    screen, matrices = scene.screens[index], touch.screens[index]
+    where = f"screen '{screen.name}'"
+    pads = touch.fingers[finger, :, :3, 3]
+    axes = matrices[:, :3, :3]
+    lengths = np.linalg.norm(axes, axis=1)
+    volume = np.abs(np.linalg.det(axes))
+    flat = volume <= 1e-9 * lengths.prod(axis=1)
+    if flat.any():
+        raise DermisError("the screen is scaled to nothing", where=where, value=f"frame {touch.frames[flat][0]:g}",
+                          limit="a scale other than zero")  # fmt: skip
+    local = np.linalg.solve(axes, (pads - matrices[:, :3, 3])[..., None])[..., 0]
+    # Across the screen the map goes with its object; from its plane the true distance counts.
+    local[:, :2] *= lengths[0, :2]
+    local[:, 2] *= volume / np.linalg.norm(np.cross(axes[:, :, 0], axes[:, :, 1]), axis=1)
+    x, y, z = Spline(touch.times, local).at(settings.times).T
+    reach = settings.touch_distance(index)
+    inside = (np.abs(x) <= 0.5 * screen.size[0] * lengths[0, 0]) & (np.abs(y) <= 0.5 * screen.size[1] * lengths[0, 1])
+    resting = _resting(touch.times, local, settings.times)
+    return ScreenPath(x, y, z, inside, inside & (z <= reach) & (z >= -BEHIND), resting)
+
+
+def _resting(sampled: Array, local: Array, times: Array) -> NDArray[np.bool_]:
+    """Return at which times the two samples around the step that ends there lie at one place of the screen.
+
+    After an abrupt stop a spline swings by micrometres, and its last swing would be taken for the direction to hold.
+    """
+    if len(sampled) < 2:
+        return np.ones(len(times), bool)
+    chord = np.diff(local[:, :2], axis=0)
+    still = np.hypot(chord[:, 0], chord[:, 1]) <= STILL_SPEED * np.diff(sampled)
+    middle = times - 0.5 * (times[1] - times[0] if len(times) > 1 else 0.0)
+    return np.asarray(still[np.clip(np.searchsorted(sampled, middle) - 1, 0, len(still) - 1)])
+
+
+class Settings:
+    """The settings of one use: animated where a channel says so, else constant."""
+
+    def __init__(
+        self, touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, rate: float, where: str
+    ) -> None:
+        # The last sample is the last moment that is known; a rounding error must not cost it.
+        self.times = np.arange(int(touch.times[-1] * rate + 1e-6) + 1) / rate
+        self._touch, self._scene, self._finger, self._where = touch, scene, finger, where
+        self._given: Mapping[str, Any] = use.parameters
+        devices = scene.fingers[finger].devices
+        place = next((i for i, d in enumerate(devices) if d is use), None)
+        place = place if place is not None else (devices.index(use) if use in devices else 0)
+        self._prefix = f"device/{finger}/{place}/"
+
+    def constant(self, name: str, default: Any) -> Any:
+        """Return a setting that does not change over a scene."""
+        return self._given.get(name, default)
+
+    def series(self, name: str) -> Array | None:
+        """Return a setting at the device's times, or None where nobody set it."""
+        animated = self._channel(self._prefix + name)
+        if animated is not None:
+            return animated
+        return np.full(len(self.times), float(self._given[name])) if name in self._given else None
+
+    def touch_distance(self, screen: int) -> Array:
+        """Return the distance [m] from which the pad touches: the screen's own, else the finger's."""
+        for prefix, owner in ((f"screen/{screen}/", self._scene.screens[screen]),
+                              (f"finger/{self._finger}/", self._scene.fingers[self._finger])):  # fmt: skip
+            animated = self._channel(prefix + "touch_distance")
+            if animated is not None:
+                return animated
+            if "touch_distance" in owner.parameters:
+                return np.full(len(self.times), float(owner.parameters["touch_distance"]))
+        return np.full(len(self.times), TOUCH_DISTANCE)
+
+    def _channel(self, key: str) -> Array | None:
+        values = self._touch.channels.get(key)
+        if values is None:
+            return None
+        return np.interp(self.times, self._touch.times, values)
+
+
+def driven_values(
+    friction: Array, settings: Settings, device: FrictionScreen, spec: DeviceSpec, where: str
+) -> tuple[Array, Sequence[Finding]]:
+    """Return the channels' values for a friction, shape (n, channels), and what the device has to say of them."""
+    volts = device.law.volts(friction)
+    animated = settings.series("carrier")
+    carrier = np.full(len(friction), device.carrier) if animated is None else animated
+    values = np.empty((len(friction), len(spec.channels)))
+    for column, channel in enumerate(spec.channels):
+        known = {AMPLITUDE: volts, CARRIER: carrier}.get(channel.name)
+        values[:, column] = channel.rest if known is None else known
+    return values, device.check(volts, carrier, where)
+
+
+def scale_findings(matrices: Array, name: str) -> list[Finding]:
+    """Say where a screen is deformed while it moves, because the map keeps the size that it has at the start."""
+    findings = []
+    lengths = np.linalg.norm(matrices[:, :3, :3], axis=1)
+    changed = (np.abs(lengths / np.maximum(lengths[0], 1e-30) - 1.0) > SCALE_CHANGE).any(axis=1)
+    if changed.any():
+        findings.append(Finding("warning", "screen-scale-animated", "the screen's scale changes; slopes are those of "
+                                "its size at the start", where=f"screen '{name}'",
+                                count=int(changed.sum())))  # fmt: skip
+    units = matrices[:, :3, :3] / np.maximum(lengths, 1e-30)[:, None, :]
+    sheared = np.abs(np.einsum("ni,ni->n", units[:, :, 0], units[:, :, 1])) > SHEAR
+    if sheared.any():
+        findings.append(Finding("warning", "screen-sheared", "the screen is sheared; directions on it are distorted",
+                                where=f"screen '{name}'", remedy="Apply its scale, or its parent's",
+                                count=int(sheared.sum())))  # fmt: skip
+    return findings

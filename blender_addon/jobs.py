@@ -40,7 +40,7 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
     yield pipeline.Progress("preparing", 0, 1)
     tactile = sampling.sample(scene, span=span)
     sweep = tactile.chunks
-    skins = any(f.parameters.get("skin_shown") for f in tactile.fingers)
+    skins = skin_models.wanted(tactile, library)
     steps = pipeline.render(tactile, library, cache=skin_models.cache())
     sampling_seconds = 0.0
     try:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -225,12 +226,14 @@ def _joined(samples: list[Any]) -> Any:
 
 
 def _run(tactile: Any) -> Any:
-    steps = core_module("pipeline").render(tactile, library(), cache=skin_models.cache())
-    while True:
-        try:
-            next(steps)
-        except StopIteration as stop:
-            return stop.value
+    presets = library()
+    steps = core_module("pipeline").render(tactile, presets, cache=skin_models.cache())
+    with skin_models.one_thread() if skin_models.wanted(tactile, presets) else nullcontext():
+        while True:
+            try:
+                next(steps)
+            except StopIteration as stop:
+                return stop.value
 
 
 def _from_bake(result: results.Result, frame: float, state: str) -> Preview:

@@ -52,6 +52,20 @@ def one_thread() -> Iterator[None]:
             put(count)
 
 
+def wanted(tactile: Any, presets: Any) -> bool:
+    """Tell whether a sampled scene's rendering solves skins: because they are shown, or a device is driven by them."""
+    errors, kinds = core_module("errors"), core_module("matching").SKIN_KINDS
+    if any(f.parameters.get("skin_shown") for f in tactile.fingers):
+        return True
+    for key in {device.preset for f in tactile.fingers for device in f.devices}:
+        try:
+            if presets.device(key).kind in kinds:
+                return True
+        except errors.DermisError:
+            continue  # rendering says why it is left out
+    return False
+
+
 def get(skin: Mapping[str, float], level: str, *, where: str = "skin", wait: bool = False) -> Any | None:
     """Return a skin's model, or None while it is being made.
 

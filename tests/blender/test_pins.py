@@ -135,3 +135,15 @@ def test_live_pins_do_not_fade_at_the_frame_that_is_shown(demo) -> None:
 
 def test_pins_are_registered_once(demo) -> None:
     assert len(pin_view._handles) == 1
+
+
+def test_a_scene_with_pins_holds_blas_at_one_thread_and_others_do_not(demo) -> None:
+    from blender_addon import sampling, skin_models
+
+    finger = demo.objects["Index"].dermis.finger
+    finger.skin.shown = False
+    assert skin_models.wanted(sampling.sample(demo), library())
+    finger.devices[0].preset = "haptip"
+    assert not skin_models.wanted(sampling.sample(demo), library())
+    finger.devices[0].preset = "not there"
+    assert not skin_models.wanted(sampling.sample(demo), library())

@@ -264,6 +264,8 @@ def serve(protocol: str, wire: Wire, at: str, options: dict[str, float], *, ever
         if every and time.perf_counter() >= due:
             due += every
             print(json.dumps({**device.report(), "at": time.perf_counter()}), flush=True)
+            if hasattr(device, "early_most"):  # of each interval by itself, so that a drift shows
+                device.early_least, device.early_most = math.inf, -math.inf
     print(json.dumps({**device.report(), "ended": True}), flush=True)
     return 0
 

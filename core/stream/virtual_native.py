@@ -40,7 +40,7 @@ class NativeDevice:
         self.state = DeviceState.IDLE
         self.received = self.lost = self.damaged = self.late = self.watchdogs = 0
         self.play_error = 0.0
-        self.early_least = np.inf
+        self.early_least, self.early_most = np.inf, -np.inf
         self.safe_at: float | None = None
         self.touch: tuple[bool, float, float] | None = None
         self._stuck, self._skew, self._most, self._spec_hash = stuck, skew, queue, spec_hash
@@ -106,12 +106,13 @@ class NativeDevice:
         return self._pack(self._session, Kind.TOUCH, packets.touch(self.clock_us(now), down, x, y))
 
     def report(self) -> dict[str, object]:
-        """Return what it is doing, for people and for the twin."""
+        """Return what it is doing, for people and for the twin; `early_ms` is that of all timed commands so far."""
         return {
             "values": dict(zip(self.wire.names, self.wire.values(self.counts).tolist(), strict=True)),  # type: ignore[arg-type]
             "state": self.state.name.lower(), "received": self.received, "lost": self.lost, "damaged": self.damaged,
             "late": self.late, "watchdogs": self.watchdogs, "queued": len(self._queue), "safe_at": self.safe_at,
             "play_error_ms": self.play_error * 1e3, "released": self.released,
+            "early_ms": [self.early_least * 1e3, self.early_most * 1e3] if self.early_least < np.inf else None,
         }  # fmt: skip
 
     def _take(self, packet: Packet, now: float) -> list[bytes]:
@@ -182,7 +183,7 @@ class NativeDevice:
             return []
         clock = self.clock_us(now)
         early = (when - clock + 2**31) % 2**32 - 2**31
-        self.early_least = min(self.early_least, early * 1e-6)
+        self.early_least, self.early_most = min(self.early_least, early * 1e-6), max(self.early_most, early * 1e-6)
         if early < 0:
             self.late += 1
             self._queue.clear()

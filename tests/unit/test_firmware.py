@@ -210,7 +210,8 @@ def test_random_values_reach_the_servo_animation_board(animation: Board, frames:
         assert sorted(widths) == list(range(8))
         worst = max(worst, max(abs(widths[i] - w) for i, w in enumerate(wanted_us(values))))
     moved = sender.counters["positions moved off the byte 0x3C"]
-    assert worst <= 2.5 <= RESOLUTION and moved > 0, (worst, moved)
+    assert worst <= 2.5 <= RESOLUTION, worst
+    assert moved > 10 or frames < 1000, "four of the thousand positions hold the byte"
 
 
 def test_silence_ends_in_the_safe_state_within_100_ms(native: Board) -> None:
@@ -251,7 +252,7 @@ def test_ramp_to_the_safe_pose_at_the_allowed_speed(native: Board) -> None:
     steepest = max((a[1] - b[1]) / (b[0] - a[0]) for a, b in zip(path, path[1:], strict=False))
     assert steepest <= 992 * 22 / 20, steepest  # from one pulse to the next millis() may count 22 of 20 ms
     moved = [t for t, w in path if 1260 < w < 1740]
-    assert moved[-1] - moved[0] >= 460 / 992
+    assert moved[-1] - moved[0] >= (480 - 2 * 20) / 992, "less the pulses at both ends"
 
 
 def test_timed_commands_wait_for_their_time(native: Board) -> None:

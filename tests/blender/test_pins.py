@@ -43,7 +43,7 @@ def test_settings_reach_the_track(demo) -> None:
 def test_the_demos_bake_is_the_engines_own_experiment(demo) -> None:
     scene = core_module("sliding").sliding_plane(1.5e-3, 0.5)
     at = demo.objects["Plane"]
-    for frame in (1, 5, 10, 30, 61):
+    for frame in (5, 1, 10, 30, 61):
         demo.frame_set(frame)
         sample = int(np.argmin(np.abs(scene.chunks[0].frames - frame)))
         np.testing.assert_allclose(at.matrix_world.translation, scene.chunks[0].bodies[0, sample, :3, 3], atol=2e-6)

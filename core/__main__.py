@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .track import CommandTrack
 
 # What a child process may be asked to do: name -> module of this package, function.
-JOBS = {"probe": (".work", "probe"), "skin": (".skin.job", "make")}
+JOBS = {"probe": (".work", "probe"), "skin": (".skin.job", "make"), "collect": (".design.collect", "work")}
 
 FAILED, REFUSED = 1, 2  # findings of severity error; nothing could be done
 
@@ -171,6 +171,10 @@ def _parser() -> argparse.ArgumentParser:
     from .stream.command_line import add_parser
 
     add_parser(commands, _load_screen)
+
+    from .design.command_line import add_parser as add_design
+
+    add_design(commands)
 
     text = "Say how far each matching method of a pin array would miss for a sampled scene."
     one = commands.add_parser("compare", help="how far each matching method of a pin array would miss",

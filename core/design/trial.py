@@ -1,4 +1,4 @@
-"""The trial by the six interactions: do their scenes, sensed with noise and wobble, give the numbers of motors expected?
+"""The trial by the six interactions: sensed with noise and wobble, do they give the numbers of motors expected?
 
 Source: [S2] V; the rule, the noise and the wobble are those fixed in `interactions`
 """
@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..contact.skin_touch import SkinSampler, SkinTouch
-from ..matching.readings import Counts, readings_of
+from ..matching.readings import Counts, quantised, readings_of
 from ..matching.table import SkinTable
 from ..skin.model import SkinModel
 from .interactions import EXPECTED, KNEE, NAMES, NOISE, WOBBLE, Wobble, interaction
@@ -54,13 +55,11 @@ def sense(touch: SkinTouch, noise: float = NOISE, seed: int = 0) -> Counts:
     exact = np.tile(sensor.rest, (len(touch.times), 1))
     if len(touch.contact):
         exact[touch.contact] = sensor.counts(touch.force)
-    from ..matching.readings import quantised
-
     rng = np.random.default_rng([seed, 977])
     return quantised(exact + noise * rng.standard_normal(exact.shape)) if noise > 0.0 else quantised(exact)
 
 
-def judge(table: SkinTable, sensed: Array, name: str, seed: int, limit: float = KNEE) -> Verdict:
+def judge(table: SkinTable, sensed: NDArray[Any], name: str, seed: int, limit: float = KNEE) -> Verdict:
     """Return how many motors one interaction needs, its components being its own."""
     found = reduce(table, [np.asarray(sensed, np.float64)], limit)
     return Verdict(name, seed, EXPECTED[name], tuple(r.motors for r in found),

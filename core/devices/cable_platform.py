@@ -112,8 +112,8 @@ class CablePlatform:
     def give(self, commands: Array, poses: Poses, *, first: bool) -> tuple[Array, Array]:
         """Return force and moment of cables and springs, and their compliance; see `press.Carrier`."""
         wrench, stiffness = self._balance(poses, self.lengths(commands), taut=first)
-        gives = np.linalg.inv(0.5 * (stiffness + stiffness.transpose(0, 2, 1)))
-        return wrench, gives
+        symmetric = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
+        return wrench, np.asarray(np.linalg.inv(symmetric), np.float64)
 
     def tensions(self, poses: Poses, commands: Array) -> Array:
         """Return cable tensions [N] at poses, never negative, shape (n, 3)."""

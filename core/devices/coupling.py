@@ -37,8 +37,8 @@ class Coupling:
         return out
 
     def reduced(self, commands: Array) -> Array:
-        """Return the new motors' commands that come nearest, each original motor over its range, (..., n) to (..., k)."""
-        scale = 1.0 / np.array([c.high - c.low for c in self.channels])
+        """Return the nearest commands of the new motors, each original one over its range, (..., n) to (..., k)."""
+        scale = 1.0 / np.array([(c.high or 0.0) - (c.low or 0.0) for c in self.channels])
         inverse = np.linalg.pinv(self.matrix * scale[:, None]) * scale
         out: Array = (commands - self.offset) @ inverse.T
         return out

@@ -207,7 +207,8 @@ class Press:
                 state.step(command, last=k == len(path) - 1)
         force = np.ascontiguousarray(state.force.reshape(n, 3, m).transpose(0, 2, 1))
         moved = np.ascontiguousarray(state.image.reshape(n, 3, m).transpose(0, 2, 1))
-        return Pressed(force, moved, state.poses, force.any(axis=(1, 2)), state.residual, state.imbalance)
+        touching = np.asarray(force.any(axis=(1, 2)))
+        return Pressed(force, moved, state.poses, touching, state.residual, state.imbalance)
 
     def _local(self, poses: Poses) -> tuple[Array, Array]:
         """Return nodes in the platform's frame, (n, m, 3), and their gaps, (n, m) [m]."""
@@ -296,7 +297,7 @@ class _State:
             f = product[:, : 3 * m]
             if core is not None:
                 f = f - np.matmul(core, product[:, 3 * m :, None])[:, :, 0] @ press._spread
-            v = RELAXATION * f
+            v: Floats = np.multiply(f, np.float32(RELAXATION))
             v += (1.0 - RELAXATION) * z
             v += y
             new, stick = _projected(v, n, press.friction, m)
@@ -308,7 +309,7 @@ class _State:
             y = v - new
             z = new
             if check:
-                done = ~(left > TOLERANCE)  # rows without a balance (not a number) leave, and are told by their residual
+                done = ~(left > TOLERANCE)  # rows that have no balance leave too
                 if iteration == MAX_ITERATIONS:
                     done[:] = True
                 if done.all() or done.sum() * 4 >= len(done):

@@ -153,7 +153,7 @@ def render(
         worst = float(np.abs(limited - values).max())
         findings.append(Finding("warning", "motor-range", "a motor would leave its range and stays at its end",
                                 f"device '{spec.key}'", f"by up to {worst:.3g} {spec.channels[0].unit}",
-                                frame=float(skin.frames[np.flatnonzero(beyond)[0]]), count=int(beyond.sum())))  # fmt: skip
+                                frame=float(skin.frames[beyond.argmax()]), count=int(beyond.sum())))  # fmt: skip
     times = np.arange(sample_count(scene.fps, scene.frame_range, spec.rate)) / spec.rate
     if count > 1:
         at = np.minimum(times, skin.times[-1])

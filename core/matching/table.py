@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..devices import cable_platform, hexapod
+from ..devices.coupling import coupling_of
 from ..devices.press import Poses, Press, Pressed, rotation
-from ..devices.spec import DeviceSpec
+from ..devices.spec import Channel, DeviceSpec
 from ..errors import DermisError
 from ..files import write_npz
 from ..skin.model import SkinModel
@@ -92,8 +93,10 @@ class SkinTable:
         told[self.rest] = True
         rows = np.flatnonzero(told)
         if len(rows) < NEIGHBOURS:
-            raise DermisError("too few rows can be told from rest", where="look-up table", value=len(rows),
-                              limit=f">= {NEIGHBOURS}", remedy="Press deeper, or use a sensor with less noise")  # fmt: skip
+            raise DermisError(
+                "too few rows can be told from rest", where="look-up table", value=len(rows),
+                limit=f">= {NEIGHBOURS}", remedy="Press deeper, or use a sensor with less noise",
+            )  # fmt: skip
         return rows
 
     def from_rest(self, readings: NDArray[Any]) -> Array:
@@ -192,7 +195,7 @@ def sweep(spec: DeviceSpec, points: Array, rows: int | None = None) -> Array:
     poses = platform_poses(points, low + (high - low) * share[:, 0], tilt * (2.0 * share[:, 1] - 1.0),
                            tilt * (2.0 * share[:, 2] - 1.0), extent[:, :2], extent[:, 2])  # fmt: skip
     commands = device.commands(poses)
-    ends = np.array([[c.low, c.high] for c in original_channels(spec)])
+    ends = np.array([_ends(c) for c in original_channels(spec)])
     outside = np.flatnonzero(((commands < ends[:, 0]) | (commands > ends[:, 1])).any(axis=1))
     if len(outside):
         worst = commands[outside[0]]
@@ -219,10 +222,8 @@ def platform_poses(points: Array, depth: Array, pitch: Array, roll: Array, shift
     return Poses(turn, np.column_stack([shift, z]))
 
 
-def original_channels(spec: DeviceSpec) -> tuple[Any, ...]:
+def original_channels(spec: DeviceSpec) -> tuple[Channel, ...]:
     """Return the channels of the motors of the uncoupled device: those of its own, or those its couplings drive."""
-    from ..devices.coupling import coupling_of
-
     coupling = coupling_of(spec)
     return spec.channels if coupling is None else coupling.channels
 
@@ -234,9 +235,7 @@ def original_key(spec: DeviceSpec) -> str:
     return hashlib.sha256(json.dumps([spec.kind, parts, ends], sort_keys=True, default=str).encode()).hexdigest()
 
 
-def tabulate(
-    spec: DeviceSpec, readings: Readings, rest_command: Array, commands: Array, pressed: Pressed
-) -> tuple[Array, Counts, dict[str, int]]:
+def tabulate(readings: Readings, commands: Array, pressed: Pressed) -> tuple[Array, Counts, dict[str, int]]:
     """Return commands and readings of the rows that touch and are in balance, and how many were left out and why."""
     good = (pressed.imbalance <= UNBALANCED) & (pressed.residual <= UNSETTLED)
     keep = good & pressed.touching
@@ -250,18 +249,32 @@ def build(spec: DeviceSpec, skin: SkinModel, readings: Readings, rows: int) -> S
     """Sweep a small table in this process; `design.collect` is for large ones."""
     press = press_of(skin, spec)
     commands = sweep(spec, skin.positions, rows)
-    kept, counts, left = tabulate(spec, readings, press.carrier.rest, commands, press.press(commands))
+    kept, counts, left = tabulate(readings, commands, press.press(commands))
     return assemble(spec, readings, press.carrier.rest, kept, counts, {"asked": len(commands), **left})
 
 
+def scale_of(spec: DeviceSpec) -> Array:
+    """Return the range of each original motor, SI, shape (motors,).
+
+    Raises:
+        DermisError: a motor without one.
+    """
+    return np.array([high - low for low, high in map(_ends, original_channels(spec))])
+
+
 def assemble(
-    spec: DeviceSpec, readings: Readings, rest_command: Array, commands: Array, counts: Counts, meta: Mapping[str, Any]
+    spec: DeviceSpec, sensor: Readings, rest_command: Array, commands: Array, counts: Counts, meta: Mapping[str, Any]
 ) -> SkinTable:
     """Put the rest row before the rows that touch."""
-    channels = original_channels(spec)
-    scale = np.array([c.high - c.low for c in channels])
-    return SkinTable(np.vstack([rest_command, commands]), np.vstack([quantised(readings.rest[None]), counts]), 0, scale, 0.0,
-                     {"device": spec.key, "device_hash": spec.hash, **meta})  # fmt: skip
+    readings = np.vstack([quantised(sensor.rest[None]), counts])
+    about = {"device": spec.key, "device_hash": spec.hash, **meta}
+    return SkinTable(np.vstack([rest_command, commands]), readings, 0, scale_of(spec), 0.0, about)
+
+
+def _ends(channel: Channel) -> tuple[float, float]:
+    if channel.low is None or channel.high is None:
+        raise DermisError("a motor of a look-up table needs a range", where=f"channel '{channel.name}'")
+    return channel.low, channel.high
 
 
 def halton(count: int, dimensions: int) -> Array:

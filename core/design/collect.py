@@ -1,0 +1,170 @@
+"""Data collection in simulation: a sweep of a device's configurations over worker processes, resumable.
+
+The sweep is cut into parts; each finished part is a file of its own, whole or not there, so that a collection that was
+stopped goes on where it was. When all parts are there they become one table.
+
+Source: [S2] III.A with the corrections (rows come from rest; the spread of the reversed sweep is told)
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cache import cache_key
+from ..devices.spec import DeviceSpec, from_preset
+from ..errors import DermisError
+from ..files import write_npz
+from ..matching.readings import Counts, quantised, readings_of
+from ..matching.table import SkinTable, assemble, original_key, press_of, sweep, tabulate
+from ..skin.model import SkinModel, fingertip_skin
+from ..skin.shape import FingertipShape
+
+Array = NDArray[np.float64]
+Job = Callable[[Mapping[str, NDArray[Any]], Mapping[str, Any]], Generator[tuple[int, int], None, dict[str, Any]]]
+
+PART = 2048  # rows in a part: a second or two of work
+SPREAD_ROWS = 512  # rows that the reversed sweep is made for
+
+
+def collect(
+    spec: DeviceSpec, shape: FingertipShape, folder: Path, *, level: str = "draft", rows: int | None = None,
+    workers: int = 1, start: Callable[[], Any] | None = None,
+) -> Generator[tuple[int, int], None, SkinTable]:  # fmt: skip
+    """Sweep a device's configurations on a fingertip; yield (rows done, rows in all), return the table.
+
+    Args:
+        folder: where parts are kept until the table is whole; another folder, or none of its parts, starts anew.
+        level: of the skin's mesh. rows: about how many; as the preset says where None.
+        workers: child processes; 0 for this one.
+        start: makes a worker, for tests; `work.Worker` where None.
+
+    Raises:
+        DermisError: a preset without a sweep, parts that cannot be written, or a table with too few rows.
+    """
+    skin = fingertip_skin(shape, level=level)
+    commands = sweep(spec, skin.positions, rows)
+    key = cache_key("dermis-sweep 1", original_key(spec), skin.key, repr(skin.material), commands.tobytes())[:16]
+    folder = Path(folder) / key
+    parts = [(i, folder / f"{i:06d}.npz") for i in range(0, len(commands), PART)]
+    todo = [(i, path) for i, path in parts if not _whole(path)]
+    done = len(commands) - sum(len(commands[i : i + PART]) for i, _ in todo)
+    yield done, len(commands)
+    if workers > 0 and len(todo) > 1:
+        for count in _shared(spec, shape, level, commands, todo, workers, start):
+            done += count
+            yield done, len(commands)
+    else:
+        for i, path in todo:
+            write_npz(path, _part(spec, skin, commands[i : i + PART]))
+            done += len(commands[i : i + PART])
+            yield done, len(commands)
+    return _joined(spec, skin, [path for _, path in parts], len(commands), level)
+
+
+def reversed_spread(spec: DeviceSpec, skin: SkinModel, rows: int = SPREAD_ROWS) -> dict[str, float]:
+    """Return how far readings differ when a row is reached from deeper in instead of from rest: friction's doing.
+
+    Returns:
+        'rms' and 'worst' over rows of the root mean square over channels [counts].
+    """
+    commands = sweep(spec, skin.positions, rows)
+    press, sensor = press_of(skin, spec), readings_of(skin)
+    deeper = sweep(_deeper(spec), skin.positions, rows)
+    direct, back = press.press(commands), press.press(commands, via=deeper)
+    both = direct.touching & back.touching & (direct.imbalance < 0.02) & (back.imbalance < 0.02)
+    apart = quantised(sensor.counts(direct.force[both])) - quantised(sensor.counts(back.force[both])).astype(float)
+    each = np.sqrt((apart**2).mean(axis=1))
+    if not len(each):
+        raise DermisError("no row of the sweep touches", where=f"device preset '{spec.key}'")
+    return {"rows": float(len(each)), "rms": float(np.sqrt((each**2).mean())), "worst": float(each.max())}
+
+
+def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Any) -> dict[str, NDArray[Any]]:
+    """Press one part, in a child process."""
+    spec = from_preset(str(parameters["key"]), parameters["preset"])
+    what = json.dumps([parameters["shape"], parameters["level"]], sort_keys=True)
+    if what not in _SKINS:
+        _SKINS.clear()
+        _SKINS[what] = fingertip_skin(FingertipShape(**parameters["shape"]), level=str(parameters["level"]))
+    return _part(spec, _SKINS[what], arrays["commands"])
+
+
+_SKINS: dict[str, SkinModel] = {}
+
+
+def _part(spec: DeviceSpec, skin: SkinModel, commands: Array) -> dict[str, NDArray[Any]]:
+    press = press_of(skin, spec)
+    kept, counts, left = tabulate(readings_of(skin), commands, press.press(commands))
+    return {"commands": kept.astype(np.float32), "readings": counts, "left": np.array(list(left.values()), np.int64)}
+
+
+def _shared(
+    spec: DeviceSpec, shape: FingertipShape, level: str, commands: Array, todo: list[tuple[int, Path]], workers: int,
+    start: Callable[[], Any] | None,
+) -> Generator[int, None, None]:  # fmt: skip
+    """Hand parts to child processes as they become free; yield how many rows each finished part had, or 0."""
+    from ..work import Worker
+
+    parameters = {"key": spec.key, "preset": dict(spec.source), "shape": asdict(shape), "level": level}
+    queue = list(reversed(todo))
+    crew = [(start or Worker)() for _ in range(min(workers, len(todo)))]
+    running: dict[int, tuple[Any, Path, int]] = {}
+    try:
+        while queue or running:
+            for number, worker in enumerate(crew):
+                if number not in running and queue:
+                    i, path = queue.pop()
+                    part = commands[i : i + PART]
+                    running[number] = worker.run("collect", {"commands": part}, parameters), path, len(part)
+                if number in running:
+                    steps, path, count = running[number]
+                    try:
+                        next(steps)
+                        yield 0
+                    except StopIteration as stop:
+                        del running[number]
+                        write_npz(path, stop.value)
+                        yield count
+    finally:
+        for worker in crew:
+            worker.close()
+
+
+def _whole(path: Path) -> bool:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return {"commands", "readings", "left"} <= set(archive.files)
+    except Exception:  # missing, or damaged by a full disk: pressed again
+        return False
+
+
+def _joined(spec: DeviceSpec, skin: SkinModel, paths: list[Path], asked: int, level: str) -> SkinTable:
+    commands: list[Array] = []
+    counts: list[Counts] = []
+    left = np.zeros(3, np.int64)
+    for path in paths:
+        with np.load(path, allow_pickle=False) as archive:
+            commands.append(archive["commands"].astype(np.float64))
+            counts.append(archive["readings"])
+            left += archive["left"]
+    rest, unbalanced, saturated = (int(v) for v in left)
+    meta = {"asked": asked, "rest_rows": rest, "unbalanced_rows": unbalanced, "saturated_rows": saturated,
+            "skin": skin.key, "level": level, "tetrahedra": len(skin.mesh.tetrahedra)}  # fmt: skip
+    press = press_of(skin, spec)
+    return assemble(spec, readings_of(skin), press.carrier.rest, np.vstack(commands), np.vstack(counts), meta)
+
+
+def _deeper(spec: DeviceSpec) -> DeviceSpec:
+    """Return the same device whose sweep is one step deeper."""
+    from dataclasses import replace
+
+    low, high = spec.parameters["sweep_press"]
+    step = (high - low) / 54.0
+    return replace(spec, parameters={**spec.parameters, "sweep_press": [low + step, high + step]})

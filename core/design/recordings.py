@@ -1,0 +1,175 @@
+"""Recordings from outside: sensor channels over time, and tables of motor commands with what was sensed.
+
+Both are CSV with one line of names. A recording has a column 'time' [s] and one for each of the 20 channels, in counts
+of 12 bits; a table has a column for each motor, in SI, and the same channels.
+
+Source: [S2] III (19 electrodes and DC pressure, 12 bits)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from ..files import read_bytes
+from ..matching.readings import CHANNELS, FULL_SCALE
+from ..matching.table import NEIGHBOURS, SkinTable
+
+Array = NDArray[np.float64]
+
+SATURATED = 0.05  # share of the samples that a channel may spend at an end of its scale
+LONGEST = 4_000_000  # lines; a whole day at 100 Hz is about twice that, and no interaction
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Sensor channels over time.
+
+    Attributes:
+        name: of the file. times: [s], rising, shape (n,). readings: [counts], shape (n, 20).
+    """
+
+    name: str
+    times: Array
+    readings: Array
+
+
+def read_recording(path: Path) -> Recording:
+    """Read a recording of the sensor.
+
+    Raises:
+        DermisError: missing or extra channels, one that is constant or saturated, rows of different lengths, a
+            transposed file, trailing separators, values that are no numbers or out of scale, times that do not rise.
+    """
+    path = Path(path)
+    names, values = _columns(path, 1, "a column 'time' and 20 channels")
+    where = str(path)
+    if names[0].strip().lower().partition("[")[0].strip() not in ("time", "t", "seconds"):
+        raise DermisError("the first column must be the time", where=where, value=names[0], limit="time")
+    times, readings = values[:, 0], values[:, 1:]
+    if len(times) < 2:
+        raise DermisError("too few samples", where=where, value=len(times), limit=">= 2")
+    late = np.flatnonzero(np.diff(times) <= 0.0)
+    if len(late):
+        raise DermisError("times do not rise", where=f"{where}, line {late[0] + 3}", value=float(times[late[0] + 1]))
+    _channels(readings, names[1:], where)
+    return Recording(path.stem, times, readings)
+
+
+def read_table(path: Path, scale: Array) -> SkinTable:
+    """Read a table of motor commands with sensor readings; its rest row is the one that reads most others alike.
+
+    The rest row of an outside table is not marked. It is the row whose reading occurs most often, or, where all differ,
+    the one with the least pressure; other rows with that reading are dropped.
+
+    Args:
+        scale: range of each motor, SI, shape (motors,).
+
+    Raises:
+        DermisError: as in `read_recording`, or fewer rows than neighbours.
+    """
+    path = Path(path)
+    motors = len(scale)
+    names, values = _columns(path, motors, f"{motors} motors and 20 channels")
+    where = str(path)
+    commands, readings = values[:, :motors], values[:, motors:]
+    if len(commands) < NEIGHBOURS:
+        raise DermisError("too few rows", where=where, value=len(commands), limit=f">= {NEIGHBOURS}",
+                          remedy="Record more configurations of the device")  # fmt: skip
+    _channels(readings, names[motors:], where)
+    still = np.flatnonzero(np.ptp(commands, axis=0) == 0.0)
+    if len(still):
+        raise DermisError("a motor never moves", where=where, value=names[int(still[0])])
+    _, first, inverse, count = np.unique(readings, axis=0, return_index=True, return_inverse=True, return_counts=True)
+    group = int(count.argmax()) if count.max() > 1 else int(inverse.ravel()[readings[:, -1].argmin()])
+    rest = int(first[group])
+    keep = inverse.ravel() != group
+    keep[rest] = True
+    meta = {"source": path.name, "asked": len(commands), "rest_rows": int((~keep).sum()) + 1}
+    return SkinTable(commands[keep], readings[keep].astype(np.uint16), int(keep[:rest].sum()), scale, 0.0, meta)
+
+
+def _columns(path: Path, leading: int, wanted: str) -> tuple[list[str], Array]:
+    """Read names and numbers; say what is wrong with the shape of the file, not only that it is wrong."""
+    where = str(path)
+    try:
+        text = read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise DermisError("not UTF-8 text", where=where, value=f"byte {error.start}") from error
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    if len(lines) < 2:
+        raise DermisError("no data", where=where, value=f"{len(lines)} lines", limit="a line of names, and values")
+    if len(lines) > LONGEST:
+        raise DermisError("too long", where=where, value=len(lines), limit=f"{LONGEST} lines")
+    separator = max(",;\t", key=lines[0].count)
+    names = [name.strip() for name in lines[0].split(separator)]
+    columns = leading + CHANNELS
+    if names and names[-1] == "":
+        raise DermisError("lines end with a separator", where=where, value=lines[0][-12:],
+                          remedy="Remove it: it stands for an empty channel")  # fmt: skip
+    if len(names) != columns:
+        if len(lines) in (columns, columns + 1) and len(names) > columns:
+            raise DermisError(
+                "the file is transposed", where=where, value=f"{len(lines)} lines of {len(names)} values",
+                limit=wanted, remedy="Write one line for each sample, one column for each channel",
+            )  # fmt: skip
+        few = len(names) < columns
+        raise DermisError("channels are missing" if few else "there are extra channels", where=where,
+                          value=f"{len(names)} columns", limit=f"{columns}: {wanted}")  # fmt: skip
+    if _is_number(names[0]):
+        raise DermisError("the line of names is missing", where=where, value=names[0], limit=wanted)
+    if len(set(names)) != len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise DermisError("two columns have one name", where=where, value=twice)
+    values = np.empty((len(lines) - 1, columns))
+    for i, line in enumerate(lines[1:]):
+        cells = line.split(separator)
+        place = f"{where}, line {i + 2}"
+        if len(cells) != columns:
+            if len(cells) == columns + 1 and cells[-1].strip() == "":
+                raise DermisError("the line ends with a separator", where=place, remedy="Remove it")
+            raise DermisError("the line has another length", where=place, value=f"{len(cells)} values",
+                              limit=str(columns))  # fmt: skip
+        try:
+            values[i] = [float(cell) for cell in cells]
+        except ValueError as error:
+            bad = next(j for j, cell in enumerate(cells) if not _is_number(cell))
+            raise DermisError("not a number", where=f"{place}, {names[bad]}", value=cells[bad].strip()) from error
+    wrong = np.argwhere(~np.isfinite(values))
+    if len(wrong):
+        i, j = wrong[0]
+        raise DermisError("a value is not finite", where=f"{where}, line {i + 2}, {names[j]}", value=str(values[i, j]),
+                          remedy="Leave the sample out, or repair it")  # fmt: skip
+    return names, values
+
+
+def _channels(readings: Array, names: list[str], where: str) -> None:
+    """Refuse channels out of scale, dead or saturated."""
+    outside = np.argwhere((readings < 0) | (readings > FULL_SCALE))
+    if len(outside):
+        i, j = outside[0]
+        raise DermisError("out of the sensor's scale", where=f"{where}, line {i + 2}, {names[j]}",
+                          value=float(readings[i, j]), limit=f"0 to {FULL_SCALE} counts")  # fmt: skip
+    for j, name in enumerate(names):
+        series = readings[:, j]
+        full = float(((series <= 0) | (series >= FULL_SCALE)).mean())
+        if full > SATURATED:
+            raise DermisError(
+                "the channel is saturated", where=f"{where}, {name}", value=f"{100 * full:.0f} % of the time",
+                limit=f"{100 * SATURATED:.0f} %", remedy="Touch less deeply, or leave the part out",
+            )  # fmt: skip
+        if np.ptp(series) == 0.0:
+            raise DermisError("the channel is constant", where=f"{where}, {name}", value=float(series[0]),
+                              remedy="Look at the sensor: an electrode that reads one value is dead")  # fmt: skip
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

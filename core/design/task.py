@@ -1,0 +1,151 @@
+"""From scenes and recordings to an answer: what the command line and the panel run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contact.skin_touch import SkinSampler
+from ..devices.spec import DeviceSpec
+from ..errors import DermisError
+from ..files import write_bytes
+from ..interpolate import interpolate
+from ..matching.table import SkinTable, original_key, scale_of
+from ..scene import TactileScene
+from ..skin.model import SkinModel, fingertip_skin
+from ..skin.shape import FingertipShape
+from .collect import collect, reversed_spread
+from .interactions import NOISE, RATE
+from .recordings import read_recording, read_table
+from .report import Design, as_json, as_text, design, preset, write_picture, write_preset
+from .synergies import Choice
+from .trial import sense
+
+ROWS = 9261  # of the table where nobody says: 21 steps a motor, a few seconds
+Sensed = Mapping[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class Step:
+    """How far the work is: `done` of `total` of the named stage."""
+
+    stage: str
+    done: int
+    total: int
+
+
+def sense_scene(
+    scene: TactileScene, skin: SkinModel, finger: int = 0, *, noise: float = NOISE, seed: int = 0
+) -> Generator[Step, None, NDArray[np.uint16]]:
+    """Return what the virtual sensor of one finger reads along a scene, at 100 Hz.
+
+    Raises:
+        DermisError: the scene has no such finger, or cannot be rendered.
+    """
+    scene.validate()
+    if not 0 <= finger < len(scene.fingers):
+        raise DermisError("no such finger", where=f"scene '{scene.name}'", value=finger,
+                          limit=f"0 to {len(scene.fingers) - 1}")  # fmt: skip
+    sampler = SkinSampler(scene, {finger: skin})
+    done = 0
+    for chunk in scene.chunks:
+        sampler.add(chunk)
+        done += len(chunk.times)
+        yield Step("touch", done, scene.sample_count)
+    touch = sampler.finish()[finger]
+    sensed = sense(touch, noise, seed)
+    if abs(scene.rate - RATE) < 1e-9 or len(touch.times) < 2:
+        return sensed
+    times = np.arange(int(touch.times[-1] * RATE + 1e-9) + 1) / RATE
+    whole: NDArray[np.uint16] = np.rint(interpolate(touch.times, sensed.astype(float), times)).astype(np.uint16)
+    return whole
+
+
+def table_for(
+    spec: DeviceSpec, shape: FingertipShape, folder: Path, *, level: str = "draft", rows: int | None = ROWS,
+    workers: int = 0, file: Path | None = None,
+) -> Generator[Step, None, SkinTable]:  # fmt: skip
+    """Return a device's table: read from a file (.npz collected, .csv recorded), or swept and kept in a folder.
+
+    Raises:
+        DermisError: a file that cannot be read, a table of another device, or a sweep that fails.
+    """
+    if file is not None:
+        scale = scale_of(spec)
+        table = read_table(file, scale) if Path(file).suffix.lower() == ".csv" else SkinTable.load(Path(file))
+        if table.commands.shape[1] != len(scale):
+            raise DermisError("the table is of another device", where=str(file),
+                              value=f"{table.commands.shape[1]} motors", limit=f"{len(scale)} motors")  # fmt: skip
+        yield Step("table", 1, 1)
+        return table
+    steps = collect(spec, shape, folder, level=level, rows=rows, workers=workers)
+    while True:
+        try:
+            done, total = next(steps)
+        except StopIteration as stop:
+            found: SkinTable = stop.value
+            return found
+        yield Step("table", done, total)
+
+
+def answer(
+    spec: DeviceSpec, table: SkinTable, sensed: Sensed, *, noise: float = NOISE
+) -> Generator[Step, None, Design]:
+    """Return how many motors the sensed interactions need."""
+    yield Step("components", 0, 1)
+    found = design(spec, table.heard_with(noise), {k: np.asarray(v, np.float64) for k, v in sensed.items()})
+    yield Step("components", 1, 1)
+    return found
+
+
+def read_sensed(paths: Sequence[Path]) -> dict[str, NDArray[Any]]:
+    """Read recordings, by the names of their files.
+
+    Raises:
+        DermisError: one that cannot be used, or two of one name.
+    """
+    found: dict[str, NDArray[Any]] = {}
+    for path in paths:
+        recording = read_recording(path)
+        if recording.name in found:
+            raise DermisError("two recordings have one name", where=str(path), value=recording.name)
+        found[recording.name] = recording.readings
+    return found
+
+
+def write(
+    found: Design, folder: Path, *, choice: Choice = "variance", motors: int | None = None,
+    extra: Mapping[str, Any] | None = None,
+) -> tuple[Path, ...]:  # fmt: skip
+    """Write report.txt, report.json, report.png and the new preset into a folder; return their paths.
+
+    Raises:
+        DermisError: more motors than the device has, or a folder that cannot be written.
+    """
+    folder = Path(folder)
+    made = preset(found, choice, motors)
+    count = len(made["channels"])
+    paths = tuple(folder / name for name in ("report.txt", "report.json", "report.png",
+                                             f"{found.spec.key}_{count}_motors.json"))  # fmt: skip
+    write_bytes(paths[0], as_text(found).encode())
+    text = json.dumps({**as_json(found), **(extra or {})}, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    write_bytes(paths[1], text.encode())
+    write_picture(found, paths[2])
+    write_preset(made, paths[3])
+    return paths
+
+
+def spread(spec: DeviceSpec, shape: FingertipShape, level: str = "draft") -> dict[str, float]:
+    """Return the spread of the reversed sweep on a fingertip, see `collect.reversed_spread`."""
+    return reversed_spread(spec, fingertip_skin(shape, level=level))
+
+
+def identity(spec: DeviceSpec, skin: SkinModel, rows: int) -> str:
+    """Return what a table of this device, skin and size is kept by."""
+    return f"{original_key(spec)[:12]}-{skin.key[:12]}-{rows}"

@@ -90,8 +90,8 @@ def run(options: argparse.Namespace) -> int:
         if name in sensed:
             raise DermisError("two touches have one name", where="design", value=name)
         seed = 100 * options.seed + i
-        steps = task.sense_scene(scene, skin, options.finger, noise=options.noise, seed=seed)
-        sensed[name] = _drain(steps, options.quiet)
+        reading = task.sense_scene(scene, skin, options.finger, noise=options.noise, seed=seed)
+        sensed[name] = _drain(reading, options.quiet)
     found = _drain(task.answer(spec, table, sensed, noise=options.noise), options.quiet)
     print(json.dumps(as_json(found), indent=1, ensure_ascii=False) if options.json else as_text(found), end="")
     if options.out is not None:

@@ -41,7 +41,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "effects": DEVICES,
     "surrogate": DEVICES | {"surrogate"},
     "matching": MATCHING,
-    "design": MATCHING | {"design"},
+    "design": MATCHING | {"design", "scene_file", "work", "canvas"},
     "formats": SCENE | {"track", "images"},
     "calibration": BASE,
     "stream": SCENE | {"track", "formats", "calibration", "work"},

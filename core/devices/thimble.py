@@ -159,7 +159,7 @@ class Thimble:
         return bool((self.constraints(x)[0] >= 0).all())
 
     def workspace(self, pitch: ArrayLike, roll: ArrayLike, distance: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which configurations of a grid of pitches, rolls [rad] and distances [m] are feasible, shape (a, b, c)."""
+        """Tell which of a grid of pitches, rolls [rad] and distances [m] are feasible, shape (a, b, c)."""
         grid = [np.asarray(values, dtype=np.float64).tolist() for values in (pitch, roll, distance)]
         return np.array([[[self.feasible((p, r, z)) for z in grid[2]] for r in grid[1]] for p in grid[0]])
 

@@ -44,8 +44,8 @@ class Minimum:
         x: configuration (pitch, roll, distance), shape (3,).
         stimulus: there, shape (k,). residual: stimulus minus target.
         start_cost, cost: half the squared mismatch at the start and at the end.
-        kkt: |S (J'r - A'multipliers)| / (|J S| |r|), with the multipliers of the step that would come next: 0 at an exact
-            minimum. S scales distance to tilt.
+        kkt: |S (J'r - A'multipliers)| / (|J S| |r|), with the multipliers of the step that would come next: 0 at
+            an exact minimum. S scales distance to tilt.
         active: servo limits that hold it back, indices into the six constraints.
         multipliers: of them, >= 0.
         room: c(x) of the six constraints [rad], >= 0.
@@ -215,24 +215,24 @@ def _quadratic_program(
     gradient = jacobian.T @ residual
     room = np.maximum(room, 0.0)
     best: tuple[Array, tuple[int, ...], Array] | None = None
-    step = np.linalg.solve(gram, -gradient) if gram[0, 0] > 0.0 else np.zeros(3)
+    step: Array = np.linalg.solve(gram, -gradient) if gram[0, 0] > 0.0 else np.zeros(3)
     if (room + slopes @ step).min() >= 0.0:  # most steps meet no limit
         return step, (), np.zeros(0), float(np.sqrt(gradient @ gradient))
     for held in _working_sets(guess):
         k = len(held)
         system, right = np.zeros((3 + k, 3 + k)), np.concatenate([-gradient, -room[list(held)]])
         system[:3, :3] = gram
+        weight = float(np.sqrt(gram.max()))
         if k:
             # rows of the constraints are scaled alike, so that the system is no worse than the Gram matrix
-            weight = float(np.sqrt(gram.max()))
             system[3:, :3] = slopes[list(held)] * weight
             system[:3, 3:] = -system[3:, :3].T
             right[3:] *= weight
         try:
-            answer = np.linalg.solve(system, right)
+            answer: Array = np.linalg.solve(system, right)
         except np.linalg.LinAlgError:
             continue
-        step, multipliers = answer[:3], answer[3:] * (weight if k else 1.0)
+        step, multipliers = answer[:3], answer[3:] * weight
         if (multipliers < 0.0).any():
             continue
         after = room + slopes @ step

@@ -59,23 +59,72 @@ class ThimbleFrame:
         return self.solution.touching
 
 
+@dataclass(frozen=True, eq=False)
+class StartTable:
+    """Poses all over the workspace and what they make felt from rest, to start searches from.
+
+    Attributes:
+        x: configurations, shape (t, 3). depth: each beyond first contact [m], shape (t,).
+        direction: of the stimulus, of length 1, shape (t, k). strength: its length, shape (t,).
+    """
+
+    x: Array
+    depth: Array
+    direction: Array
+    strength: Array
+
+    def pose(self, row: int, strength: float) -> Array:
+        """Return an entry's tilt at the depth whose stimulus has a given strength, as a ball's has: depth^1.5."""
+        depth = self.depth[row] * (max(strength, 0.0) / self.strength[row]) ** (2.0 / 3.0)
+        x: Array = self.x[row].copy()
+        x[2] += self.depth[row] - min(max(depth, TABLE_DEPTHS[0] / 4), TABLE_DEPTHS[-1])
+        return x
+
+
+def start_table(device: Thimble, contact: DiscContact, model: ForwardModel) -> StartTable:
+    """Return the table of a forward model.
+
+    Raises:
+        DermisError: no pose within the servo limits touches the skin.
+    """
+    rows, depths, stimuli = [], [], []
+    model.hold(FrictionState.rest(contact.count))
+    for pitch in TABLE_TILTS:
+        for roll in TABLE_TILTS:
+            z = first_contact(device, contact, pitch, roll)
+            for depth in TABLE_DEPTHS:
+                x = np.array([pitch, roll, z - depth])
+                if device.feasible(x):
+                    stimulus, slope = model.evaluate(x)
+                    if stimulus.any() and slope.any():
+                        rows.append(x)
+                        depths.append(depth)
+                        stimuli.append(stimulus)
+    if not rows:
+        raise DermisError("no pose within the servo limits touches the skin", where="thimble")
+    table = np.array(stimuli)
+    strength = np.sqrt((table**2).sum(axis=1))
+    return StartTable(np.array(rows), np.array(depths), table / strength[:, None], strength)
+
+
 class StressMatcher:
     """Follows targets with the device, one frame after the other.
 
     Args:
         device: the mechanism. contact: disc and skin, for the friction update.
-        model: what the search evaluates; the contact itself where None is given for it (`readout` is then needed).
         readout: stimulus components of forces, shape (k, 3 m).
+        model: what the search evaluates; the contact itself where None.
         change: largest change of a servo angle from frame to frame [rad]; None: not limited here.
         hover: distance kept from the skin while nothing is touched [m].
+        table: to start from; made where None.
 
     Raises:
-        DermisError: the servo limits exclude first contact, or neither model nor readout.
+        DermisError: the servo limits exclude first contact, or model and readout have different components.
     """
 
     def __init__(
         self, device: Thimble, contact: DiscContact, readout: Array, model: ForwardModel | None = None, *,
-        change: float | None = None, hover: float = HOVER,
+        change: float | None = None, hover: float = HOVER, table: StartTable | None = None,
     ) -> None:  # fmt: skip
         self.device, self.contact, self.hover, self.change = device, contact, hover, change
         self.direct = DirectModel(device, contact, readout)
@@ -85,7 +134,7 @@ class StressMatcher:
                               value=f"{self.model.size} and {self.direct.size}")  # fmt: skip
         self.limits = ServoLimits.of(device)
         self.rest_x = self._start_at(0.0, 0.0, -hover)
-        self._build_table()
+        self.table = start_table(device, contact, self.model) if table is None else table
         self.reset()
 
     def reset(self) -> None:
@@ -114,7 +163,7 @@ class StressMatcher:
         limits = self.limits if self.change is None else self.limits.near(self.angles, self.change)
         size = float(np.sqrt(target @ target))
         minimum, searches, followed = None, 0, self._pressed
-        if size > NOTHING * self._strongest:
+        if size > NOTHING * float(self.table.strength.max()):
             if search is None:
                 minimum, searches = self._search(target, limits)
             else:
@@ -140,7 +189,7 @@ class StressMatcher:
     def _search(self, target: Array, limits: ServoLimits) -> tuple[Minimum, int]:
         self.model.hold(self.state)
         size = float(np.sqrt(target @ target))
-        alike = self._table @ target / size  # the table holds directions
+        alike = self.table.direction @ target / size
         nearest = int(alike.argmax())
         promised = size * float(np.sqrt(max(1.0 - alike[nearest] ** 2, 0.0)))
         best: Minimum | None = None
@@ -151,7 +200,7 @@ class StressMatcher:
         if best is not None:
             self._wait = max(self._wait - 1, 0)
         if best is None or (promised < PROMISE * best.mismatch and self._wait == 0):
-            start = self._within(self._table_pose(nearest, size * float(alike[nearest])), limits)
+            start = self._within(self.table.pose(nearest, size * float(alike[nearest])), limits)
             other = minimise(self.model.evaluate, target, start, self.device, limits)
             searches += 1
             if best is None or other.cost < (1.0 - WORTHWHILE) * best.cost:
@@ -160,13 +209,6 @@ class StressMatcher:
                 self._patience = min(2 * self._patience, LONGEST_WAIT)
                 self._wait = self._patience
         return best, searches
-
-    def _table_pose(self, row: int, strength: float) -> Array:
-        """Return a table entry's tilt at the depth whose stimulus has a given strength, as a ball's has: depth^1.5."""
-        depth = self._depths[row] * (max(strength, 0.0) / self._strengths[row]) ** (2.0 / 3.0)
-        x: Array = self._table_x[row].copy()
-        x[2] += self._depths[row] - min(max(depth, TABLE_DEPTHS[0] / 4), TABLE_DEPTHS[-1])
-        return x
 
     def _extrapolated(self, limits: ServoLimits) -> Array:
         """Return where the last two frames point to: there the right nodes slip from the first evaluation on."""
@@ -221,26 +263,3 @@ class StressMatcher:
             limit=f"servo angles within {np.degrees(self.device.servo_range):.3g} deg",
             remedy="Change link lengths, servo range or mounting so that the level platform reaches the pad",
         )  # fmt: skip
-
-    def _build_table(self) -> None:
-        """Tabulate poses and what they make felt from rest, those that touch."""
-        rows, depths, stimuli = [], [], []
-        self.model.hold(FrictionState.rest(self.contact.count))
-        for pitch in TABLE_TILTS:
-            for roll in TABLE_TILTS:
-                z = first_contact(self.device, self.contact, pitch, roll)
-                for depth in TABLE_DEPTHS:
-                    x = np.array([pitch, roll, z - depth])
-                    if self.device.feasible(x):
-                        stimulus, slope = self.model.evaluate(x)
-                        if stimulus.any() and slope.any():
-                            rows.append(x)
-                            depths.append(depth)
-                            stimuli.append(stimulus)
-        if not rows:
-            raise DermisError("no pose within the servo limits touches the skin", where="thimble")
-        table = np.array(stimuli)
-        self._table_x, self._depths = np.array(rows), np.array(depths)
-        self._strengths = np.sqrt((table**2).sum(axis=1))
-        self._table = table / self._strengths[:, None]
-        self._strongest = float(self._strengths.max())

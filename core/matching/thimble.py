@@ -11,20 +11,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cache import cache_key
 from ..devices.spec import DeviceSpec
 from ..devices.thimble import Thimble, mechanism
 from ..errors import DermisError, Finding
 from ..scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
 from ..surrogate.dataset import drain, record
-from ..surrogate.forward import ForwardModel
+from ..surrogate.forward import DirectModel, ForwardModel
 from ..surrogate.learned import Descriptors, descriptors
 from ..surrogate.store import contact_of, device_key, load
 from ..surrogate.subspace import TOLERANCE
 from ..track import CommandTrack
 from .baselines import contact_patch, fit_plane, total_force
 from .rendered import Rendered
-from .stress import StressMatcher, ThimbleFrame
+from .stress import StartTable, StressMatcher, ThimbleFrame, start_table
 
 if TYPE_CHECKING:
     from ..contact.skin_touch import SkinTouch
@@ -38,6 +39,7 @@ FRICTION = 0.6
 UNFINISHED = 0.05  # a KKT residual above it is worth a finding
 
 _known: OrderedDict[tuple[str, str, float, float], Descriptors] = OrderedDict()
+_tables: OrderedDict[str, StartTable] = OrderedDict()
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +105,15 @@ def matcher(
         readout = total_force(skin.pad_count)
     elif readout is None:
         readout = describe(device, skin, friction).readout
-    return StressMatcher(device, contact, readout, model if method in ("network", "ridge") else None, change=change)
+    table, learned = None, model if method in ("network", "ridge") else None
+    if learned is None:  # five fingers of one hand start from the same table
+        key = cache_key(skin.key, repr(skin.material), device_key(device), repr(friction), readout.tobytes())
+        table = _tables.get(key)
+        if table is None:
+            table = _tables[key] = start_table(device, contact, DirectModel(device, contact, readout))
+            while len(_tables) > 8:
+                _tables.popitem(last=False)
+    return StressMatcher(device, contact, readout, learned, change=change, table=table)
 
 
 def match_sequence(

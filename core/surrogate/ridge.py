@@ -12,7 +12,8 @@ from .table import SampleTable
 
 Array = NDArray[np.float64]
 
-PENALTY = 1e-4  # on coefficients of standardised inputs, times the number of samples
+PENALTIES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)  # on coefficients of standardised inputs, times the number of samples
+FOLDS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,28 +55,55 @@ class QuadraticRidge:
         return value, (self.linear[:, :3] + 2.0 * bent[:, :3]) / self.scale[:3]
 
 
-def fit_ridge(table: SampleTable, penalty: float = PENALTY) -> QuadraticRidge:
+def fit_ridge(table: SampleTable, penalty: float | None = None) -> QuadraticRidge:
     """Fit the polynomial.
+
+    Args:
+        penalty: on coefficients; where None, the one of `PENALTIES` that predicts left-out movements best.
 
     Raises:
         DermisError: a penalty that is not above zero.
     """
-    if not penalty > 0:
+    if penalty is not None and not penalty > 0:
         raise DermisError("the penalty must be above zero", where="quadratic ridge", value=penalty, limit="> 0")
     u = table.inputs
-    n, p = u.shape
+    p = u.shape[1]
     centre, scale = u.mean(axis=0), u.std(axis=0)
     scale = np.where(scale > 1e-12 * max(float(scale.max()), 1e-300), scale, 1.0)
     s = (u - centre) / scale
     first, second = np.triu_indices(p)
     features = np.concatenate([s, s[:, first] * s[:, second]], axis=1)
-    middle = features.mean(axis=0)
-    features = features - middle
-    mean = table.channels.mean(axis=0)
-    gram = features.T @ features
-    gram[np.diag_indices(len(gram))] += penalty * n
-    coefficients = np.linalg.solve(gram, features.T @ (table.channels - mean)).T
+    middle, mean = features.mean(axis=0), table.channels.mean(axis=0)
+    features, wanted = features - middle, table.channels - mean
+    if penalty is None:
+        penalty = _best_penalty(features, wanted, table.trajectory)
+    coefficients = _solve(features.T @ features, features.T @ wanted, penalty * len(u)).T
     quadratic = np.zeros((table.channels.shape[1], p, p))
     quadratic[:, first, second] += 0.5 * coefficients[:, p:]
     quadratic[:, second, first] += 0.5 * coefficients[:, p:]
     return QuadraticRidge(centre, scale, mean - coefficients @ middle, coefficients[:, :p].copy(), quadratic)
+
+
+def _best_penalty(features: Array, wanted: Array, trajectory: NDArray[np.int64]) -> float:
+    """Choose by cross-validation over movements; samples of one movement are too alike to judge each other."""
+    fold = np.unique(trajectory, return_inverse=True)[1] % FOLDS
+    if len(np.unique(fold)) < FOLDS:
+        return PENALTIES[len(PENALTIES) // 2]
+    parts = [(features[fold == k], wanted[fold == k]) for k in range(FOLDS)]
+    grams = [(f.T @ f, f.T @ y) for f, y in parts]
+    gram, right = sum(g for g, _ in grams), sum(r for _, r in grams)
+    missed = []
+    for penalty in PENALTIES:
+        total = 0.0
+        for (f, y), (g, r) in zip(parts, grams, strict=True):
+            coefficients = _solve(gram - g, right - r, penalty * (len(features) - len(f)))
+            total += float(((f @ coefficients - y) ** 2).sum())
+        missed.append(total)
+    return PENALTIES[int(np.argmin(missed))]
+
+
+def _solve(gram: Array, right: Array, penalty: float) -> Array:
+    gram = gram.copy()
+    gram[np.diag_indices(len(gram))] += penalty
+    solved: Array = np.linalg.solve(gram, right)
+    return solved

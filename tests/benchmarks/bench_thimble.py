@@ -258,8 +258,8 @@ def bake() -> Result:
     model = skin("draft")
     describe(device(), model, 0.6)  # made once for a finger's shape
     chunks = [
-        Chunk(times[i : i + 60] * 60, times[i : i + 60], hands[:, i : i + 60], balls[:, i : i + 60], hands[:0, i : i + 60])
-        for i in range(0, count, 60)
+        Chunk(times[part] * 60, times[part], hands[:, part], balls[:, part], hands[:0, part])
+        for part in (slice(i, i + 60) for i in range(0, count, 60))
     ]
 
     def once() -> None:

@@ -56,10 +56,12 @@ def test_the_minimum_at_a_servo_limit_equals_a_general_solver(device):
     scale = np.array([1.0, 1.0, device.platform_radius])
     for wanted in ([1.0, 0.2, 0.018], [0.1, -0.9, 0.021], [-0.6, 0.8, 0.008]):
         goal = np.array(wanted) / scale
-        found = minimise(lambda x: (x / scale, np.diag(1 / scale)), goal, NEUTRAL, device, max_iterations=60, max_evaluations=200)
+        found = minimise(
+            lambda x: (x / scale, np.diag(1 / scale)), goal, NEUTRAL, device, max_iterations=60, max_evaluations=200
+        )
         other = minimize(
-            lambda y: 0.5 * ((y - goal) ** 2).sum(), NEUTRAL / scale, jac=lambda y: y - goal, method="SLSQP",
-            constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale)[0]}, options={"ftol": 1e-13},
+            lambda y, to: 0.5 * ((y - to) ** 2).sum(), NEUTRAL / scale, (goal,), jac=lambda y, to: y - to,
+            method="SLSQP", constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale)[0]}, options={"ftol": 1e-13},
         )  # fmt: skip
         assert found.room.min() >= 0.0 and found.active
         assert found.kkt < 0.02

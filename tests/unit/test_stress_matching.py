@@ -94,7 +94,9 @@ def test_a_reachable_target_of_another_mesh_is_recovered(device):
     assert np.abs(found.x - path)[pressed, 2].max() < 0.1e-3
 
 
-@pytest.mark.parametrize("touch", [touches.ball_roll(40), touches.edge_press(40), touches.slide(40)], ids=lambda t: t.name)
+@pytest.mark.parametrize(
+    "touch", [touches.ball_roll(40), touches.edge_press(40), touches.slide(40)], ids=lambda t: t.name
+)
 def test_no_pose_of_a_grid_is_clearly_better(skin, device, readout, touch):
     """The search is local; a grid over the whole workspace, from the same friction state, is not."""
     follower = StressMatcher(device, contact_of(device, skin, 0.6), readout)

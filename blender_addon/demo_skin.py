@@ -68,9 +68,9 @@ def look(context: bpy.types.Context) -> None:
         view = space.region_3d
         view.view_perspective = "PERSP"
         # From in front of the tips: nail, pad and what is touched are all in view.
-        view.view_location = Vector((-0.020, 0.0, 0.002) if wide else (-0.014, 0.0, 0.006))
+        view.view_location = Vector((-0.020, 0.0, 0.002) if wide else (-0.020, 0.0, 0.004))
         view.view_rotation = Euler((math.radians(66.0), 0.0, math.radians(160.0))).to_quaternion()
-        view.view_distance = 0.175 if wide else 0.125
+        view.view_distance = 0.175 if wide else 0.145
 
 
 def sphere(radius: float, segments: int = 64) -> bpy.types.Mesh:
@@ -119,7 +119,7 @@ def block(x: float, y: float, z: float) -> bpy.types.Mesh:
 def _one(scene: bpy.types.Scene) -> None:
     scene.frame_start, scene.frame_end = 1, 145
     _desk(scene, 0.13)
-    spots = (-0.036, 0.0, 0.036)
+    spots = (0.034, 0.0, -0.034)  # from left to right as the view sees them
     _touchable(_link(scene, "Sphere", sphere(SPHERE_RADIUS), (spots[0], 0.0, HEIGHT - SPHERE_RADIUS), GREEN), 0.5)
     _touchable(_link(scene, "Edge", ridge(0.026, HEIGHT, RIDGE_ANGLE), (spots[1], 0.0, HEIGHT), BLUE), 0.5)
     _touchable(_link(scene, "Plate", ribbed_plate(0.026, 0.026, HEIGHT), (spots[2], 0.0, HEIGHT), STEEL), 0.6)

@@ -150,12 +150,10 @@ def _tick() -> float | None:
             _progress[key] = 1.0
             del _making[key]
             worker.close()
-            skin_live.refresh()
         except core_module("errors").DermisError as error:
             _failed[key] = error
             _progress.pop(key, None)
             del _making[key]
             worker.close()
-            skin_live.refresh()
-    skin_live.redraw()
+    skin_live.refresh()  # whoever waits says how far it is, or begins
     return POLL if _making else None

@@ -275,7 +275,7 @@ def _draw_pixels() -> None:
 
 
 def _columns(context: bpy.types.Context, now: Shown, right: float, bottom: float, scale: float) -> float:
-    """Draw a card for each finger, side by side, smaller where there are many; return where the next thing goes."""
+    """Draw a card for each finger, in the order of the view, smaller where there are many; return where to go on."""
     view = context.scene.dermis.skin_view
     gap, count = 6 * scale, len(now.states)
     room = right - paint.width_of(context.area, "TOOLS") - 2 * MARGIN * scale
@@ -284,7 +284,8 @@ def _columns(context: bpy.types.Context, now: Shown, right: float, bottom: float
     size = min(view.map_size * scale, width / 0.76)
     height = size + (5.2 * LINE + MARGIN) * scale
     left = right - fitting * width - (fitting - 1) * gap
-    for state, drawn in zip(now.states[:fitting], now.drawn[:fitting], strict=True):
+    for i in _from_the_left(context, now.states)[:fitting]:
+        state, drawn = now.states[i], now.drawn[i]
         paint.rectangle(left, bottom, width, height, paint.PANEL)
         if drawn is not None:
             middle = np.array([left + 0.5 * width, bottom + 5.0 * LINE * scale + 0.5 * size])
@@ -295,6 +296,20 @@ def _columns(context: bpy.types.Context, now: Shown, right: float, bottom: float
         paint.text(f"and {count - fitting} more", right - width, bottom + height + 4 * scale, paint.FAINT, scale)
         height += LINE * scale
     return bottom + height + gap
+
+
+def _from_the_left(context: bpy.types.Context, states: tuple[SkinState, ...]) -> list[int]:
+    """Return the numbers of the fingers as they stand in the view, so that cards and fingers are easily matched."""
+    look = context.region_data.perspective_matrix
+
+    def place(i: int) -> tuple[float, int]:
+        obj = context.scene.objects.get(states[i].finger)
+        if obj is None:
+            return (0.0, i)
+        at = look @ Vector((*obj.matrix_world.translation, 1.0))
+        return (round(at.x / at.w, 1) if at.w > 0.0 else 0.0, i)
+
+    return sorted(range(len(states)), key=place)
 
 
 def _pad_map(
@@ -347,7 +362,7 @@ def _legend(now: Shown, view: Any, right: float, bottom: float, scale: float) ->
     """Draw the colours with their range and unit, where the forces come from, and how far off the model is."""
     quantity = QUANTITIES[view.quantity]
     deepest = max((s.depth for s in now.states), default=0.0)
-    said = paint.wrapped(skin_field.error_text(deepest), 46)
+    said = paint.wrapped(skin_field.error_text(deepest), 42)
     width, height = LEGEND_WIDTH * scale, ((2.9 + len(said)) * LINE + BAR + 2 * MARGIN) * scale
     left, x = right - width, right - width + MARGIN * scale
     inner = width - 2 * MARGIN * scale

@@ -16,7 +16,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from . import handlers, results, skin_models
+from . import handlers, pin_view, results, skin_models
 from .preferences import core_module, library, setting
 
 STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
@@ -83,11 +83,19 @@ def frame_of(scene: bpy.types.Scene) -> float:
 
 
 def preview(scene: bpy.types.Scene) -> Preview | None:
-    """Return what to show at the current frame, or None where nothing is known."""
+    """Return what to show at the current frame: what a device reports, a loaded track, or what is computed."""
+    from . import streaming
+
+    shown: Preview | None = streaming.preview(scene)
+    return shown if shown is not None else computed(scene)
+
+
+def computed(scene: bpy.types.Scene) -> Preview | None:
+    """Return what bake or trail give for the current frame, or None where nothing is known."""
     global _memo, _memo_preview
     frame, state = frame_of(scene), results.state(scene)
     if state != "fresh" and scene.dermis.live_preview and _trail_ends_at(scene, frame):
-        return _trail.preview
+        return _with_pins(scene, _trail.preview)
     result = results.current(scene)
     if result is None:
         return None
@@ -188,7 +196,7 @@ def _render(frame: float) -> Preview:
     first = _frame(samples[0])
     result = results.Result(bake, float(samples[0].fps), first - 1.0, -1, ())
     note = f"live, from rest at frame {first:g}" + (": play or step forward" if len(samples) == 1 else "")
-    rows = tuple(_row(result, output, frame) for output in bake.outputs)
+    rows = tuple(row_of(result, output, frame) for output in bake.outputs)
     return Preview(frame, "live", note, rows)
 
 
@@ -217,7 +225,11 @@ def _joined(samples: list[Any]) -> Any:
         replace(
             f,
             parameters={**f.parameters, "skin_shown": False},
-            devices=tuple(replace(d, parameters={**d.parameters, **unfaded}) for d in f.devices),
+            devices=tuple(
+                replace(d, parameters={**d.parameters, **unfaded})
+                for d in f.devices
+                if not (f.parameters.get("skin_shown") and pin_view.spec_of(d.preset))  # see `_with_pins`
+            ),
         )
         for f in last.fingers
     )
@@ -236,17 +248,24 @@ def _run(tactile: Any) -> Any:
                 return stop.value
 
 
+def _with_pins(scene: bpy.types.Scene, shown: Preview | None) -> Preview | None:
+    """Add pin arrays of fingers whose skin is shown: their forces follow from what `skin_live` solves anyway."""
+    rows = pin_view.live_rows(scene) if shown is not None else ()
+    return replace(shown, rows=(*shown.rows, *rows)) if shown is not None and rows else shown
+
+
 def _from_bake(result: results.Result, frame: float, state: str) -> Preview:
     notes = {
         "fresh": "from the bake",
         "stale": "from a bake that is out of date",
         "earlier": "from an earlier session's bake",
     }
-    rows = tuple(_row(result, output, frame) for output in result.bake.outputs)
+    rows = tuple(row_of(result, output, frame) for output in result.bake.outputs)
     return Preview(frame, "bake" if state == "fresh" else state, notes[state], rows)
 
 
-def _row(result: results.Result, output: Any, frame: float) -> Row:
+def row_of(result: results.Result, output: Any, frame: float) -> Row:
+    """Return one output at a frame."""
     track, spec = output.track, output.track.spec
     values = results.values_at(result, output, frame)
     if values is None:  # outside the range: the device rests

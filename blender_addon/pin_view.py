@@ -16,10 +16,11 @@ import numpy as np
 from mathutils import Matrix
 from numpy.typing import NDArray
 
-from . import handlers, live, paint, properties_skin, skin_models, twin
+from . import handlers, paint, properties_skin, skin_models, twin
 from .preferences import core_module, library
 
 if TYPE_CHECKING:
+    from . import live
     from .skin_live import SkinState
 
 Array = NDArray[np.float64]
@@ -50,7 +51,7 @@ class Pins(NamedTuple):
 
 
 _pins: dict[str, Pins | None] = {}
-_states: dict[str, tuple[SkinState, tuple[Any, ...], SkinState]] = {}
+_states: dict[str, tuple[SkinState, tuple[Any, ...], tuple[SkinState, Array]]] = {}
 _specs: dict[tuple[str, int], Any] = {}
 
 
@@ -120,19 +121,48 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
         if obj is None or target.model is None or not target.touching:
             continue
         for device in obj.dermis.finger.devices:
-            if device.enabled and (spec := _spec(device.preset)) is not None:
-                found.append(_rendered(target, device, spec))
+            if device.enabled and (spec := spec_of(device.preset)) is not None:
+                found.append(_matched(target, device, spec)[0])
                 break
     for gone in set(_states) - {t.finger for t in targets}:
         del _states[gone]
     return tuple(found)
 
 
-def _rendered(target: SkinState, device: Any, spec: Any) -> SkinState:
+def live_rows(scene: bpy.types.Scene) -> tuple[live.Row, ...]:
+    """Return what the pin arrays of fingers whose skin is shown press at the current frame, without a bake."""
+    from . import live, skin_live
+
+    rows = []
+    for target in skin_live.own(scene):
+        obj = scene.objects.get(target.finger)
+        if obj is None or target.model is None or target.source != "live":
+            continue
+        for device in obj.dermis.finger.devices:
+            spec = spec_of(device.preset) if device.enabled else None
+            if spec is None:
+                continue
+            low = np.array([-np.inf if c.low is None else c.low for c in spec.channels])
+            high = np.array([np.inf if c.high is None else c.high for c in spec.channels])
+            forces = _matched(target, device, spec)[1] if target.touching else np.zeros(len(low))
+            names = [c.name for c in spec.channels]
+            rows.append(live.Row(
+                finger=target.finger, device=device.preset, title=spec.name, kind=spec.kind,
+                values=dict(zip(names, np.clip(forces, low, high).tolist(), strict=True)),
+                low={c.name: c.low for c in spec.channels}, high={c.name: c.high for c in spec.channels},
+                units={c.name: c.unit for c in spec.channels}, path=np.empty((0, 2)), contact=float(target.touching),
+            ))  # fmt: skip
+            break
+    return tuple(rows)
+
+
+def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Array]:
+    """Return the skin as the pins render it, and the pins' forces [N]; kept while skin and settings stay."""
     key = (device.preset, device.pin_method, device.pin_nodes, device.pin_bounded, handlers.generation())
     known = _states.get(target.finger)
     if known is not None and known[0] is target and known[1] == key:
         return known[2]
+    pressed: Array = np.zeros(len(spec.channels))
     pins, deformation = core_module("matching.pins"), core_module("matching.deformation")
     name = f"{target.finger}: {device.pin_method} pins"
     with skin_models.one_thread():
@@ -140,22 +170,24 @@ def _rendered(target: SkinState, device: Any, spec: Any) -> SkinState:
             ready = pins.setup(target.model, spec, device.pin_nodes)
             limit = ready.pins.force_limit if device.pin_bounded else None
             found = deformation.PinSolver(ready.matcher, device.pin_method, force_limit=limit).solve(target.force)
-            force = pins.rendered_force(ready, found.forces)
+            pressed = found.forces
+            force = pins.rendered_force(ready, pressed)
             note = f"u_err {1e3 * found.displacement_error:.2f} mm"
         except core_module("errors").DermisError as error:
             force, note = np.zeros_like(target.force), str(error)
     total = force.sum(axis=0)
     made = replace(target, finger=name, force=force, normal_force=float(total[2]), note=note, sticking=0, slipping=0,
                    tangential_force=float(np.hypot(total[0], total[1])), counters={})  # fmt: skip
-    _states[target.finger] = (target, key, made)
-    return made
+    _states[target.finger] = (target, key, (made, pressed))
+    return made, pressed
 
 
-def _spec(preset: str) -> Any | None:
+def spec_of(preset: str) -> Any | None:
     """Return a pin array's preset; None for other devices and for presets that cannot be read."""
     key = (preset, handlers.edits())
     if key not in _specs:
-        _specs.clear()
+        if len(_specs) >= MOST:
+            _specs.clear()
         try:
             spec = library().device(preset)
         except core_module("errors").DermisError:
@@ -203,7 +235,9 @@ def _draw() -> None:
     scene, space = context.scene, context.space_data
     if not scene.dermis.show_twin or not getattr(space.overlay, "show_overlays", True):
         return
-    shown = live.preview(scene)
+    from .live import preview
+
+    shown = preview(scene)
     rows = [row for row in shown.rows if row.kind == "pin_array"] if shown is not None else []
     if not rows:
         return

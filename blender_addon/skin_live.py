@@ -145,11 +145,12 @@ def states(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
     """Return the skins to show at the current frame, by finger, and as pin arrays render them; empty if unknown."""
     from . import pin_view
 
-    targets = _targets(scene)
+    targets = own(scene)
     return (*targets, *pin_view.rendered(scene, targets)) if targets else ()
 
 
-def _targets(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
+def own(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
+    """Return the skins at the current frame as they are touched."""
     if not any_shown(scene):
         return ()
     frame, state = float(scene.frame_current_final), results.state(scene)

@@ -71,12 +71,15 @@ class CellLists:
         square, u, w = self._table.closest(x, first)
         away = ((cell + 0.5) * -self._side + points).astype(np.float32)
         # the tangents in single precision: the slack covers their rounding
-        used = int(self._used[slot].max())
+        used = int(self._used.take(slot).max())
         lower = self._distance[slot, :used]
         for axis in range(3):
-            lower += self._tangents[axis][slot, :used] * away[:, axis, None]
+            tangent = self._tangents[axis][slot, :used]
+            tangent *= away[:, axis, None]
+            lower += tangent
         threshold = (np.sqrt(square) * (1.0 + 1e-6) + self._slack).astype(np.float32)
-        owner, column = np.nonzero(lower <= threshold[:, None])
+        lower -= threshold[:, None]
+        owner, column = np.divmod((lower <= 0.0).ravel().nonzero()[0], used)
         if owner.size:
             other = self._lists[slot.take(owner), column]
             square_o, u_o, w_o = self._table.closest(x.take(owner, axis=1), other)

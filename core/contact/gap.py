@@ -229,7 +229,8 @@ class Surface:
     def _within(self, reach: float, answer: GapQuery) -> GapQuery:
         """Forget points beyond reach that the cells knew all the same."""
         gap = answer.gap
-        beyond = np.isfinite(gap) & ((gap if self.closed else np.abs(gap)) > reach)
+        beyond = (gap if self.closed else np.abs(gap)) > reach
+        beyond &= answer.triangle >= 0
         if beyond.any():
             gap[beyond], answer.normal[beyond], answer.point[beyond] = np.inf, 0.0, np.nan
             answer.triangle[beyond], answer.weights[beyond], answer.beside[beyond] = -1, 0.0, False
@@ -290,14 +291,19 @@ class Surface:
 
     def _features(self, triangle: Indices, u: Array, w: Array) -> tuple[NDArray[np.int8], Array, Array]:
         """Kind, barycentric weights and pseudonormal (not normalised) of the closest features."""
-        weights = np.maximum(np.stack([1.0 - u - w, u, w], axis=1), 0.0)
+        columns = np.empty((3, triangle.size))
+        np.subtract(1.0, u, out=columns[0])
+        columns[0] -= w
+        columns[1], columns[2] = u, w
+        np.maximum(columns, 0.0, out=columns)
+        weights = columns.T
         kind = np.zeros(triangle.size, dtype=np.int8)
-        normal = self.table.bounds[3:6].take(triangle, axis=1).T.copy()
-        zero = weights <= ON_FEATURE
-        on = np.flatnonzero(zero.any(axis=1))
+        normal = self.table.bounds[3:6].take(triangle, axis=1).T
+        zero = columns <= ON_FEATURE
+        on = (zero[0] | zero[1] | zero[2]).nonzero()[0]
         if on.size == 0:
             return kind, weights, normal
-        at_zero = zero[on]
+        at_zero = zero.T[on]
         # the corner with the largest weight, where two weights vanish; else the edge opposite the vanishing one
         is_vertex = at_zero.sum(axis=1) == 2
         v = on[is_vertex]
@@ -326,20 +332,18 @@ class Surface:
             triangle, u, w = found.triangle[near], found.u[near], found.w[near]
             kind, weights[near], pseudo = self._features(triangle, u, w)
             q = self.table.point(triangle, u, w)
-            offset = points[near] - q
-            distance = np.sqrt(np.einsum("ij,ij->i", offset, offset))
-            along = np.einsum("ij,ij->i", offset, pseudo)
+            offset = points[near]
+            offset -= q
+            distance = np.sqrt(_dot(offset, offset))
+            along = _dot(offset, pseudo)
             sign = np.where(along < 0.0, -1.0, 1.0)
-            special = np.flatnonzero(kind)
-            if special.size:
+            if kind.any():
+                special = np.flatnonzero(kind)
                 rim = self._special_sides(points[near], special, kind, distance, along, pseudo, sign)
                 beside[near[rim]] = True
             gap[near], point[near] = sign * distance, q
-            normal[near] = _directions(offset, distance, sign, pseudo, self._fallback_normals(triangle))
+            normal[near] = self._directions(offset, distance, sign, pseudo, triangle)
         return GapQuery(gap, normal, point, found.triangle, weights, beside)
-
-    def _fallback_normals(self, triangle: Indices) -> Array:
-        return self.table.bounds[3:6].take(triangle, axis=1).T
 
     def _special_sides(
         self, points: Array, special: Indices, kind: NDArray[np.int8], distance: Array, along: Array, pseudo: Array,
@@ -357,17 +361,24 @@ class Surface:
             sign[odd] = np.where(self.winding(points[odd]) > 0.5, -1.0, 1.0)
         return rim
 
-
-def _directions(offset: Array, distance: Array, sign: Array, pseudo: Array, face: Array) -> Array:
-    """Gradient of the gap; on the surface itself, where it is not defined, the pseudonormal."""
-    tiny = distance <= 1e-12
-    with np.errstate(invalid="ignore", divide="ignore"):
-        normal = offset * (sign / distance)[:, None]
-    if tiny.any():
-        length = np.sqrt(np.einsum("ij,ij->i", pseudo[tiny], pseudo[tiny]))
+    def _directions(
+        self, offset: Array, distance: Array, sign: Array, pseudo: Array, triangle: Indices
+    ) -> Array:
+        """Gradient of the gap; on the surface itself, where it is not defined, the pseudonormal."""
+        tiny = distance <= 1e-12
+        if not tiny.any():
+            return offset * (sign / distance)[:, None]
+        normal = offset * (sign / np.where(tiny, 1.0, distance))[:, None]
+        length = np.sqrt(_dot(pseudo[tiny], pseudo[tiny]))
         unit = pseudo[tiny] / np.maximum(length, 1e-300)[:, None]
-        normal[tiny] = np.where((length > 1e-9)[:, None], unit, face[tiny])
-    return normal
+        face = self.table.bounds[3:6].take(triangle[tiny], axis=1).T
+        normal[tiny] = np.where((length > 1e-9)[:, None], unit, face)
+        return normal
+
+
+def _dot(a: Array, b: Array) -> Array:
+    out: Array = np.einsum("ij,ij->i", a, b)
+    return out
 
 
 _SURFACES: weakref.WeakKeyDictionary[Mesh, dict[bytes, Surface]] = weakref.WeakKeyDictionary()

@@ -175,10 +175,10 @@ class PathSolver:
         """What did not converge and what went too deep, with the first frame and how often."""
         return tuple(self._findings.values())
 
-    def idle(self) -> PathStep:
-        """Take a frame in which the broad phase found nothing near: no work, and no history afterwards."""
-        self.counters["idle"] += 1
-        self._frames += 1
+    def idle(self, count: int = 1) -> PathStep:
+        """Take frames in which the broad phase found nothing near: no work, and no history afterwards."""
+        self.counters["idle"] += count
+        self._frames += count
         if self._step is not None and self._step.work == "idle":
             return self._step
         self.reset()

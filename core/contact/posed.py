@@ -33,6 +33,7 @@ class PosedBody:
         self._turn: Array | None = None
         self._last: tuple[int, Surface] | None = None
         self._boxes: tuple[Array, Array] | None = None
+        self._box: Array | None = None  # of a rigid body, in its object's space
 
     def clear(self) -> None:
         """Forget what belongs to the chunk before."""
@@ -41,19 +42,22 @@ class PosedBody:
     def boxes(self, b: int, chunk: Chunk) -> tuple[Array, Array]:
         """Return middle and half size of the body's box in the world at every sample [m], shape (n, 3) each."""
         if self._boxes is None:
-            meshes = chunk.surfaces.get(b) or ((self._body.mesh,) if self._body.mesh is not None else ())
-            if not meshes:
+            if b in chunk.surfaces:
+                boxes = np.array([_box(m) for m in chunk.surfaces[b]])
+            elif self._body.mesh is not None:
+                if self._box is None:
+                    self._box = _box(self._body.mesh)
+                boxes = self._box[None]
+            else:
                 raise DermisError(
                     "a deforming object has no surface",
                     where=f"object '{self._body.name}'",
                     remedy="Give it faces, or stop it being touchable",
                 )
-            low = np.array([m.vertices.min(axis=0) for m in meshes])
-            high = np.array([m.vertices.max(axis=0) for m in meshes])
             linear = chunk.bodies[b, :, :3, :3]
-            middle = np.einsum("nij,nj->ni", linear, np.broadcast_to((low + high) / 2, (len(linear), 3)))
-            half = np.einsum("nij,nj->ni", np.abs(linear), np.broadcast_to((high - low) / 2, (len(linear), 3)))
-            self._boxes = middle + chunk.bodies[b, :, :3, 3], half
+            centre, size = (boxes[:, 0] + boxes[:, 1]) / 2, (boxes[:, 1] - boxes[:, 0]) / 2
+            middle = (linear @ centre[:, :, None])[:, :, 0] + chunk.bodies[b, :, :3, 3]
+            self._boxes = middle, (np.abs(linear) @ size[:, :, None])[:, :, 0]
         return self._boxes
 
     def at(self, b: int, chunk: Chunk, i: int) -> tuple[Surface, Array, Array, bool]:
@@ -86,6 +90,10 @@ class PosedBody:
             surface = surface_of(mesh) if plain else surface_of(mesh, stretch) if first else _carried(mesh, stretch)
             self._surface = (np.eye(3) if plain else stretch, surface)
         return self._surface[1], turn, pose[:3, 3], False
+
+
+def _box(mesh: Mesh) -> Array:
+    return np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
 
 
 def _carried(mesh: Mesh, stretch: Array) -> Surface:

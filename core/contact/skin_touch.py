@@ -35,6 +35,7 @@ from .yielding import Yielded, Yielding
 Array = NDArray[np.float64]
 
 FRICTION = 0.6  # of a body that does not say
+_NOTHING = (0.0, 0.0, 0.0, 0.0, 0, 0)
 # Stands for the surface of a deforming body in samples that no finger needs it in.
 _NO_MESH = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
 
@@ -144,6 +145,10 @@ class SkinSampler:
             self._kept.append(_lighter(stretch))
             return
         for f in self._skins:
+            if not stretch.near[f]:
+                self._yielding[f].idle(len(chunk.times))
+                self._records[f].scalars.extend([_NOTHING] * len(chunk.times))
+                continue
             for i in range(len(chunk.times)):
                 self._advance(f, stretch, i)
 
@@ -201,7 +206,7 @@ class SkinSampler:
         path, record = self._yielding[f], self._records[f]
         if not any(inside[i] for inside in stretch.near[f].values()):
             path.idle()
-            record.scalars.append((0.0, 0.0, 0.0, 0.0, 0, 0))
+            record.scalars.append(_NOTHING)
             return
         self._record(record, path.step(self._around(f, stretch, i), float(stretch.chunk.frames[i])))
 

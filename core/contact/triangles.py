@@ -63,20 +63,38 @@ class TriangleTable:
 
         Weights on an edge or a corner are exactly 0, or sum exactly to 1, so the feature can be read off them.
         """
-        ax, ay, az, bx, by, bz, cx, cy, cz, g11, g12, g22 = self.rows.take(triangle, axis=1)
-        vx, vy, vz = x[0] - ax, x[1] - ay, x[2] - az
-        d1 = vx * bx + vy * by + vz * bz
-        d2 = vx * cx + vy * cy + vz * cz
-        det = g11 * g22 - g12 * g12
-        u = (g22 * d1 - g12 * d2) / det
-        w = (g11 * d2 - g12 * d1) / det
-        outside = np.flatnonzero((u < 0.0) | (w < 0.0) | (u + w > 1.0))
+        rows = self.rows.take(triangle, axis=1)
+        ab, ac = rows[3:6], rows[6:9]
+        g11, g12, g22 = rows[9:12]
+        v = x - rows[0:3]
+        ab_v, ac_v = v * ab, v * ac
+        d1 = ab_v[0] + ab_v[1]
+        d1 += ab_v[2]
+        d2 = ac_v[0] + ac_v[1]
+        d2 += ac_v[2]
+        det = g11 * g22
+        det -= g12 * g12
+        u = g22 * d1
+        u -= g12 * d2
+        u /= det
+        w = g11 * d2
+        w -= g12 * d1
+        w /= det
+        off = u < 0.0
+        off |= w < 0.0
+        off |= u + w > 1.0
+        outside = off.nonzero()[0]
         if outside.size:
-            u[outside], w[outside] = _closest_on_edges(*(q[outside] for q in (d1, d2, g11, g12, g22)))
-        vx -= u * bx + w * cx
-        vy -= u * by + w * cy
-        vz -= u * bz + w * cz
-        return vx * vx + vy * vy + vz * vz, u, w
+            edge = np.stack([d1, d2, g11, g12, g22]).take(outside, axis=1)
+            u[outside], w[outside] = _closest_on_edges(*edge)
+        ab *= u
+        v -= ab
+        ac *= w
+        v -= ac
+        v *= v
+        square = v[0] + v[1]
+        square += v[2]
+        return square, u, w
 
     def disc_bound(self, x: Array, triangle: Indices) -> Array:
         """Return a lower bound of the squared distance: that to the disc about each triangle, in its plane."""
@@ -102,10 +120,12 @@ class TriangleTable:
 
 def _closest_on_edges(d1: Array, d2: Array, g11: Array, g12: Array, g22: Array) -> tuple[Array, Array]:
     """Closest of the three edges, for points whose projection falls outside the triangle."""
-    t_ab = np.clip(d1 / g11, 0.0, 1.0)
-    t_ac = np.clip(d2 / g22, 0.0, 1.0)
-    g_bc = g11 - 2.0 * g12 + g22
-    t_bc = np.clip((d2 - d1 + g11 - g12) / g_bc, 0.0, 1.0)
+    g_bc = g11 - 2.0 * g12
+    g_bc += g22
+    t = np.stack([d1 / g11, d2 / g22, (d2 - d1 + g11 - g12) / g_bc])
+    np.maximum(t, 0.0, out=t)
+    np.minimum(t, 1.0, out=t)
+    t_ab, t_ac, t_bc = t
     # squared distances less the common |p - a|^2
     e_ab = t_ab * (t_ab * g11 - 2.0 * d1)
     e_ac = t_ac * (t_ac * g22 - 2.0 * d2)

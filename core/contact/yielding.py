@@ -90,10 +90,10 @@ class Yielding:
         """Frames whose force could not be brought to the limit, and frames too deep although the bone gave way."""
         return tuple(self._findings.values())
 
-    def idle(self) -> PathStep:
-        """Take a frame in which nothing is near."""
+    def idle(self, count: int = 1) -> PathStep:
+        """Take frames in which nothing is near."""
         self._raised = 0.0
-        return self.solver.idle()
+        return self.solver.idle(count)
 
     def reset(self) -> None:
         """Forget the history."""

@@ -108,13 +108,38 @@ def contact_27k_path_error() -> Result:
 
 @benchmark("idle_finger_us", limit=50.0)
 def idle_finger() -> Result:
-    """A frame in which the broad phase found nothing near a finger."""
-    from core.contact.path import PathSolver
+    """A frame of `SkinSampler` for a finger that five objects fly past: broad phase, bookkeeping and all.
 
-    skin = _skin("standard")
-    solver = PathSolver(skin.compliance, skin.positions)
-    ours = measure(solver.idle, 201)
-    return Result("idle_finger_us", ours.median * 1e3, "us", ours.p95 * 1e3)
+    In chunks of 64 samples, as a sweep hands them over; in chunks of one beside it, the dearest way there is.
+    """
+    from fractions import Fraction
+
+    from core.contact.skin_touch import SkinSampler
+    from core.scene import Body, Chunk, Finger, Mesh, TactileScene
+    from tests.benchmarks.bench_gap import even_sphere
+
+    vertices, triangles = even_sphere(22, 0.02)
+    ball = Mesh(vertices, triangles.astype(np.int32))
+    bodies = tuple(Body(f"ball {i}", ball, {"friction": MU}) for i in range(5))
+    scene = TactileScene("idle", Fraction(24), (1, 100), RATE, (Finger("index"),), bodies, (), ())
+    per_frame = {}
+    for size in (64, 1):
+        sampler = SkinSampler(scene, {0: _skin("standard")})
+        times = []
+        for number in range(40 if size > 1 else 201):
+            at = np.arange(number * size, (number + 1) * size)
+            fingers, objects = np.tile(np.eye(4), (1, size, 1, 1)), np.tile(np.eye(4), (5, size, 1, 1))
+            objects[:, :, 2, 3] = -0.1 - 0.05 * np.arange(5)[:, None]
+            objects[:, :, 0, 3] = 1e-4 * at
+            chunk = Chunk(at / 10 + 1, at / RATE, fingers, objects, np.zeros((0, size, 4, 4)))
+            started = time.perf_counter()
+            sampler.add(chunk)
+            times.append((time.perf_counter() - started) * 1e3 / size)
+        if sampler.solver(0).counters["idle"] != len(times) * size:
+            raise RuntimeError("the finger was not idle")
+        per_frame[size] = timing(times)
+    ours, single = per_frame[64], per_frame[1]
+    return Result("idle_finger_us", ours.median * 1e3, "us", ours.p95 * 1e3, {"chunks of one": single.median * 1e3})
 
 
 def _error(name: str, level: str, path: str) -> Result:

@@ -55,7 +55,10 @@ def path(scale=None):
     return np.stack([x, y, (1.0 if scale is None else scale) * height(x, y)], axis=1)
 
 
-def sample(way, *, device, bodies=(Body("bump", BUMP),), surfaces=None, screens=True, world=None, tilt=None):
+STILL = (Body("bump", BUMP),)
+
+
+def sample(way, *, device, bodies=STILL, surfaces=None, screens=True, world=None, tilt=None):
     n = len(way)
     rigid = np.eye(4)
     if world is not None:

@@ -13,13 +13,15 @@ from . import (  # noqa: E402
     preferences,
     properties,
     properties_skin,
+    properties_stream,
     skin_live,
     skin_view,
+    streaming,
 )
 
 MODULES = (
-    preferences, properties_skin, properties, jobs, operators, panels, overlay, pin_view, skin_live, skin_view,
-    handlers, commands,
+    preferences, properties_skin, properties, properties_stream, jobs, operators, panels, overlay, pin_view, skin_live,
+    skin_view, handlers, streaming, commands,
 )  # fmt: skip
 
 

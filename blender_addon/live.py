@@ -83,7 +83,15 @@ def frame_of(scene: bpy.types.Scene) -> float:
 
 
 def preview(scene: bpy.types.Scene) -> Preview | None:
-    """Return what to show at the current frame, or None where nothing is known."""
+    """Return what to show at the current frame: what a device reports, a loaded track, or what is computed."""
+    from . import streaming
+
+    shown: Preview | None = streaming.preview(scene)
+    return shown if shown is not None else computed(scene)
+
+
+def computed(scene: bpy.types.Scene) -> Preview | None:
+    """Return what bake or trail give for the current frame, or None where nothing is known."""
     global _memo, _memo_preview
     frame, state = frame_of(scene), results.state(scene)
     if state != "fresh" and scene.dermis.live_preview and _trail_ends_at(scene, frame):
@@ -188,7 +196,7 @@ def _render(frame: float) -> Preview:
     first = _frame(samples[0])
     result = results.Result(bake, float(samples[0].fps), first - 1.0, -1, ())
     note = f"live, from rest at frame {first:g}" + (": play or step forward" if len(samples) == 1 else "")
-    rows = tuple(_row(result, output, frame) for output in bake.outputs)
+    rows = tuple(row_of(result, output, frame) for output in bake.outputs)
     return Preview(frame, "live", note, rows)
 
 
@@ -252,11 +260,12 @@ def _from_bake(result: results.Result, frame: float, state: str) -> Preview:
         "stale": "from a bake that is out of date",
         "earlier": "from an earlier session's bake",
     }
-    rows = tuple(_row(result, output, frame) for output in result.bake.outputs)
+    rows = tuple(row_of(result, output, frame) for output in result.bake.outputs)
     return Preview(frame, "bake" if state == "fresh" else state, notes[state], rows)
 
 
-def _row(result: results.Result, output: Any, frame: float) -> Row:
+def row_of(result: results.Result, output: Any, frame: float) -> Row:
+    """Return one output at a frame."""
     track, spec = output.track, output.track.spec
     values = results.values_at(result, output, frame)
     if values is None:  # outside the range: the device rests

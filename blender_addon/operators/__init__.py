@@ -2,11 +2,11 @@
 
 import bpy
 
-from . import add, bake, devices, export, housekeeping, pins, roles, skin
+from . import add, bake, devices, export, housekeeping, pins, roles, skin, stream
 
 CLASSES: tuple[type, ...] = (
     *add.CLASSES, *roles.CLASSES, *devices.CLASSES, *bake.CLASSES, *export.CLASSES, *housekeeping.CLASSES,
-    *skin.CLASSES, *pins.CLASSES,
+    *skin.CLASSES, *pins.CLASSES, *stream.CLASSES,
 )  # fmt: skip
 
 

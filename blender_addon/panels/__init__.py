@@ -2,11 +2,11 @@
 
 import bpy
 
-from . import bake, choices, main, menus, object, pins, preview, skin
+from . import bake, choices, main, menus, object, pins, preview, skin, stream
 
 CLASSES: tuple[type, ...] = (
     *main.CLASSES, *object.CLASSES, *pins.CLASSES, *skin.OBJECT, *bake.RESULT, *skin.VIEW,
-    *preview.CLASSES, *bake.SETTINGS, *menus.CLASSES
+    *preview.CLASSES, *stream.CLASSES, *bake.SETTINGS, *menus.CLASSES
 )  # fmt: skip
 
 

@@ -32,7 +32,7 @@ class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
         if shown is None:
             paragraph(layout, context, "Move along the timeline to see the devices at work.")
             return
-        icon = {"bake": "CHECKMARK", "live": "PLAY"}.get(shown.source, "ERROR")
+        icon = {"bake": "CHECKMARK", "live": "PLAY", "device": "LINKED", "file": "FILE"}.get(shown.source, "ERROR")
         paragraph(layout, context, shown.note[:1].upper() + shown.note[1:], icon)
         for row_of in shown.rows:
             box = layout.box().column(align=True)

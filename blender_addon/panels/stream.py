@@ -1,0 +1,154 @@
+"""The live link: port, arm, stop, and how things stand. Draws what the last beat brought; asks nobody."""
+
+from typing import Any
+
+import bpy
+
+from .. import streaming
+from .main import DermisPanel
+from .text import paragraph, quantity
+
+ICONS = {
+    "disconnected": "UNLINKED", "connecting": "SORTTIME", "ready": "LINKED", "armed": "PAUSE", "streaming": "PLAY",
+    "stalled": "ERROR", "fault": "CANCEL", "dead": "CANCEL",
+}  # fmt: skip
+
+
+class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
+    """The live link."""
+
+    bl_idname = "DERMIS_PT_stream"
+    bl_label = "Stream"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw port, buttons and state."""
+        layout, settings, now = self.layout, context.scene.dermis_stream, streaming.status()
+        connected = streaming.connected()
+        column = layout.column(align=True)
+        column.enabled = not connected
+        row = column.row(align=True)
+        row.prop(settings, "url", text="")
+        row.menu("DERMIS_MT_ports", text="", icon="DOWNARROW_HLT")
+        row.operator("dermis.stream_rescan", text="", icon="FILE_REFRESH")
+        column.prop(settings, "protocol", text="")
+        layout.prop(settings, "mode", expand=True)
+        if settings.mode == "jog":
+            for channel in settings.channels:
+                layout.prop(channel, "jog", text=f"{channel.name.replace('_', ' ')} [{channel.unit}]")
+        row = layout.row(align=True)
+        row.scale_y = 1.3
+        if connected:
+            row.operator("dermis.stream_disconnect", icon="UNLINKED")
+            arm = row.row(align=True)
+            arm.enabled = now["state"] in ("ready", "stalled")
+            arm.operator("dermis.stream_arm", icon="PLAY")
+        else:
+            row.operator("dermis.stream_connect", icon="LINKED")
+        stop = layout.row()
+        stop.scale_y = 1.6
+        stop.alert = bool(now.get("armed"))
+        stop.enabled = connected
+        stop.operator("dermis.stream_stop", text="Stop  (Shift Esc)", icon="CANCEL")
+        self._state(context, now)
+
+    def _state(self, context: bpy.types.Context, now: dict[str, Any]) -> None:
+        layout = self.layout
+        layout.label(text=now["state"].capitalize(), icon=ICONS.get(now["state"], "QUESTION"))
+        if now.get("words"):
+            paragraph(layout, context, now["words"], "ERROR" if now["state"] != "ready" else "INFO")
+        if now.get("caution"):
+            paragraph(layout, context, now["caution"], "ERROR")
+        if now.get("rate"):
+            box = layout.box().column(align=True)
+            box.scale_y = 0.85
+            p50, p99, trip = (now.get(k) for k in ("jitter_p50_us", "jitter_p99_us", "round_trip_ms"))
+            late = f", late by {p50:.0f} us, p99 {p99:.0f} us" if p50 is not None else ""
+            box.label(text=f"{now['rate']:g} Hz{late}")
+            if trip is not None:
+                box.label(text=f"Round trip {trip:.1f} ms")
+            for name, count in {**now.get("counters", {}), **now.get("protocol", {})}.items():
+                if count and name not in ("bytes",):
+                    box.label(text=f"{name.capitalize()}: {count:,}", icon="NONE" if name == "sent" else "DOT")
+            for name, count in now.get("limited", {}).items():
+                if count:
+                    box.label(text=f"Limited, {name}: {count:,}", icon="ERROR")
+            driven = zip(now.get("names", ()), now.get("units", ()), now.get("values", ()), strict=False)
+            for name, unit, value in driven:
+                box.label(text=f"{name.replace('_', ' ')}: {quantity(value, unit)}")
+
+
+class DERMIS_PT_stream_settings(DermisPanel, bpy.types.Panel):
+    """What is played, and how carefully."""
+
+    bl_idname = "DERMIS_PT_stream_settings"
+    bl_parent_id = "DERMIS_PT_stream"
+    bl_label = "Track and Timing"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the settings."""
+        layout, settings = self.layout, context.scene.dermis_stream
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(settings, "output")
+        row = layout.row(align=True)
+        row.prop(settings, "track_file")
+        row.operator("dermis.load_track", text="", icon="FILE_FOLDER")
+        layout.prop(settings, "screen_file")
+        column = layout.column(align=True)
+        for name in ("offset", "look_ahead", "ramp", "stall"):
+            column.prop(settings, name)
+        for name in ("play_on", "reconnect", "show_received"):
+            layout.prop(settings, name)
+        layout.operator("dermis.export_as", icon="EXPORT")
+
+
+class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
+    """What this built device differs by from its preset."""
+
+    bl_idname = "DERMIS_PT_stream_calibration"
+    bl_parent_id = "DERMIS_PT_stream"
+    bl_label = "Calibration"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw one box an actuator."""
+        layout, settings = self.layout, context.scene.dermis_stream
+        row = layout.row(align=True)
+        if streaming.calibrating():
+            row.operator("dermis.stream_calibrate", text="Cancel", icon="LOOP_BACK").action = "CANCEL"
+            row.operator("dermis.calibration_save", text="Save", icon="CHECKMARK")
+        else:
+            row.operator("dermis.stream_calibrate", text="Begin", icon="MODIFIER").action = "BEGIN"
+            row.operator("dermis.calibration_load", text="Load", icon="FILE_FOLDER")
+        if not settings.channels:
+            paragraph(layout, context, "Connect once: the actuators are then listed here.")
+        for channel in settings.channels:
+            box = layout.box().column(align=True)
+            box.label(text=f"{channel.name.replace('_', ' ')} [{channel.unit}]")
+            pair = box.row(align=True)
+            pair.prop(channel, "zero")
+            pair.prop(channel, "gain")
+            box.prop(channel, "use_limits")
+            if channel.use_limits:
+                pair = box.row(align=True)
+                pair.prop(channel, "low")
+                pair.prop(channel, "high")
+
+
+class DERMIS_MT_ports(bpy.types.Menu):
+    """The ports of the last rescan."""
+
+    bl_idname = "DERMIS_MT_ports"
+    bl_label = "Ports"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the list as it is known."""
+        box = self.layout.operator("dermis.stream_use_port", text="The device in the box", icon="GHOST_ENABLED")
+        box.port = "virtual:"
+        for name, description in streaming.found_ports():
+            self.layout.operator("dermis.stream_use_port", text=f"{name}  {description}").port = name
+
+
+CLASSES = (DERMIS_MT_ports, DERMIS_PT_stream, DERMIS_PT_stream_settings, DERMIS_PT_stream_calibration)

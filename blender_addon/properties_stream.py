@@ -1,0 +1,134 @@
+"""What the artist sets for streaming; what streams is in `streaming` and is never saved."""
+
+# mypy: disable-error-code="valid-type"
+
+from typing import Any
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+
+def _changed(_self: Any, _context: Any) -> None:
+    from . import streaming
+
+    streaming.changed()
+
+
+def _outputs(_self: Any, _context: Any, text: str) -> list[str]:
+    from . import streaming
+
+    return [name for name in streaming.output_names() if text.lower() in name.lower()]
+
+
+class DermisStreamChannel(bpy.types.PropertyGroup):
+    """One actuator: where it is put by hand, and how it differs from the preset."""
+
+    unit: StringProperty(options={"HIDDEN"})
+    jog: FloatProperty(name="Position", description="Where the actuator is put by hand, in SI", precision=5, step=1,
+                       update=_changed, options=set())  # fmt: skip
+    zero: FloatProperty(name="Zero", description="What is driven for a command of 0, in SI", precision=5, step=1,
+                        update=_changed, options=set())  # fmt: skip
+    gain: FloatProperty(name="Gain", description="Driven change for a commanded change; negative turns it round",
+                        default=1.0, precision=4, update=_changed, options=set())  # fmt: skip
+    use_limits: BoolProperty(name="Own Limits", description="Tighter limits than the preset's", update=_changed,
+                             options=set())  # fmt: skip
+    low: FloatProperty(name="Low", description="Least that may be driven, in SI", precision=5, update=_changed,
+                       options=set())  # fmt: skip
+    high: FloatProperty(name="High", description="Most that may be driven, in SI", precision=5, update=_changed,
+                        options=set())  # fmt: skip
+
+
+class DermisStream(bpy.types.PropertyGroup):
+    """Settings of the live link; opening a file with them connects nothing."""
+
+    url: StringProperty(
+        name="Port",
+        description="Serial port, socket://HOST:PORT, udp://HOST:PORT, or virtual: for the device in the box",
+        default="virtual:", options=set(),
+    )  # fmt: skip
+    protocol: EnumProperty(
+        name="Protocol", description="What the device speaks",
+        items=(("native", "Dermis Native", "With handshake, check sums, device time and a watchdog in the device"),
+               ("maestro", "Pololu Maestro", "Compact protocol; the board has no watchdog unless you set one"),
+               ("servo-animation", "Servo Animation", "Receivers of Blender Servo Animation; they have no watchdog"),
+               ("torque", "Torque Board", "Torques over UDP at 1 kHz, HapTip style; positions are closed here"),
+               ("osc", "OSC", "Open Sound Control over UDP; receivers need a watchdog of their own")),
+        default="native", options=set(),
+    )  # fmt: skip
+    mode: EnumProperty(
+        name="Mode", description="What moves the device",
+        items=(("play", "Play", "The baked track, in step with Blender's playback"),
+               ("follow", "Follow", "What the preview shows, while you scrub or play"),
+               ("jog", "Jog", "Single actuators by hand, for calibration"),
+               ("panel", "Touch Panel", "A real finger on the panel: its place asks, the relief answers")),
+        default="play", update=_changed, options=set(),
+    )  # fmt: skip
+    output: StringProperty(
+        name="Track", description="Finger and device whose track is played; the first one if empty", search=_outputs,
+        update=_changed, options=set(),
+    )  # fmt: skip
+    track_file: StringProperty(
+        name="Track File", description="A command track from a file, instead of the bake", subtype="FILE_PATH",
+        update=_changed, options=set(),
+    )  # fmt: skip
+    screen_file: StringProperty(
+        name="Screen Map", description="The screen's relief and law, as exported, for the mode Touch Panel",
+        subtype="FILE_PATH", update=_changed, options=set(),
+    )  # fmt: skip
+    calibration_file: StringProperty(
+        name="Calibration", description="Zero, gain and limits of this built device, apart from its preset",
+        subtype="FILE_PATH", options=set(),
+    )  # fmt: skip
+    offset: FloatProperty(
+        name="Start Offset", description="Plays the track earlier by this much", default=0.0, soft_min=-1.0,
+        soft_max=1.0, unit="TIME_ABSOLUTE", update=_changed, options=set(),
+    )  # fmt: skip
+    look_ahead: FloatProperty(
+        name="Look-Ahead", description="Commands leave this much before they count; makes up for the device's delay",
+        default=0.1, min=0.0, max=1.0, unit="TIME_ABSOLUTE", update=_changed, options=set(),
+    )  # fmt: skip
+    ramp: FloatProperty(
+        name="Ramp", description="Time from the device's own pose to the track after arming", default=1.0, min=0.1,
+        max=10.0, unit="TIME_ABSOLUTE", update=_changed, options=set(),
+    )  # fmt: skip
+    stall: FloatProperty(
+        name="Stall", description="When Blender stands still for this long the device goes to its safe state",
+        default=0.5, min=0.1, max=5.0, unit="TIME_ABSOLUTE", update=_changed, options=set(),
+    )  # fmt: skip
+    play_on: BoolProperty(
+        name="Play On", description="A baked track goes on while Blender stands still", default=False, update=_changed,
+        options=set(),
+    )  # fmt: skip
+    reconnect: BoolProperty(
+        name="Reconnect", description="Try again when the link is lost; it never arms by itself", default=False,
+        update=_changed, options=set(),
+    )  # fmt: skip
+    show_received: BoolProperty(
+        name="Twin Shows the Device", description="Draw what the device reports, where it reports anything",
+        default=True, options=set(),
+    )  # fmt: skip
+    channels: CollectionProperty(type=DermisStreamChannel)
+
+
+CLASSES = (DermisStreamChannel, DermisStream)
+
+
+def register() -> None:
+    """Register the groups and hang them on scenes."""
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.dermis_stream = PointerProperty(type=DermisStream, name="Dermis Streaming")
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    del bpy.types.Scene.dermis_stream
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

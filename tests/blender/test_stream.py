@@ -1,0 +1,242 @@
+"""Streaming from Blender: a real sender process, the device in the box, and nothing that happens by itself."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+
+import blender_addon
+from blender_addon import live, results, streaming
+from blender_addon.operators import stream as operators
+from blender_addon.preferences import core_module
+
+from .build import finger
+
+HAPTIP = "haptip"
+
+
+def a_track(seconds: float = 2.0, finger_name: str = "Finger") -> Any:
+    """A circle of 0.5 mm once a second, with the pulleys' angles to it."""
+    presets, shear = core_module("presets"), core_module("devices.shear_tactor")
+    spec = presets.Library().device(HAPTIP)
+    t = np.arange(round(seconds * 1000) + 1) / 1000
+    place = 5e-4 * np.stack([np.cos(2 * np.pi * t), np.sin(2 * np.pi * t)], axis=1)
+    angles = shear.ShearTactor.from_spec(spec).inverse(place)
+    meta = {"finger": finger_name, "fps": "24/1", "frame_range": "1 49"}
+    return core_module("track").CommandTrack(spec, t, np.concatenate([place, angles], axis=1), meta)
+
+
+def a_bake(track: Any) -> Any:
+    """Put a bake with one output into the scene's results; return the scene."""
+    pipeline = core_module("pipeline")
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 1, 49
+    results.keep(scene, pipeline.Bake((pipeline.Output("Finger", HAPTIP, track, {}, ()),), (), {}, "hash"))
+    return scene
+
+
+@pytest.fixture
+def scene() -> Any:
+    """A finger with a HapTip, and a bake for it."""
+    made = finger()
+    made.dermis.finger.devices.add().preset = HAPTIP
+    bpy.context.view_layer.update()
+    return a_bake(a_track())
+
+
+def wait(what: Any, seconds: float = 10.0) -> dict[str, Any]:
+    """Beat as the timer does until something holds."""
+    end = time.monotonic() + seconds
+    while True:
+        streaming.beat()
+        status = streaming.status()
+        if what(status):
+            return status
+        assert time.monotonic() < end, status
+        time.sleep(0.02)
+
+
+def state(name: str) -> Any:
+    return lambda status: status["state"] == name
+
+
+def test_connect_arm_follow_stop(scene: Any) -> None:
+    settings = scene.dermis_stream
+    settings.mode, settings.ramp = "follow", 0.1
+    scene.frame_set(13)
+    assert bpy.ops.dermis.stream_connect() == {"FINISHED"}
+    wait(state("ready"))
+    assert [c.name for c in settings.channels] == ["pulley_1", "pulley_2"]
+    bpy.ops.dermis.stream_arm()
+    wanted = a_track().values[500, 2:]
+    status = wait(lambda s: s["armed"] and np.allclose(list(s["received"]["values"].values()), wanted, atol=1e-4))
+    assert status["state"] == "streaming" and status["watchdog"]
+    shown = live.preview(scene)
+    assert shown.source == "device"
+    assert shown.rows[0].values["tactor_x"] == pytest.approx(-5e-4, abs=2e-6), "the twin shows what the device reports"
+    scene.frame_set(7)
+    wanted = a_track().values[250, 2:]
+    wait(lambda s: np.allclose(list(s["received"]["values"].values()), wanted, atol=1e-4))
+    bpy.ops.dermis.stream_stop()
+    status = wait(lambda s: not s["armed"])
+    wait(lambda s: np.abs(list(s["received"]["values"].values())).max() < 1e-4)
+    bpy.ops.dermis.stream_disconnect()
+    assert not streaming.connected() and streaming.status()["state"] == "disconnected"
+
+
+def test_play_sends_the_baked_track(scene: Any) -> None:
+    scene.dermis_stream.ramp = 0.1
+    scene.frame_set(1)
+    streaming.connect(scene)
+    wait(state("ready"))
+    streaming.arm(scene)
+    wanted = a_track().values[0, 2:]
+    wait(lambda s: s["armed"] and np.allclose(list(s["received"]["values"].values()), wanted, atol=1e-4))
+    assert streaming.status()["state"] == "armed", "playback does not run"
+
+
+def test_jog_and_calibration_and_cancel(scene: Any) -> None:
+    settings = scene.dermis_stream
+    streaming.connect(scene)
+    bpy.ops.dermis.stream_calibrate(action="BEGIN")
+    assert settings.mode == "jog" and streaming.calibrating()
+    one = settings.channels[0]
+    one.zero, one.gain, one.jog = 0.05, -1.0, 0.1
+    streaming.close()
+    streaming.connect(scene)
+    wait(state("ready"))
+    streaming.arm(scene)
+    wait(lambda s: s["armed"] and abs(s["received"]["values"]["pulley_1"] + 0.05) < 1e-4)
+    bpy.ops.dermis.stream_calibrate(action="CANCEL")
+    assert (one.zero, one.gain, one.jog) == (0.0, 1.0, 0.0) or settings.channels[0].gain == 1.0
+    assert not streaming.calibrating()
+
+
+def test_a_calibration_lives_in_its_own_file(scene: Any, tmp_path: Path) -> None:
+    streaming.connect(scene)
+    channel = scene.dermis_stream.channels[1]
+    channel.zero, channel.use_limits, channel.low, channel.high = 0.02, True, -0.1, 0.2
+    bpy.ops.dermis.calibration_save(filepath=str(tmp_path / "desk.json"))
+    channel.zero, channel.use_limits = 0.0, False
+    bpy.ops.dermis.calibration_load(filepath=str(tmp_path / "desk.json"))
+    channel = scene.dermis_stream.channels[1]
+    assert (channel.zero, channel.low, channel.high) == pytest.approx((0.02, -0.1, 0.2)) and channel.use_limits
+
+
+def test_nothing_connects_because_a_file_was_opened(scene: Any, tmp_path: Path) -> None:
+    path = str(tmp_path / "a.blend")
+    streaming.connect(scene)
+    wait(state("ready"))
+    client = streaming._client
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert not streaming.connected(), "opening a file ends what streamed"
+    assert not client.alive
+    assert bpy.context.scene.dermis_stream.url == "virtual:"
+
+
+def test_unregistering_ends_the_sender(scene: Any) -> None:
+    streaming.connect(scene)
+    wait(state("ready"))
+    client = streaming._client
+    blender_addon.unregister()
+    try:
+        assert not client.alive and not client._board.path.exists()
+    finally:
+        blender_addon.register()
+
+
+def test_a_track_from_a_file_drives_the_twin_and_can_be_streamed(tmp_path: Path) -> None:
+    finger("Index")
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 1, 49
+    path = tmp_path / "edited.csv"
+    core_module("formats.csv").write(a_track(finger_name="Index"), path)
+    assert live.preview(scene) is None
+    assert bpy.ops.dermis.load_track(filepath=str(path)) == {"FINISHED"}
+    scene.frame_set(13)
+    shown = live.preview(scene)
+    assert (shown.source, shown.rows[0].finger) == ("file", "Index")
+    assert shown.rows[0].values["tactor_x"] == pytest.approx(-5e-4, abs=1e-9)
+    streaming.connect(scene)
+    wait(state("ready"))
+    streaming.arm(scene)
+    wanted = a_track().values[500, 2:]
+    wait(lambda s: s["armed"] and np.allclose(list(s["received"]["values"].values()), wanted, atol=1e-4))
+
+
+def test_refusals_are_words_not_tracebacks() -> None:
+    with pytest.raises(RuntimeError, match="no device to stream to"):
+        bpy.ops.dermis.stream_connect()
+    with pytest.raises(RuntimeError, match="not connected"):
+        bpy.ops.dermis.stream_arm()
+    assert bpy.ops.dermis.stream_stop() == {"PASS_THROUGH"}
+    with pytest.raises(RuntimeError, match="cannot be read"):
+        bpy.ops.dermis.load_track(filepath="/nowhere/at/all.csv")
+    assert bpy.context.scene.dermis_stream.track_file == ""
+
+
+def test_a_wrong_port_is_told_in_the_panel(scene: Any) -> None:
+    scene.dermis_stream.url = "socket://127.0.0.1:1"
+    streaming.connect(scene)
+    assert "cannot be opened" in wait(state("fault"))["words"]
+
+
+def test_export_of_ranges(scene: Any, tmp_path: Path) -> None:
+    scene.timeline_markers.new("press", frame=1)
+    scene.timeline_markers.new("slide", frame=25)
+    bpy.ops.dermis.export_as(form="json", span="MARKERS", directory=str(tmp_path))
+    names = sorted(p.name for p in tmp_path.iterdir())
+    assert names == ["Finger.haptip.press.json", "Finger.haptip.slide.json"]
+    part = core_module("formats.export").read(tmp_path / names[1])
+    assert len(part.times) == 1001 and part.meta["frame_range"] == "25 49" and part.meta["range"] == "slide"
+    assert np.array_equal(part.values, a_track().values[1000:])
+    scene.use_preview_range, scene.frame_preview_start, scene.frame_preview_end = True, 13, 25
+    bpy.ops.dermis.export_as(form="binary", span="PREVIEW", directory=str(tmp_path))
+    assert len(core_module("formats.export").read(tmp_path / "Finger.haptip.preview.dtrack").times) == 501
+    bpy.ops.dermis.export_as(form="c", span="ALL", directory=str(tmp_path), all_scenes=True)
+    assert (tmp_path / "Scene.Finger.haptip.h").is_file()
+    with pytest.raises(RuntimeError, match="no action"):
+        bpy.ops.dermis.export_as(form="json", span="ACTION", directory=str(tmp_path))
+
+
+def test_errors_block_an_export_unless_forced(tmp_path: Path) -> None:
+    finger()
+    wild = a_track()
+    wild.values[700, 2] = 2.0
+    a_bake(wild)
+    with pytest.raises(RuntimeError, match="not written"):
+        bpy.ops.dermis.export_as(form="csv", directory=str(tmp_path))
+    assert not list(tmp_path.iterdir())
+    bpy.ops.dermis.export_as(form="csv", directory=str(tmp_path), force=True)
+    assert "forced" in (tmp_path / "Finger.haptip.csv").read_text()
+
+
+def test_markers_end_where_the_next_begins(scene: Any) -> None:
+    scene.timeline_markers.new("b", frame=20)
+    scene.timeline_markers.new("a", frame=5)
+    scene.timeline_markers.new("b", frame=30)
+    assert operators.ranges(scene, results.current(scene), "MARKERS", None) == [
+        ("a", 5.0, 20.0), ("b", 20.0, 30.0), ("b-2", 30.0, 49.0)
+    ]  # fmt: skip
+
+
+def test_a_beat_costs_next_to_nothing_while_the_sender_hangs(scene: Any) -> None:
+    """No time is measured: a sender that is stopped answers nothing, and the beats go on all the same."""
+    import os
+    import signal
+
+    streaming.connect(scene)
+    wait(state("ready"))
+    os.kill(streaming._client.pid, signal.SIGSTOP)
+    try:
+        for _ in range(200):
+            streaming.beat()
+    finally:
+        os.kill(streaming._client.pid, signal.SIGCONT)
+    assert streaming.connected()

@@ -98,8 +98,9 @@ class Matcher:
         self.pins, self.active, self.nodes = pins, np.flatnonzero(active), nodes
         self.loaded = len(spread) // 3
         a = np.ascontiguousarray(spread[:, self.active])
-        root = np.sqrt(np.repeat(weights, 3))[:, None]
-        weighted = root * influence
+        # large: not copied where nothing is weighted
+        plain = bool((weights == 1.0).all())
+        weighted = influence if plain else np.sqrt(np.repeat(weights, 3))[:, None] * influence
         rendered = weighted @ a  # L, weighted
         self.deformation_gram = rendered.T @ rendered
         # in Fortran's order: a frame's right-hand side is then one pass of BLAS over the matrix

@@ -1,0 +1,152 @@
+"""Recordings and recorded tables: what is good is read, and every way to be bad is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.design.recordings import read_recording, read_table
+from core.design.task import read_sensed
+from core.errors import DermisError
+
+NAMES = [f"e{i + 1}" for i in range(19)] + ["pressure"]
+
+
+def counts(rows=50, seed=0):
+    return np.random.default_rng(seed).integers(800, 3000, (rows, 20))
+
+
+def text(values, names=("time", *NAMES), separator=","):
+    lines = [separator.join(names)]
+    lines += [separator.join(f"{v:g}" for v in row) for row in values]
+    return "\n".join(lines) + "\n"
+
+
+def recording(values=None, **options):
+    values = counts() if values is None else values
+    return text(np.column_stack([np.arange(len(values)) / 100, values]), **options)
+
+
+@pytest.fixture
+def write(tmp_path):
+    def put(content, name="touch.csv"):
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return put
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_a_recording_is_read(write, separator):
+    values = counts()
+    found = read_recording(write("# made by hand\n" + recording(values, separator=separator)))
+    np.testing.assert_array_equal(found.readings, values)
+    np.testing.assert_allclose(found.times, np.arange(50) / 100)
+    assert found.name == "touch"
+
+
+def changed(row, column, value):
+    lines = recording().splitlines()
+    cells = lines[row].split(",")
+    cells[column] = value
+    lines[row] = ",".join(cells)
+    return "\n".join(lines)
+
+
+def constant():
+    values = counts()
+    values[:, 4] = 1234
+    return recording(values)
+
+
+def saturated():
+    values = counts()
+    values[:10, 7] = 4095
+    return recording(values)
+
+
+def transposed():
+    values = np.column_stack([np.arange(50) / 100, counts()]).T
+    lines = [",".join([name, *(f"{v:g}" for v in row)]) for name, row in zip(("time", *NAMES), values, strict=True)]
+    return "\n".join(lines)
+
+
+BAD = {
+    "missing": (text(np.column_stack([np.arange(9.0), counts(9)[:, :19]]), ("time", *NAMES[:19])),
+                "channels are missing .*20 columns.*; allowed: 21"),
+    "extra": (text(np.column_stack([np.arange(9.0), counts(9), counts(9)[:, :1]]), ("time", *NAMES, "more")),
+              "extra channels .*22 columns"),
+    "constant": (constant(), "e5: the channel is constant .*1234"),
+    "saturated": (saturated(), "e8: the channel is saturated .*20 % of the time"),
+    "lengths": ("\n".join(recording().splitlines()[:5] + ["0.9,1,2,3"]), "line 6: the line has another length .*4 val"),
+    "transposed": (transposed(), "the file is transposed"),
+    "trailing": ("\n".join(line + "," for line in recording().splitlines()), "lines end with a separator"),
+    "trailing later": ("\n".join([*recording().splitlines()[:7], recording().splitlines()[7] + ","]),
+                       "line 8: the line ends with a separator"),
+    "nan": (changed(3, 2, "nan"), "line 4, e2: a value is not finite"),
+    "text": (changed(3, 2, "oops"), "line 4, e2: not a number .*oops"),
+    "empty cell": (changed(3, 2, ""), "line 4, e2: not a number"),
+    "scale": (changed(3, 2, "4096"), "line 4, e2: out of the sensor's scale .*4096"),
+    "negative": (changed(3, 2, "-1"), "out of the sensor's scale"),
+    "times": (changed(4, 0, "0.01"), "line 5: times do not rise"),
+    "names": ("\n".join(recording().splitlines()[1:]), "the line of names is missing"),
+    "no time": (recording().replace("time", "e0", 1), "first column must be the time"),
+    "twice": (recording().replace("e2", "e1", 1), "two columns have one name .*e1"),
+    "short": ("\n".join(recording().splitlines()[:2]), "too few samples"),
+    "empty": ("", "no data"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", BAD)
+def test_a_bad_recording_is_refused_by_name(write, kind):
+    content, message = BAD[kind]
+    with pytest.raises(DermisError, match=message):
+        read_recording(write(content))
+
+
+def test_what_is_no_text_is_refused(write, tmp_path):
+    with pytest.raises(DermisError, match="not UTF-8"):
+        read_recording(write(b"time,\xff\xfe"))
+    with pytest.raises(DermisError, match="cannot be read"):
+        read_recording(tmp_path / "none.csv")
+
+
+def test_two_recordings_of_one_name_are_refused(write, tmp_path):
+    one = write(recording())
+    (tmp_path / "b").mkdir()
+    other = tmp_path / "b" / "touch.csv"
+    other.write_text(recording())
+    with pytest.raises(DermisError, match="one name"):
+        read_sensed([one, other])
+
+
+def rows(count=40, motors=3, still=5):
+    rng = np.random.default_rng(1)
+    commands, readings = rng.uniform(0, 2, (count, motors)), counts(count, 2)
+    readings[:still] = readings[0]
+    return commands, readings
+
+
+def test_a_recorded_table_collapses_the_rows_that_read_alike_to_one_rest_row(write):
+    commands, readings = rows()
+    path = write(text(np.column_stack([commands, readings]), ("m1", "m2", "m3", *NAMES)))
+    table = read_table(path, np.full(3, 2.0))
+    assert len(table.commands) == 36 and table.meta["rest_rows"] == 5
+    np.testing.assert_array_equal(table.readings[table.rest], readings[0])
+    np.testing.assert_allclose(table.commands[table.rest], commands[0], rtol=1e-5)
+
+
+def test_bad_tables_are_refused(write):
+    commands, readings = rows()
+    names = ("m1", "m2", "m3", *NAMES)
+    with pytest.raises(DermisError, match=r"too few rows .*found 7; allowed: >= 8"):
+        read_table(write(text(np.column_stack([commands, readings])[:7], names)), np.ones(3))
+    with pytest.raises(DermisError, match="channels are missing"):
+        read_table(write(text(np.column_stack([commands, readings]), names)), np.ones(6))
+    frozen = commands.copy()
+    frozen[:, 1] = 1.0
+    with pytest.raises(DermisError, match="a motor never moves .*m2"):
+        read_table(write(text(np.column_stack([frozen, readings]), names)), np.ones(3))
+    with pytest.raises(DermisError, match="extra channels"):
+        read_table(write(text(np.column_stack([commands, readings]), names)), np.ones(2))

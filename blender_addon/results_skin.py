@@ -46,7 +46,7 @@ def unpack(entries: list[dict[str, Any]], file: Mapping[str, Any]) -> dict[str, 
     out = {}
     for entry in entries:
         i, finger = int(entry["number"]), str(entry["finger"])
-        model = skin_models.get(entry["skin"], entry["level"], where=f"finger '{finger}', skin", wait=True)
+        model: Any = skin_models.get(entry["skin"], entry["level"], where=f"finger '{finger}', skin", wait=True)
         if model.pad_count != entry["nodes"]:
             raise errors.DermisError("the skin has other nodes in this version", where=f"finger '{finger}'",
                                      value=entry["nodes"], limit=str(model.pad_count), remedy="Bake again")  # fmt: skip

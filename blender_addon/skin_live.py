@@ -87,7 +87,7 @@ class _Shape:
             rotation = core_module("motion").rotations(pose[None, :3, :3])[0]
             self._placed = self.surface(rotation.T @ pose[:3, :3]), rotation
             self._pose = pose.copy()
-        return self._placed  # type: ignore[no-any-return]
+        return self._placed
 
     def surface(self, stretch: Array) -> Any:
         """Return the surface after scale and shear."""

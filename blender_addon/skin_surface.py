@@ -135,7 +135,7 @@ def _tangents(points: Array, triangles: Index) -> tuple[Array, Array]:
     least = np.eye(3)[np.abs(normal).argmin(axis=1)]
     u = np.cross(normal, least)
     u /= np.linalg.norm(u, axis=1, keepdims=True)
-    return u, np.cross(normal, u)
+    return u, np.asarray(np.cross(normal, u), dtype=np.float64)
 
 
 def _gradients(points: Array, edges: NDArray[Any], u: Array, v: Array) -> tuple[Any, Any]:

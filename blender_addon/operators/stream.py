@@ -21,12 +21,12 @@ class _Streaming:
         """Do it; return words for the status bar."""
         raise NotImplementedError
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def execute(self: Any, context: bpy.types.Context) -> set[str]:
         """Do it, and report."""
         try:
             words = self.work(context)
         except core_module("errors").DermisError as error:
-            return reporting.report_error(self, error, "Streaming")  # type: ignore[arg-type]
+            return reporting.report_error(self, error, "Streaming")
         if words:
             self.report({"INFO"}, words)
         return {"FINISHED"}
@@ -288,7 +288,7 @@ def ranges(
     return [(name, first, last) for name, (first, _), last in zip(names, markers, ends, strict=True)]
 
 
-CLASSES = (
+CLASSES: tuple[type, ...] = (
     DERMIS_OT_stream_connect, DERMIS_OT_stream_disconnect, DERMIS_OT_stream_arm, DERMIS_OT_stream_stop,
     DERMIS_OT_stream_rescan, DERMIS_OT_stream_use_port, DERMIS_OT_stream_calibrate, DERMIS_OT_calibration_save,
     DERMIS_OT_calibration_load, DERMIS_OT_load_track, DERMIS_OT_export_as,

@@ -151,4 +151,4 @@ class DERMIS_MT_ports(bpy.types.Menu):
             self.layout.operator("dermis.stream_use_port", text=f"{name}  {description}").port = name
 
 
-CLASSES = (DERMIS_MT_ports, DERMIS_PT_stream, DERMIS_PT_stream_settings, DERMIS_PT_stream_calibration)
+CLASSES: tuple[type, ...] = (DERMIS_MT_ports, DERMIS_PT_stream, DERMIS_PT_stream_settings, DERMIS_PT_stream_calibration)

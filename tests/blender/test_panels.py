@@ -46,8 +46,9 @@ def test_every_property_that_is_drawn_exists() -> None:
 
 
 def test_every_setting_of_a_material_can_be_reached() -> None:
-    shown = strings("prop", 1) | {"friction", "surface_stiffness_mpa_m", "held_mode", "content_kind", "content_amplitude", "content_length_mm",
-                                  "content_size_mm", "content_damping"}  # fmt: skip
+    shown = strings("prop", 1) | {"friction", "surface_stiffness_mpa_m", "held_mode", "content_kind",
+                                  "content_amplitude", "content_length_mm", "content_size_mm",
+                                  "content_damping"}  # fmt: skip
     for effect in (c for c in panels.CLASSES if getattr(c, "switch", "")):
         shown |= {effect.switch, *effect.shown}
     names = {a.attribute for a in properties.ATTRIBUTES[properties.DermisMaterial]}

@@ -65,7 +65,7 @@ class Calibration:
         Raises:
             DermisError: a number that is not finite, a gain of zero, or low above high.
         """
-        entry = replace(self.entries.get(channel, Entry()), **numbers)
+        entry = Entry(**{**asdict(self.entries.get(channel, Entry())), **numbers})
         _check(entry, f"calibration, {channel}")
         return replace(self, entries={**self.entries, channel: entry})
 
@@ -91,7 +91,7 @@ class Calibration:
             low, high = max(lows, default=-math.inf), min(highs, default=math.inf)
             if low > high:
                 raise DermisError("the limits of preset and calibration leave nothing",
-                                  where=f"{where}, {channel.name}", value=f"{low:g} to {high:g} {channel.unit}")  # fmt: skip
+                                  where=f"{where}, {channel.name}", value=f"{low:g} to {high:g}")  # fmt: skip
             rows.append((entry.zero, entry.gain, low, high))
         table = np.array(rows, dtype=np.float64)
         return tuple(table.T.copy())

@@ -25,6 +25,8 @@ from .triangles import Array
 TOLERANCE = 3e-5
 # The check that a frame must pass, as a multiple of the tolerance of its iteration.
 CHECK = 10.0
+# The last forces serve again while their residual is below this multiple of it.
+UNCHANGED = 1.0
 MAX_ITERATIONS = 300
 # Iterations up to which a frame counts as easy: the next may need none.
 EASY = 3
@@ -260,7 +262,7 @@ class PathSolver:
         # worth asking only where the last frame was easy: on a path that changes the answer is no
         easy = self._step is None or self._step.solution.iterations <= EASY
         residual, status = assess(start, w, normal, mu, 1.0 / rho) if easy else (np.inf, self._status)
-        if residual <= self.tolerance:
+        if residual <= UNCHANGED * self.tolerance:
             method = "admm" if start.any() else "none"
             return Solution(start, w, normal, mu, status, 0, residual, goal, method), w / -rho, image, "unchanged"
         self._choose(frame.gap, soft)

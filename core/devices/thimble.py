@@ -120,6 +120,11 @@ class Thimble:
 
     def servo_angles_at(self, pose: PlatformPose) -> tuple[Array, Array]:
         """Return `servo_angles` for a pose that is known already."""
+        turns, slopes = self.servo_turns(pose)
+        return np.array(turns) + self.servo_zero, np.array(slopes)
+
+    def servo_turns(self, pose: PlatformPose) -> tuple[list[float], list[list[float]]]:
+        """Return the servos' angles from neutral [rad] at a pose, and their derivatives, as plain numbers."""
         angles, slopes = [], []
         crank, rod = self.crank, self.rod
         for leg, (r, h, dr, dh) in enumerate(self._leg_planes(pose)):
@@ -134,13 +139,13 @@ class Thimble:
                     limit=f"{1e3 * abs(rod - crank):.2f} to {1e3 * (rod + crank):.2f} mm",
                     remedy="Use longer links or a smaller movement",
                 )
-            angles.append(math.atan2(h, r) - self.knee * math.acos(cosine))
+            angles.append(math.atan2(h, r) - self.knee * math.acos(cosine) - self.servo_zero)
             bend = self.knee * (squared - crank * crank + rod * rod) / (2 * crank * squared)
             bend /= distance * math.sqrt(1.0 - cosine * cosine)
             # d atan2 = (r dh - h dr) / d^2, and the knee bends with the distance, d' = (r dr + h dh) / d
             by_r, by_h = bend * r - h / squared, bend * h + r / squared
             slopes.append([by_r * a + by_h * b for a, b in zip(dr, dh, strict=True)])
-        return np.array(angles), np.array(slopes)
+        return angles, slopes
 
     def constraints(self, x: ArrayLike) -> tuple[Array, Array]:
         """Return c(x) >= 0, the room left of each servo to either side [rad], shape (6,), and dc/dx, shape (6, 3)."""

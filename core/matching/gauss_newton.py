@@ -95,9 +95,10 @@ class ServoLimits:
         Raises:
             DermisError: a leg cannot reach.
         """
-        angles, slopes = device.servo_angles(x)
-        turned = angles - device.servo_zero
-        return np.concatenate([self.high - turned, turned - self.low]), np.concatenate([-slopes, slopes])
+        angles, slopes = device.servo_turns(device.pose(x))
+        room = [h - a for h, a in zip(self.high.tolist(), angles, strict=True)]
+        room += [a - low for low, a in zip(self.low.tolist(), angles, strict=True)]
+        return np.array(room), np.array([[-s for s in row] for row in slopes] + slopes)
 
 
 def minimise(
@@ -211,11 +212,13 @@ def _quadratic_program(
         d, the limits held, their multipliers, and the norm of J'r - A'multipliers.
     """
     gram = jacobian.T @ jacobian
-    gram[np.diag_indices(3)] += DAMPING * max(float(gram.max()), 1e-300)
+    gram.flat[::4] += DAMPING * max(float(gram.max()), 1e-300)
     gradient = jacobian.T @ residual
     room = np.maximum(room, 0.0)
     best: tuple[Array, tuple[int, ...], Array] | None = None
-    step: Array = np.linalg.solve(gram, -gradient) if gram[0, 0] > 0.0 else np.zeros(3)
+    step = np.zeros(3)
+    if gram[0, 0] > 0.0:
+        step = np.asarray(np.linalg.solve(gram, -gradient), dtype=np.float64)
     if (room + slopes @ step).min() >= 0.0:  # most steps meet no limit
         return step, (), np.zeros(0), float(np.sqrt(gradient @ gradient))
     for held in _working_sets(guess):
@@ -229,7 +232,7 @@ def _quadratic_program(
             system[:3, 3:] = -system[3:, :3].T
             right[3:] *= weight
         try:
-            answer: Array = np.linalg.solve(system, right)
+            answer = np.asarray(np.linalg.solve(system, right), dtype=np.float64)
         except np.linalg.LinAlgError:
             continue
         step, multipliers = answer[:3], answer[3:] * weight

@@ -38,7 +38,7 @@ class Readings:
 
     def counts(self, force: NDArray[np.floating[Any]]) -> Array:
         """Return exact counts of contact forces [N], (n, m, 3) to (n, 20)."""
-        flat = np.asarray(force, np.float64).reshape(len(force), -1)
+        flat = np.asarray(force, np.float64).reshape(len(force), self.matrix.shape[1])
         return flat @ self.matrix.T + self.rest
 
     def sense(

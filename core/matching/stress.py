@@ -27,6 +27,7 @@ Search = Callable[[Array, ServoLimits], Minimum]
 HOVER = 0.4e-3  # [m] between disc and skin while nothing is touched
 NOTHING = 1e-12  # targets below this share of the table's strongest stimulus are no touch
 PROMISE = 0.85  # a table entry must leave less than this share of a mismatch to be tried
+MISTRUST = 0.5  # of the target: a learned model farther from the true contact at its own pose is not believed
 WORTHWHILE = 0.05  # of the cost: for less than that the device does not jump
 LONGEST_WAIT = 32  # frames between two tries of the table while they fail
 TABLE_TILTS = np.radians([-24.0, -16.0, -8.0, 0.0, 8.0, 16.0, 24.0])
@@ -118,6 +119,9 @@ class StressMatcher:
         hover: distance kept from the skin while nothing is touched [m].
         table: to start from; made where None.
 
+    Attributes:
+        rescues: frames since the last reset in which a learned model was wrong and the direct search took its place.
+
     Raises:
         DermisError: the servo limits exclude first contact, or model and readout have different components.
     """
@@ -145,6 +149,7 @@ class StressMatcher:
         self._pressed = False
         self._moved = np.zeros(3)
         self._wait, self._patience = 0, 1
+        self.rescues = 0
 
     def step(self, target: Array, search: Search | None = None) -> ThimbleFrame:
         """Find the pose for the next frame's target, shape (k,), and renew the friction state.
@@ -171,8 +176,14 @@ class StressMatcher:
             x = minimum.x
         else:
             x = self._retracted(limits)
-        solution = self._settle(x, searched=minimum is not None and search is None)
-        stimulus = self.direct.readout @ solution.spread(self.contact.count).ravel()
+        solution = self._contact_at(x, searched=minimum is not None and search is None)
+        stimulus = self._stimulus(solution)
+        if minimum is not None and search is None and self.model is not self.direct:
+            away = float(np.linalg.norm(stimulus - minimum.stimulus))
+            if away > MISTRUST * size:
+                minimum, x, solution, stimulus = self._rescued(target, limits, minimum, x, solution, stimulus)
+                searches += 1
+        self._settle(solution)
         miss = stimulus - target
         self._moved = x - self.x if minimum is not None and followed else np.zeros(3)
         self.x, self.angles = x, self._angles(x)
@@ -215,16 +226,38 @@ class StressMatcher:
         ahead = self.x + self._moved
         return ahead if self._moved.any() and self._allowed(ahead, limits) else self.x
 
-    def _settle(self, x: Array, *, searched: bool) -> DiscSolution:
-        """Renew the friction state with the pose fixed."""
+    def _rescued(
+        self, target: Array, limits: ServoLimits, minimum: Minimum, x: Array, solution: DiscSolution, stimulus: Array
+    ) -> tuple[Minimum, Array, DiscSolution, Array]:
+        """Search directly where a learned model was far from the contact that its pose made, and keep the better."""
+        learned, self.model = self.model, self.direct
+        try:
+            other, _ = self._search(target, limits)
+            found = self.direct.solution(other.x)
+        finally:
+            self.model = learned
+        if other.mismatch >= float(np.linalg.norm(stimulus - target)):
+            return minimum, x, solution, stimulus
+        self.rescues += 1
+        return other, other.x, found, self._stimulus(found)
+
+    def _stimulus(self, solution: DiscSolution) -> Array:
+        out: Array = self.direct.readout @ solution.spread(self.contact.count).ravel()
+        return out
+
+    def _contact_at(self, x: Array, *, searched: bool) -> DiscSolution:
+        """Return the contact at the pose chosen, from the friction state before it."""
         if searched and self.model is self.direct:
             solution = self.direct.solution(x)  # the search tried this very pose
         else:
             self.contact.hold(self.state)
             solution = self.contact.solve(placed(self.device, self.device.pose(x)))
+        return solution
+
+    def _settle(self, solution: DiscSolution) -> None:
+        """Renew the friction state with the pose fixed."""
         self._pressed = solution.touching
         self.state = self.contact.settle(solution) if self._pressed else FrictionState.rest(self.contact.count)
-        return solution
 
     def _retracted(self, limits: ServoLimits) -> Array:
         """Return the pose that hovers under the skin at the tilt held last."""

@@ -265,7 +265,7 @@ def serve(protocol: str, wire: Wire, at: str, options: dict[str, float], *, ever
             due += every
             print(json.dumps({**device.report(), "at": time.perf_counter()}), flush=True)
             if hasattr(device, "early_most"):  # of each interval by itself, so that a drift shows
-                device.early_least, device.early_most = math.inf, -math.inf
+                vars(device).update(early_least=math.inf, early_most=-math.inf)
     print(json.dumps({**device.report(), "ended": True}), flush=True)
     return 0
 

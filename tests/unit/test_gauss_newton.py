@@ -61,7 +61,8 @@ def test_the_minimum_at_a_servo_limit_equals_a_general_solver(device):
         )
         other = minimize(
             lambda y, to: 0.5 * ((y - to) ** 2).sum(), NEUTRAL / scale, (goal,), jac=lambda y, to: y - to,
-            method="SLSQP", constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale)[0]}, options={"ftol": 1e-13},
+            method="SLSQP", constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale)[0]},
+            options={"ftol": 1e-13},
         )  # fmt: skip
         assert found.room.min() >= 0.0 and found.active
         assert found.kkt < 0.02

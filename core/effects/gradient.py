@@ -98,13 +98,25 @@ def gradient(
                 ahead, behind = flat[first + stride : last + stride], flat[first - stride : last - stride]
                 np.subtract(ahead, behind, out=part, casting="same_kind")
                 part *= np.float32(0.5 * factor)
-    for ends, lines, factor in ((out[0].T, surface.T, factors[0]), (out[1], surface, factors[1])):
-        if len(lines) < 2:
-            ends[...] = 0.0
-        else:
-            ends[0] = (lines[1] - lines[0]) * factor
-            ends[-1] = (lines[-1] - lines[-2]) * factor
+    _border(out[1], surface, factors[1])
+    if rows < 2 or columns < 4:
+        _border(out[0].T, surface.T, factors[0])
+        return out
+    # A row's last pixel and the next row's first are neighbours in memory: both columns in one visit a row.
+    seams = flat[columns - 2 : -2].reshape(rows - 1, columns)[:, :4].copy()
+    targets[0][columns - 1 : -1].reshape(rows - 1, columns)[:, :2] = (seams[:, 1::2] - seams[:, ::2]) * factors[0]
+    out[0, 0, 0] = (surface[0, 1] - surface[0, 0]) * factors[0]
+    out[0, -1, -1] = (surface[-1, -1] - surface[-1, -2]) * factors[0]
     return out
+
+
+def _border(slopes: Map, lines: NDArray[np.floating], factor: float) -> None:
+    """Write the one-sided slopes of the first and the last line, across lines."""
+    if len(lines) < 2:
+        slopes[...] = 0.0
+    else:
+        slopes[0] = (lines[1] - lines[0]) * factor
+        slopes[-1] = (lines[-1] - lines[-2]) * factor
 
 
 def steepest(slopes: Map) -> float:

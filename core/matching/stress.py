@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +21,11 @@ from ..devices.thimble import Thimble
 from ..errors import DermisError
 from ..surrogate.forward import DirectModel, ForwardModel
 from .gauss_newton import Minimum, ServoLimits, minimise
+from .thimble_use import HOVER
 
 Array = NDArray[np.float64]
 Search = Callable[[Array, ServoLimits], Minimum]
 
-HOVER = 0.4e-3  # [m] between disc and skin while nothing is touched
 NOTHING = 1e-12  # targets below this share of the table's strongest stimulus are no touch
 PROMISE = 0.85  # a table entry must leave less than this share of a mismatch to be tried
 MISTRUST = 0.5  # of the target: a learned model farther from the true contact at its own pose is not believed
@@ -150,6 +151,14 @@ class StressMatcher:
         self._moved = np.zeros(3)
         self._wait, self._patience = 0, 1
         self.rescues = 0
+
+    def save(self) -> tuple[Any, ...]:
+        """Return all that the next frame depends on."""
+        return (self.x, self.angles, self.state, self._pressed, self._moved, self._wait, self._patience)
+
+    def restore(self, saved: tuple[Any, ...]) -> None:
+        """Go back to where `save` was called."""
+        self.x, self.angles, self.state, self._pressed, self._moved, self._wait, self._patience = saved
 
     def step(self, target: Array, search: Search | None = None) -> ThimbleFrame:
         """Find the pose for the next frame's target, shape (k,), and renew the friction state.

@@ -69,6 +69,11 @@ def device_key(device: Thimble) -> str:
     return cache_key(json.dumps({k: np.asarray(v).tolist() for k, v in asdict(device).items()}, sort_keys=True))[:32]
 
 
+def place_of(folder: Path, skin: SkinModel, device: Thimble, friction: float) -> Path:
+    """Return where a folder of adaptations keeps the one for a skin's shape, a device and a friction."""
+    return Path(folder) / f"{cache_key(SCHEMA, skin.key, device_key(device), repr(float(friction)))[:32]}.npz"
+
+
 def contact_of(device: Thimble, skin: SkinModel, friction: float) -> DiscContact:
     """Return the device's disc against a skin."""
     return DiscContact(skin.compliance, skin.positions, Disc(radius=device.disc_radius), friction)
@@ -140,8 +145,8 @@ def save(path: Path, surrogate: Surrogate) -> tuple[Path, Path]:
     arrays["readout"] = spaces.readout
     arrays.update({f"ridge_{n}": getattr(surrogate.ridge, n) for n in _RIDGE})
     tables, graph = Path(path).with_suffix(".npz"), Path(path).with_suffix(".onnx")
-    write_npz(tables, arrays)
     onnx.write(graph, surrogate.network, meta)
+    write_npz(tables, arrays)  # last: a surrogate is there when its tables are
     return tables, graph
 
 
@@ -153,6 +158,10 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
     """
     tables, graph = Path(path).with_suffix(".npz"), Path(path).with_suffix(".onnx")
     where = str(tables)
+    for path in (tables, graph):
+        if not path.is_file():
+            raise DermisError("no surrogate was adapted to this finger", where=str(path), limit="a .npz and a .onnx",
+                              remedy="Adapt one to this finger, or use the direct method")  # fmt: skip
     try:
         with np.load(tables, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
@@ -169,42 +178,6 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
         _same(meta, name, wanted, where)
     network = onnx.OnnxFit(graph, {n: expected[n] for n in ("skin", "device", "friction")})
     return Surrogate(Descriptors(spaces["stress"], readout, spaces["friction"]), ridge, network, meta)
-
-
-def adapt_job(
-    arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Callable[[int, int], None]
-) -> dict[str, NDArray[Any]]:
-    """Make and save a surrogate in a child process.
-
-    Args:
-        parameters: 'device' (preset as read), 'device_key', 'skin' (parameters in SI), 'level', 'friction', 'path', and
-            optionally 'trajectories', 'iterations'.
-
-    Returns:
-        'errors': test errors of ridge and network.
-    """
-    from ..devices.spec import from_preset
-    from ..devices.thimble import mechanism
-    from ..skin.model import skin_from_parameters
-
-    device = mechanism(from_preset(str(parameters.get("device_key", "thimble")), parameters["device"]))
-    skin = skin_from_parameters(parameters["skin"], level=parameters.get("level", "standard"))
-    wanted = {n: int(parameters[n]) for n in ("trajectories", "iterations") if n in parameters}
-    shares = {"dataset": (0, 600), "descriptors": (600, 620), "training": (620, 1000)}
-
-    def tell(stage: str, done: int, total: int) -> None:
-        low, high = shares[stage]
-        report(low + (high - low) * done // max(total, 1), 1000)
-
-    steps = adapt(device, skin, float(parameters["friction"]), report=tell, **wanted)
-    while True:
-        try:
-            tell(*next(steps))
-        except StopIteration as stop:
-            made: Surrogate = stop.value
-            break
-    save(Path(parameters["path"]), made)
-    return {"errors": np.array([made.meta["ridge_error"], made.meta["network_error"]])}
 
 
 def _same(meta: Mapping[str, Any], name: str, wanted: Any, where: str) -> None:

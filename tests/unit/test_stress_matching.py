@@ -200,7 +200,7 @@ def test_rendering_fills_the_track_at_the_devices_rate(skin):
     felt = SkinTouch(skin, times, times * 30, contact, forces[contact].astype(np.float32), zero, zero, zero, zero,
                      zero.astype(np.int32), zero.astype(np.int32), (), {})  # fmt: skip
     scene = TactileScene("s", Fraction(30), (0, 30), 30.0, (Finger("index"),), (), (), ())
-    use = DeviceUse("thimble_3rrs", {"method": "network", "surrogate": "/nowhere/at/all"})
+    use = DeviceUse("thimble_3rrs", {"thimble_method": "network", "thimble_surrogate": "/nowhere/at/all"})
     out = render(None, scene, 0, use, spec, felt)  # type: ignore[arg-type]
     assert [f.code for f in out.findings][0] == "surrogate"  # and the direct method did the work
     assert len(out.track.times) == 101 and out.track.values.shape == (101, 6)

@@ -7,17 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.devices.disc import FrictionState
+from core.devices.disc import FrictionState, placed
 from core.devices.thimble import mechanism
 from core.errors import DermisError
+from core.matching.adapt import adapt_job
 from core.matching.thimble import describe, finish, match_sequence
+from core.matching.thimble_use import fitted, prepare
 from core.presets import Library
-from core.skin.model import fingertip_skin
+from core.skin.model import fingertip_skin, skin_from_parameters
 from core.surrogate.dataset import MAX_FORCE, drain, record, split
 from core.surrogate.forward import DirectModel
 from core.surrogate.learned import LearnedModel, descriptors
 from core.surrogate.ridge import fit_ridge
-from core.surrogate.store import adapt, adapt_job, contact_of, load, save
+from core.surrogate.store import adapt, contact_of, load, place_of, save
 from core.surrogate.table import relative_rms
 from tests import touches
 
@@ -165,16 +167,49 @@ def test_damaged_tables_are_refused(tmp_path, skin, device, small):
         load(tmp_path / "mine", skin, device, 0.6)
 
 
-def test_a_job_makes_the_files(tmp_path):
+def test_a_job_makes_the_files_where_the_finger_looks_for_them(tmp_path, device):
     pytest.importorskip("onnxruntime")
     library, told = Library(), []
+    spec, skin = library.device("thimble_3rrs"), skin_from_parameters(library.skin("index_medium"), level="draft")
     parameters = {
         "device": library.load("devices", "thimble_3rrs"), "skin": library.skin("index_medium"), "level": "draft",
-        "friction": 0.6, "path": str(tmp_path / "mine"), "trajectories": 30, "iterations": 5,
+        "folder": str(tmp_path), "trajectories": 30, "iterations": 5,
     }  # fmt: skip
-    errors = adapt_job({}, parameters, lambda done, total: told.append(done / total))["errors"]
-    assert errors.shape == (2,) and (tmp_path / "mine.onnx").is_file() and (tmp_path / "mine.npz").is_file()
+    out = adapt_job({}, parameters, lambda done, total: told.append(done / total))
+    assert out["errors"].shape == (2,) and (out["errors"] > 0).all()
     assert told == sorted(told) and told[-1] == 1.0
+    assert sorted(p.suffix for p in tmp_path.iterdir()) == [".npz", ".onnx"]
+    assert place_of(tmp_path, skin, device, 0.6).is_file()
+    use = {"thimble_method": "ridge", "thimble_surrogate": str(tmp_path)}
+    used = prepare(spec, skin, use)
+    assert used.method == "ridge" and not used.findings and used.learned.size == len(used.readout)
+    # another person's stiffness needs no new one, another person's shape does
+    assert prepare(spec, skin.with_material(alpha=0.7), use).method == "ridge"
+    other = prepare(spec, skin_from_parameters(library.skin("little_medium"), level="draft"), use)
+    assert other.method == "stress" and "no surrogate was adapted" in other.findings[0].what
+    assert "direct method" in other.findings[0].remedy
+
+
+@pytest.mark.parametrize("method", ["network", "ridge"])
+def test_without_a_surrogate_the_direct_method_goes_on_and_says_so(tmp_path, skin, method):
+    spec = Library().device("thimble_3rrs")
+    for where in ("", str(tmp_path), str(tmp_path / "none.npz")):
+        used = prepare(spec, skin, {"thimble_method": method, "thimble_surrogate": where})
+        assert used.method == "stress" and used.findings[0].code == "surrogate" and used.learned is None
+
+
+def test_a_calibrated_thimble_touches_where_the_person_feels_it(skin, device):
+    spec = Library().device("thimble_3rrs")
+    felt = {"thimble_calibrated": True, "thimble_felt_1": 0.1, "thimble_felt_2": 0.12, "thimble_felt_3": 0.05}
+    fitted_device, _ = fitted(spec, skin, felt)
+    contact = contact_of(fitted_device, skin, 0.6)
+    x = fitted_device.forward(np.array([0.1, 0.12, 0.05]) + fitted_device.servo_zero, (0.0, 0.0, 0.018))
+    assert contact.gap(placed(fitted_device, fitted_device.pose(x))).min() == pytest.approx(0.0, abs=1e-9)
+    assert fitted(spec, skin, {**felt, "thimble_calibrated": False})[0].mount[2, 3] == device.mount[2, 3]
+    with pytest.raises(DermisError, match="outside the servos' range"):
+        fitted(spec, skin, {**felt, "thimble_felt_2": 1.0})
+    with pytest.raises(DermisError, match="wait at that distance"):
+        prepare(spec, skin, {"thimble_hover": 0.05})
 
 
 def test_a_learned_model_matches_nearly_as_well(skin, device, data):

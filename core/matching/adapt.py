@@ -1,0 +1,54 @@
+"""Adaptation: a finger's own surrogate, made in a child process and put where `prepare` finds it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices.spec import from_preset
+from ..skin.model import skin_from_parameters
+from ..surrogate.store import Surrogate, adapt, place_of, save
+from .thimble_use import fitted
+
+SHARES = {"dataset": (0, 600), "descriptors": (600, 620), "training": (620, 1000)}  # of the time, in thousandths
+
+
+def adapt_job(
+    arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Callable[[int, int], None]
+) -> dict[str, NDArray[Any]]:
+    """Make a surrogate and put it into a folder; a job for a child process.
+
+    Args:
+        parameters: 'device' (preset as read), 'device_key', 'skin' (parameters in SI), 'level', 'folder', and
+            optionally 'use' (calibration to the person, see `fitted`), 'trajectories', 'iterations'.
+
+    Returns:
+        'errors': test errors of ridge and network, shape (2,); 'samples': how many there were.
+
+    Raises:
+        DermisError: a preset or skin that cannot be used, or servo limits that exclude contact.
+    """
+    spec = from_preset(str(parameters.get("device_key", "thimble")), parameters["device"])
+    # what is learned is proportional to stiffness: one surrogate serves a finger whatever its personal factor
+    skin = skin_from_parameters(parameters["skin"], level=str(parameters.get("level", "standard")))
+    device, friction = fitted(spec, skin, parameters.get("use", {}))
+    wanted = {n: int(parameters[n]) for n in ("trajectories", "iterations") if n in parameters}
+
+    def tell(stage: str, done: int, total: int) -> None:
+        low, high = SHARES[stage]
+        report(low + (high - low) * done // max(total, 1), 1000)
+
+    steps = adapt(device, skin, friction, report=tell, **wanted)
+    while True:
+        try:
+            tell(*next(steps))
+        except StopIteration as stop:
+            made: Surrogate = stop.value
+            break
+    save(place_of(Path(parameters["folder"]), skin, device, friction), made)
+    meta = made.meta
+    return {"errors": np.array([meta["ridge_error"], meta["network_error"]]), "samples": np.array(meta["samples"])}

@@ -1,0 +1,70 @@
+"""What a thimble does over a sequence of touches, and how well that matches."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .stress import ThimbleFrame
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ThimbleSequence:
+    """What the device shall do over a sequence, and how well that matches.
+
+    Attributes:
+        x: pitch, roll [rad], distance [m], shape (n, 3). angles: of the servos from neutral [rad], shape (n, 3).
+        force: of the device on the skin [N], float32, shape (n, m, 3).
+        mismatch: |rendered - target| / |target| in the method's own descriptor, 0 without touch, shape (n,).
+        kkt: optimality of the search, shape (n,). iterations, evaluations: of it, shape (n,).
+        pressing: the disc touches, shape (n,). wanted: the target is a touch, shape (n,).
+        held_back: a servo limit was active, shape (n,).
+        method: which one.
+        predicted: stimulus that the search expected, in its model's components, shape (n, k); zeros without touch. None
+            for 'force' and 'geometry', which look for something else.
+    """
+
+    x: Array
+    angles: Array
+    force: NDArray[np.float32]
+    mismatch: Array
+    kkt: Array
+    iterations: NDArray[np.int64]
+    evaluations: NDArray[np.int64]
+    pressing: NDArray[np.bool_]
+    wanted: NDArray[np.bool_]
+    held_back: NDArray[np.bool_]
+    method: str
+    predicted: Array | None = None
+
+
+def collect(frames: list[ThimbleFrame], nodes: int, method: str) -> ThimbleSequence:
+    """Collect frames; `nodes` is the number of pad nodes."""
+    found = [f.minimum for f in frames]
+    predicted = None
+    if method not in ("force", "geometry"):
+        predicted = np.array([np.zeros_like(f.stimulus) if f.minimum is None else f.minimum.stimulus for f in frames])
+    return ThimbleSequence(
+        np.array([f.x for f in frames]), np.array([f.angles for f in frames]),
+        np.array([f.solution.spread(nodes) for f in frames], np.float32), np.array([f.mismatch for f in frames]),
+        np.array([0.0 if m is None else m.kkt for m in found]),
+        np.array([0 if m is None else m.iterations for m in found]),
+        np.array([0 if m is None else m.evaluations for m in found]),
+        np.array([f.touching for f in frames]), np.array([m is not None for m in found]),
+        np.array([m is not None and bool(m.active) for m in found]), method, predicted,
+    )  # fmt: skip
+
+
+def finish(steps: Generator[tuple[int, int], None, ThimbleSequence]) -> ThimbleSequence:
+    """Run a matching to its end."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as stop:
+            found: ThimbleSequence = stop.value
+            return found

@@ -1,0 +1,119 @@
+"""How a thimble is used on one finger: the mechanism as it sits on the person, the method, and its learned model.
+
+Everybody who needs to know what a finger's thimble does (bake, preview, plot, adaptation) asks here, so that all of
+them speak of the same device.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices.disc import calibrated
+from ..devices.spec import DeviceSpec
+from ..devices.thimble import Thimble, mechanism
+from ..errors import DermisError, Finding
+from ..skin.model import SkinModel
+from ..surrogate.forward import ForwardModel
+from ..surrogate.store import contact_of, load, place_of
+
+Array = NDArray[np.float64]
+
+METHODS = ("stress", "network", "ridge", "force", "geometry")
+LEARNED = ("network", "ridge")
+FRICTION = 0.6  # between disc and skin, of a preset that does not say
+HOVER = 0.4e-3  # [m] between disc and skin while nothing is touched
+LARGEST_HOVER = 5e-3  # [m] more would be out of reach of most mechanisms
+
+
+@dataclass(frozen=True, eq=False)
+class ThimbleUse:
+    """A thimble on one finger.
+
+    Attributes:
+        device: the mechanism, mounted as it sits on this person.
+        skin: what it presses on. friction: between both. hover: distance kept while nothing is touched [m].
+        method: one of `METHODS`, after a learned one that cannot be used was replaced.
+        readout: stress components that the learned model speaks of; None where the device's own are meant.
+        learned: the model of 'network' and 'ridge'; None for the others.
+        findings: what was replaced, and why.
+    """
+
+    device: Thimble
+    skin: SkinModel
+    friction: float
+    hover: float
+    method: str
+    readout: Array | None
+    learned: ForwardModel | None
+    findings: tuple[Finding, ...]
+
+
+def fitted(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any]) -> tuple[Thimble, float]:
+    """Return a preset's mechanism as it sits on a person, and the friction of its disc.
+
+    Parameters of the use: 'thimble_calibrated' (bool) and 'thimble_felt_1' to '_3', the servo angles from neutral at
+    which the person first feels the disc [rad].
+
+    Raises:
+        DermisError: a preset that cannot be built, or angles that no pose of the platform has.
+    """
+    device, friction = mechanism(spec), float(spec.parameters.get("skin_friction", FRICTION))
+    if not parameters.get("thimble_calibrated", False):
+        return device, friction
+    felt = np.array([float(parameters.get(f"thimble_felt_{i}", 0.0)) for i in (1, 2, 3)])
+    if not np.isfinite(felt).all() or np.abs(felt).max() > device.servo_range:
+        raise DermisError("the first contact was felt outside the servos' range", where=f"{spec.key}, calibration",
+                          value=", ".join(f"{np.degrees(a):.1f}" for a in felt) + " deg",
+                          limit=f"+-{np.degrees(device.servo_range):.3g} deg")  # fmt: skip
+    return calibrated(device, contact_of(device, skin, friction), felt), friction
+
+
+def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], where: str = "thimble") -> ThimbleUse:
+    """Return how a thimble is used.
+
+    Parameters of the use, besides those of `fitted`: 'thimble_method' (see `METHODS`, default 'stress');
+    'thimble_surrogate', for 'network' and 'ridge', the path of its files or of the folder that adaptations are kept
+    in; 'thimble_hover' [m].
+
+    Where a surrogate cannot be used, a finding says why and the direct method takes its place.
+
+    Raises:
+        DermisError: an unknown method, a hover out of range, or what `fitted` raises.
+    """
+    device, friction = fitted(spec, skin, parameters)
+    method, hover = str(parameters.get("thimble_method", "stress")), float(parameters.get("thimble_hover", HOVER))
+    if method not in METHODS:
+        raise DermisError("unknown method", where=where, value=method, limit=", ".join(METHODS))
+    if not 0.0 < hover <= LARGEST_HOVER:
+        raise DermisError("the disc cannot wait at that distance", where=where, value=f"{1e3 * hover:g} mm",
+                          limit=f"above 0, up to {1e3 * LARGEST_HOVER:g} mm")  # fmt: skip
+    if method not in LEARNED:
+        return ThimbleUse(device, skin, friction, hover, method, None, None, ())
+    try:
+        made = load(surrogate_path(parameters, skin, device, friction), skin, device, friction)
+        readout, learned = made.descriptors.readout, made.model(skin, method)
+    except DermisError as error:
+        finding = Finding("warning", "surrogate", f"the direct method was used: {error.what}", where, error.value,
+                          error.limit, error.remedy)  # fmt: skip
+        return ThimbleUse(device, skin, friction, hover, "stress", None, None, (finding,))
+    return ThimbleUse(device, skin, friction, hover, method, readout, learned, ())
+
+
+def surrogate_path(parameters: Mapping[str, Any], skin: SkinModel, device: Thimble, friction: float) -> Path:
+    """Return where a use's surrogate should be: the file that is named, or this skin's own in the folder named.
+
+    Raises:
+        DermisError: none is named.
+    """
+    given = str(parameters.get("thimble_surrogate", ""))
+    if not given:
+        raise DermisError("no surrogate was adapted to this finger", where="thimble",
+                          remedy="Adapt one to this finger, or use the direct method")  # fmt: skip
+    path = Path(given)
+    return place_of(path, skin, device, friction) if path.is_dir() else path

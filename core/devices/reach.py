@@ -1,0 +1,81 @@
+"""Reach: where a thimble's platform can go, as curves to draw and as figures to read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from .thimble import Thimble
+
+Array = NDArray[np.float64]
+
+STEEPEST = np.radians(60.0)  # of tilt that is looked at
+HALVINGS = 14  # of an interval in the search for a limit: 0.004 degrees, 1 um
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """What a platform can reach, tilted from level at several distances.
+
+    Attributes:
+        distance: of the platform from the base [m], rising, shape (d,).
+        direction: of tilt about the base's Z, 0 is pitch, 90 degrees roll [rad], shape (a,).
+        tilt: the largest in each direction at each distance [rad], shape (d, a).
+    """
+
+    distance: Array
+    direction: Array
+    tilt: Array
+
+    def configurations(self, level: int) -> Array:
+        """Return the poses on the limit at a distance, shape (a, 3)."""
+        tilt, distance = self.tilt[level], np.full(len(self.direction), self.distance[level])
+        return np.stack([tilt * np.cos(self.direction), tilt * np.sin(self.direction), distance], axis=1)
+
+
+def distance_range(device: Thimble, around: float, pitch: float = 0.0, roll: float = 0.0) -> tuple[float, float]:
+    """Return the smallest and largest distance that the platform reaches at a tilt [m].
+
+    Args:
+        around: a distance that it does reach.
+
+    Raises:
+        DermisError: it does not reach that one.
+    """
+    if not device.feasible((pitch, roll, around)):
+        raise DermisError("the platform does not reach this pose", where="thimble", value=f"{1e3 * around:.2f} mm",
+                          limit=f"servos within {np.degrees(device.servo_range):.3g} deg")  # fmt: skip
+    start, out = np.array([pitch, roll, around]), device.crank + device.rod  # farther than that no leg goes
+    low, high = (_edge(device, start, np.array([0.0, 0.0, sign]), out) for sign in (-1.0, 1.0))
+    return around - low, around + high
+
+
+def reach(device: Thimble, around: float, levels: int = 9, directions: int = 48) -> Reach:
+    """Return the limits of tilt at several distances; `around` is a distance that the level platform reaches.
+
+    Raises:
+        DermisError: the level platform does not reach `around`.
+    """
+    low, high = distance_range(device, around)
+    margin = 0.02 * (high - low)  # at the very ends there is no tilt left
+    distance: Array = np.linspace(low + margin, high - margin, levels)
+    direction: Array = np.arange(directions) * (2 * np.pi / directions)
+    ways = np.stack([np.cos(direction), np.sin(direction), np.zeros(directions)], axis=1)
+    tilt = np.array([[_edge(device, np.array([0.0, 0.0, z]), way, STEEPEST) for way in ways]
+                     for z in distance.tolist()], np.float64)  # fmt: skip
+    return Reach(distance, direction, tilt)
+
+
+def _edge(device: Thimble, start: Array, way: Array, most: float) -> float:
+    """Return how far the platform can go along a way, up to `most`."""
+    low, step = 0.0, most / 24
+    while low + step <= most and device.feasible(start + (low + step) * way):
+        low += step
+    high = low + step
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if device.feasible(start + middle * way) else (low, middle)
+    return low

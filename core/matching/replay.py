@@ -1,0 +1,101 @@
+"""Replay: the forces on the skin while a device goes through given poses, from rest, with friction's memory.
+
+A bake keeps what the device does, not what that makes the skin feel; this works it out again, for any sample. Friction
+states are kept at intervals, so that going back a little costs a little.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices.disc import DiscSolution, FrictionState, placed
+from ..devices.spec import DeviceSpec
+from ..devices.thimble import Thimble
+from ..errors import DermisError
+from ..skin.model import SkinModel
+from ..surrogate.store import contact_of
+from ..track import CommandTrack
+
+Array = NDArray[np.float64]
+
+INTERVAL = 32  # samples between two states that are kept
+
+
+class Replay:
+    """A device that goes through poses on a skin.
+
+    Args:
+        device: the mechanism. skin: what it presses on. friction: Coulomb's coefficient.
+        x: pitch, roll [rad], distance [m] at every sample, shape (n, 3).
+
+    Raises:
+        DermisError: poses that are not finite or of another shape.
+    """
+
+    def __init__(self, device: Thimble, skin: SkinModel, friction: float, x: Array) -> None:
+        x = np.asarray(x, np.float64)
+        if x.ndim != 2 or x.shape[1:] != (3,) or not np.isfinite(x).all():
+            raise DermisError("poses are pitch, roll and distance, finite", where="replay", value=x.shape)
+        self.device, self.x, self.contact = device, x, contact_of(device, skin, friction)
+        self._states = {0: FrictionState.rest(self.contact.count)}  # before the sample
+        self._now = (0, self._states[0])
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    def forces(self, sample: int, ahead: Array | None = None) -> Array:
+        """Return the forces of the disc on the pad nodes at a sample [N], shape (m, 3).
+
+        Args:
+            ahead: a pose shortly after the sample to look at instead; friction remembers the sample itself.
+
+        Raises:
+            DermisError: no such sample.
+        """
+        if not 0 <= sample < len(self.x):
+            raise DermisError("no such sample", where="replay", value=sample, limit=f"0 to {len(self.x) - 1}")
+        state = self._before(sample)
+        solution = self._solved(state, self.x[sample])
+        after = self._after(solution)
+        self._now = (sample + 1, after)
+        if ahead is not None:
+            solution = self._solved(after, ahead)
+        return solution.spread(self.contact.count)
+
+    def _before(self, sample: int) -> FrictionState:
+        """Return the friction state that a sample begins with."""
+        start = max(k for k in self._states if k <= sample)
+        state = self._states[start]
+        if start < self._now[0] <= sample:
+            start, state = self._now
+        for i in range(start, sample):
+            state = self._after(self._solved(state, self.x[i]))
+            if (i + 1) % INTERVAL == 0:
+                self._states[i + 1] = state
+        return state
+
+    def _solved(self, state: FrictionState, x: Array) -> DiscSolution:
+        self.contact.hold(state)
+        return self.contact.solve(placed(self.device, self.device.pose(x)))
+
+    def _after(self, solution: DiscSolution) -> FrictionState:
+        return self.contact.settle(solution) if solution.touching else FrictionState.rest(self.contact.count)
+
+
+def configurations(track: CommandTrack, device: Thimble) -> Array:
+    """Return the poses that a track's servo angles hold the platform in, shape (n, 3).
+
+    Raises:
+        DermisError: the track has no servo channels, or angles that no pose has.
+    """
+    angles = np.stack([track.column(f"servo_{i}") for i in (1, 2, 3)], axis=1)
+    out, before = np.empty_like(angles), np.array([0.0, 0.0, reference_of(track.spec, device)])
+    for i, row in enumerate(angles):
+        out[i] = before = device.forward(row + device.servo_zero, before)
+    return out
+
+
+def reference_of(spec: DeviceSpec, device: Thimble) -> float:
+    """Return the distance at which the servos are in their middle [m]."""
+    return float(spec.parameters.get("reference_distance", device.mount[2, 3]))

@@ -46,14 +46,14 @@ def main(arguments: Sequence[str]) -> int:
 
 def render(options: argparse.Namespace) -> int:
     """Render a file's scene and write one CSV per finger and device."""
-    pipeline = import_module(".pipeline", core.__name__)
+    outputs = import_module(".outputs", core.__name__)
     scene = _open(options)
     made = jobs.drain(jobs.bake(scene, _library(options), span=_span(options)), _teller(options))
     _end_of_progress(options)
-    written = pipeline.export(made, Path(options.out), plots=options.plots)
+    written = outputs.export(made, Path(options.out), plots=options.plots)
     if options.maps:
         now = sampling.sample_now(scene, bpy.context.evaluated_depsgraph_get())
-        written += pipeline.export_screen_maps(now, _library(options), Path(options.out))
+        written += outputs.export_screen_maps(now, _library(options), Path(options.out))
     for path in written:
         print(path)
     return _status(made.all_findings)

@@ -22,12 +22,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .bake import Bake, Output, Progress
     from .cache import Cache, cache_key
     from .devices.spec import Channel, DeviceSpec
     from .errors import DermisError, Finding, worst
     from .formats.csv import read as read_csv
     from .formats.csv import write as write_csv
-    from .pipeline import Bake, Output, Progress, export, render, run
+    from .outputs import export
+    from .pipeline import render, run
     from .plot import write_png, write_svg
     from .presets import Library, PresetEntry
     from .scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene
@@ -60,10 +62,10 @@ _PUBLIC: dict[str, tuple[str, str]] = {
     # scene -> tracks
     "render": ("pipeline", "render"),
     "run": ("pipeline", "run"),
-    "export": ("pipeline", "export"),
-    "Bake": ("pipeline", "Bake"),
-    "Output": ("pipeline", "Output"),
-    "Progress": ("pipeline", "Progress"),
+    "export": ("outputs", "export"),
+    "Bake": ("bake", "Bake"),
+    "Output": ("bake", "Output"),
+    "Progress": ("bake", "Progress"),
     # tracks, their files and pictures
     "CommandTrack": ("track", "CommandTrack"),
     "read_csv": ("formats.csv", "read"),

@@ -13,8 +13,8 @@ from .errors import SEVERITIES, DermisError, Finding, worst
 from .version import version
 
 if TYPE_CHECKING:
+    from .bake import Bake, Progress
     from .matching.screen_map import ScreenMap
-    from .pipeline import Bake, Progress
     from .track import CommandTrack
 
 # What a child process may be asked to do: name -> module of this package, function.
@@ -41,18 +41,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def render(options: argparse.Namespace) -> int:
     """Render a sampled scene and write its tracks."""
-    from . import pipeline, scene_file
+    from . import outputs, pipeline, scene_file
     from .presets import Library
 
     scene, library = scene_file.load(options.scene), Library(options.presets)
     bake = _drain(pipeline.render(scene, library), quiet=options.quiet)
-    written = pipeline.export(bake, options.out, plots=options.plots)
+    written = outputs.export(bake, options.out, plots=options.plots)
     if options.maps:
-        written += pipeline.export_screen_maps(scene, library, options.out)
+        written += outputs.export_screen_maps(scene, library, options.out)
     for path in written:
         print(path)
     for form in options.format:
-        for name, output in zip(pipeline.file_names(bake), bake.outputs, strict=True):
+        for name, output in zip(outputs.file_names(bake), bake.outputs, strict=True):
             print(_export(output.track, options.out / name, form, options.force))
     for name in sorted(bake.skipped):
         if bake.skipped[name] and not options.quiet:

@@ -13,17 +13,17 @@ import time
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .bake import Bake, Output, Progress
+from .content_hash import ContentHash
 from .devices.spec import DeviceSpec
 from .errors import DermisError, Finding
 from .matching import SKIN_KINDS
 from .presets import Library
-from .scene import ContentHash, DeviceUse, TactileScene
-from .track import Array, CommandTrack
+from .scene import DeviceUse, TactileScene
 from .version import version
 
 if TYPE_CHECKING:
@@ -46,59 +46,6 @@ RENDERERS = {
     "cable_platform": "lookup",
     "hexapod": "lookup",
 }
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far the work is: `done` of `total` steps of the named stage."""
-
-    stage: str
-    done: int
-    total: int
-
-
-@dataclass(frozen=True)
-class Output:
-    """The track of one device on one finger.
-
-    Attributes:
-        finger, device: the finger's name and the preset's key.
-        track: what the device shall do, limited to what it can do.
-        signals: diagnostic series at the track's times, such as 'contact'.
-        findings: of the method and of the track's own check.
-    """
-
-    finger: str
-    device: str
-    track: CommandTrack
-    signals: Mapping[str, Array]
-    findings: tuple[Finding, ...]
-
-
-@dataclass(frozen=True)
-class Bake:
-    """Everything that one rendering of a scene gave.
-
-    Attributes:
-        outputs: one per finger and device, in the scene's order.
-        findings: of the scene as a whole; `all_findings` has those of the outputs too.
-        skipped: what was not computed because the scene did not need it, by name.
-        content_hash: hash of scene, device presets and version.
-        stage_seconds: run time of each stage [s].
-        skins: what the skin of each finger felt that shows it or wears a device that needs it, by finger's name.
-    """
-
-    outputs: tuple[Output, ...]
-    findings: tuple[Finding, ...]
-    skipped: Mapping[str, int]
-    content_hash: str
-    stage_seconds: Mapping[str, float] = field(default_factory=dict)
-    skins: Mapping[str, SkinTouch] = field(default_factory=dict)
-
-    @property
-    def all_findings(self) -> tuple[Finding, ...]:
-        """Findings of the scene and of every output."""
-        return self.findings + tuple(f for output in self.outputs for f in output.findings)
 
 
 def render(scene: TactileScene, library: Library, *, cache: Cache | None = None) -> Generator[Progress, None, Bake]:
@@ -152,80 +99,6 @@ def run(scene: TactileScene, library: Library | None = None) -> Bake:
         except StopIteration as stop:
             bake: Bake = stop.value
             return bake
-
-
-def export(bake: Bake, folder: Path, *, plots: bool = False) -> tuple[Path, ...]:
-    """Write one CSV per finger and device into a folder, and on request a PNG plot beside each.
-
-    Raises:
-        DermisError: nothing to export, or the folder cannot be written.
-    """
-    from .formats import csv
-
-    if not bake.outputs:
-        raise DermisError("no tracks to export", where=str(folder), remedy="Give a finger a device and bake again")
-    written = []
-    for name, output in zip(file_names(bake), bake.outputs, strict=True):
-        path = Path(folder) / f"{name}.csv"
-        csv.write(output.track, path)
-        written.append(path)
-        if plots:
-            from .plot import write_png
-
-            picture = path.with_suffix(".png")
-            write_png(output.track, picture, contact=output.signals.get("contact"))
-            written.append(picture)
-    return tuple(written)
-
-
-def export_screen_maps(scene: TactileScene, library: Library, folder: Path) -> tuple[Path, ...]:
-    """Write the map and the law of every screen device, for screens that answer to a real finger.
-
-    Only the scene's first chunk is read: where the screens stand then gives the scale.
-
-    Raises:
-        DermisError: no finger has a screen device, a map cannot be used, or the folder cannot be written.
-    """
-    from .matching.perceptual import screen_maps
-
-    wanted = [
-        (finger, use, spec)
-        for finger, use, spec in _wanted(scene, library, [])
-        if spec.kind == "friction_screen" and use.parameters.get("relief", "map") != "mesh"  # a mesh needs no map
-    ]
-    if not wanted:
-        raise DermisError(
-            "no finger has a screen device",
-            where=f"scene '{scene.name}'",
-            remedy="Add a touch screen, and an electrovibration device to the finger that touches it",
-        )
-    chunk = next(iter(scene.chunks))
-    written: dict[Path, None] = {}
-    for finger, use, spec in wanted:
-        for index, screen_map in screen_maps(scene, chunk.screens, use, spec).items():
-            stem = f"{_safe(scene.fingers[finger].name)}.{_safe(scene.screens[index].name)}.{use.preset}"
-            path = Path(folder) / f"{stem}.map.npz"
-            screen_map.save(path)
-            written[path] = None
-    return tuple(written)
-
-
-def _safe(name: str) -> str:
-    """Return a name that every file system takes."""
-    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
-
-
-def file_names(bake: Bake) -> tuple[str, ...]:
-    """Return a file stem per output: finger and device, safe on every file system, never the same twice."""
-    names: list[str] = []
-    for output in bake.outputs:
-        stem = name = f"{_safe(output.finger) or 'finger'}.{output.device}"
-        number = 2
-        while name.lower() in {n.lower() for n in names}:
-            name = f"{stem}-{number}"
-            number += 1
-        names.append(name)
-    return tuple(names)
 
 
 def _wanted(

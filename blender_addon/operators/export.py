@@ -40,7 +40,7 @@ class DERMIS_OT_export_tracks(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Write the files."""
-        errors, pipeline = core_module("errors"), core_module("pipeline")
+        errors, outputs = core_module("errors"), core_module("outputs")
         scene = context.scene
         folder = Path(bpy.path.abspath(self.directory or scene.dermis.output_dir))
         result = results.current(scene)
@@ -51,7 +51,7 @@ class DERMIS_OT_export_tracks(bpy.types.Operator):
             if not folder.is_absolute():
                 raise errors.DermisError("relative to a file that was never saved", where="output folder",
                                          value=str(folder), remedy="Save the file, or choose another folder")
-            written = list(pipeline.export(result.bake, folder, plots=self.plots)) if result.bake.outputs else []
+            written = list(outputs.export(result.bake, folder, plots=self.plots)) if result.bake.outputs else []
             written += results_skin.export(result.bake, folder)
             if not written:
                 raise errors.DermisError("neither tracks nor skins to export", where=str(folder),
@@ -129,11 +129,11 @@ class DERMIS_OT_export_screen_maps(bpy.types.Operator):
         """Write the files."""
         from .. import sampling
 
-        errors, pipeline = core_module("errors"), core_module("pipeline")
+        errors, outputs = core_module("errors"), core_module("outputs")
         folder = Path(bpy.path.abspath(self.directory or context.scene.dermis.output_dir))
         try:
             scene = sampling.sample_now(context.scene, context.evaluated_depsgraph_get())
-            written = pipeline.export_screen_maps(scene, library(), folder)
+            written = outputs.export_screen_maps(scene, library(), folder)
         except errors.DermisError as error:
             return reporting.report_error(self, error, "Export Screen Maps")
         self.report({"INFO"}, f"Wrote {len(written)} file{'' if len(written) == 1 else 's'} to {folder}")

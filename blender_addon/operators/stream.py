@@ -222,7 +222,7 @@ class DERMIS_OT_export_as(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Write the files."""
-        errors, formats, pipeline = core_module("errors"), core_module("formats.export"), core_module("pipeline")
+        errors, formats, outputs = core_module("errors"), core_module("formats.export"), core_module("outputs")
         folder = Path(bpy.path.abspath(self.directory))
         written: list[Path] = []
         found: list[Any] = []
@@ -232,7 +232,7 @@ class DERMIS_OT_export_as(bpy.types.Operator):
                 result = results.current(scene)
                 if result is None:
                     raise errors.DermisError("nothing has been baked", where=scene.name, remedy="Bake first")
-                stems = pipeline.file_names(result.bake)
+                stems = outputs.file_names(result.bake)
                 for stem, output in zip(stems, result.bake.outputs, strict=True):
                     if self.active_only and (context.object is None or output.finger != context.object.name):
                         continue

@@ -2,10 +2,10 @@
 
 import bpy
 
-from . import bake, choices, main, menus, object, pins, preview, skin, stream
+from . import bake, choices, main, material, menus, object, pins, preview, skin, stream
 
 CLASSES: tuple[type, ...] = (
-    *main.CLASSES, *object.CLASSES, *pins.CLASSES, *skin.OBJECT, *bake.RESULT, *skin.VIEW,
+    *main.CLASSES, *object.CLASSES, *material.CLASSES, *pins.CLASSES, *skin.OBJECT, *bake.RESULT, *skin.VIEW,
     *preview.CLASSES, *stream.CLASSES, *bake.SETTINGS, *menus.CLASSES
 )  # fmt: skip
 

@@ -6,23 +6,10 @@ import bpy
 
 from . import choices
 from .main import DermisPanel
-from .text import paragraph
+from .text import paragraph, properties, role
 
 DEVICE_ICONS = {"friction_screen": "DESKTOP", "pin_array": "LIGHTPROBE_VOLUME"}
 ICONS = {"FINGER": "VIEW_PAN", "TOUCHABLE": "MATERIAL", "SCREEN": "DESKTOP", "NONE": "OBJECT_DATA"}
-
-
-def _role(context: bpy.types.Context) -> str:
-    return context.object.dermis.role if context.object is not None else ""
-
-
-def _properties(layout: Any, group: Any, *names: str) -> Any:
-    column = layout.column()
-    column.use_property_split = True
-    column.use_property_decorate = True
-    for name in names:
-        column.prop(group, name)
-    return column
 
 
 class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
@@ -55,13 +42,13 @@ class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
             return
         row.operator("dermis.set_role", text="", icon="X", emboss=False).role = "NONE"
         if role == "FINGER":
-            _properties(layout, obj.dermis.finger, "touch_distance_mm")
+            properties(layout, obj.dermis.finger, "touch_distance_mm")
         elif role == "SCREEN":
             self._screen(context, obj.dermis.screen)
 
     def _screen(self, context: bpy.types.Context, screen: Any) -> None:
         layout = self.layout
-        column = _properties(layout, screen, "source")
+        column = properties(layout, screen, "source")
         if screen.source == "IMAGE":
             column.template_ID(screen, "image", new="image.new", open="image.open", text="Image")
             if screen.image is None:
@@ -109,7 +96,7 @@ class DERMIS_PT_devices(DermisPanel, bpy.types.Panel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Need a finger."""
-        return _role(context) == "FINGER"
+        return role(context) == "FINGER"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the list, and why the active device cannot be used."""
@@ -154,16 +141,16 @@ class DERMIS_PT_device(DermisPanel, bpy.types.Panel):
         """Draw what this kind of device can be told."""
         layout, finger = self.layout, context.object.dermis.finger
         device = finger.devices[finger.active_device]
-        _properties(layout, device, "preset")
+        properties(layout, device, "preset")
         kind = choices.kind_of(device.preset)
         if kind in ("shear_tactor", ""):
             column = layout.column(heading="Effects", align=True)
             column.use_property_split = True
             for name in ("use_transient", "use_texture", "use_weight", "use_content", "use_pattern"):
                 column.prop(device, name)
-            _properties(layout, device, "auto_range", "projection", "transient_axis", "weight_sign")
+            properties(layout, device, "auto_range", "projection", "transient_axis", "weight_sign")
         if kind in ("friction_screen", ""):
-            column = _properties(layout, device, "screen", "profile")
+            column = properties(layout, device, "screen", "profile")
             if device.profile == "slope":
                 column.prop(device, "downhill")
                 column.prop(device, "direction_window")
@@ -174,7 +161,7 @@ class DERMIS_PT_device(DermisPanel, bpy.types.Panel):
                 column.prop(device, "scale")
             column.prop(device, "carrier")
         if kind == "pin_array":
-            column = _properties(layout, device, "pin_method")
+            column = properties(layout, device, "pin_method")
             if device.pin_method.startswith("DM"):
                 column.prop(device, "pin_nodes")
             column.prop(device, "pin_bounded")
@@ -194,126 +181,17 @@ class DERMIS_PT_pattern(DermisPanel, bpy.types.Panel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Need a finger."""
-        return _role(context) == "FINGER"
+        return role(context) == "FINGER"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the pattern's settings."""
         finger = context.object.dermis.finger
-        column = _properties(self.layout, finger, "pattern")
+        column = properties(self.layout, finger, "pattern")
         if finger.pattern != "none":
             for name in ("pattern_play", "pattern_angle", "pattern_frequency", "pattern_amplitude", "pattern_repeat"):
                 column.prop(finger, name)
 
 
-class DERMIS_PT_material(DermisPanel, bpy.types.Panel):
-    """The haptic material of something touchable."""
-
-    bl_idname = "DERMIS_PT_material"
-    bl_label = "Haptic Material"
-    bl_parent_id = "DERMIS_PT_object"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a touchable object."""
-        return _role(context) == "TOUCHABLE"
-
-    def draw(self, context: bpy.types.Context) -> None:
-        """Draw preset and friction."""
-        material = context.object.dermis.material
-        title = next((e.name for e in choices.materials() if e.key == material.preset), material.preset)
-        self.layout.operator("dermis.choose_material", text=title or "From Preset", icon="PRESET")
-        _properties(self.layout, material, "friction", "surface_stiffness_mpa_m")
-
-
-class _Effect(DermisPanel):
-    """A part of the material with a switch in its header."""
-
-    bl_parent_id = "DERMIS_PT_material"
-    bl_options = {"DEFAULT_CLOSED"}
-    switch = ""
-    shown: tuple[str, ...] = ()
-
-    def draw_header(self, context: bpy.types.Context) -> None:
-        """Draw the switch."""
-        self.layout.prop(context.object.dermis.material, self.switch, text="")  # type: ignore[attr-defined]
-
-    def draw(self, context: bpy.types.Context) -> None:
-        """Draw the values, greyed while the switch is off."""
-        material = context.object.dermis.material
-        column = _properties(self.layout, material, *self.names(material))  # type: ignore[attr-defined]
-        column.active = getattr(material, self.switch)
-
-    def names(self, _material: Any) -> tuple[str, ...]:
-        """Return the properties to show."""
-        return self.shown
-
-
-class DERMIS_PT_transient(_Effect, bpy.types.Panel):
-    """Contact transient."""
-
-    bl_idname = "DERMIS_PT_transient"
-    bl_label = "Contact Transient"
-    switch = "transient_on"
-    shown = ("transient_amplitude", "transient_decay", "transient_frequency")
-
-
-class DERMIS_PT_texture(_Effect, bpy.types.Panel):
-    """Texture."""
-
-    bl_idname = "DERMIS_PT_texture"
-    bl_label = "Texture"
-    switch = "texture_on"
-    shown = ("texture_amplitude_x", "texture_amplitude_y", "texture_period_x_mm", "texture_period_y_mm",
-             "texture_speed_threshold_mm_s")  # fmt: skip
-
-
-class DERMIS_PT_weight(_Effect, bpy.types.Panel):
-    """Weight."""
-
-    bl_idname = "DERMIS_PT_weight"
-    bl_label = "Weight"
-    switch = "weight_on"
-    shown = ("weight_gravity", "weight_acceleration", "mass")
-
-
-class DERMIS_PT_content(_Effect, bpy.types.Panel):
-    """Content."""
-
-    bl_idname = "DERMIS_PT_content"
-    bl_label = "Content"
-    switch = "content_on"
-
-    def names(self, material: Any) -> tuple[str, ...]:
-        """Return the properties that this kind of content has."""
-        kind = material.content_kind
-        return ("content_kind", "content_amplitude",
-                *(("content_length_mm",) if kind in ("pendulum", "slosh") else ()),
-                *(("content_size_mm",) if kind in ("slosh", "loose") else ()),
-                *(("content_damping",) if kind != "child" else ()))  # fmt: skip
-
-
-class DERMIS_PT_held(DermisPanel, bpy.types.Panel):
-    """When the object counts as held."""
-
-    bl_idname = "DERMIS_PT_held"
-    bl_label = "Holding"
-    bl_parent_id = "DERMIS_PT_material"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Only weight and content need it."""
-        material = context.object.dermis.material
-        return bool(material.weight_on or material.content_on)
-
-    def draw(self, context: bpy.types.Context) -> None:
-        """Draw the rule and, where it is keyed, the switch."""
-        material = context.object.dermis.material
-        column = _properties(self.layout, material, "held_mode")
-        if material.held_mode == "keyed":
-            column.prop(material, "held")
-
-
 CLASSES: tuple[type, ...] = (
-    DERMIS_PT_object, DERMIS_UL_devices, DERMIS_PT_devices, DERMIS_PT_device, DERMIS_PT_pattern, DERMIS_PT_material,
-    DERMIS_PT_transient, DERMIS_PT_texture, DERMIS_PT_weight, DERMIS_PT_content, DERMIS_PT_held,
+    DERMIS_PT_object, DERMIS_UL_devices, DERMIS_PT_devices, DERMIS_PT_device, DERMIS_PT_pattern,
 )  # fmt: skip

@@ -34,3 +34,18 @@ def quantity(value: float, unit: str) -> str:
     if unit == "Hz":
         return f"{value:.0f} Hz"
     return f"{value:.4g} {unit}" if unit != "1" else f"{value:.4g}"
+
+
+def role(context: bpy.types.Context) -> str:
+    """Return what the active object is to Dermis; empty without one."""
+    return context.object.dermis.role if context.object is not None else ""
+
+
+def properties(layout: Any, group: Any, *names: str) -> Any:
+    """Draw properties one below the other, with dots for keyframes; return their column."""
+    column = layout.column()
+    column.use_property_split = True
+    column.use_property_decorate = True
+    for name in names:
+        column.prop(group, name)
+    return column

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from blender_addon import sampling, sampling_simulated
+from core.content_hash import ContentHash
 from core.motion import Motion
-from core.scene import ContentHash
 from tests.blender import build
 
 

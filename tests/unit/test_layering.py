@@ -51,6 +51,9 @@ MAY_IMPORT: dict[str, set[str]] = {
     "axes": set(),
     "plot": BASE | {"track", "canvas", "axes", "plot_pins"},
     "plot_pins": BASE | {"track", "canvas", "axes"},
+    "content_hash": BASE | {"scene"},
+    "bake": CONTACT | {"track"},
+    "outputs": MATCHING | {"bake", "formats", "plot"},
     "sliding": BASE | {"scene"},
     "work": BASE,
 }

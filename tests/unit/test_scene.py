@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from core.content_hash import ContentHash
 from core.errors import DermisError, Finding, worst
 from core.scene import (
     Body,
     Chunk,
-    ContentHash,
     Finger,
     Mesh,
     Screen,

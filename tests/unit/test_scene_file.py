@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from core.content_hash import ContentHash
 from core.errors import DermisError, Finding
-from core.scene import Body, Chunk, ContentHash, DeviceUse, Finger, Mesh, Screen, TactileScene, header
+from core.scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, header
 from core.scene_file import load, save
 
 TETRA = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], dtype=np.int32)

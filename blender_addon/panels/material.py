@@ -1,0 +1,122 @@
+"""What the active object feels like: friction, effects, and when it counts as held."""
+
+from typing import Any
+
+import bpy
+
+from . import choices
+from .main import DermisPanel
+from .text import properties, role
+
+
+class DERMIS_PT_material(DermisPanel, bpy.types.Panel):
+    """The haptic material of something touchable."""
+
+    bl_idname = "DERMIS_PT_material"
+    bl_label = "Haptic Material"
+    bl_parent_id = "DERMIS_PT_object"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a touchable object."""
+        return role(context) == "TOUCHABLE"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw preset and friction."""
+        material = context.object.dermis.material
+        title = next((e.name for e in choices.materials() if e.key == material.preset), material.preset)
+        self.layout.operator("dermis.choose_material", text=title or "From Preset", icon="PRESET")
+        properties(self.layout, material, "friction", "surface_stiffness_mpa_m")
+
+
+class _Effect(DermisPanel):
+    """A part of the material with a switch in its header."""
+
+    bl_parent_id = "DERMIS_PT_material"
+    bl_options = {"DEFAULT_CLOSED"}
+    switch = ""
+    shown: tuple[str, ...] = ()
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        """Draw the switch."""
+        self.layout.prop(context.object.dermis.material, self.switch, text="")  # type: ignore[attr-defined]
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the values, greyed while the switch is off."""
+        material = context.object.dermis.material
+        column = properties(self.layout, material, *self.names(material))  # type: ignore[attr-defined]
+        column.active = getattr(material, self.switch)
+
+    def names(self, _material: Any) -> tuple[str, ...]:
+        """Return the properties to show."""
+        return self.shown
+
+
+class DERMIS_PT_transient(_Effect, bpy.types.Panel):
+    """Contact transient."""
+
+    bl_idname = "DERMIS_PT_transient"
+    bl_label = "Contact Transient"
+    switch = "transient_on"
+    shown = ("transient_amplitude", "transient_decay", "transient_frequency")
+
+
+class DERMIS_PT_texture(_Effect, bpy.types.Panel):
+    """Texture."""
+
+    bl_idname = "DERMIS_PT_texture"
+    bl_label = "Texture"
+    switch = "texture_on"
+    shown = ("texture_amplitude_x", "texture_amplitude_y", "texture_period_x_mm", "texture_period_y_mm",
+             "texture_speed_threshold_mm_s")  # fmt: skip
+
+
+class DERMIS_PT_weight(_Effect, bpy.types.Panel):
+    """Weight."""
+
+    bl_idname = "DERMIS_PT_weight"
+    bl_label = "Weight"
+    switch = "weight_on"
+    shown = ("weight_gravity", "weight_acceleration", "mass")
+
+
+class DERMIS_PT_content(_Effect, bpy.types.Panel):
+    """Content."""
+
+    bl_idname = "DERMIS_PT_content"
+    bl_label = "Content"
+    switch = "content_on"
+
+    def names(self, material: Any) -> tuple[str, ...]:
+        """Return the properties that this kind of content has."""
+        kind = material.content_kind
+        return ("content_kind", "content_amplitude",
+                *(("content_length_mm",) if kind in ("pendulum", "slosh") else ()),
+                *(("content_size_mm",) if kind in ("slosh", "loose") else ()),
+                *(("content_damping",) if kind != "child" else ()))  # fmt: skip
+
+
+class DERMIS_PT_held(DermisPanel, bpy.types.Panel):
+    """When the object counts as held."""
+
+    bl_idname = "DERMIS_PT_held"
+    bl_label = "Holding"
+    bl_parent_id = "DERMIS_PT_material"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only weight and content need it."""
+        material = context.object.dermis.material
+        return bool(material.weight_on or material.content_on)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the rule and, where it is keyed, the switch."""
+        material = context.object.dermis.material
+        column = properties(self.layout, material, "held_mode")
+        if material.held_mode == "keyed":
+            column.prop(material, "held")
+
+
+CLASSES: tuple[type, ...] = (
+    DERMIS_PT_material, DERMIS_PT_transient, DERMIS_PT_texture, DERMIS_PT_weight, DERMIS_PT_content, DERMIS_PT_held,
+)  # fmt: skip

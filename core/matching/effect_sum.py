@@ -1,0 +1,328 @@
+"""EffectSum: what one finger feels of all bodies, effect by effect, added up before the tactor's plane limits it.
+
+Every effect has a switch per device and per object. What nothing switches on, and bodies that the finger never
+touches, are not computed; both are counted in `skipped`.
+
+Source: [S3] section 4
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contact.encounter import Encounter, turned, turned_back
+from ..contact.held import held, meet
+from ..contact.sampled import SampledTouch
+from ..devices.shear_tactor import ShearTactor
+from ..effects import content, patterns, texture, transient, weight
+from ..effects.defaults import BODY, FINGER
+from ..errors import DermisError, Finding
+from ..scene import DeviceUse, TactileScene
+
+Array = NDArray[np.float64]
+
+TRANSIENT_AXES = ("tilted", "printed")
+EFFECTS = ("transient", "texture", "weight", "content", "pattern")
+
+
+@dataclass
+class EffectSum:
+    """The displacement of one finger's tactor, effect by effect.
+
+    Attributes:
+        sum: in the finger's frame, as fractions of the range, shape (n, 3); None while nothing was added.
+        contact, held: whether the finger touches, and holds, something, shape (n,).
+    """
+
+    touch: SampledTouch
+    scene: TactileScene
+    finger: int
+    use: DeviceUse
+    tactor: ShearTactor
+    times: Array
+    findings: list[Finding] = field(default_factory=list)
+    skipped: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        options = self.use.parameters
+        self.axis = str(options.get("transient_axis", "tilted"))
+        self.sign = str(options.get("weight_sign", "paper"))
+        for name, value, allowed in (("transient_axis", self.axis, TRANSIENT_AXES),
+                                     ("weight_sign", self.sign, tuple(weight.SIGNS))):  # fmt: skip
+            if value not in allowed:
+                raise DermisError(f"unknown {name}", where=self._where, value=value, limit=", ".join(allowed))
+        self.uses = {effect: bool(options.get(f"use_{effect}", True)) for effect in EFFECTS}
+        count = len(self.times)
+        self.sum: Array | None = None
+        self.contact = np.zeros(count, dtype=bool)
+        self.held = np.zeros(count, dtype=bool)
+
+    def body(self, b: int) -> None:
+        """Add what the finger feels of one body."""
+        met = meet(self.touch, self.scene, self.finger, b, self.times)
+        if met is None:
+            self._skip("bodies_never_touched")
+            return
+        self.contact |= met.touching
+        self._transient(met, b)
+        self._texture(met, b)
+        wants_weight, wants_content = self._wants_weight(b), self._wants_content(b)
+        if not wants_weight:
+            self._skip("effects_off")
+        if not wants_content:
+            self._skip("effects_off")
+        if not (wants_weight or wants_content):
+            return
+        holds = held(self.touch, self.scene, self.finger, b, self.times)
+        if holds is None:
+            self._skip("bodies_never_held")
+            return
+        self.held |= holds
+        index = np.flatnonzero(holds)
+        if wants_weight:
+            self._add_world(index, self._weight(b, index) * self._weight_factor())
+        if wants_content:
+            self._add_world(index, self._content(b, index))
+
+    def pattern(self) -> None:
+        """Add the finger's own pattern."""
+        own = self.scene.fingers[self.finger].parameters
+        kind = str(own.get("pattern", "none"))
+        if kind == "none" or not self.uses["pattern"]:
+            self._skip("effects_off")
+            return
+        at = {name: self._series("finger", self.finger, name, FINGER, step=name == "pattern_play") for name in FINGER}
+        shape = patterns.played(
+            kind, self.times, at["pattern_play"], at["pattern_frequency"], at["pattern_amplitude"],
+            at["pattern_angle"], repeat=bool(own.get("pattern_repeat", False)),
+        )  # fmt: skip
+        if shape.any():
+            self._total[:, :2] += shape
+
+    # -- effects -------------------------------------------------------------------------------------------------
+
+    def _transient(self, met: Encounter, b: int) -> None:
+        amplitude = self._body(b, "transient_amplitude")
+        on = self._switch(b, "transient")
+        if on is None or not np.any(amplitude):
+            self._skip("effects_off")
+            return
+        onsets = met.onsets
+        if onsets.size == 0:
+            return
+        at = np.clip(np.searchsorted(self.times, onsets), 0, len(self.times) - 1)
+        alpha, decay, hertz, live = (
+            np.broadcast_to(v, self.times.shape)[at]
+            for v in (amplitude, self._body(b, "transient_decay"), self._body(b, "transient_frequency"), on)
+        )
+        self._audible(b, float(np.max(hertz)))
+        velocities = met.onset_velocities
+        if self.axis == "tilted":
+            # Fixed in the pad from the impact on: the axis belongs to the finger.
+            there = self.touch.finger_motion(self.finger).at(onsets)
+            local = turned_back(there, slice(None), velocities)
+            velocities = transient.tilted(local, np.asarray(self.tactor.tap_axis))
+        shape = transient.displacement(self.times, onsets, velocities, alpha * live, decay, hertz)
+        if self.axis == "tilted":
+            self._total[:] += shape
+        else:
+            index = np.flatnonzero(shape.any(axis=1))
+            self._add_world(index, shape[index])
+
+    def _texture(self, met: Encounter, b: int) -> None:
+        amplitudes = self._body(b, "texture_amplitude_x"), self._body(b, "texture_amplitude_y")
+        on = self._switch(b, "texture")
+        if on is None or not (np.any(amplitudes[0]) or np.any(amplitudes[1])):
+            self._skip("effects_off")
+            return
+        which = met.which
+        normal = met.normal
+        place = texture.coordinates(met.point, normal)
+        velocity = texture.tangential(met.velocity, normal)
+        direction = texture.held_direction(velocity, self._at(self._body(b, "texture_speed_threshold"), which))
+        friction = self._at(self._body(b, "friction"), which) * self._at(on, which)
+        shape = texture.displacement(
+            place, direction, friction, (self._at(amplitudes[0], which), self._at(amplitudes[1], which)),
+            (self._at(self._body(b, "texture_period_x"), which), self._at(self._body(b, "texture_period_y"), which)),
+        )  # fmt: skip
+        self._add_world(which, turned(self.touch.body_at(b, self.times), which, shape))
+
+    def _wants_weight(self, b: int) -> bool:
+        return self._switch(b, "weight") is not None and bool(
+            np.any(self._body(b, "weight_acceleration")) or np.any(self._body(b, "weight_gravity"))
+        )
+
+    def _wants_content(self, b: int) -> bool:
+        return self._switch(b, "content") is not None and bool(np.any(self._body(b, "content_amplitude")))
+
+    def _weight(self, b: int, index: NDArray[np.intp]) -> Array:
+        """Weight of a held body in world axes, shape (k, 3)."""
+        on = self._switch(b, "weight")
+        assert on is not None
+        live = self._at(on, index)
+        return weight.displacement(
+            self._acceleration(b)[index], np.asarray(self.scene.gravity),
+            self._at(self._body(b, "weight_acceleration"), index) * live,
+            self._at(self._body(b, "weight_gravity"), index) * live, self.sign,
+        )  # fmt: skip
+
+    def _weight_factor(self) -> float:
+        """One factor for every weight of the scene, so that the strongest just uses the range; 1 without auto-range."""
+        if not self.use.parameters.get("auto_range", False):
+            return 1.0
+        key = ("weight factor", self.use.preset, len(self.times))
+        known: float | None = self.touch.kept.get(key)
+        if known is None:
+            known = self.touch.kept[key] = weight.fitting(self._strongest_weight())
+        if known < 1.0 and not any(f.code == "auto-range" for f in self.findings):
+            self.findings.append(Finding(
+                "info", "auto-range", "weights were scaled so that the strongest of the scene uses the whole range",
+                self._where, value=f"factor {known:.4g}",
+            ))  # fmt: skip
+        return known
+
+    def _strongest_weight(self) -> float:
+        """Largest weight that any finger with auto-range feels, in its pad's plane."""
+        peak = 0.0
+        for f, finger in enumerate(self.scene.fingers):
+            for use in finger.devices:
+                if use.preset != self.use.preset or not use.parameters.get("auto_range", False):
+                    continue
+                other = EffectSum(self.touch, self.scene, f, use, self.tactor, self.times)
+                for b in range(len(self.scene.bodies)):
+                    if not other._wants_weight(b):
+                        continue
+                    holds = held(self.touch, self.scene, f, b, self.times)
+                    if holds is not None:
+                        index = np.flatnonzero(holds)
+                        there = self.touch.finger_at(f, self.times)
+                        flat = turned_back(there, index, other._weight(b, index))[:, :2]
+                        peak = max(peak, math.sqrt(float((flat**2).sum(axis=1).max())))
+        return peak
+
+    def _content(self, b: int, index: NDArray[np.intp]) -> Array:
+        """Content of a held body in world axes, shape (k, 3)."""
+        on = self._switch(b, "content")
+        assert on is not None
+        offset, limited = self.touch.keep(("content", b, len(self.times)), lambda: self._offset(b))
+        if limited:
+            self.findings.append(Finding(
+                "info", "content-limited", "the content reached the walls of its room and was held there",
+                f"object '{self.scene.bodies[b].name}'", count=limited,
+                remedy="Make the room larger, or the length of the liquid shorter",
+            ))  # fmt: skip
+        amplitude = self._at(self._body(b, "content_amplitude"), index) * self._at(on, index)
+        return content.displacement(offset[index], amplitude)
+
+    def _offset(self, b: int) -> tuple[Array, int]:
+        """oc of eq. 5 at all times [m], shape (n, 3), and how many samples a wall limited."""
+        body = self.scene.bodies[b]
+        kind = str(body.parameters.get("content_kind", "child"))
+        if kind not in content.KINDS:
+            raise DermisError("unknown content", where=f"object '{body.name}'", value=kind,
+                              limit=", ".join(content.KINDS))  # fmt: skip
+        if kind == "child":
+            return self._child_offset(b), 0
+        length, damping, size = (
+            self._constant(b, name) for name in ("content_length", "content_damping", "content_size")
+        )
+        gravity, acceleration = np.asarray(self.scene.gravity), self._acceleration(b)
+        try:
+            if kind == "pendulum":
+                return content.pendulum(self.times, acceleration, gravity, length, damping), 0
+            if kind == "slosh":
+                return content.slosh(self.times, acceleration, gravity, length, damping, size)
+            there = self.touch.body_at(b, self.times)
+            return content.loose(
+                self.times, there.rotation, there.angular_velocity, acceleration, gravity, damping, size
+            ), 0
+        except DermisError as error:
+            raise DermisError(error.what, where=f"object '{body.name}'", value=error.value, limit=error.limit,
+                              remedy=error.remedy) from error  # fmt: skip
+
+    def _child_offset(self, b: int) -> Array:
+        """From the body's centre of gravity to that of its contents, weighted by their masses."""
+        body = self.scene.bodies[b]
+        names = [other.name for other in self.scene.bodies]
+        children = [names.index(name) for name in body.content if name in names]
+        missing = [name for name in body.content if name not in names]
+        if not children:
+            self.findings.append(Finding(
+                "warning", "no-content", "the object has no touchable child, so no content is felt",
+                f"object '{body.name}'", value=", ".join(missing) or None,
+                remedy="Parent a touchable object to it, or choose another content",
+            ))  # fmt: skip
+            return np.zeros((len(self.times), 3))
+        masses = np.array([self._constant(c, "mass") for c in children])
+        if not masses.sum() > 0.0:
+            masses = np.ones(len(children))
+        paths = [self.touch.centre(c, self.scene.bodies[c].mesh).at(self.times) for c in children]
+        middle = sum((m * p for m, p in zip(masses / masses.sum(), paths, strict=True)), np.zeros((1, 3)))
+        return middle - self.touch.centre(b, body.mesh).at(self.times)
+
+    # -- parts ---------------------------------------------------------------------------------------------------
+
+    @property
+    def _where(self) -> str:
+        return f"finger '{self.scene.fingers[self.finger].name}'"
+
+    @property
+    def _total(self) -> Array:
+        if self.sum is None:
+            self.sum = np.zeros((len(self.times), 3))
+        return self.sum
+
+    def _add_world(self, index: slice | NDArray[np.intp], displacement: Array) -> None:
+        """Add a displacement in world axes at some samples, turned into the finger's frame."""
+        self._total[index] += turned_back(self.touch.finger_at(self.finger, self.times), index, displacement)
+
+    def _acceleration(self, b: int) -> Array:
+        """Acceleration of a body's centre of gravity [m/s^2], shape (n, 3)."""
+        made: Array = self.touch.keep(
+            ("acceleration", b, len(self.times)),
+            lambda: self.touch.centre(b, self.scene.bodies[b].mesh).at(self.times, 2),
+        )
+        return made
+
+    def _series(self, group: str, i: int, name: str, defaults: dict[str, float], *, step: bool = False) -> Any:
+        owner = self.scene.bodies[i] if group == "body" else self.scene.fingers[i]
+        return self.touch.series(f"{group}/{i}/{name}", owner.parameters, defaults[name], self.times, step=step)
+
+    def _body(self, b: int, name: str) -> Any:
+        return self._series("body", b, name, BODY)
+
+    def _constant(self, b: int, name: str) -> float:
+        """A quantity that must not change while something is integrated: its first value."""
+        return float(np.ravel(self._body(b, name))[0])
+
+    def _switch(self, b: int, effect: str) -> Any:
+        """1 where an effect is on, or None where it never is, on this device or this body."""
+        own, key = f"{effect}_on", f"device/{self.finger}/{self._device}/use_{effect}"
+        used = self.touch.series(key, {f"use_{effect}": 1.0 if self.uses[effect] else 0.0}, 1.0, self.times, step=True)
+        on = (np.asarray(self._series("body", b, own, BODY, step=True)) > 0.5) & (np.asarray(used) > 0.5)
+        return on.astype(np.float64) if on.any() else None
+
+    @property
+    def _device(self) -> int:
+        devices = self.scene.fingers[self.finger].devices
+        return next((i for i, device in enumerate(devices) if device is self.use), 0)
+
+    def _at(self, value: Any, index: slice | NDArray[np.intp]) -> Any:
+        return value[index] if np.ndim(value) else value
+
+    def _audible(self, b: int, hertz: float) -> None:
+        rate = (len(self.times) - 1) / (self.times[-1] - self.times[0]) if len(self.times) > 1 else math.inf
+        if hertz > rate / 2.0:
+            self.findings.append(Finding(
+                "warning", "above-nyquist", "a transient's frequency is above half of the device's rate",
+                f"object '{self.scene.bodies[b].name}'", value=f"{hertz:g} Hz", limit=f"{rate / 2.0:g} Hz",
+                remedy="Lower the frequency, or use a faster device",
+            ))  # fmt: skip
+
+    def _skip(self, name: str) -> None:
+        self.skipped[name] = self.skipped.get(name, 0) + 1

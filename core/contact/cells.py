@@ -19,10 +19,14 @@ from .triangles import Array, Indices, TriangleTable
 
 # Triangles listed in a cell at most; points in fuller ones (the middle of a ball) are searched for afresh.
 WIDTH = 64
+# Bounds are kept in strips of this many triangles: most cells need one, and whole rows are quick to gather.
+STRIP = 32
 MAX_CELLS = 200_000
 # Side of a cell, in median triangle radii: smaller cells list less and are filled more often.
 SIDE = 0.7
 OFFSET = 1 << 20
+# Slots of the cells asked for last are found by a hash of this many bits, the others by a binary search.
+RECENT = 16
 FAR, FULL = -1, -2
 
 Search = Callable[[Array, float], Nearest]
@@ -48,83 +52,100 @@ class CellLists:
 
     def nearest(self, points: Array) -> Nearest:
         """Return the closest triangles of points [m], shape (n, 3), within the reach and perhaps a little beyond."""
-        cell = np.floor(points / self._side).astype(np.int64)
-        if np.abs(cell).max(initial=0) >= OFFSET - 2:
+        scaled = points / self._side
+        np.floor(scaled, out=scaled)
+        if scaled.size and max(float(scaled.max()), -float(scaled.min())) >= OFFSET - 2:
             return self._search(points, self.reach)
-        slot = self._slots(cell)
-        first = self._first[slot]
+        slot = self._slots(scaled.astype(np.int64))
+        first = self._first.take(slot)
+        scaled += 0.5
+        scaled *= -self._side
+        scaled += points
+        away = np.ones((len(points), 1, 4), dtype=np.float32)
+        away[:, 0, :3] = scaled
+        near = (first >= 0).nonzero()[0]
         n = points.shape[0]
+        if near.size == n > 0:
+            return self._choose(points, slot, away, first)
         found = Nearest(np.full(n, -1), np.full(n, np.inf), np.zeros(n), np.zeros(n))
-        near = np.flatnonzero(first >= 0)
         if near.size:
-            everything = near.size == n
-            p, s, c = (points, slot, cell) if everything else (points[near], slot[near], cell[near])
-            self._choose(p, s, c, first if everything else first[near], near, found)
-        full = np.flatnonzero(first == FULL)
+            chosen = self._choose(points.take(near, axis=0), slot.take(near), away.take(near, axis=0), first.take(near))
+            for target, source in zip(found, chosen, strict=True):
+                target[near] = source
+        full = (first == FULL).nonzero()[0]
         if full.size:
             for target, source in zip(found, self._search(points[full], self.reach), strict=True):
                 target[full] = source
         return found
 
-    def _choose(self, points: Array, slot: Indices, cell: Indices, first: Indices, near: Indices, out: Nearest) -> None:
+    def _choose(self, points: Array, slot: Indices, away: NDArray[np.float32], first: Indices) -> Nearest:
+        """Measure the first triangle of each cell, and of the others those that can be closer."""
         x = np.ascontiguousarray(points.T)
         square, u, w = self._table.closest(x, first)
-        away = ((cell + 0.5) * -self._side + points).astype(np.float32)
         # the tangents in single precision: the slack covers their rounding
-        used = int(self._used.take(slot).max())
-        lower = self._distance[slot, :used]
-        for axis in range(3):
-            tangent = self._tangents[axis][slot, :used]
-            tangent *= away[:, axis, None]
-            lower += tangent
-        threshold = (np.sqrt(square) * (1.0 + 1e-6) + self._slack).astype(np.float32)
-        lower -= threshold[:, None]
-        owner, column = np.divmod((lower <= 0.0).ravel().nonzero()[0], used)
+        lower = away @ self._planes[0].take(slot, axis=0)
+        if self._used.take(slot).max() > STRIP:
+            lower = np.concatenate([lower, *(away @ strip.take(slot, axis=0) for strip in self._planes[1:])], axis=2)
+        threshold = np.sqrt(square)
+        threshold *= 1.0 + 1e-6
+        threshold += self._slack
+        owner, column = np.divmod((lower <= threshold.astype(np.float32)[:, None, None]).ravel().nonzero()[0],
+                                  lower.shape[2])  # fmt: skip
         if owner.size:
             other = self._lists[slot.take(owner), column]
-            square_o, u_o, w_o = self._table.closest(x.take(owner, axis=1), other)
+            square_o, u_o, w_o = self._table.closest(x[:, owner], other)
             start = _firsts(owner)
+            of = owner.take(start)
             least = np.minimum.reduceat(square_o, start)
             least *= 1.0 + TIE
             upper = np.empty_like(square)
-            upper[owner[start]] = least
-            hits = np.flatnonzero(square_o <= upper.take(owner))
-            hits = hits[_firsts(owner[hits])]
-            of = owner[start]
-            base = square[of]
-            wins = (least < base) | ((square_o[hits] <= base * (1.0 + TIE)) & (other[hits] < first[of]))
+            upper[of] = least
+            hits = (square_o <= upper.take(owner)).nonzero()[0]
+            hits = hits.take(_firsts(owner.take(hits)))
+            base, other = square.take(of), other.take(hits)
+            wins = least < base
+            wins |= (square_o.take(hits) <= base * (1.0 + TIE)) & (other < first.take(of))
             of, hits = of[wins], hits[wins]
-            first = first.copy()
-            first[of], square[of], u[of], w[of] = other[hits], square_o[hits], u_o[hits], w_o[hits]
-        for target, values in zip(out, (first, square, u, w), strict=True):
-            target[near] = values
+            first[of], square[of], u[of], w[of] = other[wins], square_o[hits], u_o[hits], w_o[hits]
+        return Nearest(first, square, u, w)
 
     # -- the table of cells --------------------------------------------------------------------------------------
 
     def _clear(self) -> None:
         self._keys = np.zeros(0, dtype=np.int64)
         self._slot_of: Indices = np.zeros(0, dtype=np.int64)
+        self._key_of: Indices = np.full(256, -1)
+        self._recent: Indices = np.zeros(1 << RECENT, dtype=np.int64)
         self._count = 0
         self._lists: Indices = np.zeros((256, WIDTH), dtype=np.int64)
-        self._distance: NDArray[np.float32] = np.full((256, WIDTH), np.inf, dtype=np.float32)
-        self._tangents: NDArray[np.float32] = np.zeros((3, 256, WIDTH), dtype=np.float32)
+        # gradient and distance at the cell's centre; infinite where there is no triangle
+        self._planes: NDArray[np.float32] = np.zeros((WIDTH // STRIP, 256, 4, STRIP), dtype=np.float32)
         self._used: Indices = np.zeros(256, dtype=np.int64)
         self._first: Indices = np.zeros(256, dtype=np.int64)
 
     def _slots(self, cell: Indices) -> Indices:
+        """Return the row of each cell in the table, filling those that are not there."""
         key = _key(cell)
-        at = np.searchsorted(self._keys, key)
-        known = np.zeros(key.size, dtype=bool)
+        place = (key * _MIX) >> (63 - RECENT) & ((1 << RECENT) - 1)
+        slot = self._recent.take(place)
+        known = self._key_of.take(slot) == key
+        if known.all():
+            return slot
+        missed = (~known).nonzero()[0]
+        wanted = key.take(missed)
+        at = np.searchsorted(self._keys, wanted)
+        absent = np.ones(at.size, dtype=bool)
         if self._keys.size:
             np.minimum(at, self._keys.size - 1, out=at)
-            known = self._keys[at] == key
-        if not known.all():
-            if self._count + key.size > MAX_CELLS:
+            absent = self._keys.take(at) != wanted
+        if absent.any():
+            if self._count and self._count + key.size > MAX_CELLS:
                 self._clear()
-                known[:] = False
-            self._fill(cell[~known])
-            at = np.searchsorted(self._keys, key)
-        return self._slot_of[at]
+                return self._slots(cell)
+            self._fill(cell[missed[absent]])
+            at = np.searchsorted(self._keys, wanted)
+        slot[missed] = self._recent[place.take(missed)] = self._slot_of.take(at)
+        return slot
 
     def _fill(self, cell: Indices) -> None:
         """List the triangles of missing cells."""
@@ -134,8 +155,8 @@ class CellLists:
         n = key.size
         first = np.full(n, FAR)
         lists = np.zeros((n, WIDTH), dtype=np.int64)
-        distance = np.full((n, WIDTH), np.inf, dtype=np.float32)
-        tangents = np.zeros((3, n, WIDTH), dtype=np.float32)
+        planes = np.zeros((WIDTH // STRIP, n, 4, STRIP), dtype=np.float32)
+        planes[:, :, 3] = np.inf
         used = np.zeros(n, dtype=np.int64)
         closest = self._search(centres, self.reach + self._half)
         near = np.flatnonzero(closest.triangle >= 0)
@@ -148,19 +169,20 @@ class CellLists:
             row, column = near[owner[fits]], column[fits]
             # the closest to the centre is measured anyway
             lists[row, column] = triangle[fits]
-            distance[row, column] = np.where(triangle[fits] == first[row], np.inf, d[fits])
-            tangents[:, row, column] = gradient[fits].T
+            strip, place = np.divmod(column, STRIP)
+            planes[strip, row, 3, place] = np.where(triangle[fits] == first[row], np.inf, d[fits])
+            planes[strip, row, :3, place] = gradient[fits]
             used[near] = np.minimum(np.diff(start), WIDTH)
             first[near[np.diff(start) > WIDTH]] = FULL
         while self._count + n > self._first.size:
             self._lists = np.concatenate([self._lists, np.zeros_like(self._lists)])
-            self._distance = np.concatenate([self._distance, np.full_like(self._distance, np.inf)])
-            self._tangents = np.concatenate([self._tangents, np.zeros_like(self._tangents)], axis=1)
+            self._planes = np.concatenate([self._planes, np.zeros_like(self._planes)], axis=1)
             self._used = np.concatenate([self._used, np.zeros_like(self._used)])
             self._first = np.concatenate([self._first, np.zeros_like(self._first)])
+            self._key_of = np.concatenate([self._key_of, np.full_like(self._key_of, -1)])
         here = slice(self._count, self._count + n)
-        self._lists[here], self._distance[here] = lists, distance
-        self._tangents[:, here], self._used[here], self._first[here] = tangents, used, first
+        self._lists[here], self._planes[:, here] = lists, planes
+        self._used[here], self._first[here], self._key_of[here] = used, first, key
         keys = np.concatenate([self._keys, key])
         order = np.argsort(keys, kind="stable")
         self._slot_of = np.concatenate([self._slot_of, np.arange(here.start, here.stop)])[order]
@@ -222,6 +244,10 @@ def within(table: TriangleTable, points: Array, limit: Array) -> tuple[Indices, 
         pairs.append((owner[near], triangle[near], exact[near], u[near], w[near]))
     owner, triangle, exact, u, w = (np.concatenate(column) for column in zip(*pairs, strict=True))
     return owner, triangle, exact, u, w
+
+
+# An odd number without pattern; the product wraps, and its high bits are the hash.
+_MIX = np.int64(0x1E3779B97F4A7C15)
 
 
 def _key(cell: Indices) -> Indices:

@@ -273,7 +273,7 @@ class Surface:
     @cached_property
     def _angles(self) -> Array:
         """Angle of each triangle at each of its corners [rad], shape (3, T)."""
-        g11, g12, g22 = self.table.rows[9:12]
+        g11, g22, _, g12 = self.table.rows[9:13]
         twice_area = np.sqrt(np.maximum(g11 * g22 - g12 * g12, 0.0))
         angle_a = np.arctan2(twice_area, g12)
         angle_b = np.arctan2(twice_area, g11 - g12)
@@ -299,11 +299,12 @@ class Surface:
         weights = columns.T
         kind = np.zeros(triangle.size, dtype=np.int8)
         normal = self.table.bounds[3:6].take(triangle, axis=1).T
-        zero = columns <= ON_FEATURE
-        on = (zero[0] | zero[1] | zero[2]).nonzero()[0]
+        least = np.minimum(columns[1], columns[2])
+        np.minimum(least, columns[0], out=least)
+        on = (least <= ON_FEATURE).nonzero()[0]
         if on.size == 0:
             return kind, weights, normal
-        at_zero = zero.T[on]
+        at_zero = weights.take(on, axis=0) <= ON_FEATURE
         # the corner with the largest weight, where two weights vanish; else the edge opposite the vanishing one
         is_vertex = at_zero.sum(axis=1) == 2
         v = on[is_vertex]
@@ -313,37 +314,45 @@ class Surface:
             kind[v] = self.topology.vertex_kind[vertex]
         e = on[~is_vertex]
         if e.size:
-            edge = (np.argmin(weights[e], axis=1) + 1) % 3
-            other = self.topology.across[triangle[e], edge]
-            normal[e] += np.where((other >= 0)[:, None], self.table.bounds[3:6].take(other, axis=1).T, 0.0)
-            kind[e] = self.topology.edge_kind[triangle[e], edge]
-            unusable = (other >= 0) & ~self.table.usable[other]
-            kind[e[unusable & (kind[e] == REGULAR)]] = IRREGULAR
+            edge = (np.argmax(at_zero[~is_vertex], axis=1) + 1) % 3
+            on_triangle = triangle.take(e)
+            other = self.topology.across[on_triangle, edge]
+            beyond = self.table.bounds[3:6].take(other, axis=1)
+            beyond *= other >= 0
+            normal[e] += beyond.T
+            of_edge = self.topology.edge_kind[on_triangle, edge]
+            of_edge[(of_edge == REGULAR) & (other >= 0) & ~self.table.usable.take(other)] = IRREGULAR
+            kind[e] = of_edge
         return kind, weights, normal
 
     def _signed(self, points: Array, found: Nearest) -> GapQuery:
+        near = (found.triangle >= 0).nonzero()[0]
+        if near.size == found.triangle.size:
+            return GapQuery(*self._sides(points, found.triangle, found.u, found.w))
         n = points.shape[0]
-        gap = np.full(n, np.inf)
-        normal, point = np.zeros((n, 3)), np.full((n, 3), np.nan)
-        weights = np.zeros((n, 3))
-        beside = np.zeros(n, dtype=bool)
-        near = np.flatnonzero(found.triangle >= 0)
+        answer = GapQuery(np.full(n, np.inf), np.zeros((n, 3)), np.full((n, 3), np.nan), found.triangle,
+                          np.zeros((n, 3)), np.zeros(n, dtype=bool))  # fmt: skip
         if near.size:
-            triangle, u, w = found.triangle[near], found.u[near], found.w[near]
-            kind, weights[near], pseudo = self._features(triangle, u, w)
-            q = self.table.point(triangle, u, w)
-            offset = points[near]
-            offset -= q
-            distance = np.sqrt(_dot(offset, offset))
-            along = _dot(offset, pseudo)
-            sign = np.where(along < 0.0, -1.0, 1.0)
-            if kind.any():
-                special = np.flatnonzero(kind)
-                rim = self._special_sides(points[near], special, kind, distance, along, pseudo, sign)
-                beside[near[rim]] = True
-            gap[near], point[near] = sign * distance, q
-            normal[near] = self._directions(offset, distance, sign, pseudo, triangle)
-        return GapQuery(gap, normal, point, found.triangle, weights, beside)
+            sides = self._sides(points[near], found.triangle[near], found.u[near], found.w[near])
+            answer.gap[near], answer.normal[near], answer.point[near] = sides[:3]
+            answer.weights[near], answer.beside[near] = sides[4:]
+        return answer
+
+    def _sides(
+        self, points: Array, triangle: Indices, u: Array, w: Array
+    ) -> tuple[Array, Array, Array, Indices, Array, NDArray[np.bool_]]:
+        """Return the fields of a `GapQuery` for points whose closest triangles are known."""
+        kind, weights, pseudo = self._features(triangle, u, w)
+        closest = self.table.point(triangle, u, w)
+        offset = points - closest
+        distance = np.sqrt(_dot(offset, offset))
+        along = _dot(offset, pseudo)
+        sign = np.where(along < 0.0, -1.0, 1.0)
+        beside = np.zeros(len(points), dtype=bool)
+        if kind.any():
+            beside[self._special_sides(points, np.flatnonzero(kind), kind, distance, along, pseudo, sign)] = True
+        normal = self._directions(offset, distance, sign, pseudo, triangle)
+        return sign * distance, normal, closest, triangle, weights, beside
 
     def _special_sides(
         self, points: Array, special: Indices, kind: NDArray[np.int8], distance: Array, along: Array, pseudo: Array,

@@ -19,7 +19,8 @@ class TriangleTable:
     """What distance queries need of each triangle, one row per quantity so that gathers are contiguous.
 
     Attributes:
-        rows: corner a (3), edges ab (3) and ac (3), their Gram matrix (3) [m, m^2], shape (12, T).
+        rows: corner a (3), edges ab (3) and ac (3) [m], squared lengths of ab, ac and bc, ab.ac [m^2], and the
+            reciprocal of the Gram determinant of ab and ac (0 without area) [m^-4], shape (14, T).
         bounds: centroid (3), unit normal (3), circumscribing radius about the centroid (1), shape (7, T).
         usable: False for triangles without area, shape (T,).
     """
@@ -34,9 +35,10 @@ class TriangleTable:
         columns = np.ascontiguousarray(vertices.T)
         a, b, c = (columns[:, triangles[:, k]] for k in range(3))
         ab, ac = b - a, c - a
-        rows = np.empty((12, triangles.shape[0]))
+        rows = np.empty((14, triangles.shape[0]))
         rows[0:3], rows[3:6], rows[6:9] = a, ab, ac
-        rows[9], rows[10], rows[11] = _dot(ab, ab), _dot(ab, ac), _dot(ac, ac)
+        rows[9], rows[10], rows[12] = _dot(ab, ab), _dot(ac, ac), _dot(ab, ac)
+        rows[11] = rows[9] - 2.0 * rows[12] + rows[10]
         bounds = np.empty((7, triangles.shape[0]))
         centre = bounds[0:3]
         np.add(ab, ac, out=centre)
@@ -48,8 +50,9 @@ class TriangleTable:
         normal[1] = ab[2] * ac[0] - ab[0] * ac[2]
         normal[2] = ab[0] * ac[1] - ab[1] * ac[0]
         area2 = np.sqrt(_square(normal))
-        longest = np.maximum(np.maximum(rows[9], rows[11]), rows[9] + rows[11] - 2.0 * rows[10])
-        usable = area2 > FLAT * longest
+        usable = area2 > FLAT * np.max(rows[9:12], axis=0)
+        rows[13] = 0.0
+        np.divide(1.0, area2 * area2, out=rows[13], where=usable)
         np.divide(normal, area2, out=normal, where=usable)
         normal[:, ~usable] = 0.0
         return cls(rows, bounds, usable)
@@ -65,28 +68,22 @@ class TriangleTable:
         """
         rows = self.rows.take(triangle, axis=1)
         ab, ac = rows[3:6], rows[6:9]
-        g11, g12, g22 = rows[9:12]
+        g11, g22, _, g12, scale = rows[9:14]
         v = x - rows[0:3]
-        ab_v, ac_v = v * ab, v * ac
-        d1 = ab_v[0] + ab_v[1]
-        d1 += ab_v[2]
-        d2 = ac_v[0] + ac_v[1]
-        d2 += ac_v[2]
-        det = g11 * g22
-        det -= g12 * g12
+        d1, d2 = _dot(v, ab), _dot(v, ac)
         u = g22 * d1
         u -= g12 * d2
-        u /= det
+        u *= scale
         w = g11 * d2
         w -= g12 * d1
-        w /= det
-        off = u < 0.0
-        off |= w < 0.0
-        off |= u + w > 1.0
-        outside = off.nonzero()[0]
+        w *= scale
+        off = np.minimum(u, w)
+        np.minimum(off, 1.0 - u - w, out=off)
+        outside = (off < 0.0).nonzero()[0]
         if outside.size:
-            edge = np.stack([d1, d2, g11, g12, g22]).take(outside, axis=1)
-            u[outside], w[outside] = _closest_on_edges(*edge)
+            u[outside], w[outside] = _closest_on_edges(
+                d1.take(outside), d2.take(outside), rows[9:13].take(outside, axis=1)
+            )
         ab *= u
         v -= ab
         ac *= w
@@ -118,28 +115,35 @@ class TriangleTable:
         return (rows[0:3] + u * rows[3:6] + w * rows[6:9]).T
 
 
-def _closest_on_edges(d1: Array, d2: Array, g11: Array, g12: Array, g22: Array) -> tuple[Array, Array]:
-    """Closest of the three edges, for points whose projection falls outside the triangle."""
-    g_bc = g11 - 2.0 * g12
-    g_bc += g22
-    t = np.stack([d1 / g11, d2 / g22, (d2 - d1 + g11 - g12) / g_bc])
+def _closest_on_edges(d1: Array, d2: Array, gram: Array) -> tuple[Array, Array]:
+    """Closest of the edges ab, ac and bc, for points whose projection falls outside the triangle."""
+    square = gram[0:3]
+    along = np.empty_like(square)
+    along[0], along[1] = d1, d2
+    from_b = square[0] - d1
+    np.add(d2, from_b, out=along[2])
+    along[2] -= gram[3]
+    t = along / square
     np.maximum(t, 0.0, out=t)
     np.minimum(t, 1.0, out=t)
-    t_ab, t_ac, t_bc = t
     # squared distances less the common |p - a|^2
-    e_ab = t_ab * (t_ab * g11 - 2.0 * d1)
-    e_ac = t_ac * (t_ac * g22 - 2.0 * d2)
-    s = 1.0 - t_bc
-    e_bc = s * (s * g11 + 2.0 * (t_bc * g12 - d1)) + t_bc * (t_bc * g22 - 2.0 * d2)
-    first = (e_ab <= e_ac) & (e_ab <= e_bc)
-    second = ~first & (e_ac <= e_bc)
-    u = np.where(first, t_ab, np.where(second, 0.0, s))
-    w = np.where(first, 0.0, np.where(second, t_ac, t_bc))
+    excess = square * t
+    along *= 2.0
+    excess -= along
+    excess *= t
+    from_b -= d1
+    excess[2] += from_b
+    first = excess[0] <= np.minimum(excess[1], excess[2])
+    second = excess[1] <= excess[2]
+    u = np.where(first, t[0], np.where(second, 0.0, 1.0 - t[2]))
+    w = np.where(first, 0.0, np.where(second, t[1], t[2]))
     return u, w
 
 
 def _dot(a: Array, b: Array) -> Array:
-    out: Array = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    product = a * b
+    out: Array = product[0] + product[1]
+    out += product[2]
     return out
 
 

@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 from .nearest import SLACK, TIE, Nearest
 from .triangles import Array, Indices, TriangleTable
 
-# Triangles listed in a cell at most; points in fuller ones (the middle of a ball) are searched for afresh.
-WIDTH = 64
+# Triangles listed in a cell at most. Points in fuller ones ask cells of half the side, and so on; after the last
+# (in the very middle of a ball) they are searched for afresh.
+WIDTH, HALVINGS = 64, 4
 # Bounds are kept in strips of this many triangles: most cells need one, and whole rows are quick to gather.
 STRIP = 32
 MAX_CELLS = 200_000
-# Side of a cell, in median triangle radii: smaller cells list less and are filled more often.
+# Side of a cell, as a multiple of the median radius of even triangles of the same area: smaller cells list less and are
+# filled more often.
 SIDE = 0.7
 OFFSET = 1 << 20
 # Slots of the cells asked for last are found by a hash of this many bits, the others by a binary search.
@@ -39,13 +41,16 @@ class CellLists:
         table: the triangles.
         search: the exact search for points within a distance, which answers -1 only for points outside and beyond.
         reach: distance of interest that the lists are good for [m].
+        halved: how often the side has been halved.
     """
 
-    def __init__(self, table: TriangleTable, search: Search, reach: float) -> None:
+    def __init__(self, table: TriangleTable, search: Search, reach: float, halved: int = 0) -> None:
         self.reach = reach
         self._table, self._search = table, search
-        radii = table.bounds[6, table.usable]
-        self._side = SIDE * float(np.median(radii)) if radii.size else 1.0
+        self._halved = halved
+        self._finer: CellLists | None = None
+        radii = _even_radii(table)
+        self._side = SIDE * 0.5**halved * float(np.median(radii)) if radii.size else 1.0
         self._half = 0.5 * np.sqrt(3.0) * self._side
         self._slack = 1e-6 * (reach if np.isfinite(reach) else float(np.ptp(table.rows[0:3])) + self._side)
         self._clear()
@@ -74,9 +79,17 @@ class CellLists:
                 target[near] = source
         full = (first == FULL).nonzero()[0]
         if full.size:
-            for target, source in zip(found, self._search(points[full], self.reach), strict=True):
+            for target, source in zip(found, self._in_full_cells(points[full]), strict=True):
                 target[full] = source
         return found
+
+    def _in_full_cells(self, points: Array) -> Nearest:
+        """Ask finer cells, which list less, and after the last halving search."""
+        if self._halved == HALVINGS:
+            return self._search(points, self.reach)
+        if self._finer is None:
+            self._finer = CellLists(self._table, self._search, self.reach, self._halved + 1)
+        return self._finer.nearest(points)
 
     def _choose(self, points: Array, slot: Indices, away: NDArray[np.float32], first: Indices) -> Nearest:
         """Measure the first triangle of each cell, and of the others those that can be closer."""
@@ -206,6 +219,13 @@ class CellLists:
             curved = np.where(d0 > 2.0 * h, h * h / (2.0 * np.maximum(d0 - h, h)), np.inf)[owner]
         kept = np.flatnonzero(d - d0[owner] <= np.minimum(h * turn + curved, 2.0 * h) * (1.0 + SLACK) + 1e-12)
         return owner[kept], triangle[kept], d[kept], gradient[kept]
+
+
+def _even_radii(table: TriangleTable) -> Array:
+    """Circumscribing radii of equilateral triangles with the same areas, of the usable triangles."""
+    twice_area = table.rows[13, table.usable] ** -0.5
+    out: Array = np.sqrt(twice_area / (1.5 * np.sqrt(3.0)))
+    return out
 
 
 def within(table: TriangleTable, points: Array, limit: Array) -> tuple[Indices, Indices, Array, Array, Array]:

@@ -33,8 +33,6 @@ from .triangles import Array, Indices, TriangleTable
 ON_FEATURE = 1e-9
 # A point is straight above a rim if it is off by less than this fraction of its distance.
 STRAIGHT = 1e-6
-# Below this number of triangles trying all of them is quickest.
-FEW = 48
 # Faces that meet at less than this angle stand for a curved surface; at more, for an edge. Cosine of 30 degrees.
 SMOOTH = 0.8660254037844387
 
@@ -204,7 +202,7 @@ class Surface:
     def _nearest(self, points: Array, reach: float) -> Nearest:
         """Search afresh the first time; keep cells from the second on, when the surface has proved to be rigid."""
         self._queries += 1
-        if self._queries == 1 or self.triangles.shape[0] < FEW or points.shape[0] == 0:
+        if self._queries == 1 or points.shape[0] == 0:
             return self._search(points, reach)
         if self._cells is None or self._cells.reach != reach:
             if self._cells is not None and self._queries < 8:

@@ -14,14 +14,16 @@ from . import (  # noqa: E402
     properties,
     properties_skin,
     properties_stream,
+    properties_thimble,
     skin_live,
     skin_view,
     streaming,
+    thimble_view,
 )
 
 MODULES = (
-    preferences, properties_skin, properties, properties_stream, jobs, operators, panels, overlay, pin_view, skin_live,
-    skin_view, handlers, streaming, commands,
+    preferences, properties_skin, properties_thimble, properties, properties_stream, jobs, operators, panels, overlay,
+    pin_view, thimble_view, skin_live, skin_view, handlers, streaming, commands,
 )  # fmt: skip
 
 

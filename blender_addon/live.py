@@ -16,7 +16,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from . import handlers, pin_view, results, skin_models
+from . import handlers, pin_view, results, skin_models, thimble_live, thimble_use
 from .preferences import core_module, library, setting
 
 STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
@@ -33,6 +33,7 @@ class Row:
         values, low, high, units: by channel name, in SI; limits are None where there are none.
         path: the tactor's positions over the last moments [m], oldest first, shape (n, 2); empty for screens.
         contact: 1 while the finger touches, 0 while not, None where unknown.
+        signals: diagnostic values by name, such as 'mismatch'.
     """
 
     finger: str
@@ -45,6 +46,7 @@ class Row:
     units: Mapping[str, str]
     path: np.ndarray
     contact: float | None
+    signals: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ def computed(scene: bpy.types.Scene) -> Preview | None:
     global _memo, _memo_preview
     frame, state = frame_of(scene), results.state(scene)
     if state != "fresh" and scene.dermis.live_preview and _trail_ends_at(scene, frame):
-        return _with_pins(scene, _trail.preview)
+        return _with_followers(scene, _trail.preview)
     result = results.current(scene)
     if result is None:
         return None
@@ -228,7 +230,7 @@ def _joined(samples: list[Any]) -> Any:
             devices=tuple(
                 replace(d, parameters={**d.parameters, **unfaded})
                 for d in f.devices
-                if not (f.parameters.get("skin_shown") and pin_view.spec_of(d.preset))  # see `_with_pins`
+                if not (f.parameters.get("skin_shown") and _follows_skin(d.preset))  # see `_with_followers`
             ),
         )
         for f in last.fingers
@@ -248,9 +250,13 @@ def _run(tactile: Any) -> Any:
                 return stop.value
 
 
-def _with_pins(scene: bpy.types.Scene, shown: Preview | None) -> Preview | None:
-    """Add pin arrays of fingers whose skin is shown: their forces follow from what `skin_live` solves anyway."""
-    rows = pin_view.live_rows(scene) if shown is not None else ()
+def _follows_skin(preset: str) -> bool:
+    return pin_view.spec_of(preset) is not None or thimble_use.spec_of(preset) is not None
+
+
+def _with_followers(scene: bpy.types.Scene, shown: Preview | None) -> Preview | None:
+    """Add pin arrays and thimbles of fingers whose skin is shown: they follow what `skin_live` solves anyway."""
+    rows = (*pin_view.live_rows(scene), *thimble_live.live_rows(scene)) if shown is not None else ()
     return replace(shown, rows=(*shown.rows, *rows)) if shown is not None and rows else shown
 
 
@@ -282,4 +288,5 @@ def row_of(result: results.Result, output: Any, frame: float) -> Row:
         low={c.name: c.low for c in spec.channels}, high={c.name: c.high for c in spec.channels},
         units={c.name: c.unit for c in spec.channels}, path=path,
         contact=results.signal_at(result, output, "contact", frame),
+        signals={n: v for n in ("mismatch",) if (v := results.signal_at(result, output, n, frame)) is not None},
     )  # fmt: skip

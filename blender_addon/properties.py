@@ -24,6 +24,7 @@ from .properties_fields import OVERRIDE, Attribute, attributes_of, choice, milli
 from .properties_material import DermisMaterial
 from .properties_screen import DermisScreen
 from .properties_skin import DermisSkin, DermisSkinView
+from .properties_thimble import DermisThimbleView
 
 FILE_VERSION = 1
 
@@ -93,6 +94,7 @@ class DermisScene(bpy.types.PropertyGroup):
         name="With Plots", description="Write a PNG plot beside each exported track", default=False, options=set()
     )
     skin_view: PointerProperty(type=DermisSkinView)
+    thimble_view: PointerProperty(type=DermisThimbleView)
     live_preview: BoolProperty(
         name="Live Preview", description="Evaluate the current frame while you scrub, where no fresh bake covers it",
         default=True, options=set(),

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, PointerProperty, StringProperty
 
-from .properties_fields import OVERRIDE, choice, number, switch, touched
+from .properties_fields import OVERRIDE, choice, millimetres, number, switch, touched
 
 
 def _is_screen(_self: Any, obj: bpy.types.Object) -> bool:
@@ -19,6 +19,11 @@ def _device_keys(_self: Any, _context: Any, text: str) -> list[str]:
     from .panels import choices
 
     return [entry.key for entry in choices.devices() if text.lower() in f"{entry.key} {entry.name}".lower()]
+
+
+def _felt(servo: int) -> Any:
+    return number(f"Servo {servo}", "Angle of this servo from neutral at which the person first feels the disc", 0.0,
+                  -3.15, 3.15, soft_min=-0.698, soft_max=0.698, subtype="ANGLE", options=set())  # fmt: skip
 
 
 class DermisDevice(bpy.types.PropertyGroup):
@@ -122,3 +127,30 @@ class DermisDevice(bpy.types.PropertyGroup):
                          soft_max=2.0, unit="TIME_ABSOLUTE", precision=3, options=set())  # fmt: skip
     pin_fade_out: number("Fade Out", "Time in which the pins' forces go down at the end of the track", 0.1, 0.0, 60.0,
                           soft_max=2.0, unit="TIME_ABSOLUTE", precision=3, options=set())  # fmt: skip
+
+    thimble_method: choice(
+        "Method", "How the disc's pose is found from what the skin shall feel ([S0])",
+        (("stress", "Stress, Direct", "The pose whose stress in the skin is nearest to the target's; the contact is "
+          "solved for every pose that is tried"),
+         ("network", "Stress, Network", "The same with a small network in place of the contact; needs an adaptation to "
+          "this finger"),
+         ("ridge", "Stress, Polynomial", "The same with a quadratic polynomial (ridge); needs an adaptation to this "
+          "finger"),
+         ("force", "Force Only", "Only the total force is compared: the paper's first rival, for comparison"),
+         ("geometry", "Geometry Only", "The disc's plane is laid on the contact: the paper's second rival, for "
+          "comparison")),
+        "stress",
+    )  # fmt: skip
+    thimble_surrogate: StringProperty(
+        name="Surrogate", description="File of an adaptation (.npz, with its .onnx beside it); empty: the one that "
+        "Adapt to This Finger made", subtype="FILE_PATH", options=set(), update=touched, override=OVERRIDE,
+    )  # fmt: skip
+    thimble_hover_mm: millimetres("Hover", "Distance between disc and skin while nothing is touched", 0.4, 0.01, 5.0,
+                                  soft_max=2.0, options=set())  # fmt: skip
+    thimble_calibrated: BoolProperty(
+        name="Calibrated", description="Mount the device as it sits on this person: the servo angles below are those "
+        "at which the disc is first felt", default=False, options=set(), update=touched, override=OVERRIDE,
+    )  # fmt: skip
+    thimble_felt_1: _felt(1)
+    thimble_felt_2: _felt(2)
+    thimble_felt_3: _felt(3)

@@ -142,11 +142,11 @@ def any_shown(scene: bpy.types.Scene) -> bool:
 
 
 def states(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
-    """Return the skins to show at the current frame, by finger, and as pin arrays render them; empty if unknown."""
-    from . import pin_view
+    """Return the skins to show at the current frame, and as pins and thimbles render them; empty if unknown."""
+    from . import pin_view, thimble_live
 
     targets = own(scene)
-    return (*targets, *pin_view.rendered(scene, targets)) if targets else ()
+    return (*targets, *pin_view.rendered(scene, targets), *thimble_live.rendered(scene, targets)) if targets else ()
 
 
 def own(scene: bpy.types.Scene) -> tuple[SkinState, ...]:

@@ -349,8 +349,9 @@ def _figures(state: SkinState, x: float, y: float, width: float, scale: float) -
         rows = [
             (f"N {force(state.normal_force)}   T {force(state.tangential_force)}", paint.INK),
             (f"{1e3 * state.depth:.2f} mm deep", paint.INK if state.depth <= 2e-3 else paint.ORANGE),
-            (f"{state.sticking} stick, {state.slipping} slip", paint.FAINT)
-            if state.converged else ("did not converge", paint.ORANGE),
+            (state.note, paint.ORANGE) if state.work == "rendered"
+            else (f"{state.sticking} stick, {state.slipping} slip", paint.FAINT) if state.converged
+            else ("did not converge", paint.ORANGE),
         ]  # fmt: skip
     for text, ink in rows:
         y -= LINE * scale

@@ -61,8 +61,8 @@ def reach(device: Thimble, around: float, levels: int = 9, directions: int = 48)
     """
     low, high = distance_range(device, around)
     margin = 0.02 * (high - low)  # at the very ends there is no tilt left
-    distance: Array = np.linspace(low + margin, high - margin, levels)
-    direction: Array = np.arange(directions) * (2 * np.pi / directions)
+    distance = np.linspace(low + margin, high - margin, levels).astype(np.float64)
+    direction = np.arange(directions, dtype=np.float64) * (2 * np.pi / directions)
     ways = np.stack([np.cos(direction), np.sin(direction), np.zeros(directions)], axis=1)
     tilt = np.array([[_edge(device, np.array([0.0, 0.0, z]), way, STEEPEST) for way in ways]
                      for z in distance.tolist()], np.float64)  # fmt: skip

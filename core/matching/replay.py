@@ -45,7 +45,11 @@ class Replay:
         return len(self.x)
 
     def forces(self, sample: int, ahead: Array | None = None) -> Array:
-        """Return the forces of the disc on the pad nodes at a sample [N], shape (m, 3).
+        """Return the forces of the disc on the pad nodes at a sample [N], shape (m, 3). See `solution`."""
+        return self.solution(sample, ahead).spread(self.contact.count)
+
+    def solution(self, sample: int, ahead: Array | None = None) -> DiscSolution:
+        """Return the contact of the disc with the skin at a sample.
 
         Args:
             ahead: a pose shortly after the sample to look at instead; friction remembers the sample itself.
@@ -61,7 +65,7 @@ class Replay:
         self._now = (sample + 1, after)
         if ahead is not None:
             solution = self._solved(after, ahead)
-        return solution.spread(self.contact.count)
+        return solution
 
     def _before(self, sample: int) -> FrictionState:
         """Return the friction state that a sample begins with."""

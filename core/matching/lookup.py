@@ -51,17 +51,22 @@ def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = N
     Source: [S2] eq. 2-4
     """
     readings = np.asarray(readings, np.float64)
-    found = table.by_reading.query(readings, NEIGHBOURS)
-    values = table.commands[table.heard]
-    out = _mean(found, values)
-    rest = table.commands[table.rest]
-    quiet = table.from_rest(readings) <= table.hush if table.hush > 0.0 else np.zeros(len(out), bool)
-    out[quiet] = rest
+    values, rest = table.heard_commands, table.commands[table.rest]
+    loud = np.ones(len(readings), bool)
+    if table.hush > 0.0 and readings.shape[1:] == table.readings.shape[1:]:
+        # what cannot be told from rest is rest, and needs no search; what is no number is left to the search to refuse
+        loud = ~(table.from_rest(readings) <= table.hush)
+    found = table.by_reading.query(readings[loud], NEIGHBOURS)
+    out = np.tile(rest, (len(readings), 1))
+    out[loud] = _mean(found, values)
+    if not found.tied.any():
+        return out
     poses = values / table.scale
-    known = np.asarray(table.readings, np.float64)[table.heard]
-    for i in np.flatnonzero(found.tied & ~quiet):  # a tie looks back at the command before: one by one
+    known = table.felt[table.heard]
+    for at in np.flatnonzero(found.tied):  # a tie looks back at the command before: one by one
+        i = int(np.flatnonzero(loud)[at])
         before = (out[i - 1] if i else rest if last is None else np.asarray(last, np.float64)) / table.scale
-        rows = table.by_reading.within(readings[i], float(found.squared[i, -1]))
+        rows = table.by_reading.within(readings[i], float(found.squared[at, -1]))
         squared = ((known[rows] - readings[i]) ** 2).sum(axis=1)
         from_last = ((poses[rows] - before) ** 2).sum(axis=1)
         order = np.lexsort((rows, from_last, squared))[:NEIGHBOURS]
@@ -77,7 +82,7 @@ def readings_for(table: SkinTable, commands: Array) -> Array:
     Source: [S2] eq. 8-10
     """
     found = table.by_command.query(np.asarray(commands, np.float64) / table.scale, NEIGHBOURS)
-    return _mean(found, np.asarray(table.readings, np.float64))
+    return _mean(found, table.felt)
 
 
 def _mean(found: Neighbours, values: Array) -> Array:

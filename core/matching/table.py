@@ -99,9 +99,20 @@ class SkinTable:
             )  # fmt: skip
         return rows
 
+    @cached_property
+    def heard_commands(self) -> Array:
+        """Commands of the rows that `by_reading` finds, by its index, SI."""
+        return self.commands[self.heard]
+
+    @cached_property
+    def felt(self) -> Array:
+        """Readings of all rows in double precision [counts]."""
+        return np.asarray(self.readings, np.float64)
+
     def from_rest(self, readings: NDArray[Any]) -> Array:
         """Return how far readings are from those of rest [counts], shape (n,)."""
-        out: Array = np.linalg.norm(np.asarray(readings, np.float64) - self.readings[self.rest], axis=1)
+        off = np.asarray(readings, np.float64) - self.felt[self.rest]
+        out: Array = np.sqrt(np.einsum("ij,ij->i", off, off))
         return out
 
     def heard_with(self, noise: float) -> SkinTable:

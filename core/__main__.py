@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from .track import CommandTrack
 
 # What a child process may be asked to do: name -> module of this package, function.
-JOBS = {"probe": (".work", "probe"), "skin": (".skin.job", "make"), "collect": (".design.collect", "work")}
+JOBS = {"probe": (".work", "probe"), "skin": (".skin.job", "make"), "collect": (".design.collect", "work"),
+        "adapt": (".matching.adapt", "adapt_job")}  # fmt: skip
 
 FAILED, REFUSED = 1, 2  # findings of severity error; nothing could be done
 
@@ -175,6 +176,10 @@ def _parser() -> argparse.ArgumentParser:
     from .design.command_line import add_parser as add_design
 
     add_design(commands)
+
+    from .thimble_command import add_parser as add_thimble
+
+    add_thimble(commands)
 
     text = "Say how far each matching method of a pin array would miss for a sampled scene."
     one = commands.add_parser("compare", help="how far each matching method of a pin array would miss",

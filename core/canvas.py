@@ -32,6 +32,9 @@ class Canvas(Protocol):
     def curve(self, x: Array, y: Array, colour: Colour, width: float) -> None:
         """Draw y over rising x."""
 
+    def path(self, x: Array, y: Array, colour: Colour, width: float) -> None:
+        """Draw a line through points that may go anywhere."""
+
     def text(self, x: float, y: float, text: str, size: float, colour: Colour, anchor: Anchor = "start") -> None:
         """Write a text with its base line at y; `size` is the height of a capital."""
 
@@ -68,6 +71,10 @@ class SvgCanvas:
             f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="{_n(width)}" '
             'stroke-linejoin="round"/>'
         )
+
+    def path(self, x: Array, y: Array, colour: Colour, width: float) -> None:
+        """Draw a line through points that may go anywhere."""
+        self.curve(x, y, colour, width)
 
     def text(self, x: float, y: float, text: str, size: float, colour: Colour, anchor: Anchor = "start") -> None:
         """Write a text with its base line at y."""
@@ -134,6 +141,12 @@ class PngCanvas:
         cover = np.clip(np.minimum(rows + 1, high + half) - np.maximum(rows, low - half), 0.0, 1.0)
         cover = cover.reshape(len(rows), -1, fine).mean(axis=2)
         self._blend(top, first, cover, colour)
+
+    def path(self, x: Array, y: Array, colour: Colour, width: float) -> None:
+        """Draw a line through points that may go anywhere."""
+        points = (np.stack([x, y], axis=1) * self._scale).tolist()
+        for (x0, y0), (x1, y1) in zip(points[:-1], points[1:], strict=True):
+            self._stroke(x0, y0, x1, y1, width * self._scale / 2, colour)
 
     def text(self, x: float, y: float, text: str, size: float, colour: Colour, anchor: Anchor = "start") -> None:
         """Write a text with its base line at y."""

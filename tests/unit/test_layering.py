@@ -54,6 +54,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "content_hash": BASE | {"scene"},
     "bake": CONTACT | {"track"},
     "outputs": MATCHING | {"bake", "formats", "plot"},
+    "plot_thimble": {"canvas", "files", "errors"},
+    "thimble_command": MATCHING | {"scene_file", "formats", "plot_thimble"},
     "sliding": BASE | {"scene"},
     "work": BASE,
 }

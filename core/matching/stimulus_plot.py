@@ -1,0 +1,78 @@
+"""The three-component stimulus plot: where stimuli lie in the space that the device's own stimuli span.
+
+The cloud is what the device makes felt all over its workspace; a touch is a line through or past it. Three components
+do not describe a stimulus well, but they show what the device can reach and what it cannot.
+
+Source: [S0] 3.3 ('3-PCA stimulus viz') and figures 3, 4, 7
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..surrogate.dataset import MAX_DEPTH, MAX_TILT, drain, record
+from ..surrogate.store import contact_of
+from .thimble import describe
+from .thimble_sequence import ThimbleSequence
+from .thimble_use import ThimbleUse
+
+Array = NDArray[np.float64]
+
+MOVEMENTS = 240
+MOST = 2500  # dots of the cloud
+
+
+@dataclass(frozen=True, eq=False)
+class StimulusPlot:
+    """Stimuli in their first three components.
+
+    Attributes:
+        cloud: of the device, from rest and along random movements, shape (n, 3).
+        configuration: of each dot: pitch and roll over the largest, depth over the largest, -1 to 1, shape (n, 3).
+        target: of the touch, shape (k, 3). rendered: what the device made of it, shape (k, 3).
+        predicted: what the search expected, shape (k, 3); None for methods that look for something else.
+        left: relative RMS that three components leave of the cloud about its mean.
+    """
+
+    cloud: Array
+    configuration: Array
+    target: Array
+    rendered: Array
+    predicted: Array | None
+    left: float
+
+
+def stimulus_plot(use: ThimbleUse, forces: Array, found: ThimbleSequence, seed: int = 1) -> StimulusPlot:
+    """Return the plot of a touch and what a thimble made of it.
+
+    Args:
+        forces: of the virtual touch on the pad nodes [N], shape (k, m, 3). found: what the thimble did.
+
+    Raises:
+        DermisError: servo limits that exclude contact.
+    """
+    spaces = None if use.readout is not None else describe(use.device, use.skin, use.friction)
+    readout = use.readout if spaces is None else spaces.readout
+    assert readout is not None
+    data = drain(record(use.device, contact_of(use.device, use.skin, use.friction), MOVEMENTS, seed=seed))
+    stimuli = data.force.astype(np.float64) @ readout.T
+    about = stimuli - stimuli.mean(axis=0)
+    chosen = slice(None, None, max(1, -(-len(stimuli) // MOST)))
+    depth = data.x[:, 2].max() - data.x[:, 2]
+    shares = (data.x[:, 0] / MAX_TILT, data.x[:, 1] / MAX_TILT, depth / MAX_DEPTH - 1)
+    configuration = np.stack(shares, axis=1)
+    three = readout[:3]
+    touched = found.wanted | found.pressing
+    return StimulusPlot(
+        stimuli[chosen, :3], np.clip(configuration[chosen], -1.0, 1.0), _through(forces[touched], three),
+        _through(found.force[touched], three), None if found.predicted is None else found.predicted[touched, :3],
+        float(np.sqrt((about[:, 3:] ** 2).sum() / (about**2).sum())),
+    )  # fmt: skip
+
+
+def _through(force: NDArray[np.floating], readout: Array) -> Array:
+    flat: Array = force.reshape(len(force), readout.shape[1]).astype(np.float64)
+    return flat @ readout.T

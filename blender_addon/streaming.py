@@ -48,7 +48,7 @@ def found_ports() -> list[tuple[str, str]]:
 def rescan() -> int:
     """Look for serial ports; return how many there are. Takes up to seconds: for a button, never for drawing."""
     global _ports
-    _ports = core_module("stream.transport").ports()
+    _ports = core_module("stream.serial_port").ports()
     return len(_ports)
 
 

@@ -34,7 +34,8 @@ class Adapter:
         ready: the device has been recognised. armed: it takes commands. fault: why it cannot be used, in words.
         pose: where the device says it is [units], or None.
         touch: the last touch of a panel. counters: what went wrong or was changed, by name.
-        round_trip: the last one [s], or NaN. queue: commands that the device can hold for later; 0: not known.
+        round_trip: the last one [s], or NaN. congested: answers stay away, so the link holds more than it carries.
+        queue: commands that the device can hold for later; 0: not known.
     """
 
     name = ""
@@ -62,6 +63,7 @@ class Adapter:
         self.round_trip = float("nan")
         self.device = ""
         self.queue = 0
+        self.congested = False
 
     def opened(self, now: float) -> None:
         """Begin: the link has just been opened."""
@@ -81,6 +83,9 @@ class Adapter:
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
         """Return the messages for values [units]; `play`: when they count, None for at once."""
         raise NotImplementedError
+
+    def forget(self) -> None:
+        """Forget the last command: it did not leave, or must not be relied on; the next one says everything again."""
 
     def safe(self) -> list[bytes]:
         """Return messages that make the device safe; without `own_safe`, the last ones after the way there."""

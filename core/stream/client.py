@@ -58,7 +58,7 @@ class SenderClient:
         return self._process.poll() is None
 
     def connect(self, url: str, protocol: str, device: str, preset: Mapping[str, Any], **more: Any) -> None:
-        """Hold a link; `more` are other fields of `streamer.Wish`. Nothing is armed by this."""
+        """Hold a link; `more` are other fields of `wish.Wish`. Nothing is armed by this."""
         self.set(connect=True, url=url, protocol=protocol, device={"key": device, "preset": dict(preset)}, **more)
 
     def disconnect(self) -> None:

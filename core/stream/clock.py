@@ -52,7 +52,7 @@ class TrackClock:
 class DeviceClock:
     """A device's 32-bit microsecond counter in terms of the host's clock, kept by round trips."""
 
-    MEMORY = 24
+    MEMORY = 48
 
     def __init__(self) -> None:
         self._samples: deque[tuple[float, float, float]] = deque(maxlen=self.MEMORY)  # round trip, offset, when
@@ -67,6 +67,11 @@ class DeviceClock:
     def round_trip(self) -> float:
         """The last round trip [s]; NaN before the first."""
         return self._samples[-1][0] if self._samples else float("nan")
+
+    @property
+    def shortest(self) -> float:
+        """The shortest round trip of the last few [s]; 0 before the first."""
+        return min(self._samples)[0] if self._samples else 0.0
 
     def reply(self, sent: float, received: float, device_us: int) -> None:
         """Take a reply: when it was asked and received [s of the host], and the device's counter."""

@@ -60,7 +60,7 @@ def _send(options: argparse.Namespace, load_screen: LoadScreen) -> int:
 
 
 def _ports(_options: argparse.Namespace) -> int:
-    from .transport import ports
+    from .serial_port import ports
 
     found = ports()
     for name, description in found:
@@ -73,7 +73,7 @@ def _ports(_options: argparse.Namespace) -> int:
 def _virtual(options: argparse.Namespace) -> int:
     from ..presets import Library
     from .faults import NAMES as FAULTS
-    from .virtual_device import serve
+    from .virtual_program import serve
     from .wire import Wire
 
     faults = {}
@@ -93,8 +93,9 @@ def _play(options: argparse.Namespace) -> int:
     from ..formats import export
     from ..presets import Library
     from .board import Beat
-    from .streamer import Streamer, Wish
-    from .virtual_device import open_link
+    from .streamer import Streamer
+    from .virtual_link import open_link
+    from .wish import Wish
 
     track = export.read(options.track)
     key = options.device or track.spec.key

@@ -9,6 +9,7 @@ import numpy as np
 from .wire import Array, Wire
 
 SLACK = 1e-9
+KINDS = ("range", "disc", "slew", "not_finite")
 
 
 class Gate:
@@ -16,15 +17,21 @@ class Gate:
 
     Attributes:
         last: what was driven last [units], shape (channels,).
-        limited: per 'channel.kind': how many values 'range', 'disc', 'slew' or 'not_finite' changed.
     """
 
     def __init__(self, wire: Wire) -> None:
         self.wire = wire
-        self.limited: Counter[str] = Counter()
+        self._counts = {kind: np.zeros(wire.count, np.int64) for kind in KINDS}
         self.last: Array = self.driven(wire.rest)
         self._time = -np.inf
         self._ramp: tuple[Array, float, float] | None = None
+
+    @property
+    def limited(self) -> Counter[str]:
+        """How many values 'range', 'disc', 'slew' or 'not_finite' changed, per 'channel.kind'."""
+        names = self.wire.names
+        return Counter({f"{names[i]}.{kind}": int(counts[i]) for kind, counts in self._counts.items()
+                        for i in np.flatnonzero(counts)})  # fmt: skip
 
     def driven(self, wanted: Array) -> Array:
         """Return calibrated values within the limits, without counting."""
@@ -32,8 +39,11 @@ class Gate:
         return np.minimum(np.maximum(wire.zero + wire.gain * wanted, wire.least), wire.most)
 
     def begin(self, pose: Array, time: float, seconds: float) -> None:
-        """Start from a pose [units]: blend from there to what is wanted over some seconds, never faster than slew."""
-        self.last = np.minimum(np.maximum(pose, self.wire.least), self.wire.most)
+        """Start from a pose [units]: blend from there to what is wanted over some seconds, never faster than slew.
+
+        A pose outside the limits is left at that speed too, not at once.
+        """
+        self.last = np.where(np.isfinite(pose), pose, self.driven(self.wire.rest))
         self._time = time
         self._ramp = (self.last.copy(), time, seconds) if seconds > 0 else None
 
@@ -48,12 +58,12 @@ class Gate:
         driven = wire.zero + wire.gain * wanted
         finite = np.isfinite(driven)
         if not finite.all():
-            self._count("not_finite", ~finite)
+            self._counts["not_finite"] += ~finite
             driven = np.where(finite, driven, self.last)
         held = np.minimum(np.maximum(driven, wire.least), wire.most)
         if not (held == driven).all():
             # What a rounding of the preset's units does is no violation.
-            self._count("range", np.abs(held - driven) > SLACK * np.maximum(np.abs(held), 1e-3))
+            self._counts["range"] += np.abs(held - driven) > SLACK * np.maximum(np.abs(held), 1e-3)
         if wire.disc is not None:
             held = self._disc(held, wire.disc)
         ramping = self._ramp is not None
@@ -71,7 +81,7 @@ class Gate:
         fast = np.abs(change) > most * (1 + 1e-6) + 1e-12
         if fast.any():
             if not ramping:
-                self._count("slew", fast)
+                self._counts["slew"] += fast
             held = np.where(fast, self.last + allowed, held)
         self.last, self._time = held, time
         return held
@@ -83,9 +93,5 @@ class Gate:
             return values
         values = values.copy()
         values[[i, j]] *= radius / reach
-        self.limited[f"{self.wire.names[i]}.disc"] += 1
+        self._counts["disc"][i] += 1
         return values
-
-    def _count(self, kind: str, which: np.ndarray) -> None:
-        for i in np.flatnonzero(which):
-            self.limited[f"{self.wire.names[i]}.{kind}"] += 1

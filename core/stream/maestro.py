@@ -39,6 +39,10 @@ class Maestro(Adapter):
         self._sent = np.full(wire.count, -1)
         self._when = -1.0
 
+    def forget(self) -> None:
+        """Send every position with the next command, changed or not."""
+        self._sent[:] = -1
+
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
         """Return one Set Target for each channel that changed; all of them now and then."""
         part = (values - self.wire.low) / (self.wire.high - self.wire.low)

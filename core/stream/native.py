@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 
@@ -13,8 +14,12 @@ from .packets import DeviceState, Kind, Nack, Packet
 from .wire import Array, Wire
 
 WATCHDOG_MS = 70  # silence after which the device goes to its safe state
-HELLO_EVERY, SYNC_EVERY, ARM_EVERY, SAFE_EVERY = 0.1, 0.02, 0.03, 0.005
-SILENCE = 1.0  # a device that has not answered for this long is gone [s]
+HELLO_EVERY, SYNC_EVERY, ARM_EVERY, SAFE_EVERY = 0.1, 0.01, 0.03, 0.005
+SILENCE = 1.0  # a device that has not answered for this long is gone [s] ...
+SILENCE_ARMED = 0.07  # ... and while it is armed for this long: the sender's own dead man's switch
+BEHIND = 0.015  # an answer this much beyond two round trips lies behind commands that the link does not carry [s]
+OVERDUE = 0.03  # an answer this late is asked for more often: one lost packet must not end a stream [s]
+ABSENT = 0.03  # when this sender did not listen for so long, that time says nothing about the device [s]
 SAFE_TIMES = 4  # one may be lost
 
 
@@ -39,14 +44,15 @@ class Native(Adapter):
         self._sequence = 0
         self._due: dict[str, float] = {}
         self._asked: dict[int, float] = {}
-        self._heard = 0.0
+        self._oldest = math.inf  # question without an answer
+        self._heard = self._polled = 0.0
         self._wants_arms = self._wants_pose = False
         self._safes = 0
 
     def opened(self, now: float) -> None:
         """Begin a session of its own number, so that packets of an earlier one mean nothing."""
         self._session = os.urandom(1)[0] or 1
-        self._heard = now
+        self._heard = self._polled = now
         self.decoder = packets.Decoder()
 
     def receive(self, data: bytes, now: float) -> None:
@@ -66,12 +72,16 @@ class Native(Adapter):
     def poll(self, now: float) -> list[bytes]:
         """Return handshake, arming, sign of life, and repeated stops."""
         out = []
+        if now - self._polled > ABSENT:
+            self._heard += now - self._polled
+        self._polled = now
         if not self.ready:
             if not self.fault and self._is_due("hello", HELLO_EVERY, now):
                 out.append(self._pack(Kind.HELLO, packets.hello(self.wire.count, self.wire.hash)))
             return out
-        if now - self._heard > SILENCE:
-            self.fault = f"the device has not answered for {SILENCE:g} s"
+        silence = SILENCE_ARMED if self.armed else SILENCE
+        if now - self._heard > silence:
+            self.fault = f"the device has not answered for {silence:g} s"
         if self._safes and self._is_due("safe", SAFE_EVERY, now):
             self._safes -= 1
             out.append(self._pack(Kind.SAFE))
@@ -85,11 +95,14 @@ class Native(Adapter):
                 body = packets.configure(self.watchdog_ms, self.wire.reach, self.wire.counts(self.wire.safe),
                                          self.wire.slew_counts())  # fmt: skip
                 out.append(self._pack(Kind.CONFIGURE, body))
-        if self._is_due("sync", SYNC_EVERY, now):
+        self.congested = now - self._oldest > BEHIND + 2 * self.clock.shortest
+        if self._is_due("sync", SYNC_EVERY if now - self._heard < OVERDUE else SAFE_EVERY, now):
             token = round(now * 1e6) & 0xFFFFFFFF
             if len(self._asked) > 100:  # answers that never came
                 self._asked.clear()
+                self._oldest = math.inf
             self._asked[token] = now
+            self._oldest = min(self._oldest, now)
             out.append(self._pack(Kind.SYNC, token.to_bytes(4, "little")))
         return out
 
@@ -104,6 +117,10 @@ class Native(Adapter):
         timed = play is not None and self.clock.known
         when = self.clock.device_us(play) if timed and play is not None else 0
         return [self._pack(Kind.COMMAND, packets.command(when, self.wire.counts(values), timed=timed))]
+
+    def forget(self) -> None:
+        """Take the last number back: its packet did not leave, and the device must not miss it."""
+        self._sequence = (self._sequence - 1) & 0xFFFF
 
     def safe(self) -> list[bytes]:
         """Return SAFE, now and a few times more."""
@@ -122,6 +139,8 @@ class Native(Adapter):
             reply = packets.Synced.read(packet.body)
             asked = self._asked.pop(reply.host_us, None)
             if asked is not None:
+                self._asked = {token: at for token, at in self._asked.items() if at > asked}  # older ones were lost
+                self._oldest = min(self._asked.values(), default=math.inf)
                 self.clock.reply(asked, now, reply.device_us)
                 self.round_trip = now - asked
             self._device_state(reply.state)

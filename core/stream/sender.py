@@ -11,14 +11,13 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import fields
 from pathlib import Path
 
-from ..errors import DermisError
 from .board import Board
 from .source import Screen
-from .streamer import Streamer, Wish
-from .virtual_device import open_link
+from .streamer import Streamer
+from .virtual_link import open_link
+from .wish import wish_of
 
 STATUS_EVERY = 0.05
 
@@ -72,18 +71,6 @@ def _loop(board: Board, streamer: Streamer, ended: threading.Event) -> None:
             now = clock()
         if due > now:
             time.sleep(due - now)
-
-
-def wish_of(plain: dict[str, object]) -> Wish:
-    """Read a wish; what this version does not know is refused.
-
-    Raises:
-        DermisError: an unknown field.
-    """
-    known = {f.name for f in fields(Wish)}
-    if not set(plain) <= known:
-        raise DermisError("unknown fields in a wish", value=", ".join(sorted(set(plain) - known)))
-    return Wish(**plain)  # type: ignore[arg-type]
 
 
 def _lifeline(ended: threading.Event) -> None:

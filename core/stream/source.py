@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
 from ..errors import DermisError
+from ..formats import export
 from ..track import CommandTrack
 from .adapter import Touch
 from .clock import TrackClock
 from .wire import Array, Wire
+from .wish import Wish
 
 MODES = ("play", "follow", "jog", "panel")
 
@@ -166,3 +169,37 @@ class Panel:
 def follow_values(wire: Wire, values: Sequence[float]) -> Array:
     """Return published values as an array; rest where they do not fit the channels."""
     return np.array(values, np.float64) if len(values) == wire.count else wire.rest
+
+
+Source = Play | Follow | Jog | Panel
+
+
+def source_of(
+    wish: Wish, wire: Wire, old: Source | None, shown: Sequence[float],
+    load_screen: Callable[[Path], Screen] | None = None,
+) -> Source:  # fmt: skip
+    """Make what a wish's mode asks for.
+
+    Args:
+        old: the source before; a playback goes on where it was. shown: values that Blender published last.
+
+    Raises:
+        DermisError: nothing to play, another device's track, no screen map, or no such mode.
+    """
+    if wish.mode == "play":
+        if not wish.track:
+            raise DermisError("nothing to play", remedy="Bake, or choose a track")
+        play = Play(wire, export.read(Path(wish.track)), wish.offset, free=wish.play_on)
+        if isinstance(old, Play):
+            play.clock = old.clock
+            play.clock.free = wish.play_on
+        return play
+    if wish.mode == "follow":
+        return Follow(follow_values(wire, shown))
+    if wish.mode == "jog":
+        return Jog(wire, wish.jog)
+    if wish.mode == "panel":
+        if load_screen is None or not wish.screen:
+            raise DermisError("no screen map to answer touches from", remedy="Export the screen's map first")
+        return Panel(wire, load_screen(Path(wish.screen)))
+    raise DermisError("no such mode", value=wish.mode, limit=", ".join(MODES))

@@ -8,69 +8,33 @@ until a person arms again.
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ..calibration import Calibration
 from ..devices.spec import DeviceSpec, from_preset
 from ..errors import DermisError
-from ..formats import export
 from . import adapter as adapters
 from .adapter import Adapter
 from .board import Beat
-from .clock import Lateness
 from .gate import Gate
-from .packets import Reach
-from .source import Follow, Jog, Panel, Play, Screen, follow_values
-from .transport import Gone, Transport, Url
+from .pace import Pace
+from .safe_way import SafeWay
+from .source import Follow, Panel, Play, Screen, Source, follow_values, source_of
+from .transport import Gone, Transport
+from .url import Url
 from .wire import Array, Wire
+from .wish import Wish
 
 HANDSHAKE = 3.0  # a device that has not said who it is after this long is none [s]
 RETRY = 1.0  # between two attempts to connect again [s]
 ARMING = 1.0  # a device that is not armed after this long will not be [s]
 REPEAT = 3  # a safe state is written this often where no device confirms it
-SAFING_MOST = 0.06  # the way to the safe state takes at most this long [s]
-
-
-@dataclass
-class Wish:
-    """What Blender wants, as a whole; a new one replaces the old.
-
-    Attributes:
-        connect: hold the link. url, protocol, options: which. device: {"key", "preset"}. calibration: its JSON, or ''.
-        mode: of `source.MODES`. track, screen: files for 'play' and 'panel'. jog: values by channel [units].
-        arm: ticket; 0 disarms. stops: number of stops that the person had seen when arming.
-        offset: start offset [s]. look_ahead: [s]. ramp: blend from the first pose [s].
-        stall: without a beat for this long comes the safe state [s]. play_on: a baked track plays on meanwhile.
-        reconnect: try again by itself when a link is lost.
-    """
-
-    connect: bool = False
-    url: str = ""
-    protocol: str = "native"
-    device: dict[str, Any] = field(default_factory=dict)
-    calibration: str = ""
-    mode: str = "play"
-    track: str = ""
-    screen: str = ""
-    jog: dict[str, float] = field(default_factory=dict)
-    arm: int = 0
-    stops: int = 0
-    offset: float = 0.0
-    look_ahead: float = 0.0
-    ramp: float = 1.0
-    stall: float = 0.5
-    play_on: bool = False
-    reconnect: bool = False
-    rate: float = 0.0
-
-    def same_link(self, other: Wish) -> bool:
-        """Tell whether another wish is about the same link."""
-        keys = ("connect", "url", "protocol", "device", "calibration")
-        return all(getattr(self, k) == getattr(other, k) for k in keys)
+STUBBORN = 1.0  # a safe state that the link does not take is tried again for this long [s]
+RECALIBRATING = 0.3  # what a new calibration, or another source, changes is blended in over this long [s]
+WAITING_MOST = 16  # messages of the protocol's own that wait for room in the link
 
 
 class Streamer:
@@ -82,7 +46,7 @@ class Streamer:
 
     Attributes:
         state: for people, see the module. words: the last error or what is waited for.
-        counters: sent, dropped, skipped ... lateness: of samples against their plan [s].
+        counters: sent, dropped, skipped ... pace: which samples are due, and how late they were.
     """
 
     def __init__(
@@ -92,22 +56,24 @@ class Streamer:
         self._open_link, self._load_screen = open_link, load_screen
         self.state, self.words = "disconnected", ""
         self.counters: Counter[str] = Counter()
-        self.lateness = Lateness()
+        self.pace = Pace(1.0)
         self.wish = Wish()
         self.wire: Wire | None = None
         self.gate: Gate | None = None
         self.adapter: Adapter | None = None
         self.link: Transport | None = None
-        self.source: Play | Follow | Jog | Panel | None = None
+        self.source: Source | None = None
         self.rate = 0.0
         self._phase = "idle"  # 'arming', 'live', 'safing'
         self._since = 0.0
-        self._ticket = 0
+        self.ticket = 0
         self._stops = 0
         self._beat: Beat | None = None
         self._beat_at = -math.inf
-        self._next = 0.0
         self._retry_at = 0.0
+        self._way: SafeWay | None = None
+        self._waiting: deque[bytes] = deque()
+        self._held: tuple[Array, float] | None = None
         self._closing = False
 
     # -- what comes from outside
@@ -122,13 +88,15 @@ class Streamer:
             self._disconnect(now, "")
             self.counters.clear()
             self._retry_at = now
-        if self.wire is not None and self._source_key(wish) != self._source_key(old):
+        if self.link is not None and wish.calibration != old.calibration:
+            self._recalibrate(now)
+        if self.wire is not None and not wish.same_source(old):
             self._choose_source(now)
-        if wish.arm == 0 or wish.arm < self._ticket:
+        if wish.arm == 0 or wish.arm < self.ticket:
             if self._phase in ("arming", "live"):
                 self._to_safe(now)
-        elif wish.arm > self._ticket:
-            self._ticket = wish.arm
+        elif wish.arm > self.ticket:
+            self.ticket = wish.arm
             if wish.stops >= self._stops:
                 self._begin_arming(now)
 
@@ -178,7 +146,8 @@ class Streamer:
         self._guarded(now, lambda: self._tick(now))
         self._name_state()
         if self._phase == "live":  # often enough for a stop, however slow the device
-            return min(max(self._next - self._horizon(), now), now + 0.004)
+            wait = 0.001 if self._held is not None or self._waiting else 0.004
+            return min(max(self.pace.next - self._horizon(), now), now + wait)
         return now + (0.002 if self.link is not None else 0.02)
 
     def _guarded(self, now: float, work: Callable[[], None]) -> None:
@@ -194,26 +163,9 @@ class Streamer:
 
     def status(self) -> dict[str, Any]:
         """Return how things stand as plain JSON values."""
-        p50, p99 = self.lateness.percentiles()
-        adapter, gate = self.adapter, self.gate
-        out: dict[str, Any] = {
-            "state": self.state, "words": self.words, "armed": self.armed, "ticket": self._ticket,
-            "rate": self.rate, "jitter_p50_us": _plain(p50 * 1e6), "jitter_p99_us": _plain(p99 * 1e6),
-            "counters": dict(self.counters), "limited": dict(gate.limited) if gate else {},
-            "names": list(self.wire.names) if self.wire else [], "units": list(self.wire.units) if self.wire else [],
-            "values": gate.last.tolist() if gate else [],
-        }  # fmt: skip
-        if adapter is not None:
-            out |= {
-                "device": adapter.device, "watchdog": adapter.watchdog, "caution": adapter.caution,
-                "round_trip_ms": _plain(adapter.round_trip * 1e3), "protocol": dict(adapter.counters),
-                "pose": None if adapter.pose is None else adapter.pose.tolist(),
-            }  # fmt: skip
-        if isinstance(self.source, Panel):
-            out["limited"]["amplitude.law"] = self.source.limited
-        if self.link is not None:
-            out |= {"link": self.link.name, "received": self.link.report()}
-        return out
+        from .report import report
+
+        return report(self)
 
     # -- the link
 
@@ -228,7 +180,7 @@ class Streamer:
         if self.adapter.fault:
             fault, self.adapter.fault = self.adapter.fault, ""
             raise DermisError(fault, where=self.link.name)
-        self._send(self.adapter.poll(now))
+        self._poll(now)
         if not self.adapter.ready:
             if now - self._since > HANDSHAKE:
                 raise DermisError(f"nobody answered within {HANDSHAKE:g} s", where=self.link.name,
@@ -246,9 +198,9 @@ class Streamer:
         self._retry_at = now + RETRY if self.wish.reconnect else math.inf
         try:
             spec = _spec(self.wish.device)
-            made = Calibration.loads(self.wish.calibration) if self.wish.calibration else None
-            self.wire = Wire.of(spec, made)
+            self.wire = Wire.of(spec, _calibration(self.wish))
             self.rate = self.wish.rate or spec.rate
+            self.pace = Pace(self.rate)
             self.gate = Gate(self.wire)
             self._choose_source(now)
             url = Url(self.wish.url)
@@ -259,8 +211,8 @@ class Streamer:
             raise
         if self.adapter.datagrams and not self.link.datagrams:
             raise DermisError(f"{self.adapter.title} goes over udp://", where=self.wish.url)
-        self._phase, self._since = "idle", now
-        self.lateness = Lateness()
+        self._phase, self._since, self._held = "idle", now, None
+        self._waiting.clear()
         self.adapter.opened(now)
 
     def _disconnect(self, now: float, words: str) -> None:
@@ -275,7 +227,7 @@ class Streamer:
             self.link.close()
         self.link = self.adapter = None
         self._phase, self.words = "idle", words
-        self._ticket = max(self._ticket, self.wish.arm)
+        self.ticket = max(self.ticket, self.wish.arm)
 
     def _fail(self, now: float, words: str) -> None:
         self.counters["faults"] += 1
@@ -283,14 +235,25 @@ class Streamer:
         self._retry_at = now + RETRY if self.wish.reconnect else math.inf
         self.state = "fault"
 
-    def _send(self, messages: list[bytes]) -> bool:
+    def _poll(self, now: float) -> None:
+        """Send what the protocol itself has to say, in its order; what finds no room waits, the oldest not for ever."""
+        assert self.adapter is not None and self.link is not None
+        self._waiting += self.adapter.poll(now)
+        while len(self._waiting) > WAITING_MOST:
+            self._waiting.popleft()
+            self.counters["dropped"] += 1
+        while self._waiting and self.link.send(self._waiting[0]):
+            self.counters["bytes"] += len(self._waiting.popleft())
+
+    def _send(self, messages: list[bytes], *, count: bool = True) -> bool:
+        """Send messages; tell whether all of them left. Those that did not are counted as dropped, if that is meant."""
         assert self.link is not None
         whole = True
         for message in messages:
             if self.link.send(message):
                 self.counters["bytes"] += len(message)
             else:
-                self.counters["dropped"] += 1
+                self.counters["dropped"] += count
                 whole = False
         return whole
 
@@ -306,7 +269,7 @@ class Streamer:
             self._choose_source(now)
             if self.source is None:
                 return
-        if isinstance(self.source, Play | Follow) and not self._alive(now):
+        if self._bound and not self._alive(now):
             self.words = "Blender gives no sign of life, so nothing was armed"
             return
         self._phase, self._since, self.words = "arming", now, ""
@@ -320,9 +283,10 @@ class Streamer:
                 self.words = "the device did not arm"
             return
         pose = self.adapter.pose if self.adapter.pose is not None else self.gate.driven(self.wire.rest)
-        start = now + self._horizon()
-        self.gate.begin(pose, start - 1.0 / self.rate, self.wish.ramp)
-        self._phase, self._next, self._since = "live", start, now
+        horizon = self._horizon()
+        self.gate.begin(pose, now + horizon - 1.0 / self.rate, self.wish.ramp)
+        self.pace.start(now + horizon, horizon)
+        self._phase, self._since, self._held = "live", now, None
 
     def _live(self, now: float) -> None:
         assert self.adapter is not None and self.gate is not None and self.source is not None
@@ -330,10 +294,7 @@ class Streamer:
             self.words = "the device disarmed itself"
             self._to_safe(now)
             return
-        bound_to_blender = isinstance(self.source, Play | Follow) and not (
-            isinstance(self.source, Play) and self.wish.play_on
-        )
-        if bound_to_blender and now - self._beat_at > self.wish.stall:
+        if self._bound and now - self._beat_at > self.wish.stall:
             self.words = f"Blender gave no sign of life for {self.wish.stall:g} s; arm again"
             self.counters["stalls"] += 1
             self._to_safe(now)
@@ -341,69 +302,64 @@ class Streamer:
             return
         if isinstance(self.source, Panel):
             self.source.touched(self.adapter.touch, now)
-        period, horizon = 1.0 / self.rate, self._horizon()
-        ahead = self.wish.look_ahead
-        if horizon and self._next < now + 0.25 * horizon:
-            # A playback has just begun, or this process was kept from working: what can no longer be on time is
-            # left out, and the device gets half of the look-ahead back.
-            behind = math.ceil((now + 0.5 * horizon - self._next) * self.rate)
-            if self._next < now - 2 * period:
-                self.counters["skipped"] += behind
-            self._next += behind * period
-        elif not horizon and self._next < now - 2 * period:  # late: the newest value is the best one
-            behind = int((now - self._next) * self.rate)
-            self.counters["skipped"] += behind
-            self._next += behind * period
-        while self._next <= now + horizon:
-            self.lateness.add(now + horizon - self._next)
-            moment = self._next
-            wanted = self.source.wanted(moment if horizon else now + ahead, now)
-            values = self.gate.step(wanted, moment)
-            if self._send(self.adapter.command(values, now, moment if horizon else None)):
-                self.counters["sent"] += 1
-            self._next += period
+        horizon = self._horizon()
+        if self._held is not None and not self._command(*self._held, now):
+            return
+        for moment in self.pace.due(now, horizon):
+            wanted = self.source.wanted(moment if horizon else now + self.wish.look_ahead, now)
+            if not self._command(self.gate.step(wanted, moment), moment if horizon else None, now):
+                break
+        self.counters["skipped"] = self.pace.skipped
+
+    def _command(self, values: Array, play: float | None, now: float) -> bool:
+        """Send one command. False: the link is full, but there is time; the command waits, and others after it."""
+        assert self.adapter is not None
+        self._held = None
+        free = not self._waiting and not self.adapter.congested
+        if free and self._send(self.adapter.command(values, now, play), count=False):
+            self.counters["sent"] += 1
+            return True
+        if free:
+            self.adapter.forget()
+        if play is not None and play - now > 2 * self.pace.period:
+            self._held = values, play
+            return False
+        self.counters["dropped"] += 1
+        return True
 
     def _to_safe(self, now: float) -> None:
         """Begin the way to the safe state."""
         assert self.adapter is not None and self.gate is not None
         live = self._phase == "live"
-        self._phase, self._since = "safing", now
+        self._phase, self._since, self._held = "safing", now, None
         if self.adapter.own_safe or not live:
             self._send(self.adapter.safe())
             self._finish_safing(now)
             return
-        if self.wire is not None and self.wire.reach == Reach.AT_ONCE:
-            self.gate.last = self.wire.safe.copy()
-        else:
-            self.gate.begin(self.gate.last, now - 1.0 / self.rate, 0.0)
+        self._way = SafeWay(self.gate, now)
         self._safing(now)
 
     def _safing(self, now: float) -> None:
-        assert self.adapter is not None and self.gate is not None and self.wire is not None
-        goal = self.wire.safe
-        values = self._towards(goal, now)
-        self._send(self.adapter.command(values, now, None))
-        if (abs(values - goal) < 1e-9).all() or now - self._since > SAFING_MOST:
-            self.gate.last = goal.copy()
+        assert self.adapter is not None and self.gate is not None and self._way is not None
+        values, there = self._way.step(now)
+        self.gate.last = values
+        if not self._send(self.adapter.command(values, now, None)):
+            self.adapter.forget()
+            there = False
+        if there:
             for _ in range(REPEAT):
-                self._send(self.adapter.command(goal, now, None))
-            self._send(self.adapter.safe())
+                self.adapter.forget()  # said again in full: nobody confirms it
+                there = self._send(self.adapter.command(values, now, None)) and there
+            there = self._send(self.adapter.safe()) and there
+        if there:
             self._finish_safing(now)
-
-    def _towards(self, goal: Array, now: float) -> Array:
-        """Return a step towards the safe state; calibration has no say in it, speed has."""
-        assert self.gate is not None and self.wire is not None
-        if self.wire.reach == Reach.AT_ONCE:
-            return goal
-        most = self.wire.slew * max(now - self.gate._time, 1e-9)
-        change = goal - self.gate.last
-        self.gate.last = self.gate.last + change.clip(-most, most)
-        self.gate._time = now
-        return self.gate.last
+        elif now - self._since > STUBBORN:
+            self.words = "The device takes nothing, so its safe state could not be sent. Switch its supply off"
+            self._finish_safing(now)
 
     def _finish_safing(self, now: float) -> None:
         self._phase = "idle"
-        self._ticket = max(self._ticket, self.wish.arm)
+        self.ticket = max(self.ticket, self.wish.arm)
         if self._closing:
             self._disconnect(now, self.words)
 
@@ -422,15 +378,26 @@ class Streamer:
             return 0.0
         return min(self.wish.look_ahead, max(adapter.queue - 2, 0) / self.rate if adapter.queue else math.inf)
 
-    @staticmethod
-    def _source_key(wish: Wish) -> tuple[Any, ...]:
-        return (wish.mode, wish.track, wish.screen, wish.offset, wish.play_on, tuple(sorted(wish.jog.items())))
+    @property
+    def _bound(self) -> bool:
+        """Tell whether a Blender that stands still ends this: all but a track or a panel that may play on."""
+        return not (self.wish.play_on and isinstance(self.source, Play | Panel))
+
+    def _recalibrate(self, now: float) -> None:
+        """Take another calibration under way: the device blends over to it."""
+        assert self.wire is not None and self.gate is not None
+        self.wire = Wire.of(self.wire.spec, _calibration(self.wish))
+        self.gate.wire = self.wire
+        if self._phase == "live":
+            self.gate.begin(self.gate.last, self.pace.next, RECALIBRATING)
 
     def _choose_source(self, now: float) -> None:
         """Make what the mode asks for; what cannot be made leaves the device safe and says why."""
         old, self.source = self.source, None
         try:
-            self.source = self._source_of(self.wish, old)
+            beat = self._beat.values if self._beat else ()
+            assert self.wire is not None
+            self.source = source_of(self.wish, self.wire, old, beat, self._load_screen)
         except DermisError as error:
             self.words = str(error)
         assert self.gate is not None
@@ -439,27 +406,7 @@ class Streamer:
             self._to_safe(now)
             self.words = words
         elif self._phase == "live" and type(self.source) is not type(old):
-            self.gate.begin(self.gate.last, self._next, min(self.wish.ramp, 0.3))
-
-    def _source_of(self, wish: Wish, old: Play | Follow | Jog | Panel | None) -> Play | Follow | Jog | Panel:
-        assert self.wire is not None
-        if wish.mode == "play":
-            if not wish.track:
-                raise DermisError("nothing to play", remedy="Bake, or choose a track")
-            play = Play(self.wire, export.read(Path(wish.track)), wish.offset, free=wish.play_on)
-            if isinstance(old, Play):
-                play.clock = old.clock
-                play.clock.free = wish.play_on
-            return play
-        if wish.mode == "follow":
-            return Follow(follow_values(self.wire, self._beat.values if self._beat else ()))
-        if wish.mode == "jog":
-            return Jog(self.wire, wish.jog)
-        if wish.mode == "panel":
-            if self._load_screen is None or not wish.screen:
-                raise DermisError("no screen map to answer touches from", remedy="Export the screen's map first")
-            return Panel(self.wire, self._load_screen(Path(wish.screen)))
-        raise DermisError("no such mode", value=wish.mode, limit="play, follow, jog, panel")
+            self.gate.begin(self.gate.last, self.pace.next, min(self.wish.ramp, RECALIBRATING))
 
     def _name_state(self) -> None:
         if self.link is None:
@@ -480,5 +427,5 @@ def _spec(device: Mapping[str, Any]) -> DeviceSpec:
     return from_preset(str(device["key"]), device["preset"])
 
 
-def _plain(value: float) -> float | None:
-    return round(value, 3) if math.isfinite(value) else None
+def _calibration(wish: Wish) -> Calibration | None:
+    return Calibration.loads(wish.calibration) if wish.calibration else None

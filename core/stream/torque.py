@@ -22,6 +22,8 @@ HEAD = struct.Struct("<2sH")
 TO_BOARD, FROM_BOARD = b"DT", b"DA"
 FRESH = 0.01  # an angle older than this closes no loop: no torque [s]
 POLL_EVERY = 0.01
+SILENCE, SILENCE_ARMED = 1.0, 0.07  # a board that has not answered for this long is gone [s]
+ABSENT = 0.03  # when this sender did not listen for so long, that time says nothing about the board [s]
 
 
 class Torque(Adapter):
@@ -55,8 +57,8 @@ class Torque(Adapter):
         self._speed = np.zeros(wire.count)
         self._angle: Array | None = None
         self._target = wire.rest.copy()
-        self._heard = self._stepped = -math.inf
-        self._due = -1.0
+        self._heard = self._alive = self._stepped = -math.inf
+        self._due = self._polled = -1.0
         self._asked: dict[int, float] = {}
 
     def opened(self, now: float) -> None:
@@ -65,11 +67,15 @@ class Torque(Adapter):
 
     def poll(self, now: float) -> list[bytes]:
         """Ask for angles with no torque while nothing is armed."""
+        if now - self._polled > ABSENT:
+            self._alive += now - self._polled
+        self._polled = now
+        silence = SILENCE_ARMED if self.armed else SILENCE
+        if self.ready and now - self._alive > silence:
+            self.fault = f"the board has not answered for {silence:g} s"
         if self.armed or now < self._due:
             return []
         self._due = now + POLL_EVERY
-        if self.ready and now - self._heard > 1.0:
-            self.fault = "the board has not answered for 1 s"
         return [self._pack(np.zeros(self.wire.count), now)]
 
     def receive(self, data: bytes, now: float) -> None:
@@ -97,7 +103,7 @@ class Torque(Adapter):
             self._speed = np.zeros(self.wire.count)
         elif step <= 1e-4:
             return
-        self._angle, self._heard, self.ready = angle, now, True
+        self._angle, self._heard, self._alive, self.ready = angle, now, now, True
         self.pose = angle
 
     def arm(self) -> None:

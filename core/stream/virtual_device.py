@@ -1,4 +1,4 @@
-"""The device in the box: any protocol, with faults, in this process ('virtual:') or as a program of its own.
+"""The device in the box: any protocol, with faults; on a link of this process, or as a program of its own.
 
 Options of the URL: `loss`, `delay`, `jitter`, `corrupt`, `slow` (see faults.py), `stuck` (number of an actuator that
 does not move), `skew` (of its clock), `finger` (1: a finger draws circles on its touch panel), `seed`.
@@ -6,23 +6,15 @@ does not move), `skew` (of its clock), `finger` (1: a finger draws circles on it
 
 from __future__ import annotations
 
-import contextlib
-import json
 import math
-import os
-import select
-import socket
-import sys
-import threading
 import time
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Protocol
 
 from ..errors import DermisError
 from . import faults as faults_module
 from .faults import Faults
-from .transport import Gone, Transport, Url
-from .transport import open_link as open_real
+from .url import Url
 from .wire import Wire
 
 PROTOCOLS = ("native", "maestro", "servo-animation", "torque", "osc")
@@ -143,214 +135,3 @@ class Server:
     def read_most(self) -> int:
         """Most bytes to read at once: few where the reader is slow."""
         return max(int(self._credit), 1) if self._slow else 65536
-
-
-class VirtualLink(Transport):
-    """A link to a virtual device on a thread of this process."""
-
-    def __init__(self, protocol: str, wire: Wire, url: Url) -> None:
-        self.name = url.text
-        options = options_of(url)
-        device = make(protocol, wire, options)
-        self.datagrams = device.datagrams
-        if device.datagrams:
-            self._mine, self._theirs = _udp_pair()
-        else:
-            self._mine, self._theirs = socket.socketpair()
-            self._mine.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 8192)
-        self._mine.setblocking(False)
-        self._server = Server(device, self._read, self._write, options)
-        self._rest = b""
-        self._open = True
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
-
-    def send(self, message: bytes) -> bool:
-        """Send a message whole or not at all."""
-        try:
-            if self._rest:
-                self._rest = self._rest[self._mine.send(self._rest) :]
-                if self._rest:
-                    return False
-            done = self._mine.send(message)
-        except BlockingIOError:
-            return False
-        except OSError as error:
-            raise Gone("the virtual device is gone", where=self.name) from error
-        self._rest = message[done:]
-        return True
-
-    def receive(self) -> list[bytes]:
-        """Return what has arrived."""
-        out: list[bytes] = []
-        try:
-            while len(out) < 64:
-                data = self._mine.recv(65536)
-                if not data:
-                    break
-                out.append(data)
-        except BlockingIOError:
-            pass
-        except OSError as error:
-            raise Gone("the virtual device is gone", where=self.name) from error
-        return out
-
-    def close(self) -> None:
-        """End the device's thread."""
-        self._open = False
-        self._thread.join(1.0)
-        self._mine.close()
-        self._theirs.close()
-
-    def report(self) -> dict[str, Any]:
-        """Return what the device does."""
-        return dict(self._server.device.report())
-
-    def _run(self) -> None:
-        while self._open and self._server.step():
-            pass
-
-    def _read(self, wait: float) -> list[bytes] | None:
-        if not select.select([self._theirs], [], [], wait)[0]:
-            return []
-        try:
-            data = self._theirs.recv(self._server.read_most)
-        except OSError:
-            return []
-        return [data] if data or self.datagrams else None
-
-    def _write(self, message: bytes) -> None:
-        with contextlib.suppress(OSError):
-            self._theirs.send(message)
-
-
-def open_link(url: Url, wire: Wire, protocol: str = "native") -> Transport:
-    """Open any link, 'virtual:' included.
-
-    Raises:
-        DermisError: it cannot be opened.
-    """
-    return open_real(url, lambda inner: VirtualLink(protocol, wire, inner))
-
-
-def _udp_pair() -> tuple[socket.socket, socket.socket]:
-    pair = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
-    for one in pair:
-        one.bind(("127.0.0.1", 0))
-    pair[0].connect(pair[1].getsockname())
-    pair[1].connect(pair[0].getsockname())
-    return pair[0], pair[1]
-
-
-def serve(protocol: str, wire: Wire, at: str, options: dict[str, float], *, every: float = 0.0) -> int:
-    """Run a virtual device as a program until its standard input ends; print its address, then what happens.
-
-    Args:
-        at: 'pty', 'tcp' or 'udp', each on this computer only.
-        every: print the report this often [s]; 0: only when the safe state is reached and at the end.
-    """
-    device = make(protocol, wire, options)
-    link = _Endpoint(at)
-    print(json.dumps({"url": link.url}), flush=True)
-    server = Server(device, lambda wait: link.read(wait, server.read_most), link.write, options)
-    ended = threading.Event()
-    threading.Thread(target=_watch_input, args=(ended,), daemon=True).start()
-    due, safe = time.perf_counter() + every, None
-    while not ended.is_set() and server.step():
-        reached = getattr(device, "safe_at", None)
-        if reached is not None and reached != safe:
-            print(json.dumps({"safe_at": reached, "watchdogs": getattr(device, "watchdogs", 0)}), flush=True)
-        safe = reached
-        if every and time.perf_counter() >= due:
-            due += every
-            print(json.dumps({**device.report(), "at": time.perf_counter()}), flush=True)
-            if hasattr(device, "early_most"):  # of each interval by itself, so that a drift shows
-                vars(device).update(early_least=math.inf, early_most=-math.inf)
-    print(json.dumps({**device.report(), "ended": True}), flush=True)
-    return 0
-
-
-class _Endpoint:
-    """The device's end of a link that another process opens."""
-
-    read: Callable[[float, int], list[bytes] | None]
-    write: Callable[[bytes], None]
-
-    def __init__(self, at: str) -> None:
-        self._peer: Any = None
-        if at == "pty":
-            import pty
-            import tty
-
-            # The slave stays open, or a port that a sender closes would look like an unplugged one.
-            self._fd, self._slave = pty.openpty()
-            tty.setraw(self._slave)
-            os.set_blocking(self._fd, False)
-            self.url = os.ttyname(self._slave)
-            self.read, self.write = self._read_pty, self._write_pty
-            return
-        kind = {"tcp": socket.SOCK_STREAM, "udp": socket.SOCK_DGRAM}.get(at)
-        if kind is None:
-            raise DermisError("no such place", value=at, limit="pty, tcp, udp")
-        self._socket = socket.socket(socket.AF_INET, kind)
-        self._socket.bind(("127.0.0.1", 0))
-        scheme = "udp" if at == "udp" else "socket"
-        self.url = f"{scheme}://127.0.0.1:{self._socket.getsockname()[1]}"
-        if at == "udp":
-            self.read, self.write = self._read_udp, self._write_udp
-        else:
-            self._socket.listen(1)
-            self.read, self.write = self._read_tcp, self._write_tcp
-
-    def _read_pty(self, wait: float, most: int) -> list[bytes] | None:
-        if not select.select([self._fd], [], [], wait)[0]:
-            return []
-        try:
-            return [os.read(self._fd, most)]
-        except BlockingIOError:
-            return []
-        except OSError:
-            return None
-
-    def _write_pty(self, message: bytes) -> None:
-        with contextlib.suppress(BlockingIOError):
-            os.write(self._fd, message)
-
-    def _read_udp(self, wait: float, most: int) -> list[bytes] | None:
-        if not select.select([self._socket], [], [], wait)[0]:
-            return []
-        data, self._peer = self._socket.recvfrom(65536)
-        return [data]
-
-    def _write_udp(self, message: bytes) -> None:
-        if self._peer is not None:
-            with contextlib.suppress(OSError):
-                self._socket.sendto(message, self._peer)
-
-    def _read_tcp(self, wait: float, most: int) -> list[bytes] | None:
-        if self._peer is None:
-            if select.select([self._socket], [], [], wait)[0]:
-                self._peer, _ = self._socket.accept()
-                self._peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            return []
-        if not select.select([self._peer], [], [], wait)[0]:
-            return []
-        try:
-            data = self._peer.recv(most)
-        except OSError:
-            data = b""
-        if not data:  # the next one may connect
-            self._peer.close()
-            self._peer = None
-        return [data] if data else []
-
-    def _write_tcp(self, message: bytes) -> None:
-        if self._peer is not None:
-            with contextlib.suppress(OSError):
-                self._peer.sendall(message)
-
-
-def _watch_input(ended: threading.Event) -> None:
-    while sys.stdin.buffer.read(4096):
-        pass
-    ended.set()

@@ -26,8 +26,9 @@ from core.presets import Library
 from core.stream.board import MAGIC, Board
 from core.stream.client import SenderClient
 from core.stream.faults import Faults
-from core.stream.transport import Url, open_link
-from core.stream.virtual_device import open_link as open_any
+from core.stream.links import open_link
+from core.stream.url import Url
+from core.stream.virtual_link import open_link as open_any
 from core.track import CommandTrack
 from core.work import command, environment
 
@@ -228,7 +229,8 @@ def test_unplug_and_plug_in_again(boxes: Any, track_file: str, tmp_path: Path) -
 
 @posix
 def test_a_slow_reader_gets_the_newest_values_and_drops_are_counted(boxes: Any) -> None:
-    box = boxes("pty", "native", "haptip", "slow=4000")
+    """What a serial port at 115,200 baud carries, against twice as much: the newest value wins, whole or not at all."""
+    box = boxes("pty", "native", "haptip", "slow=11000")
     with SenderClient() as client:
         client.connect(box.url, "native", "haptip", HAPTIP, mode="follow", ramp=0.0)
         client.beat()

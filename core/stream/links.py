@@ -1,0 +1,97 @@
+"""Every kind of link by its URL; and two kinds that lead nowhere else: one that echoes, one that writes down."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..errors import DermisError
+from .serial_port import Serial
+from .sockets import Tcp, Udp
+from .transport import Transport
+from .url import Url
+
+BAUD = 115200
+
+
+class Loop(Transport):
+    """What is sent comes back."""
+
+    name = "loop://"
+
+    def __init__(self) -> None:
+        self._messages: list[bytes] = []
+
+    def send(self, message: bytes) -> bool:
+        if len(self._messages) >= 1000:
+            return False
+        self._messages.append(message)
+        return True
+
+    def receive(self) -> list[bytes]:
+        out, self._messages = self._messages, []
+        return out
+
+
+class Spy(Transport):
+    """Another link, with every byte written down: time, direction, hexadecimal."""
+
+    def __init__(self, inner: Transport, path: str) -> None:
+        self._inner, self.name, self.datagrams = inner, f"spy://{inner.name}", inner.datagrams
+        try:
+            self._file = Path(path).open("w", encoding="ascii") if path else sys.stderr
+        except OSError as error:
+            raise DermisError("the record cannot be written", where=path, value=error.strerror) from error
+        self._start = time.perf_counter()
+
+    def send(self, message: bytes) -> bool:
+        done = self._inner.send(message)
+        self._note("TX" if done else "--", message)
+        return done
+
+    def receive(self) -> list[bytes]:
+        out = self._inner.receive()
+        for message in out:
+            self._note("RX", message)
+        return out
+
+    def close(self) -> None:
+        self._inner.close()
+        if self._file is not sys.stderr:
+            self._file.close()
+
+    def report(self) -> dict[str, Any]:
+        """Return what the inner link knows."""
+        return self._inner.report()
+
+    def _note(self, way: str, data: bytes) -> None:
+        self._file.write(f"{time.perf_counter() - self._start:012.6f} {way} {data.hex(' ')}\n")
+
+
+def open_link(url: Url, virtual: Callable[[Url], Transport]) -> Transport:
+    """Open a link; the URL loses the options that the link takes.
+
+    Args:
+        virtual: opens the device in the box.
+
+    Raises:
+        DermisError: it cannot be opened; says why, and who has it where that can be known.
+    """
+    if url.scheme == "spy":
+        path = url.take("file")
+        inner = Url(url.place)
+        inner.options = url.options
+        return Spy(open_link(inner, virtual), path)
+    if url.scheme == "serial":
+        baud = url.take("baud", str(BAUD))
+        if not baud.isdigit() or int(baud) < 300:
+            raise DermisError("not a baud rate", where=url.text, value=baud)
+        return Serial(url.place, int(baud))
+    if url.scheme == "socket":
+        return Tcp(url)
+    if url.scheme == "udp":
+        return Udp(url)
+    return virtual(url) if url.scheme == "virtual" else Loop()

@@ -1,0 +1,39 @@
+"""How a streamer stands, in plain values: what the panel shows and the notice board carries."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from .source import Panel
+
+if TYPE_CHECKING:
+    from .streamer import Streamer
+
+
+def report(streamer: Streamer) -> dict[str, Any]:
+    """Return state, words, rate, lateness, counters and what is driven, as JSON values."""
+    p50, p99 = streamer.pace.lateness.percentiles()
+    adapter, gate, wire = streamer.adapter, streamer.gate, streamer.wire
+    out: dict[str, Any] = {
+        "state": streamer.state, "words": streamer.words, "armed": streamer.armed, "ticket": streamer.ticket,
+        "rate": streamer.rate, "jitter_p50_us": _plain(p50 * 1e6), "jitter_p99_us": _plain(p99 * 1e6),
+        "counters": dict(streamer.counters), "limited": dict(gate.limited) if gate else {},
+        "names": list(wire.names) if wire else [], "units": list(wire.units) if wire else [],
+        "values": gate.last.tolist() if gate else [],
+    }  # fmt: skip
+    if adapter is not None:
+        out |= {
+            "device": adapter.device, "watchdog": adapter.watchdog, "caution": adapter.caution,
+            "round_trip_ms": _plain(adapter.round_trip * 1e3), "protocol": dict(adapter.counters),
+            "pose": None if adapter.pose is None else adapter.pose.tolist(),
+        }  # fmt: skip
+    if isinstance(streamer.source, Panel):
+        out["limited"]["amplitude.law"] = streamer.source.limited
+    if streamer.link is not None:
+        out |= {"link": streamer.link.name, "received": streamer.link.report()}
+    return out
+
+
+def _plain(value: float) -> float | None:
+    return round(value, 3) if math.isfinite(value) else None

@@ -1,0 +1,82 @@
+"""Serial ports, by pyserial, opened for this process alone."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+from typing import Any
+
+from ..errors import DermisError
+from .transport import Gone, Stream, cannot_open
+
+QUEUED_MOST = 0.02  # bytes may wait in a serial driver for this long [s]; then a newer value is better than an older
+
+
+class Serial(Stream):
+    """A serial port, opened for this process alone."""
+
+    def __init__(self, place: str, baud: int) -> None:
+        try:
+            import serial
+        except ImportError as error:
+            raise DermisError("serial ports need pyserial", where=place, remedy="Install pyserial") from error
+        super().__init__(place)
+        try:
+            self._port = serial.Serial(None, baud, timeout=0, write_timeout=0, exclusive=True)
+            self._port.port = place
+            self._port.open()
+        except (OSError, ValueError) as error:  # SerialException is an OSError
+            raise cannot_open(place, error) from error
+        self._budget = max(int(baud / 10 * QUEUED_MOST), 64)
+        self._fd = self._port.fileno() if hasattr(select, "poll") else -1
+        self._poll: Any = None
+        if self._fd >= 0:
+            self._poll = select.poll()
+            self._poll.register(self._fd, select.POLLIN)
+
+    def _has_room(self, size: int) -> bool:
+        with contextlib.suppress(OSError, AttributeError):
+            return bool(self._port.out_waiting <= self._budget)
+        return True
+
+    def _write(self, data: bytes) -> int:
+        try:
+            if self._fd >= 0:  # pyserial spins where a port without time-out is full
+                return os.write(self._fd, data)
+            return int(self._port.write(data) or 0)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            raise Gone("the device is gone", where=self.name, value=error.strerror or str(error)) from error
+
+    def receive(self) -> list[bytes]:
+        try:
+            if self._fd < 0:
+                waiting = self._port.in_waiting
+                return [self._port.read(waiting)] if waiting else []
+            events = self._poll.poll(0)
+            if not events:
+                return []
+            data = os.read(self._fd, 65536)
+        except BlockingIOError:
+            return []
+        except OSError as error:
+            raise Gone("the device is gone", where=self.name, value=error.strerror or str(error)) from error
+        if not data:  # readable, and nothing to read: unplugged
+            raise Gone("the device is gone", where=self.name)
+        return [data]
+
+    def close(self) -> None:
+        """Close the port without waiting for what was not sent."""
+        with contextlib.suppress(Exception):
+            self._port.reset_output_buffer()
+        with contextlib.suppress(Exception):
+            self._port.close()
+
+
+def ports() -> list[tuple[str, str]]:
+    """Return the serial ports of this computer: name and description. Takes milliseconds to seconds."""
+    from serial.tools import list_ports
+
+    return sorted((port.device, port.description) for port in list_ports.comports())

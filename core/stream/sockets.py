@@ -1,0 +1,89 @@
+"""Links over a network: TCP connections and UDP datagrams."""
+
+from __future__ import annotations
+
+import socket
+
+from .transport import Gone, Stream, Transport, cannot_open
+from .url import Url
+
+CONNECT_SECONDS = 2.0
+
+
+class Tcp(Stream):
+    """A TCP connection."""
+
+    def __init__(self, url: Url) -> None:
+        super().__init__(url.text)
+        try:
+            self._socket = socket.create_connection(url.host_port(), timeout=CONNECT_SECONDS)
+        except OSError as error:
+            raise cannot_open(url.text, error) from error
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16384)
+        self._socket.setblocking(False)
+
+    def _write(self, data: bytes) -> int:
+        try:
+            return self._socket.send(data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            raise Gone("the connection is closed", where=self.name, value=error.strerror or str(error)) from error
+
+    def receive(self) -> list[bytes]:
+        try:
+            data = self._socket.recv(65536)
+        except BlockingIOError:
+            return []
+        except OSError as error:
+            raise Gone("the connection is closed", where=self.name, value=error.strerror or str(error)) from error
+        if not data:
+            raise Gone("the other side has closed the connection", where=self.name)
+        return [data]
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class Udp(Transport):
+    """Datagrams to one address, and those that come back from it."""
+
+    datagrams = True
+
+    def __init__(self, url: Url) -> None:
+        self.name = url.text
+        host, port = url.host_port()
+        try:
+            family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+            self._socket = socket.socket(family, kind, protocol)
+            self._socket.setblocking(False)
+            self._socket.connect(address)
+        except OSError as error:
+            raise cannot_open(url.text, error) from error
+
+    def send(self, message: bytes) -> bool:
+        try:
+            return self._socket.send(message) == len(message)
+        except BlockingIOError:
+            return False
+        except ConnectionRefusedError as error:
+            raise Gone("nobody listens there", where=self.name) from error
+        except OSError as error:
+            raise Gone("the network does not take it", where=self.name, value=error.strerror) from error
+
+    def receive(self) -> list[bytes]:
+        out: list[bytes] = []
+        try:
+            while len(out) < 64:
+                out.append(self._socket.recv(65536))
+        except BlockingIOError:
+            pass
+        except ConnectionRefusedError as error:
+            raise Gone("nobody listens there", where=self.name) from error
+        except OSError as error:
+            raise Gone("the network is gone", where=self.name, value=error.strerror) from error
+        return out
+
+    def close(self) -> None:
+        self._socket.close()

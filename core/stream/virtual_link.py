@@ -1,0 +1,112 @@
+"""The link 'virtual:': a device in the box on a thread of this process; and the door to every link."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import threading
+from typing import Any
+
+from .links import open_link as open_real
+from .transport import Gone, Transport
+from .url import Url
+from .virtual_device import Server, make, options_of
+from .wire import Wire
+
+
+class VirtualLink(Transport):
+    """A link to a virtual device on a thread of this process."""
+
+    def __init__(self, protocol: str, wire: Wire, url: Url) -> None:
+        self.name = url.text
+        options = options_of(url)
+        device = make(protocol, wire, options)
+        self.datagrams = device.datagrams
+        if device.datagrams:
+            self._mine, self._theirs = _udp_pair()
+        else:
+            self._mine, self._theirs = socket.socketpair()
+            self._mine.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 8192)
+        self._mine.setblocking(False)
+        self._server = Server(device, self._read, self._write, options)
+        self._rest = b""
+        self._open = True
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def send(self, message: bytes) -> bool:
+        """Send a message whole or not at all."""
+        try:
+            if self._rest:
+                self._rest = self._rest[self._mine.send(self._rest) :]
+                if self._rest:
+                    return False
+            done = self._mine.send(message)
+        except BlockingIOError:
+            return False
+        except OSError as error:
+            raise Gone("the virtual device is gone", where=self.name) from error
+        self._rest = message[done:]
+        return True
+
+    def receive(self) -> list[bytes]:
+        """Return what has arrived."""
+        out: list[bytes] = []
+        try:
+            while len(out) < 64:
+                data = self._mine.recv(65536)
+                if not data:
+                    break
+                out.append(data)
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            raise Gone("the virtual device is gone", where=self.name) from error
+        return out
+
+    def close(self) -> None:
+        """End the device's thread."""
+        self._open = False
+        self._thread.join(1.0)
+        self._mine.close()
+        self._theirs.close()
+
+    def report(self) -> dict[str, Any]:
+        """Return what the device does."""
+        return dict(self._server.device.report())
+
+    def _run(self) -> None:
+        while self._open and self._server.step():
+            pass
+
+    def _read(self, wait: float) -> list[bytes] | None:
+        if not select.select([self._theirs], [], [], wait)[0]:
+            return []
+        try:
+            data = self._theirs.recv(self._server.read_most)
+        except OSError:
+            return []
+        return [data] if data or self.datagrams else None
+
+    def _write(self, message: bytes) -> None:
+        with contextlib.suppress(OSError):
+            self._theirs.send(message)
+
+
+def open_link(url: Url, wire: Wire, protocol: str = "native") -> Transport:
+    """Open any link, 'virtual:' included.
+
+    Raises:
+        DermisError: it cannot be opened.
+    """
+    return open_real(url, lambda inner: VirtualLink(protocol, wire, inner))
+
+
+def _udp_pair() -> tuple[socket.socket, socket.socket]:
+    pair = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
+    for one in pair:
+        one.bind(("127.0.0.1", 0))
+    pair[0].connect(pair[1].getsockname())
+    pair[1].connect(pair[0].getsockname())
+    return pair[0], pair[1]

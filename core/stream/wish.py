@@ -1,0 +1,65 @@
+"""What Blender wants of the sender, as one plain record that goes over the notice board."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from ..errors import DermisError
+
+_LINK = ("connect", "url", "protocol", "device")
+_SOURCE = ("mode", "track", "screen", "offset", "play_on", "jog")
+
+
+@dataclass
+class Wish:
+    """What Blender wants, as a whole; a new one replaces the old.
+
+    Attributes:
+        connect: hold the link. url, protocol: which. device: {"key", "preset"}. calibration: its JSON, or ''.
+        mode: of `source.MODES`. track, screen: files for 'play' and 'panel'. jog: values by channel [units].
+        arm: ticket; 0 disarms. stops: number of stops that the person had seen when arming.
+        offset: start offset [s]. look_ahead: [s]. ramp: blend from the first pose [s].
+        stall: without a beat for this long comes the safe state [s]. play_on: a baked track plays on meanwhile.
+        reconnect: try again by itself when a link is lost. rate: of commands [Hz]; 0: the device's own.
+    """
+
+    connect: bool = False
+    url: str = ""
+    protocol: str = "native"
+    device: dict[str, Any] = field(default_factory=dict)
+    calibration: str = ""
+    mode: str = "play"
+    track: str = ""
+    screen: str = ""
+    jog: dict[str, float] = field(default_factory=dict)
+    arm: int = 0
+    stops: int = 0
+    offset: float = 0.0
+    look_ahead: float = 0.0
+    ramp: float = 1.0
+    stall: float = 0.5
+    play_on: bool = False
+    reconnect: bool = False
+    rate: float = 0.0
+
+    def same_link(self, other: Wish) -> bool:
+        """Tell whether another wish is about the same link."""
+        return all(getattr(self, k) == getattr(other, k) for k in _LINK)
+
+    def same_source(self, other: Wish) -> bool:
+        """Tell whether another wish is moved by the same thing."""
+        return all(getattr(self, k) == getattr(other, k) for k in _SOURCE)
+
+
+def wish_of(plain: Mapping[str, object]) -> Wish:
+    """Read a wish; what this version does not know is refused.
+
+    Raises:
+        DermisError: an unknown field.
+    """
+    known = {f.name for f in fields(Wish)}
+    if not set(plain) <= known:
+        raise DermisError("unknown fields in a wish", value=", ".join(sorted(set(plain) - known)))
+    return Wish(**plain)  # type: ignore[arg-type]

@@ -23,6 +23,7 @@ from ..effects import content, patterns, texture, transient, weight
 from ..effects.defaults import BODY, FINGER
 from ..errors import DermisError, Finding
 from ..scene import DeviceUse, TactileScene
+from .content_offset import content_offset
 
 Array = NDArray[np.float64]
 
@@ -209,61 +210,13 @@ class EffectSum:
         """Content of a held body in world axes, shape (k, 3)."""
         on = self._switch(b, "content")
         assert on is not None
-        offset, limited = self.touch.keep(("content", b, len(self.times)), lambda: self._offset(b))
-        if limited:
-            self.findings.append(Finding(
-                "info", "content-limited", "the content reached the walls of its room and was held there",
-                f"object '{self.scene.bodies[b].name}'", count=limited,
-                remedy="Make the room larger, or the length of the liquid shorter",
-            ))  # fmt: skip
+        offset, findings = self.touch.keep(
+            ("content", b, len(self.times)),
+            lambda: content_offset(self.touch, self.scene, b, self.times, self._acceleration(b)),
+        )
+        self.findings += findings
         amplitude = self._at(self._body(b, "content_amplitude"), index) * self._at(on, index)
         return content.displacement(offset[index], amplitude)
-
-    def _offset(self, b: int) -> tuple[Array, int]:
-        """oc of eq. 5 at all times [m], shape (n, 3), and how many samples a wall limited."""
-        body = self.scene.bodies[b]
-        kind = str(body.parameters.get("content_kind", "child"))
-        if kind not in content.KINDS:
-            raise DermisError("unknown content", where=f"object '{body.name}'", value=kind,
-                              limit=", ".join(content.KINDS))  # fmt: skip
-        if kind == "child":
-            return self._child_offset(b), 0
-        length, damping, size = (
-            self._constant(b, name) for name in ("content_length", "content_damping", "content_size")
-        )
-        gravity, acceleration = np.asarray(self.scene.gravity), self._acceleration(b)
-        try:
-            if kind == "pendulum":
-                return content.pendulum(self.times, acceleration, gravity, length, damping), 0
-            if kind == "slosh":
-                return content.slosh(self.times, acceleration, gravity, length, damping, size)
-            there = self.touch.body_at(b, self.times)
-            return content.loose(
-                self.times, there.rotation, there.angular_velocity, acceleration, gravity, damping, size
-            ), 0
-        except DermisError as error:
-            raise DermisError(error.what, where=f"object '{body.name}'", value=error.value, limit=error.limit,
-                              remedy=error.remedy) from error  # fmt: skip
-
-    def _child_offset(self, b: int) -> Array:
-        """From the body's centre of gravity to that of its contents, weighted by their masses."""
-        body = self.scene.bodies[b]
-        names = [other.name for other in self.scene.bodies]
-        children = [names.index(name) for name in body.content if name in names]
-        missing = [name for name in body.content if name not in names]
-        if not children:
-            self.findings.append(Finding(
-                "warning", "no-content", "the object has no touchable child, so no content is felt",
-                f"object '{body.name}'", value=", ".join(missing) or None,
-                remedy="Parent a touchable object to it, or choose another content",
-            ))  # fmt: skip
-            return np.zeros((len(self.times), 3))
-        masses = np.array([self._constant(c, "mass") for c in children])
-        if not masses.sum() > 0.0:
-            masses = np.ones(len(children))
-        paths = [self.touch.centre(c, self.scene.bodies[c].mesh).at(self.times) for c in children]
-        middle = sum((m * p for m, p in zip(masses / masses.sum(), paths, strict=True)), np.zeros((1, 3)))
-        return middle - self.touch.centre(b, body.mesh).at(self.times)
 
     # -- parts ---------------------------------------------------------------------------------------------------
 
@@ -295,10 +248,6 @@ class EffectSum:
 
     def _body(self, b: int, name: str) -> Any:
         return self._series("body", b, name, BODY)
-
-    def _constant(self, b: int, name: str) -> float:
-        """A quantity that must not change while something is integrated: its first value."""
-        return float(np.ravel(self._body(b, name))[0])
 
     def _switch(self, b: int, effect: str) -> Any:
         """1 where an effect is on, or None where it never is, on this device or this body."""

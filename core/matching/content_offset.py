@@ -1,0 +1,88 @@
+"""Where the content of an object is over time: a child that the artist animates, or a body of our own in motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contact.sampled import SampledTouch
+from ..effects import content
+from ..effects.defaults import BODY
+from ..errors import DermisError, Finding
+from ..scene import TactileScene
+
+Array = NDArray[np.float64]
+
+
+def content_offset(
+    touch: SampledTouch, scene: TactileScene, b: int, times: Array, acceleration: Array
+) -> tuple[Array, tuple[Finding, ...]]:
+    """Return oc of body b, from its centre of gravity to its content's, in world axes [m], shape (n, 3), and findings.
+
+    Args:
+        times: [s], shape (n,). acceleration: of the body's centre of gravity [m/s^2], shape (n, 3).
+
+    Raises:
+        DermisError: an unknown kind of content, or one that cannot move with the values given.
+
+    Source: [S3] eq. 5, oc
+    """
+    body = scene.bodies[b]
+    kind = str(body.parameters.get("content_kind", "child"))
+    if kind not in content.KINDS:
+        raise DermisError("unknown content", where=f"object '{body.name}'", value=kind,
+                          limit=", ".join(content.KINDS))  # fmt: skip
+    if kind == "child":
+        return _of_children(touch, scene, b, times)
+    names = ("content_length", "content_damping", "content_size")
+    length, damping, size = (_constant(touch, scene, b, name, times) for name in names)
+    gravity = np.asarray(scene.gravity)
+    try:
+        if kind == "pendulum":
+            return content.pendulum(times, acceleration, gravity, length, damping), ()
+        if kind == "slosh":
+            offset, limited = content.slosh(times, acceleration, gravity, length, damping, size)
+            return offset, _walls(body.name, limited)
+        there = touch.body_at(b, times)
+        turning = there.rotation, there.angular_velocity
+        return content.loose(times, *turning, acceleration, gravity, damping, size), ()
+    except DermisError as error:
+        raise DermisError(error.what, where=f"object '{body.name}'", value=error.value, limit=error.limit,
+                          remedy=error.remedy) from error  # fmt: skip
+
+
+def _of_children(touch: SampledTouch, scene: TactileScene, b: int, times: Array) -> tuple[Array, tuple[Finding, ...]]:
+    """From the body's centre of gravity to that of its contents, weighted by their masses."""
+    body = scene.bodies[b]
+    names = [other.name for other in scene.bodies]
+    children = [names.index(name) for name in body.content if name in names]
+    if not children:
+        missing = [name for name in body.content if name not in names]
+        nothing = Finding(
+            "warning", "no-content", "the object has no touchable child, so no content is felt",
+            f"object '{body.name}'", value=", ".join(missing) or None,
+            remedy="Parent a touchable object to it, or choose another content",
+        )  # fmt: skip
+        return np.zeros((len(times), 3)), (nothing,)
+    masses = np.array([_constant(touch, scene, c, "mass", times) for c in children])
+    if not masses.sum() > 0.0:
+        masses = np.ones(len(children))
+    paths = [touch.centre(c, scene.bodies[c].mesh).at(times) for c in children]
+    middle = sum((m * p for m, p in zip(masses / masses.sum(), paths, strict=True)), np.zeros((1, 3)))
+    return middle - touch.centre(b, body.mesh).at(times), ()
+
+
+def _walls(name: str, limited: int) -> tuple[Finding, ...]:
+    if not limited:
+        return ()
+    return (
+        Finding(
+            "info", "content-limited", "the content reached the walls of its room and was held there",
+            f"object '{name}'", count=limited, remedy="Make the room larger, or the length of the liquid shorter",
+        ),
+    )  # fmt: skip
+
+
+def _constant(touch: SampledTouch, scene: TactileScene, b: int, name: str, times: Array) -> float:
+    """A quantity that must not change while something is integrated: its first value."""
+    return float(np.ravel(touch.series(f"body/{b}/{name}", scene.bodies[b].parameters, BODY[name], times))[0])

@@ -116,9 +116,12 @@ def to_material(frame: ContactFrame, nodes: Indices, positions: Array) -> tuple[
     triangle = frame.triangle[nodes]
     owner = frame.body[nodes]
     for index, body in enumerate(frame.bodies):
-        which = owner == index
-        if not which.any():
+        own = owner == index
+        count = np.count_nonzero(own)
+        if count == 0:
             continue
+        # no copies where there is only one body
+        which: NDArray[np.bool_] | slice = slice(None) if count == owner.size else own
         local = (positions[which] - body.translation) @ body.rotation
         if body.deforms and isinstance(body.surface, Surface):
             a, ab, ac, normal = _plane_of(body.surface, triangle[which])
@@ -137,9 +140,12 @@ def from_material(
     """Return where material points are now, in the finger's frame [m], shape (n, 3); the inverse of `to_material`."""
     out = np.full_like(material, np.nan)
     for index, body in enumerate(bodies):
-        which = owner == index
-        if not which.any():
+        own = owner == index
+        count = np.count_nonzero(own)
+        if count == 0:
             continue
+        # no copies where there is only one body
+        which: NDArray[np.bool_] | slice = slice(None) if count == owner.size else own
         if body.deforms and isinstance(body.surface, Surface):
             a, ab, ac, normal = _plane_of(body.surface, triangle[which])
             u, w, height = material[which].T[:, :, None]

@@ -43,7 +43,7 @@ DEPTH_LIMIT = 2e-3
 BONE = np.array([0.0, 0.0, 0.006])
 # What a frame changes, besides the history; each is replaced, never written into.
 _STATE = (
-    "_force", "_y", "_last", "_image", "_gap", "_gap_deformed", "_step", "_bodies", "_at_rest", "_frames",
+    "_force", "_y", "_last", "_image", "_shift", "_step", "_bodies", "_at_rest", "_frames",
 )  # fmt: skip
 
 
@@ -153,8 +153,7 @@ class PathSolver:
         self._y = self._zero
         self._last: tuple[Array, Array] | None = None
         self._image = self._zero
-        self._gap: Array | None = None
-        self._gap_deformed: Array | None = None
+        self._shift: Array | float = 0.0  # what deformation added to the gap of each node
         self._step: PathStep | None = None
         self._bodies: tuple[ContactBody, ...] = ()
         self._at_rest = False
@@ -240,8 +239,7 @@ class PathSolver:
                             CHECK * self.tolerance, "admm")  # fmt: skip
         self._report(solution, frame, self._frames if frame_number is None else frame_number)
         self._last, self._force, self._y, self._image = None, force, displacement / -self._rho, self._apply(force)
-        self._gap = frame.gap
-        self._gap_deformed = np.where(np.isfinite(frame.gap), along(displacement, frame.normal), np.inf)
+        self._shift = _less(along(displacement, frame.normal), frame)
         self._bodies, self._at_rest = frame.bodies, False
         self.counters["held"] += 1
         self._frames += 1
@@ -316,11 +314,7 @@ class PathSolver:
 
     def _choose(self, gap: Array, soft: Array) -> None:
         """Bring the candidates up to date: now for those that may touch, ahead of time for those that come near."""
-        if self._gap_deformed is not None and self._gap is not None:
-            with np.errstate(invalid="ignore"):
-                predicted = np.where(np.isfinite(self._gap), self._gap_deformed + (gap - self._gap), gap)
-        else:
-            predicted = gap
+        predicted = gap + self._shift
         c, h = self._candidates, self._spacing
         loaded = self._force.any(axis=1)
         needed = (predicted < ENTER * h) | loaded
@@ -359,7 +353,7 @@ class PathSolver:
         self._at_rest = bool((np.abs(slip[touching & ~sticking]) <= AT_REST).all())
         self._last = (self._force, self._y) if self._force.any() else None
         self._force, self._y, self._image = solution.force, y, image
-        self._gap, self._gap_deformed = frame.gap, np.where(np.isfinite(frame.gap), gap, np.inf)
+        self._shift = _less(gap, frame)
         self._bodies = frame.bodies
 
     # -- small parts ---------------------------------------------------------------------------------------------
@@ -397,6 +391,13 @@ class PathSolver:
             self._findings[code] = Finding(severity, code, what, self.name, value, limit, remedy, where)  # type: ignore[arg-type]
         else:
             self._findings[code] = replace(known, count=known.count + 1)
+
+
+def _less(gap: Array, frame: ContactFrame) -> Array:
+    """Return how far deformation opened the gaps of a frame [m], 0 where nothing is near, shape (m,)."""
+    out = np.zeros_like(gap)
+    np.subtract(gap, frame.gap, out=out, where=frame.body >= 0)
+    return out
 
 
 def _ends(matrix: NDArray[np.float64], name: str) -> tuple[float, float]:

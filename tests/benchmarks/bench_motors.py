@@ -155,10 +155,11 @@ def design_scene() -> Result:
 
 
 def _looked_up(name: str, sensed: Any, *, single: bool) -> Result:
+    from scipy.spatial import cKDTree
+
     from core.design.interactions import NOISE
     from core.matching.lookup import commands_of
     from core.matching.table import NEIGHBOURS
-    from scipy.spatial import cKDTree
 
     given = table().heard_with(NOISE)
     points = given.felt[given.heard]

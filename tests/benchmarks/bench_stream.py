@@ -84,7 +84,7 @@ def track(seconds: float) -> str:
 
 
 @contextmanager
-def armed(receiver: Receiver, **wish: Any) -> Iterator[Any]:
+def armed(receiver: Any, **wish: Any) -> Iterator[Any]:
     """Connect and arm a sender."""
     from core.presets import Library
     from core.stream.client import SenderClient

@@ -443,18 +443,25 @@ def bench(options: argparse.Namespace) -> int:
         if options.json:
             command += ["--json", str(options.json.resolve())]
         more = {"DERMIS_ZIP": str(path), "BLENDER_USER_RESOURCES": str(Path(scratch) / "profile")}
-        more["PYTHONPATH"] = os.pathsep.join([str(env.wheels), str(peers(env))])
+        more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *peers(env))))
         return subprocess.run(command, cwd=ROOT, env=env.variables(True, **more)).returncode
 
 
-def peers(env: Environment) -> Path:
-    """Make (or keep) the folder of the solvers that the benchmarks compare with; the extension has none of them."""
-    folder, lock = VENV / f"{env.python.parents[1].name}-peers", LOCKS / "peers.txt"
-    if not fresh(folder, lock):
-        shutil.rmtree(folder, ignore_errors=True)
-        pip(env.python, "install", "--no-deps", "--target", str(folder), "-r", str(lock))
-        stamp(folder, lock)
-    return folder
+def peers(env: Environment) -> list[Path]:
+    """Make (or keep) the folders of the solvers that the benchmarks compare with; the extension has none of them."""
+    folders = []
+    for name in ("peers", "mujoco"):
+        folder, lock = VENV / f"{env.python.parents[1].name}-{name}", LOCKS / f"{name}.txt"
+        if not fresh(folder, lock):
+            shutil.rmtree(folder, ignore_errors=True)
+            try:
+                pip(env.python, "install", "--no-deps", "--target", str(folder), "-r", str(lock))
+            except Stop as problem:
+                say(f"WARNING: measured without what .ci/{name}.txt lists: {problem}")
+                continue
+            stamp(folder, lock)
+        folders.append(folder)
+    return folders
 
 
 def dev(options: argparse.Namespace) -> int:

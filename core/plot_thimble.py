@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 SIDE, GAP, LEFT, TOP, FOOT = 250.0, 16.0, 18.0, 62.0, 34.0
 WIDTH, HEIGHT = 2 * LEFT + 3 * SIDE + 2 * GAP, TOP + SIDE + FOOT
 PAPER, FRAME, INK, FAINT = "#ffffff", "#d5d8dc", "#22262b", "#7a828c"
-COLOURS = {"target": "#2a9d3a", "predicted": "#d0342c", "rendered": "#2255cc"}
+COLOURS = {"target": "#2a9d3a", "predicted": "#d0342c", "rendered": "#2255cc", "from A": "#2a9d3a", "from B": "#12306b"}
 VIEWS = ((0, 1), (0, 2), (1, 2))
 
 
@@ -70,7 +70,8 @@ def write(
     Raises:
         DermisError: the file cannot be written.
     """
-    canvas: SvgCanvas | PngCanvas = SvgCanvas(WIDTH, HEIGHT) if Path(path).suffix.lower() == ".svg" else PngCanvas(WIDTH, HEIGHT)
+    vector = Path(path).suffix.lower() == ".svg"
+    canvas: SvgCanvas | PngCanvas = SvgCanvas(WIDTH, HEIGHT) if vector else PngCanvas(WIDTH, HEIGHT)
     draw(cloud, configuration, lines, title, words, canvas)
     write_bytes(Path(path), canvas.to_bytes())
     return Path(path)

@@ -51,7 +51,8 @@ class Minimum:
         room: c(x) of the six constraints [rad], >= 0.
         iterations, evaluations: steps, and calls of the forward model.
         why: 'optimal', 'exact', 'step' (no longer moving), 'gain' (no longer better), 'stalled' (no descent at a
-            kink) or 'limit'.
+            kink), 'limit', or 'underway' (the servos cannot reach a better minimum within one frame; start_cost is
+            cost and kkt is 0, for speed decides).
     """
 
     x: Array

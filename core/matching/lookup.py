@@ -9,13 +9,16 @@ Source: [S2] eq. 1-4 and 8-10 with the corrections
 
 from __future__ import annotations
 
+import contextlib
 import weakref
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cache import cache_key
 from ..devices.coupling import coupling_of
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
@@ -25,7 +28,7 @@ from ..skin.model import SkinModel
 from ..track import CommandTrack
 from .readings import readings_of, saturated
 from .rendered import Rendered
-from .table import NEIGHBOURS, SkinTable, build, mechanism
+from .table import NEIGHBOURS, SkinTable, build, mechanism, original_key
 
 if TYPE_CHECKING:
     from ..contact.sampled import SampledTouch
@@ -179,35 +182,62 @@ def table_of(skin: SkinModel, spec: DeviceSpec, path: str = "", rows: int = ROWS
     Raises:
         DermisError: a file that cannot be read, or a table of another device.
     """
-    from ..cache import cache_key
-    from .table import original_key
-
-    key = original_key(spec)
-    if path:
-        from pathlib import Path
-
-        table = SkinTable.load(Path(path))
-        motors = len(mechanism(spec).rest)
-        if table.commands.shape[1] != motors:
-            raise DermisError("the table is of another device", where=path, value=f"{table.commands.shape[1]} motors",
-                              limit=f"{motors} motors")  # fmt: skip
-        return table
-    kept = _TABLES.setdefault(skin, {})
-    name = (key, skin.key + repr(skin.material), rows)
-    if name not in kept:
-        stored = cache_key("dermis-skin-table 1", *(str(part) for part in name))
-        found = None if skin.cache is None else skin.cache.get(stored)
-        if found is not None:
-            try:
-                kept[name] = SkinTable.load(found)
-                return kept[name]
-            except DermisError:  # damaged: swept again
-                pass
+    table = table_at_hand(skin, spec, path, rows)
+    if table is None:
         table = build(spec, skin, readings_of(skin), rows)
-        if skin.cache is not None:
-            skin.cache.put(stored, table.save)
-        kept[name] = table
-    return kept[name]
+        keep_table(skin, spec, rows, table)
+    return table
+
+
+def table_at_hand(skin: SkinModel, spec: DeviceSpec, path: str = "", rows: int = ROWS) -> SkinTable | None:
+    """Return a device's table for a skin without sweeping; None where it would have to be swept.
+
+    Raises:
+        DermisError: a file that cannot be read, or a table of another device.
+    """
+    if path:
+        return _from_file(Path(path), spec)
+    kept, name = _TABLES.setdefault(skin, {}), _table_name(skin, spec, rows)
+    if name not in kept and skin.cache is not None:
+        found = skin.cache.get(cache_key("dermis-skin-table 1", *map(str, name)))
+        if found is not None:
+            with contextlib.suppress(DermisError):  # damaged: swept again
+                kept[name] = SkinTable.load(found)
+    return kept.get(name)
+
+
+def keep_table(skin: SkinModel, spec: DeviceSpec, rows: int, table: SkinTable) -> None:
+    """Keep a table with its skin: for as long as the skin lives, and in the skin's cache where it has one."""
+    name = _table_name(skin, spec, rows)
+    _TABLES.setdefault(skin, {})[name] = table
+    if skin.cache is not None:
+        skin.cache.put(cache_key("dermis-skin-table 1", *map(str, name)), table.save)
+
+
+def _table_name(skin: SkinModel, spec: DeviceSpec, rows: int) -> tuple[str, str, int]:
+    return original_key(spec), skin.key + repr(skin.material), rows
+
+
+def _from_file(path: Path, spec: DeviceSpec) -> SkinTable:
+    """Read a table, once as long as the file does not change."""
+    try:
+        stat = path.stat()
+    except OSError as error:
+        raise DermisError("the file does not exist", where=str(path)) from error
+    stamp = str(path), stat.st_mtime_ns, stat.st_size
+    if stamp not in _FILES:
+        table = SkinTable.load(path)
+        _FILES.clear()
+        _FILES[stamp] = table
+    table = _FILES[stamp]
+    motors = len(mechanism(spec).rest)
+    if table.commands.shape[1] != motors:
+        raise DermisError("the table is of another device", where=str(path), value=f"{table.commands.shape[1]} motors",
+                          limit=f"{motors} motors")  # fmt: skip
+    return table
+
+
+_FILES: dict[tuple[str, int, int], SkinTable] = {}
 
 
 def known(table: SkinTable) -> Mapping[str, Any]:

@@ -150,15 +150,16 @@ class StressMatcher:
         self._pressed = False
         self._moved = np.zeros(3)
         self._wait, self._patience = 0, 1
+        self._goal: Array | None = None  # a better minimum that is farther away than one frame
         self.rescues = 0
 
     def save(self) -> tuple[Any, ...]:
         """Return all that the next frame depends on."""
-        return (self.x, self.angles, self.state, self._pressed, self._moved, self._wait, self._patience)
+        return (self.x, self.angles, self.state, self._pressed, self._moved, self._wait, self._patience, self._goal)
 
     def restore(self, saved: tuple[Any, ...]) -> None:
         """Go back to where `save` was called."""
-        self.x, self.angles, self.state, self._pressed, self._moved, self._wait, self._patience = saved
+        self.x, self.angles, self.state, self._pressed, self._moved, self._wait, self._patience, self._goal = saved
 
     def step(self, target: Array, search: Search | None = None) -> ThimbleFrame:
         """Find the pose for the next frame's target, shape (k,), and renew the friction state.
@@ -184,7 +185,7 @@ class StressMatcher:
                 minimum, searches = search(self.x, limits), 1
             x = minimum.x
         else:
-            x = self._retracted(limits)
+            x, self._goal = self._retracted(limits), None
         solution = self._contact_at(x, searched=minimum is not None and search is None)
         stimulus = self._stimulus(solution)
         if minimum is not None and search is None and self.model is not self.direct:
@@ -219,16 +220,36 @@ class StressMatcher:
             searches = 1
         if best is not None:
             self._wait = max(self._wait - 1, 0)
-        if best is None or (promised < PROMISE * best.mismatch and self._wait == 0):
-            start = self._within(self.table.pose(nearest, size * float(alike[nearest])), limits)
-            other = minimise(self.model.evaluate, target, start, self.device, limits)
-            searches += 1
-            if best is None or other.cost < (1.0 - WORTHWHILE) * best.cost:
-                best, self._patience = other, 1
-            else:  # a promise that was not kept: wait longer and longer before the next is believed
-                self._patience = min(2 * self._patience, LONGEST_WAIT)
-                self._wait = self._patience
-        return best, searches
+        start = self.table.pose(nearest, size * float(alike[nearest]))
+        if best is None:
+            best = minimise(self.model.evaluate, target, self._within(start, limits), self.device, limits)
+            self._patience = 1
+            return best, searches + 1
+        if self._goal is None and (promised >= PROMISE * best.mismatch or self._wait > 0):
+            return best, searches
+        start = self._within(start if self._goal is None else self._goal, self.limits)
+        other = minimise(self.model.evaluate, target, start, self.device, self.limits)
+        self._goal = None
+        if other.cost < (1.0 - WORTHWHILE) * best.cost:
+            best, self._patience = self._toward(other, target, limits), 1
+        else:  # a promise that was not kept: wait longer and longer before the next is believed
+            self._patience = min(2 * self._patience, LONGEST_WAIT)
+            self._wait = self._patience
+        return best, searches + 1
+
+    def _toward(self, goal: Minimum, target: Array, limits: ServoLimits) -> Minimum:
+        """Return a better minimum elsewhere, or where the servos can be on the way to it within one frame."""
+        if self._allowed(goal.x, limits):
+            return goal
+        self._goal = goal.x
+        x = self._within(goal.x, limits)
+        stimulus, _ = self.model.evaluate(x)
+        residual = stimulus - target
+        cost = 0.5 * float(residual @ residual)
+        room, _ = limits.constraints(self.device, x)
+        slowest = (int(room.argmin()),)  # it is the servos' speed that decides here, and no optimality
+        return Minimum(x, stimulus, residual, cost, cost, 0.0, slowest, np.zeros(1), room, goal.iterations,
+                       goal.evaluations + 1, "underway")  # fmt: skip
 
     def _extrapolated(self, limits: ServoLimits) -> Array:
         """Return where the last two frames point to: there the right nodes slip from the first evaluation on."""

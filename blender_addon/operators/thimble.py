@@ -1,0 +1,107 @@
+# mypy: disable-error-code="valid-type"
+"""Thimbles: adapt to this finger, draw the stimulus plot, the example scenes."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import EnumProperty, StringProperty
+
+from .. import demo_thimble, handlers, jobs, reporting, thimble_adapt, thimble_plot, thimble_use
+
+
+def _worn(context: bpy.types.Context) -> Any:
+    obj = context.object
+    return thimble_use.device_of(obj) if obj is not None and obj.dermis.role == "FINGER" else None
+
+
+class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
+    """Learn what this finger's thimble does to its skin, for the methods Network and Polynomial; Esc cancels"""
+
+    bl_idname = "dermis.adapt_thimble"
+    bl_label = "Adapt to This Finger"
+    bl_options = {"REGISTER"}
+    job_title = "Adapt"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a finger with a thimble."""
+        cls.poll_message_set("Select a finger with a thimble")
+        return _worn(context) is not None
+
+    def steps(self, context: bpy.types.Context) -> Any:
+        """Return the work of a child process."""
+        return thimble_adapt.adapt(context.object)
+
+    def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
+        """Say how good it is."""
+        thimble_use.forget()
+        handlers.mark_dirty(context.object.name)
+        ridge, network = result["errors"].tolist()
+        self.report({"INFO"}, f"Adapted on {int(result['samples'])} samples: test error of the network "
+                    f"{100 * network:.1f} %, of the polynomial {100 * ridge:.1f} %")  # fmt: skip
+        return {"FINISHED"}
+
+
+class DERMIS_OT_plot_thimble(bpy.types.Operator):
+    """Draw what this finger felt in the last bake in three components, beside all that the thimble can do"""
+
+    bl_idname = "dermis.plot_thimble"
+    bl_label = "Stimulus Plot"
+    bl_options = {"REGISTER"}
+
+    filepath: StringProperty(name="File", description="Picture to write, .png or .svg", subtype="FILE_PATH")
+    filter_glob: StringProperty(default="*.png;*.svg", options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a finger with a thimble."""
+        cls.poll_message_set("Select a finger with a thimble")
+        return _worn(context) is not None
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for the file."""
+        self.filepath = f"{bpy.path.clean_name(context.object.name)}.stimuli.png"
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Draw and write it."""
+        path = Path(bpy.path.abspath(self.filepath))
+        try:
+            thimble_plot.write(context.scene, context.object, path if path.suffix else path.with_suffix(".png"))
+        except ValueError as error:  # the engine's refusals among them
+            return reporting.report_error(self, error, self.bl_label)
+        self.report({"INFO"}, f"Wrote {path}")
+        return {"FINISHED"}
+
+
+class DERMIS_OT_demo_thimble_scene(bpy.types.Operator):
+    """Open one of the paper's touches in a scene of its own"""
+
+    bl_idname = "dermis.demo_thimble_scene"
+    bl_label = "Demo Thimble Scene"
+    bl_options = {"REGISTER", "UNDO"}
+
+    touch: EnumProperty(name="Touch", items=tuple((k, s.title, s.text) for k, s in demo_thimble.SCENES.items()))
+
+    @classmethod
+    def description(cls, _context: bpy.types.Context, properties: Any) -> str:
+        """Return what this touch is."""
+        return demo_thimble.SCENES[properties.touch].text
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Build it and look at it."""
+        from .. import demo_skin
+
+        scene = demo_thimble.build(self.touch)
+        if context.window is None:
+            self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")
+            return {"FINISHED"}
+        context.window.scene = scene
+        demo_skin.look(context)
+        self.report({"INFO"}, "Play the animation: twin, target and rendered skin. Bake keeps the servo angles")
+        return {"FINISHED"}
+
+
+CLASSES: tuple[type, ...] = (DERMIS_OT_adapt_thimble, DERMIS_OT_plot_thimble, DERMIS_OT_demo_thimble_scene)

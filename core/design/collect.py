@@ -23,6 +23,7 @@ from ..errors import DermisError
 from ..files import write_npz
 from ..matching.readings import Counts, quantised, readings_of
 from ..matching.table import SkinTable, assemble, original_key, press_of, sweep, tabulate
+from ..skin.material import Elastic
 from ..skin.model import SkinModel, fingertip_skin
 from ..skin.shape import FingertipShape
 
@@ -35,7 +36,7 @@ SPREAD_ROWS = 512  # rows that the reversed sweep is made for
 
 def collect(
     spec: DeviceSpec, shape: FingertipShape, folder: Path, *, level: str = "draft", rows: int | None = None,
-    workers: int = 1, start: Callable[[], Any] | None = None,
+    workers: int = 1, start: Callable[[], Any] | None = None, material: Mapping[str, float] | None = None,
 ) -> Generator[tuple[int, int], None, SkinTable]:  # fmt: skip
     """Sweep a device's configurations on a fingertip; yield (rows done, rows in all), return the table.
 
@@ -44,11 +45,12 @@ def collect(
         level: of the skin's mesh. rows: about how many; as the preset says where None.
         workers: child processes; 0 for this one.
         start: makes a worker, for tests; `work.Worker` where None.
+        material: of the skin: young [Pa], poisson, alpha; what is left out is as usual.
 
     Raises:
         DermisError: a preset without a sweep, parts that cannot be written, or a table with too few rows.
     """
-    skin = fingertip_skin(shape, level=level)
+    skin = fingertip_skin(shape, Elastic(**(material or {})), level=level)
     commands = sweep(spec, skin.positions, rows)
     key = cache_key("dermis-sweep 1", original_key(spec), skin.key, repr(skin.material), commands.tobytes())[:16]
     folder = Path(folder) / key
@@ -56,8 +58,8 @@ def collect(
     todo = [(i, path) for i, path in parts if not _whole(path)]
     done = len(commands) - sum(len(commands[i : i + PART]) for i, _ in todo)
     yield done, len(commands)
-    if workers > 0 and len(todo) > 1:
-        for count in _shared(spec, shape, level, commands, todo, workers, start):
+    if workers > 0 and todo:
+        for count in _shared(spec, shape, level, material or {}, commands, todo, workers, start):
             done += count
             yield done, len(commands)
     else:
@@ -89,10 +91,11 @@ def reversed_spread(spec: DeviceSpec, skin: SkinModel, rows: int = SPREAD_ROWS) 
 def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Any) -> dict[str, NDArray[Any]]:
     """Press one part, in a child process."""
     spec = from_preset(str(parameters["key"]), parameters["preset"])
-    what = json.dumps([parameters["shape"], parameters["level"]], sort_keys=True)
+    what = json.dumps([parameters["shape"], parameters["level"], parameters["material"]], sort_keys=True)
     if what not in _SKINS:
         _SKINS.clear()
-        _SKINS[what] = fingertip_skin(FingertipShape(**parameters["shape"]), level=str(parameters["level"]))
+        material = Elastic(**parameters["material"])
+        _SKINS[what] = fingertip_skin(FingertipShape(**parameters["shape"]), material, level=str(parameters["level"]))
     return _part(spec, _SKINS[what], arrays["commands"])
 
 
@@ -106,13 +109,14 @@ def _part(spec: DeviceSpec, skin: SkinModel, commands: Array) -> dict[str, NDArr
 
 
 def _shared(
-    spec: DeviceSpec, shape: FingertipShape, level: str, commands: Array, todo: list[tuple[int, Path]], workers: int,
-    start: Callable[[], Any] | None,
+    spec: DeviceSpec, shape: FingertipShape, level: str, material: Mapping[str, float], commands: Array,
+    todo: list[tuple[int, Path]], workers: int, start: Callable[[], Any] | None,
 ) -> Generator[int, None, None]:  # fmt: skip
     """Hand parts to child processes as they become free; yield how many rows each finished part had, or 0."""
     from ..work import Worker
 
-    parameters = {"key": spec.key, "preset": dict(spec.source), "shape": asdict(shape), "level": level}
+    parameters = {"key": spec.key, "preset": dict(spec.source), "shape": asdict(shape), "level": level,
+                  "material": dict(material)}  # fmt: skip
     queue = list(reversed(todo))
     crew = [(start or Worker)() for _ in range(min(workers, len(todo)))]
     running: dict[int, tuple[Any, Path, int]] = {}

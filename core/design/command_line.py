@@ -56,15 +56,17 @@ def run(options: argparse.Namespace) -> int:
     library = Library(options.presets)
     spec = library.device(options.device)
     parameters = library.skin(options.skin)
-    lengths = {k: v for k, v in parameters.items() if k not in ("young", "poisson", "alpha")}
+    material = {k: float(v) for k, v in parameters.items() if k in ("young", "poisson", "alpha")}
+    lengths = {k: v for k, v in parameters.items() if k not in material}
     shape = shape_from_parameters(lengths, where=f"skin preset '{options.skin}'")
     rows = task.ROWS if options.rows is None else options.rows or None
     folder = (options.out or Path.cwd()) / "collection"
     if not options.touches and options.trial is None and options.save_table is None:
         raise DermisError("nothing to do", where="design", limit="a touch, --trial or --save-table")
     steps = task.table_for(
-        spec, shape, folder, level=options.level, rows=rows, workers=options.workers, file=options.table
-    )
+        spec, shape, folder, level=options.level, rows=rows, workers=options.workers, file=options.table,
+        material=material,
+    )  # fmt: skip
     table = _drain(steps, options.quiet)
     if options.save_table is not None:
         table.save(options.save_table)

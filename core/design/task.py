@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.skin_touch import SkinSampler
+from ..contact.skin_touch import SkinSampler, SkinTouch
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError
 from ..files import write_bytes
@@ -58,9 +58,13 @@ def sense_scene(
         sampler.add(chunk)
         done += len(chunk.times)
         yield Step("touch", done, scene.sample_count)
-    touch = sampler.finish()[finger]
+    return sense_touch(sampler.finish()[finger], noise=noise, seed=seed)
+
+
+def sense_touch(touch: SkinTouch, *, noise: float = NOISE, seed: int = 0) -> NDArray[np.uint16]:
+    """Return what the virtual sensor reads along what a skin felt, such as a bake's, at 100 Hz."""
     sensed = sense(touch, noise, seed)
-    if abs(scene.rate - RATE) < 1e-9 or len(touch.times) < 2:
+    if len(touch.times) < 2 or np.abs(np.diff(touch.times) * RATE - 1.0).max() < 1e-6:
         return sensed
     times = np.arange(int(touch.times[-1] * RATE + 1e-9) + 1) / RATE
     whole: NDArray[np.uint16] = np.rint(interpolate(touch.times, sensed.astype(float), times)).astype(np.uint16)
@@ -69,7 +73,7 @@ def sense_scene(
 
 def table_for(
     spec: DeviceSpec, shape: FingertipShape, folder: Path, *, level: str = "draft", rows: int | None = ROWS,
-    workers: int = 0, file: Path | None = None,
+    workers: int = 0, file: Path | None = None, material: Mapping[str, float] | None = None,
 ) -> Generator[Step, None, SkinTable]:  # fmt: skip
     """Return a device's table: read from a file (.npz collected, .csv recorded), or swept and kept in a folder.
 
@@ -84,7 +88,7 @@ def table_for(
                               value=f"{table.commands.shape[1]} motors", limit=f"{len(scale)} motors")  # fmt: skip
         yield Step("table", 1, 1)
         return table
-    steps = collect(spec, shape, folder, level=level, rows=rows, workers=workers)
+    steps = collect(spec, shape, folder, level=level, rows=rows, workers=workers, material=material)
     while True:
         try:
             done, total = next(steps)

@@ -1,0 +1,257 @@
+"""Thimbles in Blender: settings, twin, target and rendered skin, mismatch, panel, plot."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon import (
+    demo_thimble,
+    live,
+    properties,
+    results,
+    skin_live,
+    skin_models,
+    thimble_live,
+    thimble_twin,
+    thimble_use,
+    thimble_view,
+)  # fmt: skip
+from blender_addon.panels import choices
+from blender_addon.preferences import core_module, library
+
+
+@pytest.fixture
+def demo():
+    """Return the ball scene, shown."""
+    choices.refresh()
+    scene = demo_thimble.build("BALL")
+    bpy.context.window.scene = scene
+    bpy.context.view_layer.objects.active = scene.objects["Index"]
+    return scene
+
+
+def bake(scene: bpy.types.Scene, last: int = 40):
+    """Bake some frames and return the result."""
+    scene.frame_start, scene.frame_end = 1, last
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    return results.current(scene)
+
+
+def device_of(scene: bpy.types.Scene):
+    """Return the settings of the thimble on 'Index'."""
+    return scene.objects["Index"].dermis.finger.devices[0]
+
+
+def test_settings_reach_the_engine(demo) -> None:
+    device = device_of(demo)
+    device.thimble_method, device.thimble_hover_mm = "force", 0.9
+    output = bake(demo, 24).bake.outputs[0]
+    assert output.track.meta["method"] == "force"
+    skin = results.current(demo).bake.skins["Index"].model
+    use = core_module("matching.thimble_use").prepare(
+        library().device("thimble_3rrs"), skin, properties.parameters(device)
+    )
+    assert use.hover == pytest.approx(0.9e-3)
+    matching = core_module("matching.thimble").follower(use).matching
+    np.testing.assert_allclose(output.track.values[0, :3], matching.angles, atol=1e-7)  # it waits at that distance
+    device.thimble_method = "geometry"
+    other = bake(demo, 24).bake.outputs[0]
+    assert np.abs(other.track.values - output.track.values).max() > 1e-3
+
+
+def test_a_calibration_moves_the_mounting(demo) -> None:
+    device = device_of(demo)
+    rest = bake(demo, 3).bake.outputs[0].track.values[0, :3]
+    device.thimble_calibrated = True
+    device.thimble_felt_1 = device.thimble_felt_2 = device.thimble_felt_3 = 0.15
+    demo.frame_set(1)
+    felt = bake(demo, 3).bake.outputs[0].track.values[0, :3]
+    # the person first feels the disc at 0.15 rad, so hovering there is a little less
+    assert (felt - rest > 0.1).all() or (felt - rest < -0.1).all()
+    assert np.abs(felt - 0.15).max() < np.abs(felt - rest).max()
+    row = live.preview(demo).rows[0]
+    mechanism, _ = thimble_view.device_of(demo, row)
+    plain = core_module("devices.thimble").mechanism(library().device("thimble_3rrs"))
+    assert abs(mechanism.mount[2, 3] - plain.mount[2, 3]) > 1e-4  # the twin is mounted as the engine mounts it
+
+
+@pytest.mark.parametrize("source", ["bake", "live"])
+def test_the_twins_joints_obey_forward_kinematics(demo, source) -> None:
+    if source == "bake":
+        bake(demo)
+        demo.frame_set(30)
+    else:
+        for frame in range(12, 31):
+            demo.frame_set(frame)
+            live.step(bpy.context)
+            skin_live.step(bpy.context)
+    row = next(r for r in live.preview(demo).rows if r.kind == "thimble")
+    assert live.preview(demo).source == source
+    device, at = thimble_view.joints_of(demo, row)
+    angles = thimble_view.servo_angles(row)
+    assert np.abs(angles).max() > 0.02
+    # links keep their lengths, legs their planes, and the platform's joints their places: nothing of inverse kinematics
+    np.testing.assert_allclose(np.linalg.norm(at.knee - at.servo, axis=1), device.crank, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(at.platform - at.knee, axis=1), device.rod, atol=1e-9)
+    base = (np.linalg.inv(device.mount) @ np.c_[at.platform, np.ones(3)].T)[:3].T
+    for i, out in enumerate(core_module("devices.thimble").LEG_DIRECTIONS):
+        assert abs(np.cross(out, base[i])[2]) < 1e-9
+    np.testing.assert_allclose(at.x, [row.values["pitch"], row.values["roll"], row.values["distance"]], atol=2e-3)
+    shares = thimble_view.shares(row)
+    np.testing.assert_allclose(shares, np.abs(angles) / device.servo_range, rtol=1e-6)
+    part = thimble_twin.parts(device, at, shares)
+    assert part.triangles.max() == len(part.positions) - 1 and np.isfinite(part.positions).all()
+
+
+def test_a_servo_near_its_limit_turns_orange(demo) -> None:
+    device = core_module("devices.thimble").mechanism(library().device("thimble_3rrs"))
+    at = thimble_twin.joints(device, np.zeros(3), np.array([0.0, 0.0, 0.018]))
+    cold, warm = (thimble_twin.parts(device, at, np.array([0.0, s, 0.0])) for s in (0.84, 1.0))
+    changed = np.flatnonzero(np.abs(cold.colours - warm.colours).max(axis=1) > 0.1)
+    assert len(changed) == 14  # one crank: seven corners at each end
+    centre = cold.positions[changed].mean(axis=0)
+    np.testing.assert_allclose(centre, 0.5 * (at.servo[1] + at.knee[1]), atol=1e-3)
+    assert warm.colours[changed, 0].max() > 0.8 > warm.colours[changed, 2].max()
+
+
+def test_from_a_bake_the_rendered_skin_is_what_the_track_does(demo) -> None:
+    result = bake(demo)
+    output, felt = result.bake.outputs[0], result.bake.skins["Index"]
+    thimble = core_module("matching.thimble")
+    use = thimble_use.used(device_of(demo), felt.model)
+    forces = thimble.forces_at(felt, output.track.times)
+    found = thimble.match_touch(use, forces, use.device.servo_speed / output.track.spec.rate)
+    for frame in (31, 25, 37):  # on a sample of 100 Hz: 24 frames are a second
+        demo.frame_set(frame)
+        sample = round((frame - 1) / 24 * 100)
+        if abs(sample - (frame - 1) / 24 * 100) > 1e-9:
+            continue
+        target, rendered = skin_live.states(demo)
+        assert (target.finger, rendered.finger) == ("Index", "Index: thimble")
+        np.testing.assert_allclose(rendered.force, found.force[sample], atol=3e-5 * np.abs(found.force[sample]).max())
+    demo.frame_set(31)
+    row = live.preview(demo).rows[0]
+    assert row.signals["mismatch"] == pytest.approx(found.mismatch[125], abs=1e-9)
+    # and that mismatch is the one of the two skins that are shown side by side
+    target, rendered = skin_live.states(demo)
+    readout = core_module("matching.thimble").describe(use.device, use.skin, use.friction).readout
+    a, b = (readout @ s.force.ravel() for s in (target, rendered))
+    assert np.linalg.norm(b - a) / np.linalg.norm(a) == pytest.approx(found.mismatch[125], abs=1e-3)
+    assert f"{100 * found.mismatch[125]:.0f} % off" in rendered.note
+
+
+def test_live_follows_the_skin_step_by_step(demo) -> None:
+    """The preview is the engine's own follower on the skins that are shown: one frame after the other, from rest."""
+    frames, targets, rows = range(9, 30), [], []
+    for frame in frames:
+        demo.frame_set(frame)
+        live.step(bpy.context)
+        skin_live.step(bpy.context)
+        states = skin_live.states(demo)
+        targets.append(states[0].force)
+        rows.append(next(r for r in live.preview(demo).rows if r.kind == "thimble"))
+    skin = states[0].model
+    with skin_models.one_thread():
+        use = thimble_use.used(device_of(demo), skin)
+        following = core_module("matching.thimble").follower(use)
+        for i, (target, row) in enumerate(zip(targets, rows, strict=True)):
+            following.matching.change = use.device.servo_speed / 24 if i else None
+            found = following.step(target)
+            np.testing.assert_allclose(thimble_view.servo_angles(row), found.angles, atol=1e-6)
+            assert row.signals["mismatch"] == pytest.approx(found.mismatch, abs=1e-6)
+    assert rows[-1].contact == 1.0 and rows[-1].signals["mismatch"] > 0.05
+
+
+def test_a_change_within_a_frame_searches_it_anew_and_a_jump_starts_from_rest(demo) -> None:
+    def at(frame: int):
+        demo.frame_set(frame)
+        live.step(bpy.context)
+        skin_live.step(bpy.context)
+        return next(r for r in live.preview(demo).rows if r.kind == "thimble")
+
+    for frame in range(14, 21):
+        first = at(frame)
+    device_of(demo).thimble_hover_mm = 0.5  # touched skin does not care
+    again = at(20)
+    np.testing.assert_allclose(thimble_view.servo_angles(again), thimble_view.servo_angles(first), atol=0.02)
+    jumped = at(50)
+    assert thimble_live._tracks["Index"].follower.matching.change is None
+    assert jumped.contact == 1.0
+
+
+@pytest.mark.parametrize("shown", [True, False])
+def test_live_and_bake_agree(demo, shown) -> None:
+    demo.objects["Index"].dermis.finger.skin.shown = shown
+    for frame in range(6, 22):
+        demo.frame_set(frame)
+        live.step(bpy.context)
+        skin_live.step(bpy.context)
+    rows = [r for r in live.preview(demo).rows if r.kind == "thimble"]
+    assert len(rows) == 1
+    baked = results.values_at(bake(demo, 24), results.current(demo).bake.outputs[0], 21.0)
+    # one sample a frame against ten
+    np.testing.assert_allclose(np.degrees(thimble_view.servo_angles(rows[0])), np.degrees(baked[:3]), atol=1.5)
+
+
+def test_without_split_only_the_target_is_shown(demo) -> None:
+    bake(demo)
+    demo.frame_set(31)
+    assert len(skin_live.states(demo)) == 2
+    demo.dermis.thimble_view.split = False
+    assert len(skin_live.states(demo)) == 1
+
+
+def test_what_has_no_adaptation_says_so_and_goes_on(demo) -> None:
+    device = device_of(demo)
+    device.thimble_method = "network"
+    result = bake(demo, 24)
+    assert result.bake.outputs[0].track.meta["method"] == "stress"
+    finding = next(f for f in result.bake.all_findings if f.code == "surrogate")
+    assert "direct method" in finding.what and "Adapt" in finding.remedy and finding.severity == "warning"
+    demo.frame_set(20)
+    device.thimble_surrogate = "/not/there.npz"
+    live.step(bpy.context)
+    skin_live.step(bpy.context)
+    assert any(r.kind == "thimble" for r in live.preview(demo).rows)
+
+
+def test_workspace_loops_are_closed_and_reached(demo) -> None:
+    device = core_module("devices.thimble").mechanism(library().device("thimble_3rrs"))
+    loops = thimble_view.workspace_of(device, 0.018)
+    assert len(loops) > 5 and loops is thimble_view.workspace_of(device, 0.018)
+    reach = core_module("devices.reach").reach(device, 0.018)
+    for level, loop in enumerate(loops):
+        np.testing.assert_allclose(loop[0], loop[-1])
+        for tip, x in zip(loop, reach.configurations(level), strict=False):
+            # undo the pointer and what is left is a pose that the servos hold
+            pose = device.in_finger(device.pose(x))
+            np.testing.assert_allclose(tip - thimble_twin.POINTER * pose[:3, 2], pose[:3, 3], atol=1e-9)
+            assert device.feasible(x)
+    at = thimble_twin.joints(device, np.zeros(3), np.array([0.0, 0.0, 0.018]))
+    tip = thimble_twin.pointer(at.pose)[1]
+    np.testing.assert_allclose(tip, [0.0, 0.0, -thimble_twin.POINTER], atol=1e-9)
+
+
+def test_the_plot_is_written(demo, tmp_path) -> None:
+    with pytest.raises(RuntimeError, match="no bake"):
+        bpy.ops.dermis.plot_thimble(filepath=str(tmp_path / "p.png"))
+    bake(demo)
+    assert bpy.ops.dermis.plot_thimble(filepath=str(tmp_path / "p.png")) == {"FINISHED"}
+    data = (tmp_path / "p.png").read_bytes()
+    assert data.startswith(b"\x89PNG") and len(data) > 20_000
+    assert bpy.ops.dermis.plot_thimble(filepath=str(tmp_path / "p.svg")) == {"FINISHED"}
+    text = (tmp_path / "p.svg").read_text()
+    assert "#2a9d3a" in text and "#2255cc" in text and "simulated" in text
+
+
+def test_export_gives_a_track_that_checks(demo, tmp_path) -> None:
+    bake(demo)
+    assert bpy.ops.dermis.export_tracks(directory=str(tmp_path)) == {"FINISHED"}
+    path = tmp_path / "Index.thimble_3rrs.csv"
+    assert path.is_file() and core_module("__main__").main(["check", str(path)]) == 0
+
+
+def test_registered_once(demo) -> None:
+    assert len(thimble_view._handles) == 1

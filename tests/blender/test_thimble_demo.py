@@ -1,0 +1,67 @@
+"""The paper's scenes: each is the touch that it says, and bakes without an error."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon import demo_thimble, results
+from blender_addon.panels import choices
+from tests import touches
+
+TOUCHES = {"BALL": touches.ball_roll, "EDGE": touches.edge_press, "CUP": touches.cup, "SLIDE": touches.slide}
+
+
+@pytest.mark.parametrize("which", list(demo_thimble.SCENES))
+def test_every_scene_bakes_without_an_error_and_touches(which) -> None:
+    choices.refresh()
+    assert bpy.ops.dermis.demo_thimble_scene(touch=which) == {"FINISHED"}
+    scene = bpy.context.window.scene
+    assert scene.name == f"Dermis Thimble: {demo_thimble.SCENES[which].title}"
+    assert (scene.frame_end - scene.frame_start) / scene.render.fps <= 3.0
+    assert sum(len(o.data.vertices) for o in scene.objects if o.type == "MESH") < 25_000
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    bake = results.current(scene).bake
+    assert [f for f in bake.all_findings if f.severity != "info"] == []
+    fingers = [o for o in scene.objects if o.dermis.role == "FINGER"]
+    assert len(bake.outputs) == len(fingers) == (2 if which == "BLOCK" else 1)
+    for output in bake.outputs:
+        touched = output.signals["contact"] > 0
+        assert touched.mean() > 0.5 and not touched[0]
+        assert np.ptp(np.degrees(output.track.values[:, :3])) > 3.0  # the servos have something to do
+        assert output.signals["mismatch"][touched].mean() < 0.9
+
+
+@pytest.mark.parametrize("which", list(TOUCHES))
+def test_the_finger_goes_where_the_papers_touch_goes(which) -> None:
+    """The object's top in the finger's frame, against the touches that the engine's figures are made with."""
+    scene = demo_thimble.build(which)
+    bpy.context.window.scene = scene
+    wanted = TOUCHES[which](demo_thimble.LAST)
+    finger = next(o for o in scene.objects if o.dermis.role == "FINGER")
+    for frame in (1, 17, 30, 44, 60):
+        scene.frame_set(frame)
+        pose = np.array(finger.evaluated_get(bpy.context.evaluated_depsgraph_get()).matrix_world)
+        body = wanted.bodies(frame - 1)[0]
+        top = np.linalg.inv(pose) @ [0.0, 0.0, 0.0, 1.0]
+        np.testing.assert_allclose(top[:3], body.translation, atol=2e-6)
+        np.testing.assert_allclose(np.linalg.inv(pose)[:3, :3], body.rotation, atol=2e-5)
+
+
+def test_the_shaken_block_is_held_and_its_friction_changes() -> None:
+    choices.refresh()
+    scene = demo_thimble.build("BLOCK")
+    bpy.context.window.scene = scene
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    bake = results.current(scene).bake
+    sums = []
+    for name in ("Index", "Thumb"):
+        skin, turn = bake.skins[name], np.array(scene.objects[name].matrix_world)[:3, :3]
+        shaken = [i for i in skin.contact if 26 <= skin.frames[i] <= 62]
+        sums.append(np.array([turn @ skin.force_at(i).sum(axis=0) for i in shaken]))
+    # what both skins feel of the block is its weight and inertia, turned round: m (g - a)
+    total = -(sums[0] + sums[1])[:, 2]
+    mass = 0.03
+    assert total.mean() == pytest.approx(mass * 9.81, rel=0.1)
+    assert np.ptp(total) > 0.5 * mass * 9.81

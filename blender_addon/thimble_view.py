@@ -92,8 +92,8 @@ def workspace_of(device: Any, reference: float) -> list[Array]:
 
 def card(row: live.Row, left: float, bottom: float, width: float, scale: float) -> None:
     """Draw the servos as gauges between their limits, the pose, and how far the rendered stress is off [px]."""
-    line, used = 17 * scale, shares(row)
-    top = bottom + 5 * line
+    line, used = 20 * scale, shares(row)
+    top = bottom + 5.1 * line
     bar = 0.42 * width
     for i, angle in enumerate(servo_angles(row).tolist()):
         y = top - (i + 0.75) * line

@@ -58,13 +58,13 @@ class Bars:
                 middle = x + 0.5 * wide
                 if low < CUT:
                     canvas.line(middle, y(low), middle, y(high), INK, 1.0)
-                canvas.text(middle, y(high) - 4, f"{mean:.0f}", 6.5, INK, "middle")
+                canvas.text(middle, y(high) - 4, f"{round(mean)}", 6.5, INK, "middle")
             canvas.text(LEFT + (g + 0.5) * step, base + 16, name, 8, INK, "middle")
         canvas.line(LEFT, y(self.rule), WIDTH - RIGHT, y(self.rule), RULE, 1.0, 4.0)
         canvas.line(LEFT, base, WIDTH - RIGHT, base, FRAME, 0.75)
         canvas.text((LEFT + WIDTH - RIGHT) / 2, base + 32, "interaction (motors expected)", 7, INK, "middle")
         for k in range(max((rows.shape[1] for _, rows in self.groups), default=0)):
-            canvas.rectangle(24 + 62 * k, 36, 14, 6, SHADES[k % len(SHADES)])
-            canvas.text(42 + 62 * k, 43, f"{k + 1} motor{'s' if k else ''}", 7, INK)
-        canvas.text(24 + 62 * 5 + 40, 43, f"dashed: the rule, {self.rule:g} %", 7, RULE)
+            canvas.rectangle(24 + 76 * k, 36, 14, 6, SHADES[k % len(SHADES)])
+            canvas.text(42 + 76 * k, 43, f"{k + 1} motor{'s' if k else ''}", 7, INK)
+        canvas.text(24 + 76 * 5 + 30, 43, f"dashed: the rule, {self.rule:g} %", 7, RULE)
         write_bytes(path, canvas.to_bytes())

@@ -81,7 +81,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         spreads = {spec.key: reversed_spread(spec, skin) for spec in specs}
     for key in DEVICES:
         _picture(key, found[key], options.out / "pictures" / f"s2_{key}.png")
-    page = "\n".join(_page(found, controls, played, spreads, dict(zip(DEVICES, tables, strict=True)), options.seeds))
+    by_device = dict(zip(DEVICES, tables, strict=True))
+    page = "\n".join(line.rstrip() for line in _page(found, controls, played, spreads, by_device, options.seeds))
     write_bytes(options.out / "devices" / "motors_figures.md", (page + "\n").encode())
     _say(started, "done")
     return 0
@@ -128,7 +129,7 @@ def _played(spec: DeviceSpec, table: SkinTable, skin: SkinModel) -> Played:
 
 
 def _picture(key: str, verdicts: Sequence[Verdict], path: Path) -> None:
-    bars = Bars(f"{TITLES[key]}: error above that of all motors, mean of the seeds (line: least to greatest)", 100 * KNEE)
+    bars = Bars(f"{TITLES[key]}: error above that of all motors, mean of the seeds, simulated (line: least to greatest)", 100 * KNEE)
     for name in NAMES:
         rows = np.array([v.percent[0] for v in verdicts if v.name == name])[:, :-1]
         bars.group(f"{name} ({EXPECTED[name]})", rows)

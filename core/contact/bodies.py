@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import DermisError
 from .gap import Surface
 from .plane import Plane
 from .triangles import Array, Indices
@@ -25,6 +27,9 @@ class ContactBody:
         softness: compliance of its own surface [m/Pa]: it yields by this times the pressure. 0 is rigid.
         deforms: its surface is another every frame; what sticks to it is then carried by triangles.
         away: it is nowhere near, and only keeps its place in the order.
+
+    Raises:
+        DermisError: a pose that is not finite.
     """
 
     surface: Surface | Plane
@@ -34,6 +39,10 @@ class ContactBody:
     softness: float = 0.0
     deforms: bool = False
     away: bool = False
+
+    def __post_init__(self) -> None:
+        if not isfinite(np.vdot(self.rotation, self.rotation) + np.vdot(self.translation, self.translation)):
+            raise DermisError("the pose of a body is not finite", value=self.translation)
 
     def same_place(self, other: ContactBody) -> bool:
         """Whether another state of this body has the same surface, pose and properties."""

@@ -18,6 +18,7 @@ _RELEVANT = ("Object", "Action", "Armature", "Camera", "Collection", "Curve", "C
              "Mesh", "MetaBall", "NodeTree", "Scene", "Speaker", "World")  # fmt: skip
 
 _dirty: set[str] = set()
+_expected: set[str] = set()
 _muted = 0
 _generation = 0
 _ticks = 0
@@ -53,6 +54,11 @@ def mark_dirty(name: str = "settings") -> None:
         _dirty.add(name)
 
 
+def expect(name: str) -> None:
+    """Note that the next change of the scene of this name is of settings on which no bake depends."""
+    _expected.add(name)
+
+
 def clear_dirty() -> None:
     """Forget changes, because a bake has just seen them."""
     _dirty.clear()
@@ -75,8 +81,11 @@ def _on_depsgraph(_scene: bpy.types.Scene, depsgraph: Any = None) -> None:
     _ticks += 1
     if _muted or depsgraph is None:
         return
-    changed = False
+    changed, expected = False, frozenset(_expected)
+    _expected.clear()
     for update in depsgraph.updates:
+        if isinstance(update.id, bpy.types.Scene) and update.id.name in expected:
+            continue
         # Selecting an object also arrives here, with neither flag set.
         if (update.is_updated_transform or update.is_updated_geometry or isinstance(update.id, bpy.types.Action)) and (
             type(update.id).__name__ in _RELEVANT or isinstance(update.id, bpy.types.Object | bpy.types.Action)

@@ -86,9 +86,9 @@ def frame_of(scene: bpy.types.Scene) -> float:
 
 def preview(scene: bpy.types.Scene) -> Preview | None:
     """Return what to show at the current frame: what a device reports, a loaded track, or what is computed."""
-    from . import streaming
+    from . import streaming_twin
 
-    shown: Preview | None = streaming.preview(scene)
+    shown: Preview | None = streaming_twin.preview(scene)
     return shown if shown is not None else computed(scene)
 
 

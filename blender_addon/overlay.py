@@ -17,7 +17,8 @@ _handles: list[Any] = []
 CARD_WIDTH, DIAL, LINE, MARGIN = 260, 92, 17, 12
 INK, FAINT, PANEL = (0.92, 0.93, 0.95, 1.0), (0.92, 0.93, 0.95, 0.35), (0.07, 0.08, 0.09, 0.82)
 ORANGE, BLUE = (1.0, 0.52, 0.10, 1.0), (0.36, 0.62, 1.0, 1.0)
-SOURCE_COLOURS = {"bake": (0.45, 0.80, 0.55, 1.0), "live": BLUE, "stale": ORANGE, "earlier": ORANGE}
+GREEN = (0.45, 0.80, 0.55, 1.0)
+SOURCE_COLOURS = {"bake": GREEN, "live": BLUE, "stale": ORANGE, "earlier": ORANGE, "device": GREEN, "file": GREEN}
 
 
 def finger_matrix(scene: bpy.types.Scene, name: str) -> Matrix | None:

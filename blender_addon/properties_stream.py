@@ -15,16 +15,23 @@ from bpy.props import (
 )
 
 
-def _changed(_self: Any, _context: Any) -> None:
+def _quiet(self: Any, _context: Any) -> None:
+    from . import handlers
+
+    handlers.expect(self.id_data.name)  # no bake depends on how it is streamed
+
+
+def _changed(self: Any, context: Any) -> None:
     from . import streaming
 
+    _quiet(self, context)
     streaming.changed()
 
 
 def _outputs(_self: Any, _context: Any, text: str) -> list[str]:
-    from . import streaming
+    from . import streaming_tracks
 
-    return [name for name in streaming.output_names() if text.lower() in name.lower()]
+    return [name for name in streaming_tracks.output_names() if text.lower() in name.lower()]
 
 
 class DermisStreamChannel(bpy.types.PropertyGroup):
@@ -51,7 +58,7 @@ class DermisStream(bpy.types.PropertyGroup):
     url: StringProperty(
         name="Port",
         description="Serial port, socket://HOST:PORT, udp://HOST:PORT, or virtual: for the device in the box",
-        default="virtual:", options=set(),
+        default="virtual:", update=_quiet, options=set(),
     )  # fmt: skip
     protocol: EnumProperty(
         name="Protocol", description="What the device speaks",
@@ -60,14 +67,14 @@ class DermisStream(bpy.types.PropertyGroup):
                ("servo-animation", "Servo Animation", "Receivers of Blender Servo Animation; they have no watchdog"),
                ("torque", "Torque Board", "Torques over UDP at 1 kHz, HapTip style; positions are closed here"),
                ("osc", "OSC", "Open Sound Control over UDP; receivers need a watchdog of their own")),
-        default="native", options=set(),
+        default="native", update=_quiet, options=set(),
     )  # fmt: skip
     mode: EnumProperty(
         name="Mode", description="What moves the device",
         items=(("play", "Play", "The baked track, in step with Blender's playback"),
                ("follow", "Follow", "What the preview shows, while you scrub or play"),
                ("jog", "Jog", "Single actuators by hand, for calibration"),
-               ("panel", "Touch Panel", "A real finger on the panel: its place asks, the relief answers")),
+               ("panel", "Touch", "A real finger on the panel: its place asks, the relief answers")),
         default="play", update=_changed, options=set(),
     )  # fmt: skip
     output: StringProperty(
@@ -79,12 +86,12 @@ class DermisStream(bpy.types.PropertyGroup):
         update=_changed, options=set(),
     )  # fmt: skip
     screen_file: StringProperty(
-        name="Screen Map", description="The screen's relief and law, as exported, for the mode Touch Panel",
+        name="Screen Map", description="The screen's relief and law, as exported, for the mode Touch",
         subtype="FILE_PATH", update=_changed, options=set(),
     )  # fmt: skip
     calibration_file: StringProperty(
         name="Calibration", description="Zero, gain and limits of this built device, apart from its preset",
-        subtype="FILE_PATH", options=set(),
+        subtype="FILE_PATH", update=_quiet, options=set(),
     )  # fmt: skip
     offset: FloatProperty(
         name="Start Offset", description="Plays the track earlier by this much", default=0.0, soft_min=-1.0,
@@ -112,7 +119,7 @@ class DermisStream(bpy.types.PropertyGroup):
     )  # fmt: skip
     show_received: BoolProperty(
         name="Twin Shows the Device", description="Draw what the device reports, where it reports anything",
-        default=True, options=set(),
+        default=True, update=_quiet, options=set(),
     )  # fmt: skip
     channels: CollectionProperty(type=DermisStreamChannel)
 

@@ -8,8 +8,8 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from .. import reporting, results, streaming
-from ..preferences import core_module
+from .. import reporting, results, streaming, streaming_calibration, streaming_tracks
+from ..preferences import core_module, library
 
 
 class _Streaming:
@@ -122,13 +122,12 @@ class DERMIS_OT_stream_calibrate(_Streaming, bpy.types.Operator):
         """Do what was chosen."""
         scene = context.scene
         if self.action == "BEGIN":
-            streaming.begin_calibration(scene)
-            scene.dermis_stream.mode = "jog"
+            streaming_calibration.begin_calibration(scene)
         elif self.action == "CANCEL":
-            streaming.cancel_calibration(scene)
+            streaming_calibration.cancel_calibration(scene)
         else:
-            for channel in scene.dermis_stream.channels:
-                channel.jog = 0.0
+            key = streaming_tracks.device_key(scene)
+            streaming_calibration.centre(scene, library().load("devices", key), key)
         return None
 
 
@@ -151,7 +150,7 @@ class DERMIS_OT_calibration_save(_File, bpy.types.Operator):
     def work(self, context: bpy.types.Context) -> str | None:
         """Write the file."""
         path = Path(bpy.path.abspath(self.filepath)).with_suffix(".json")
-        streaming.save_calibration(context.scene, path)
+        streaming_calibration.save_calibration(context.scene, path)
         return f"Wrote {path}"
 
 
@@ -163,7 +162,7 @@ class DERMIS_OT_calibration_load(_File, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Read the file."""
-        found = streaming.load_calibration(context.scene, Path(bpy.path.abspath(self.filepath)))
+        found = streaming_calibration.load_calibration(context.scene, Path(bpy.path.abspath(self.filepath)))
         reporting.show(found, "Calibration")
         return str(found[0]) if found else "Calibration read"
 
@@ -181,7 +180,7 @@ class DERMIS_OT_load_track(_File, bpy.types.Operator):
         settings = context.scene.dermis_stream
         before, settings.track_file = settings.track_file, self.filepath
         try:
-            track = streaming.load_file(context.scene)
+            track = streaming_tracks.load_file(context.scene)
         except core_module("errors").DermisError:
             settings.track_file = before
             raise

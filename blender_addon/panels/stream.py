@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from .. import streaming
+from .. import streaming, streaming_calibration
 from .main import DermisPanel
 from .text import paragraph, quantity
 
@@ -33,7 +33,15 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         row.operator("dermis.stream_rescan", text="", icon="FILE_REFRESH")
         column.prop(settings, "protocol", text="")
         layout.prop(settings, "mode", expand=True)
+        if settings.mode in ("play", "follow") and not settings.track_file:
+            layout.prop(settings, "output", text="", icon="ANIM", placeholder="First device of the bake")
+        elif settings.mode == "play":
+            layout.label(text=bpy.path.basename(settings.track_file), icon="FILE")
+        elif settings.mode == "panel":
+            layout.prop(settings, "screen_file", text="", placeholder="Screen map, as exported")
         if settings.mode == "jog":
+            if settings.channels:
+                layout.operator("dermis.stream_calibrate", text="Centre All", icon="PIVOT_CURSOR").action = "CENTRE"
             for channel in settings.channels:
                 layout.prop(channel, "jog", text=f"{channel.name.replace('_', ' ')} [{channel.unit}]")
         row = layout.row(align=True)
@@ -57,13 +65,13 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         layout.label(text=now["state"].capitalize(), icon=ICONS.get(now["state"], "QUESTION"))
         if now.get("words"):
             paragraph(layout, context, now["words"], "ERROR" if now["state"] != "ready" else "INFO")
-        if now.get("caution"):
-            paragraph(layout, context, now["caution"], "ERROR")
+        if caution := streaming.caution(context.scene.dermis_stream.protocol):
+            paragraph(layout, context, caution, "ERROR")
         if now.get("rate"):
             box = layout.box().column(align=True)
             box.scale_y = 0.85
             p50, p99, trip = (now.get(k) for k in ("jitter_p50_us", "jitter_p99_us", "round_trip_ms"))
-            late = f", late by {p50:.0f} us, p99 {p99:.0f} us" if p50 is not None else ""
+            late = f", late by {_time(p50)}, 99 % by less than {_time(p99)}" if p50 is not None else ""
             box.label(text=f"{now['rate']:g} Hz{late}")
             if trip is not None:
                 box.label(text=f"Round trip {trip:.1f} ms")
@@ -72,10 +80,15 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
                     box.label(text=f"{name.capitalize()}: {count:,}", icon="NONE" if name == "sent" else "DOT")
             for name, count in now.get("limited", {}).items():
                 if count:
-                    box.label(text=f"Limited, {name}: {count:,}", icon="ERROR")
+                    channel, _, kind = name.rpartition(".")
+                    box.label(text=f"Limited, {channel.replace('_', ' ')}, {kind}: {count:,}", icon="ERROR")
             driven = zip(now.get("names", ()), now.get("units", ()), now.get("values", ()), strict=False)
             for name, unit, value in driven:
                 box.label(text=f"{name.replace('_', ' ')}: {quantity(value, unit)}")
+
+
+def _time(microseconds: float) -> str:
+    return f"{microseconds:.0f} us" if microseconds < 1000 else f"{microseconds / 1000:.1f} ms"
 
 
 class DERMIS_PT_stream_settings(DermisPanel, bpy.types.Panel):
@@ -116,7 +129,7 @@ class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
         """Draw one box an actuator."""
         layout, settings = self.layout, context.scene.dermis_stream
         row = layout.row(align=True)
-        if streaming.calibrating():
+        if streaming_calibration.calibrating():
             row.operator("dermis.stream_calibrate", text="Cancel", icon="LOOP_BACK").action = "CANCEL"
             row.operator("dermis.calibration_save", text="Save", icon="CHECKMARK")
         else:

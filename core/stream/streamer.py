@@ -329,11 +329,12 @@ class Streamer:
 
     def _to_safe(self, now: float) -> None:
         """Begin the way to the safe state."""
-        assert self.adapter is not None and self.gate is not None
+        assert self.adapter is not None and self.gate is not None and self.wire is not None
         live = self._phase == "live"
         self._phase, self._since, self._held = "safing", now, None
         if self.adapter.own_safe or not live:
             self._send(self.adapter.safe())
+            self.gate.last = self.wire.safe.copy()
             self._finish_safing(now)
             return
         self._way = SafeWay(self.gate, now)

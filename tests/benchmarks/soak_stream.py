@@ -4,6 +4,9 @@
 is 40 ppm fast, which is 72 ms in half an hour. In each ten seconds the most that a command came before its play-out
 time says where the sender's idea of the device's clock is; how busy the machine is does not show in it. Exit status 1
 where it wanders by more than 1 ms, where memory grows by more than 2 MB after the first minute, or something is lost.
+
+Where other programs keep the sender from working for 70 ms the device goes to its safe state, as it must. That is
+counted under `interrupted`, with its reason, armed again, and measured on: what is asked here is drift and growth.
 """
 
 from __future__ import annotations
@@ -57,7 +60,9 @@ def soak(minutes: float) -> dict[str, Any]:
     device = Device()
     sizes: list[tuple[int, int]] = []
     loads: list[float] = []
-    with armed(device, track=track(seconds + 30), look_ahead=LOOK_AHEAD) as client:
+    interrupted: list[str] = []
+    armed_at = 0.0
+    with armed(device, track=track(seconds + 30), look_ahead=LOOK_AHEAD, reconnect=True) as client:
         before, start, due = client.status()["counters"], time.perf_counter(), EVERY
         while (now := time.perf_counter() - start) < seconds:
             client.beat(playing=True, time=now)
@@ -65,8 +70,14 @@ def soak(minutes: float) -> dict[str, Any]:
                 due += EVERY
                 sizes.append((memory(client.pid), memory(device.process.pid)))
                 loads.append(os.getloadavg()[0])
-                if not client.status()["armed"]:
-                    break
+            status = client.status()
+            if not status["armed"] and now > armed_at + 0.5:
+                if status["words"] and status["words"] not in interrupted[-1:]:
+                    interrupted.append(status["words"])
+                if status["state"] in ("ready", "stalled"):
+                    interrupted.append(f"armed again at {now:.0f} s")
+                    client.arm()
+                    armed_at = now
             time.sleep(BEAT)
         status = client.status()
     assert device.process.stdin is not None
@@ -76,7 +87,7 @@ def soak(minutes: float) -> dict[str, Any]:
     last = device.reports[-1]
     settled = sizes[min(6, len(sizes) - 1) :]
     return {
-        "minutes": now / 60, "state": status["state"], "words": status["words"], "received": last["received"],
+        "minutes": now / 60, "state": status["state"], "interrupted": interrupted, "received": last["received"],
         "drift_ms": max(early) - min(early), "early_ms": [min(early), max(early)],
         "growth_sender_bytes": max(s[0] for s in settled) - settled[0][0],
         "growth_device_bytes": max(s[1] for s in settled) - settled[0][1],
@@ -99,7 +110,7 @@ def main(arguments: list[str]) -> int:
         options.json.write_text(text + "\n", encoding="utf-8")
     growth = max(seen["growth_sender_bytes"], seen["growth_device_bytes"])
     good = seen["state"] == "streaming" and seen["drift_ms"] <= DRIFT_MS and growth <= GROWTH
-    return 0 if good and not (seen["lost"] or seen["damaged"]) else 1
+    return 0 if good and not (seen["lost"] or seen["damaged"] or seen["interrupted"]) else 1
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import blender_addon
-from blender_addon import live, results, streaming
+from blender_addon import handlers, live, overlay, results, streaming, streaming_calibration
 from blender_addon.operators import stream as operators
 from blender_addon.preferences import core_module
 
@@ -77,7 +77,7 @@ def test_connect_arm_follow_stop(scene: Any) -> None:
     status = wait(lambda s: s["armed"] and np.allclose(list(s["received"]["values"].values()), wanted, atol=1e-4))
     assert status["state"] == "streaming" and status["watchdog"]
     shown = live.preview(scene)
-    assert shown.source == "device"
+    assert shown.source == "device" and shown.source in overlay.SOURCE_COLOURS
     assert shown.rows[0].values["tactor_x"] == pytest.approx(-5e-4, abs=2e-6), "the twin shows what the device reports"
     scene.frame_set(7)
     wanted = a_track().values[250, 2:]
@@ -104,17 +104,39 @@ def test_jog_and_calibration_and_cancel(scene: Any) -> None:
     settings = scene.dermis_stream
     streaming.connect(scene)
     bpy.ops.dermis.stream_calibrate(action="BEGIN")
-    assert settings.mode == "jog" and streaming.calibrating()
-    one = settings.channels[0]
-    one.zero, one.gain, one.jog = 0.05, -1.0, 0.1
-    streaming.close()
-    streaming.connect(scene)
+    assert settings.mode == "jog" and streaming_calibration.calibrating()
+    settings.ramp = 0.1
     wait(state("ready"))
     streaming.arm(scene)
-    wait(lambda s: s["armed"] and abs(s["received"]["values"]["pulley_1"] + 0.05) < 1e-4)
+    wait(lambda s: s["armed"])
+    settings.channels[0].jog = 0.1
+    wait(lambda s: abs(s["received"]["values"]["pulley_1"] - 0.1) < 1e-4)
+    settings.channels[0].zero = 0.05
+    settings.channels[0].gain = -1.0
+    wait(lambda s: abs(s["received"]["values"]["pulley_1"] + 0.05) < 1e-4)
+    settings.channels[0].use_limits, settings.channels[0].low = True, -0.02
+    wait(lambda s: abs(s["received"]["values"]["pulley_1"] + 0.02) < 1e-4)
+    assert streaming.status()["armed"], "every change took effect under way"
+    settings.mode = "jog"
     bpy.ops.dermis.stream_calibrate(action="CANCEL")
-    assert (one.zero, one.gain, one.jog) == (0.0, 1.0, 0.0) or settings.channels[0].gain == 1.0
-    assert not streaming.calibrating()
+    one = settings.channels[0]
+    assert (one.zero, one.gain, one.jog, one.use_limits) == (0.0, 1.0, 0.0, False)
+    assert settings.mode == "play" and not streaming_calibration.calibrating()
+    wanted = a_track().values[0, 2:]  # what the mode before the calibration shows, driven as before
+    wait(lambda s: np.allclose(list(s["received"]["values"].values()), wanted, atol=1e-4))
+
+
+def test_cancel_gives_back_what_had_been_set_before(scene: Any) -> None:
+    streaming.connect(scene)
+    channels = scene.dermis_stream.channels
+    channels[1].zero, channels[1].gain, channels[0].jog = 0.01, 1.5, 0.2
+    before = [streaming_calibration._plain(c) for c in channels]
+    bpy.ops.dermis.stream_calibrate(action="BEGIN")
+    channels[1].zero, channels[1].gain, channels[0].use_limits = 0.3, -2.0, True
+    bpy.ops.dermis.stream_calibrate(action="CENTRE")
+    assert [c.jog for c in channels] == [0.0, 0.0] and channels[1].gain == -2.0
+    bpy.ops.dermis.stream_calibrate(action="CANCEL")
+    assert [streaming_calibration._plain(c) for c in channels] == before
 
 
 def test_a_calibration_lives_in_its_own_file(scene: Any, tmp_path: Path) -> None:
@@ -224,6 +246,32 @@ def test_markers_end_where_the_next_begins(scene: Any) -> None:
     assert operators.ranges(scene, results.current(scene), "MARKERS", None) == [
         ("a", 5.0, 20.0), ("b", 20.0, 30.0), ("b-2", 30.0, 49.0)
     ]  # fmt: skip
+
+
+def test_how_it_is_streamed_changes_no_bake(scene: Any) -> None:
+    """Settings of a scene arrive as changes of the scene: these are none of those that a bake depends on."""
+    bpy.context.view_layer.update()
+    handlers.clear_dirty()
+    settings = scene.dermis_stream
+    streaming.connect(scene)
+    for name, value in (("mode", "jog"), ("url", "virtual:?loss=0"), ("protocol", "osc"), ("offset", 0.2),
+                        ("show_received", False), ("ramp", 0.5)):  # fmt: skip
+        setattr(settings, name, value)
+        bpy.context.view_layer.update()
+        assert not handlers.dirty(), name
+    settings.channels[0].jog = 0.1
+    bpy.context.view_layer.update()
+    assert not handlers.dirty()
+    finger_object = bpy.data.objects["Finger"]
+    settings.ramp, finger_object.location.x = 0.7, 0.5
+    bpy.context.view_layer.update()
+    assert handlers.dirty() == {"Finger"}, "another change at the same time still counts"
+
+
+def test_only_boards_without_a_watchdog_are_warned_of() -> None:
+    for protocol in ("maestro", "servo-animation", "torque", "osc"):
+        assert "watchdog" in streaming.caution(protocol) or "last pulses" in streaming.caution(protocol)
+    assert streaming.caution("native") == ""
 
 
 def test_a_beat_costs_next_to_nothing_while_the_sender_hangs(scene: Any) -> None:

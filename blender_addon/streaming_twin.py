@@ -1,0 +1,86 @@
+"""What the twin shows while something streams: what the device reports, or a track from a file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import bpy
+
+from . import results, streaming, streaming_tracks
+from .preferences import core_module, library
+
+
+def preview(scene: bpy.types.Scene) -> Any:
+    """Return what the twin shall show instead of bake and live preview, or None.
+
+    What the device reports comes first; then a track that was loaded from a file.
+    """
+    settings = getattr(scene, "dermis_stream", None)
+    if settings is None:
+        return None
+    status = streaming.status()
+    reported = (status.get("received") or {}).get("values")
+    if reported is None and status.get("pose"):
+        reported = dict(zip(status.get("names", ()), status["pose"], strict=False))
+    if streaming.streams(scene) and settings.show_received and reported:
+        return _preview_of(scene, reported, "device", "what the device reports")
+    track = streaming_tracks.loaded()
+    if settings.track_file and track is not None:
+        return _preview_of_file(scene, track)
+    return None
+
+
+def shown_values(scene: bpy.types.Scene) -> tuple[float, ...]:
+    """Return what the preview shows for the channels on the wire, in their order."""
+    from . import live
+
+    names = streaming.status().get("names") or ()
+    shown = live.computed(scene)
+    output = scene.dermis_stream.output
+    for row in shown.rows if shown is not None else ():
+        if (not output or output == f"{row.finger}: {row.device}") and all(n in row.values for n in names):
+            return tuple(float(row.values[n]) for n in names)
+    return ()
+
+
+def _preview_of(scene: bpy.types.Scene, reported: dict[str, float], source: str, note: str) -> Any:
+    """Return a preview with reported values in place of computed ones."""
+    from . import live
+
+    shown = live.computed(scene)
+    if shown is None:
+        return None
+    wanted = scene.dermis_stream.output
+    rows = []
+    replaced = False
+    for row in shown.rows:
+        fits = set(reported) <= set(row.values) and (not wanted or wanted == f"{row.finger}: {row.device}")
+        if replaced or not fits:
+            rows.append(row)
+            continue
+        replaced = True
+        values = {**row.values, **reported}
+        if row.kind == "shear_tactor" and "pulley_1" in reported:
+            spec = library().device(row.device)
+            tactor = core_module("devices.shear_tactor").ShearTactor.from_spec(spec)
+            place = tactor.forward([values["pulley_1"], values["pulley_2"]])
+            values["tactor_x"], values["tactor_y"] = (float(v) for v in place)
+        rows.append(replace(row, values=values))
+    return live.Preview(shown.frame, source, note, tuple(rows)) if replaced else None
+
+
+def _preview_of_file(scene: bpy.types.Scene, track: Any) -> Any:
+    """Return the preview of a loaded track: on the finger that it names, or on the first one."""
+    from . import live
+
+    fingers = [o.name for o in scene.objects if o.dermis.role == "FINGER"]
+    named = track.meta.get("finger", "")
+    if not fingers:
+        return None
+    pipeline = core_module("pipeline")
+    output = pipeline.Output(named if named in fingers else fingers[0], track.spec.key, track, {}, ())
+    first, fps = streaming_tracks.origin(scene)
+    result = results.Result(pipeline.Bake((output,), (), {}, ""), fps, first, -1, ())
+    frame = live.frame_of(scene)
+    return live.Preview(frame, "file", "from a track file", (live.row_of(result, output, frame),))

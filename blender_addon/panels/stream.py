@@ -71,8 +71,9 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
             box = layout.box().column(align=True)
             box.scale_y = 0.85
             p50, p99, trip = (now.get(k) for k in ("jitter_p50_us", "jitter_p99_us", "round_trip_ms"))
-            late = f", late by {_time(p50)}, 99 % by less than {_time(p99)}" if p50 is not None and p99 is not None else ""
-            box.label(text=f"{now['rate']:g} Hz{late}")
+            box.label(text=f"{now['rate']:g} Hz")
+            if p50 is not None and p99 is not None:
+                box.label(text=f"Late by {_time(p50)}, 99 % by less than {_time(p99)}")
             if trip is not None:
                 box.label(text=f"Round trip {trip:.1f} ms")
             for name, count in {**now.get("counters", {}), **now.get("protocol", {})}.items():

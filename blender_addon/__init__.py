@@ -10,8 +10,10 @@ from . import (  # noqa: E402
     overlay,
     panels,
     pin_view,
+    platform_view,
     preferences,
     properties,
+    properties_design,
     properties_skin,
     properties_stream,
     properties_thimble,
@@ -22,8 +24,8 @@ from . import (  # noqa: E402
 )
 
 MODULES = (
-    preferences, properties_skin, properties_thimble, properties, properties_stream, jobs, operators, panels, overlay,
-    pin_view, thimble_view, skin_live, skin_view, handlers, streaming, commands,
+    preferences, properties_skin, properties_thimble, properties, properties_design, properties_stream, jobs, operators,
+    panels, overlay, pin_view, thimble_view, platform_view, skin_live, skin_view, handlers, streaming, commands,
 )  # fmt: skip
 
 

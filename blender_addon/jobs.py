@@ -34,10 +34,11 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
     Raises:
         DermisError: the scene cannot be sampled or rendered.
     """
-    from . import skin_models
+    from . import platform_use, skin_models
 
     pipeline = import_module(".pipeline", core.__name__)
     yield pipeline.Progress("preparing", 0, 1)
+    yield from platform_use.make_missing(scene)
     tactile = sampling.sample(scene, span=span)
     sweep = tactile.chunks
     skins = skin_models.wanted(tactile, library)

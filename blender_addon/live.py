@@ -16,7 +16,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from . import handlers, pin_view, results, skin_models, thimble_live, thimble_use
+from . import handlers, pin_view, platform_live, platform_use, results, skin_models, thimble_live, thimble_use
 from .preferences import core_module, library, setting
 
 STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
@@ -231,6 +231,7 @@ def _joined(samples: list[Any]) -> Any:
                 replace(d, parameters={**d.parameters, **unfaded})
                 for d in f.devices
                 if not (f.parameters.get("skin_shown") and _follows_skin(d.preset))  # see `_with_followers`
+                and not platform_use.waits(f.name, d.preset)
             ),
         )
         for f in last.fingers
@@ -251,12 +252,13 @@ def _run(tactile: Any) -> Any:
 
 
 def _follows_skin(preset: str) -> bool:
-    return pin_view.spec_of(preset) is not None or thimble_use.spec_of(preset) is not None
+    return any(kind.spec_of(preset) is not None for kind in (pin_view, thimble_use, platform_use))
 
 
 def _with_followers(scene: bpy.types.Scene, shown: Preview | None) -> Preview | None:
-    """Add pin arrays and thimbles of fingers whose skin is shown: they follow what `skin_live` solves anyway."""
-    rows = (*pin_view.live_rows(scene), *thimble_live.live_rows(scene)) if shown is not None else ()
+    """Add pin arrays, thimbles and platforms of fingers whose skin is shown: they follow what `skin_live` solves."""
+    followers = (pin_view, thimble_live, platform_live)
+    rows = tuple(row for kind in followers for row in kind.live_rows(scene)) if shown is not None else ()
     return replace(shown, rows=(*shown.rows, *rows)) if shown is not None and rows else shown
 
 

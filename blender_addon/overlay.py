@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from . import live, pin_view, skin_live, thimble_view, twin
+from . import live, pin_view, platform_use, platform_view, skin_live, thimble_view, twin
 
 _handles: list[Any] = []
 CARD_WIDTH, DIAL, LINE, MARGIN = 260, 92, 17, 12
@@ -127,6 +127,8 @@ def _width_of(area: bpy.types.Area, kind: str) -> float:
 
 
 def _card_height(row: live.Row) -> float:
+    if row.kind in platform_use.KINDS:
+        return platform_view.height(row) + 2.0 * MARGIN
     tall = "tactor_x" in row.values or row.kind in ("pin_array", "thimble")
     return DIAL + 3.0 * MARGIN + LINE if tall else 3 * LINE + 2 * MARGIN
 
@@ -143,6 +145,8 @@ def _card(row: live.Row, left: float, bottom: float, scale: float) -> None:
         pin_view.card(row, x, bottom + MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, DIAL * scale, scale)
     elif row.kind == "thimble" and "servo_1" in row.values:
         thimble_view.card(row, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
+    elif row.kind in platform_use.KINDS:
+        platform_view.card(row, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
     elif "amplitude" in row.values:
         _bar(row, x, top - 1.6 * LINE * scale, scale)
 

@@ -6,7 +6,7 @@
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, IntProperty, PointerProperty, StringProperty
 
 from .properties_fields import OVERRIDE, choice, millimetres, number, switch, touched
 
@@ -127,6 +127,16 @@ class DermisDevice(bpy.types.PropertyGroup):
                          soft_max=2.0, unit="TIME_ABSOLUTE", precision=3, options=set())  # fmt: skip
     pin_fade_out: number("Fade Out", "Time in which the pins' forces go down at the end of the track", 0.1, 0.0, 60.0,
                           soft_max=2.0, unit="TIME_ABSOLUTE", precision=3, options=set())  # fmt: skip
+
+    table: StringProperty(
+        name="Table", description="A collected look-up table of this platform (.npz); empty: one is swept for this "
+        "finger's skin and kept", subtype="FILE_PATH", options=set(), update=touched, override=OVERRIDE,
+    )  # fmt: skip
+    table_rows: IntProperty(
+        name="Configurations", description="How many configurations of the platform are swept for its table: more are "
+        "finer and take longer, some 2000 a second", default=3375, min=8, max=2_000_000, soft_min=512, soft_max=30_000,
+        options=set(), update=touched, override=OVERRIDE,
+    )  # fmt: skip
 
     thimble_method: choice(
         "Method", "How the disc's pose is found from what the skin shall feel ([S0])",

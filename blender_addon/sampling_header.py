@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from . import heightmaps, properties, properties_skin, sampling_roster, thimble_use
+from . import heightmaps, platform_use, properties, properties_skin, sampling_roster, thimble_use
 from ._core import core
 from .sampling_meshes import MeshReader, zero_area_finding
 from .sampling_roster import Entry, InstanceKey, Roster
@@ -191,7 +191,8 @@ def _finger(obj: bpy.types.Object, screens: set[str], findings: list[Any]) -> An
                 remedy="Choose another screen in the Dermis tab under Devices",
             ))  # fmt: skip
         # Kept all the same: the numbers of its neighbours' channels must not change.
-        uses.append(_scene.DeviceUse(device.preset, thimble_use.parameters_of(device), screen))
+        values = platform_use.absolute(thimble_use.parameters_of(device))
+        uses.append(_scene.DeviceUse(device.preset, values, screen))
     finger = obj.dermis.finger
     values = {**properties.parameters(finger), **properties_skin.parameters(finger.skin)}
     return _scene.Finger(obj.name_full, tuple(uses), values)

@@ -26,6 +26,7 @@ class DERMIS_MT_add(bpy.types.Menu):
         five.fingers = "FIVE"
         layout.operator("dermis.demo_pins_scene", text="Demo Pin Array Scene", icon="SCENE_DATA")
         layout.menu("DERMIS_MT_thimble_demos", icon="SCENE_DATA")
+        layout.menu("DERMIS_MT_motors_demos", icon="SCENE_DATA")
 
 
 def _broken(layout: Any, entries: list[Any]) -> None:

@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from . import choices, thimble
+from . import choices, design, thimble
 from .main import DermisPanel
 from .text import paragraph, properties, role
 
@@ -160,6 +160,8 @@ class DERMIS_PT_device(DermisPanel, bpy.types.Panel):
             if device.scale_mode == "manual":
                 column.prop(device, "scale")
             column.prop(device, "carrier")
+        if kind in ("cable_platform", "hexapod"):
+            design.settings(layout, context, device)
         if kind == "thimble":
             thimble.settings(layout, context, device)
         if kind == "pin_array":

@@ -152,8 +152,7 @@ def render(
         findings.append(Finding("info", "no-touch", "the finger touches nothing, so the platform stays at rest",
                                 f"finger '{scene.fingers[finger].name}'"))  # fmt: skip
     values = commands if coupling is None else coupling.reduced(commands)
-    low = np.array([-np.inf if c.low is None else c.low for c in spec.channels])
-    high = np.array([np.inf if c.high is None else c.high for c in spec.channels])
+    low, high = _ends(spec)
     limited = np.clip(values, low, high)
     beyond = np.abs(limited - values).max(axis=1) > 1e-9 * np.maximum(np.abs(values).max(axis=1), 1e-9)
     series["clipped"][beyond] = 1.0
@@ -171,6 +170,24 @@ def render(
             "sensor": "virtual, 19 electrodes and pressure"}  # fmt: skip
     skipped = {"lookups_without_contact": count - len(touched)}
     return Rendered(CommandTrack(spec, times, limited, meta), series, tuple(findings), skipped)
+
+
+def commands_now(table: SkinTable, spec: DeviceSpec, skin: SkinModel, force: Array) -> Array:
+    """Return the device's own commands for one moment, within its range; those of rest where nothing touches.
+
+    Args:
+        force: on the pad nodes [N], shape (1, m, 3); (0, m, 3) where nothing touches.
+    """
+    coupling = coupling_of(spec)
+    original = table.commands[table.rest]
+    if len(force):
+        original = commands_of(table, readings_of(skin).sense(force))[-1]
+    return np.clip(original if coupling is None else coupling.reduced(original), *_ends(spec))
+
+
+def _ends(spec: DeviceSpec) -> tuple[Array, Array]:
+    low = np.array([-np.inf if c.low is None else c.low for c in spec.channels])
+    return low, np.array([np.inf if c.high is None else c.high for c in spec.channels])
 
 
 _TABLES: weakref.WeakKeyDictionary[SkinModel, dict[tuple[str, str, int], SkinTable]] = weakref.WeakKeyDictionary()

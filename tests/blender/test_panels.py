@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon import panels, properties, properties_skin, properties_stream
+from blender_addon import panels, properties, properties_design, properties_skin, properties_stream, properties_thimble
 from blender_addon.panels import census, choices, text
 
 from .build import cube, finger, screen
@@ -38,7 +38,8 @@ def test_every_button_has_an_operator() -> None:
 def test_every_property_that_is_drawn_exists() -> None:
     groups = (properties.DermisDevice, properties.DermisFinger, properties.DermisMaterial, properties.DermisScreen,
               properties.DermisScene, properties_skin.DermisSkin, properties_skin.DermisSkinView,
-              properties_stream.DermisStream, properties_stream.DermisStreamChannel)  # fmt: skip
+              properties_stream.DermisStream, properties_stream.DermisStreamChannel, properties_design.DermisDesign,
+              properties_design.DermisDesignTouch, properties_thimble.DermisThimbleView)  # fmt: skip
     known = {p.identifier for group in groups for p in group.bl_rna.properties}
     assert strings("prop", 1) and strings("prop", 1) <= known
     for effect in (c for c in panels.CLASSES if getattr(c, "switch", "")):

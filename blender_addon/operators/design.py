@@ -1,0 +1,242 @@
+# mypy: disable-error-code="valid-type"
+"""Platforms and 'How many motors?': tables, touches, the answer, its picture and preset, the example scenes."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import EnumProperty, IntProperty, StringProperty
+
+from .. import demo_motors, design_results, handlers, jobs, live, platform_live, platform_use, reporting
+from ..preferences import core_module
+
+
+def _worn(context: bpy.types.Context) -> Any:
+    obj = context.object
+    return platform_use.device_of(obj) if obj is not None and obj.dermis.role == "FINGER" else None
+
+
+class DERMIS_OT_make_table(jobs.Job, bpy.types.Operator):
+    """Sweep this finger's platform in simulation, so that touches can be looked up while you scrub; Esc cancels, and
+    what was swept is kept"""
+
+    bl_idname = "dermis.make_table"
+    bl_label = "Make Table"
+    bl_options = {"REGISTER"}
+    job_title = "Table"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a finger with a platform."""
+        cls.poll_message_set("Select a finger with a cable platform or a six-leg platform")
+        return _worn(context) is not None
+
+    def steps(self, context: bpy.types.Context) -> Any:
+        """Return the sweep."""
+        return platform_use.make(context.object, _worn(context))
+
+    def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
+        """Say how large it is."""
+        handlers.mark_dirty(context.object.name)
+        platform_live.reset()
+        live.reset()
+        asked = result.meta.get("asked", len(result.commands))
+        self.report({"INFO"}, f"Swept {asked:,} configurations; {len(result.commands) - 1:,} of them touch")
+        return {"FINISHED"}
+
+
+class DERMIS_OT_add_design_touch(bpy.types.Operator):
+    """Add a touch that the motors shall render: this scene, or a recording"""
+
+    bl_idname = "dermis.add_design_touch"
+    bl_label = "Add Touch"
+    bl_options = {"REGISTER", "UNDO"}
+
+    kind: EnumProperty(name="Kind", items=(("SCENE", "This Scene", "This scene's bake"),
+                                           ("BAKED", "All Baked Scenes", "Every scene of this file that is baked"),
+                                           ("FILE", "Recording", "A CSV of a 20-channel sensor")))  # fmt: skip
+    filepath: StringProperty(name="File", subtype="FILE_PATH")
+    filter_glob: StringProperty(default="*.csv", options={"HIDDEN"})
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for the file of a recording."""
+        if self.kind == "FILE":
+            context.window_manager.fileselect_add(self)
+            return {"RUNNING_MODAL"}
+        return self.execute(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add it."""
+        from .. import results
+
+        settings = context.scene.dermis_design
+        if self.kind == "FILE":
+            settings.touches.add().filepath = self.filepath
+        else:
+            wanted = [context.scene] if self.kind == "SCENE" else [s for s in bpy.data.scenes if results.current(s)]
+            known = {t.scene for t in settings.touches}
+            for scene in wanted:
+                if scene not in known:
+                    settings.touches.add().scene = scene
+        settings.active_touch = max(len(settings.touches) - 1, 0)
+        return {"FINISHED"}
+
+
+class DERMIS_OT_remove_design_touch(bpy.types.Operator):
+    """Take the selected touch off the list"""
+
+    bl_idname = "dermis.remove_design_touch"
+    bl_label = "Remove Touch"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a touch."""
+        return bool(context.scene.dermis_design.touches)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Remove it."""
+        settings = context.scene.dermis_design
+        settings.touches.remove(min(settings.active_touch, len(settings.touches) - 1))
+        settings.active_touch = max(0, min(settings.active_touch, len(settings.touches) - 1))
+        return {"FINISHED"}
+
+
+class DERMIS_OT_design(jobs.Job, bpy.types.Operator):
+    """Find the fewest motors, and their coupling, with which the device renders the touches; Esc cancels"""
+
+    bl_idname = "dermis.design"
+    bl_label = "How Many Motors?"
+    bl_options = {"REGISTER"}
+    job_title = "How many motors"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a touch."""
+        cls.poll_message_set("Add a baked scene or a recording first")
+        return bool(context.scene.dermis_design.touches)
+
+    def steps(self, context: bpy.types.Context) -> Any:
+        """Return the work."""
+        return design_results.find(context.scene)
+
+    def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
+        """Write the new preset, draw the picture, and say the number."""
+        scene = context.scene
+        key = design_results.make_preset(scene, result)
+        design_results.keep(scene, result, key)
+        found, n = result.by(scene.dermis_design.choice), len(result.spec.channels)
+        self.report({"INFO"}, f"{found.motors} of {n} motors. New device preset: {key}")
+        return {"FINISHED"}
+
+
+class DERMIS_OT_design_preset(bpy.types.Operator):
+    """Write the device preset anew, for other components or another number of motors"""
+
+    bl_idname = "dermis.design_preset"
+    bl_label = "Write Preset"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need an answer."""
+        return design_results.current(context.scene) is not None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Write it."""
+        answer = design_results.current(context.scene)
+        if answer is None:
+            return {"CANCELLED"}
+        try:
+            key = design_results.make_preset(context.scene, answer.design)
+        except core_module("errors").DermisError as error:
+            return reporting.report_error(self, error, self.bl_label)
+        design_results.keep(context.scene, answer.design, key)
+        self.report({"INFO"}, f"New device preset: {key}")
+        return {"FINISHED"}
+
+
+class DERMIS_OT_show_design(bpy.types.Operator):
+    """Show error against number of motors in an Image editor; where none is open, in a window of its own"""
+
+    bl_idname = "dermis.show_design"
+    bl_label = "Show Picture"
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        """Need the picture."""
+        return design_results.IMAGE in bpy.data.images
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Find or open an Image editor."""
+        image = bpy.data.images[design_results.IMAGE]
+        areas = [a for w in context.window_manager.windows for a in w.screen.areas if a.type == "IMAGE_EDITOR"]
+        if not areas:
+            if context.window is None or bpy.app.background:
+                self.report({"INFO"}, f"No window: the picture is image '{image.name}'")
+                return {"FINISHED"}
+            bpy.ops.wm.window_new()
+            areas = [context.window_manager.windows[-1].screen.areas[0]]
+            areas[0].type = "IMAGE_EDITOR"
+        areas[0].spaces.active.image = image
+        return {"FINISHED"}
+
+
+class DERMIS_OT_save_design(bpy.types.Operator):
+    """Write the report as text, JSON and PNG, and the preset, into a folder"""
+
+    bl_idname = "dermis.save_design"
+    bl_label = "Save Report"
+
+    directory: StringProperty(name="Folder", subtype="DIR_PATH")
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need an answer."""
+        return design_results.current(context.scene) is not None
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for the folder."""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Write the files."""
+        try:
+            written = design_results.save(context.scene, Path(bpy.path.abspath(self.directory)))
+        except core_module("errors").DermisError as error:
+            return reporting.report_error(self, error, self.bl_label)
+        self.report({"INFO"}, f"Wrote {len(written)} files to {self.directory}")
+        return {"FINISHED"}
+
+
+class DERMIS_OT_demo_motors_scene(bpy.types.Operator):
+    """Open one of the paper's six interactions in a scene of its own: a flat surface, moved by a hand that wobbles,
+    touches the finger three times"""
+
+    bl_idname = "dermis.demo_motors_scene"
+    bl_label = "Demo Interaction"
+    bl_options = {"REGISTER", "UNDO"}
+
+    touch: EnumProperty(name="Touch", items=tuple((k, title, "") for k, title in demo_motors.TITLES.items()))
+    device: StringProperty(name="Device", description="Device preset", default=demo_motors.DEVICE)
+    seed: IntProperty(name="Seed", description="Of the hand's wobble", default=0, min=0, soft_max=100)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Build it and look at it."""
+        from .. import demo_skin
+
+        scene = demo_motors.build(self.touch, self.device, self.seed)
+        if context.window is None:
+            self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")
+            return {"FINISHED"}
+        context.window.scene = scene
+        demo_skin.look(context)
+        self.report({"INFO"}, "Bake in the Dermis tab, then ask How Many Motors? there")
+        return {"FINISHED"}
+
+
+CLASSES: tuple[type, ...] = (
+    DERMIS_OT_make_table, DERMIS_OT_add_design_touch, DERMIS_OT_remove_design_touch, DERMIS_OT_design,
+    DERMIS_OT_design_preset, DERMIS_OT_show_design, DERMIS_OT_save_design, DERMIS_OT_demo_motors_scene,
+)  # fmt: skip

@@ -1,0 +1,165 @@
+"""Platforms on a finger, and 'How many motors?': touches, the answer, couplings and the new preset."""
+
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .. import demo_motors, design_results, platform_use, results
+from ..preferences import core_module
+from .main import DermisPanel
+from .text import paragraph, properties
+
+
+def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
+    """Draw what a platform can be told, for the panel of device settings."""
+    column = properties(layout, device, "table")
+    if not device.table:
+        column.prop(device, "table_rows")
+
+
+class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
+    """A finger's platform: whether its table is at hand."""
+
+    bl_idname = "DERMIS_PT_platform"
+    bl_label = "Platform"
+    bl_parent_id = "DERMIS_PT_object"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Need a finger with a platform."""
+        obj = context.object
+        return obj is not None and obj.dermis.role == "FINGER" and platform_use.device_of(obj) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the table's state, and the way to make it."""
+        layout, obj = self.layout, context.object
+        device = platform_use.device_of(obj)
+        try:
+            table = platform_use.table(obj, device)
+        except core_module("errors").DermisError as error:
+            paragraph(layout, context, str(error), "ERROR")
+            return
+        if table is not None:
+            touching = len(table.commands) - 1
+            layout.label(text=f"Table: {touching:,} configurations that touch", icon="CHECKMARK")
+        else:
+            rows = device.table_rows if device is not None else 0
+            text = f"Scrubbing needs a table of what this platform does to this finger's skin: {rows:,} configurations"
+            paragraph(layout, context, f"{text}, swept in simulation. A bake makes it by itself.", "INFO")
+            layout.operator("dermis.make_table", icon="FILE_CACHE")
+        if not obj.dermis.finger.skin.shown:
+            row = layout.row()
+            row.active = False
+            row.label(text="Faster to scrub with the skin shown", icon="BLANK1")
+
+
+class DERMIS_UL_design_touches(bpy.types.UIList):
+    """Touches that the motors shall render."""
+
+    bl_idname = "DERMIS_UL_design_touches"
+
+    def draw_item(
+        self, _context: Any, layout: Any, _data: Any, item: Any, _icon: int, _active: Any, _property: str, _index: int
+    ) -> None:
+        """Draw one touch; a scene without a bake says so."""
+        if item.scene is None:
+            layout.prop(item, "filepath", text="", emboss=False, icon="FILE")
+            return
+        row = layout.row()
+        row.label(text=item.scene.name, icon="SCENE_DATA")
+        state = results.state(item.scene)
+        if state != "fresh":
+            row.label(text={"none": "not baked", "stale": "out of date", "earlier": "earlier"}[state], icon="ERROR")
+
+
+class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
+    """How few motors render these touches."""
+
+    bl_idname = "DERMIS_PT_design"
+    bl_label = "How Many Motors?"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the touches, the settings and the answer."""
+        layout, scene = self.layout, context.scene
+        own = scene.dermis_design
+        if not own.touches:
+            paragraph(layout, context, "Which touches shall a device render with as few motors as possible?")
+        else:
+            layout.template_list("DERMIS_UL_design_touches", "", own, "touches", own, "active_touch",
+                                 rows=max(2, min(len(own.touches), 6)))  # fmt: skip
+        row = layout.row(align=True)
+        row.operator("dermis.add_design_touch", text="This Scene", icon="ADD").kind = "SCENE"
+        row.operator("dermis.add_design_touch", text="All Baked", icon="SCENE_DATA").kind = "BAKED"
+        row.operator("dermis.add_design_touch", text="Recording", icon="FILE").kind = "FILE"
+        row.operator("dermis.remove_design_touch", text="", icon="REMOVE")
+        column = layout.column()
+        column.use_property_split, column.use_property_decorate = True, False
+        column.prop(own, "device")
+        column.prop(own, "table")
+        if not own.table:
+            column.prop(own, "table_rows")
+        column.prop(own, "noise")
+        column = layout.column()
+        column.scale_y = 1.35
+        column.operator("dermis.design", icon="CON_KINEMATIC")
+        answer = design_results.current(scene)
+        if answer is not None:
+            self._answer(context, answer)
+
+    def _answer(self, context: bpy.types.Context, answer: design_results.Answer) -> None:
+        layout, own, found = self.layout, context.scene.dermis_design, answer.design
+        reduction, n = found.by(own.choice), len(found.spec.channels)
+        box = layout.box()
+        text = f"{reduction.motors} of {n} motors" if reduction.motors < n else f"All {n} motors"
+        box.label(text=text, icon="CHECKMARK")
+        grid = box.grid_flow(row_major=True, columns=n + 1, even_columns=False, align=True)
+        for text in ("motors", *map(str, range(1, n + 1))):
+            grid.label(text=text)
+        for text in ("error +%", *(f"{p:.0f}" for p in reduction.mean_percent)):
+            grid.label(text=text)
+        for text in ("explains %", *(f"{100 * p:.1f}" for p in reduction.components.explained)):
+            grid.label(text=text)
+        if not found.low_rank:
+            paragraph(box, context, "Not of low rank: no fewer motors both stay within the rule and explain the "
+                      "movement.", "INFO")  # fmt: skip
+        count = min(own.motors or reduction.motors, n)
+        self._couplings(box, found, reduction, count)
+        layout.operator("dermis.show_design", icon="IMAGE_DATA")
+        column = layout.column()
+        column.use_property_split, column.use_property_decorate = True, False
+        column.prop(own, "choice")
+        column.prop(own, "motors")
+        row = layout.row(align=True)
+        row.operator("dermis.design_preset", icon="PRESET_NEW")
+        row.operator("dermis.save_design", icon="EXPORT")
+        if answer.preset:
+            paragraph(layout, context, f"Preset: {answer.preset}, under Devices", "CHECKMARK")
+
+    def _couplings(self, box: Any, found: Any, reduction: Any, count: int) -> None:
+        directions = reduction.components.directions[:, :count]
+        radius = found.spec.parameters.get("pulley_radius")
+        pulleys = isinstance(radius, float)
+        box.label(text="Pulley radii [mm], per cable" if pulleys else "Coupling, per leg")
+        for j in range(count):
+            column = directions[:, j]
+            shown = 1e3 * radius * column / np.abs(column).max() if pulleys else column
+            words = "  ".join(f"{v:+.2f}" for v in shown.tolist())
+            box.label(text=f"motor {j + 1}:  {words}", icon="BLANK1")
+
+
+class DERMIS_MT_motors_demos(bpy.types.Menu):
+    """The six interactions."""
+
+    bl_idname = "DERMIS_MT_motors_demos"
+    bl_label = "Six Interactions"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw one entry an interaction."""
+        for key, title in demo_motors.TITLES.items():
+            self.layout.operator("dermis.demo_motors_scene", text=title, icon="SCENE_DATA").touch = key
+
+
+OBJECT: tuple[type, ...] = (DERMIS_PT_platform,)
+SCENE: tuple[type, ...] = (DERMIS_UL_design_touches, DERMIS_PT_design, DERMIS_MT_motors_demos)

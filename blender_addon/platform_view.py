@@ -1,0 +1,117 @@
+"""Platforms in the view: the twin around the finger, and its motors as gauges in the corner."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from . import paint, platform_live, platform_twin, platform_use, thimble_view, twin
+from .panels.text import quantity
+from .preferences import core_module
+
+if TYPE_CHECKING:
+    from . import live
+
+LINE = 17
+_handles: list[Any] = []
+_states: dict[str, tuple[tuple[Any, ...], platform_twin.State | None]] = {}
+
+
+def state_of(scene: bpy.types.Scene, row: live.Row) -> platform_twin.State | None:
+    """Return where a row's platform is; None where its preset or commands give no pose. Kept while nothing changes."""
+    spec, obj = platform_use.spec_of(row.device), scene.objects.get(row.finger)
+    if spec is None or obj is None or len(row.values) != len(spec.channels):
+        return None
+    touching = row.contact is None or row.contact > 0.5
+    try:
+        skin = platform_use.model_of(obj) if touching else None
+        key = (spec.hash, tuple(row.values.values()), touching, None if skin is None else (skin.key, skin.material))
+        known = _states.get(row.finger)
+        if known is None or known[0] != key:
+            values = np.array(list(row.values.values()))
+            known = _states[row.finger] = (key, platform_twin.state(spec, values, skin, touching))
+        return known[1]
+    except core_module("errors").DermisError:
+        return None  # the bake says why
+
+
+def lines_of(row: live.Row) -> list[tuple[str, float, str]]:
+    """Return name, share of the range and value for people, a line a motor."""
+    out = []
+    for name, value in row.values.items():
+        low, high = row.low.get(name), row.high.get(name)
+        share = (value - low) / (high - low) if low is not None and high is not None and high > low else 0.0
+        out.append((name.replace("_", " "), float(np.clip(share, 0.0, 1.0)), quantity(value, row.units[name])))
+    return out
+
+
+def height(row: live.Row) -> float:
+    """Return how tall a row's card is [px at scale 1]."""
+    return LINE * (len(row.values) + 2.6)
+
+
+def card(row: live.Row, left: float, bottom: float, width: float, scale: float) -> None:
+    """Draw the motors as gauges over their range, and the cables' tensions [px]."""
+    line = LINE * scale
+    y = bottom + (len(row.values) + 0.2) * line
+    bar = 0.42 * width
+    for name, share, words in lines_of(row):
+        paint.text(name, left, y, paint.FAINT, scale)
+        x = left + 0.27 * width
+        paint.rectangle(x, y, bar, 8 * scale, (*paint.FAINT[:3], 0.14))
+        paint.rectangle(x, y, max(bar * share, 1.0), 8 * scale, paint.ORANGE if share in (0.0, 1.0) else paint.BLUE)
+        paint.text(words, x + bar + 6 * scale, y, paint.INK, scale)
+        y -= line
+    found = state_of(bpy.context.scene, row)
+    if row.contact is not None and row.contact < 0.5:
+        paint.text("in the air: at rest", left, y, paint.FAINT, scale)
+    elif found is not None and found.tension is not None:
+        paint.text("tension " + ", ".join(f"{t:.2f}" for t in found.tension.tolist()) + " N", left, y, paint.INK, scale)
+
+
+def _draw() -> None:
+    context = bpy.context
+    scene, space = context.scene, context.space_data
+    if not scene.dermis.show_twin or not getattr(space.overlay, "show_overlays", True):
+        return
+    from .live import preview
+
+    shown = preview(scene)
+    rows = [row for row in shown.rows if row.kind in platform_use.KINDS] if shown is not None else []
+    if not rows:
+        return
+    import gpu
+
+    from .overlay import finger_matrix
+    from .sampling_roster import metres_per_unit
+
+    unit = 1.0 / metres_per_unit(scene)
+    for row in rows:
+        frame, at, spec = finger_matrix(scene, row.finger), state_of(scene, row), platform_use.spec_of(row.device)
+        if frame is None or at is None or spec is None:
+            continue
+        part: twin.Part = platform_twin.parts(at, float(spec.parameters["disc_radius"]))
+        with gpu.matrix.push_pop():
+            gpu.matrix.multiply_matrix(frame @ Matrix.Scale(unit, 4))
+            gpu.state.blend_set("ALPHA")
+            thimble_view._solid(part)
+            gpu.state.depth_test_set("NONE")
+            gpu.state.depth_mask_set(False)
+            gpu.state.blend_set("NONE")
+
+
+def register() -> None:
+    """Add the draw handler; without a window it is never called."""
+    _handles.append(bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW"))
+
+
+def unregister() -> None:
+    """Remove it."""
+    while _handles:
+        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+    _states.clear()
+    platform_live.reset()
+    platform_use.forget()

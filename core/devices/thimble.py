@@ -147,6 +147,31 @@ class Thimble:
             slopes.append([by_r * a + by_h * b for a, b in zip(dr, dh, strict=True)])
         return angles, slopes
 
+    def turns(self, psi: float, theta: float, z: float) -> list[float]:
+        """Return the servos' angles from neutral [rad] as plain numbers, for those who try many configurations.
+
+        Raises:
+            DermisError: a leg cannot reach.
+        """
+        cp, sp, ct, st = math.cos(psi), math.sin(psi), math.cos(theta), math.sin(theta)
+        phi = math.atan2(-sp * st, cp + ct)
+        c, s = math.cos(phi), math.sin(phi)
+        # columns u and v of Rx(psi) Ry(theta) Rz(phi), see `pose`
+        ux, uy, uz = c * ct, c * sp * st + s * cp, s * sp - c * cp * st
+        vx, vy, vz = -s * ct, c * cp - s * sp * st, c * sp + s * cp * st
+        size, crank, rod = self.platform_radius, self.crank, self.rod
+        x, y = size / 2 * (ux - vy), -size * uy
+        angles = []
+        for leg, (ex, ey) in enumerate(_LEGS):
+            r = ex * (x + size * (ux * ex + vx * ey)) + ey * (y + size * (uy * ex + vy * ey)) - self.base_radius
+            h = z + size * (uz * ex + vz * ey)
+            squared = r * r + h * h
+            cosine = (crank * crank + squared - rod * rod) / (2 * crank * math.sqrt(squared))
+            if abs(cosine) >= 1.0:
+                raise DermisError("a leg cannot reach the platform", where=f"thimble, leg {leg + 1}")
+            angles.append(math.atan2(h, r) - self.knee * math.acos(cosine) - self.servo_zero)
+        return angles
+
     def constraints(self, x: ArrayLike) -> tuple[Array, Array]:
         """Return c(x) >= 0, the room left of each servo to either side [rad], shape (6,), and dc/dx, shape (6, 3)."""
         return self.constraints_at(self.pose(x))

@@ -164,7 +164,7 @@ def minimise(
                     break
             if share * reach < SMALL_STEP or evaluations >= max_evaluations:
                 break
-            share *= 0.5 if trial is None else _shorter(share, cost, new_cost, wanted / ARMIJO)
+            share *= 0.5 if trial is None else shorter(share, cost, new_cost, wanted / ARMIJO)
         iterations += 1
         if not found or trial is None:
             why = "step" if reach <= SMALL_STEP else "limit" if evaluations >= max_evaluations else "stalled"
@@ -183,7 +183,7 @@ def minimise(
                    evaluations, why)  # fmt: skip
 
 
-def _shorter(share: float, cost: float, new_cost: float, descent: float) -> float:
+def shorter(share: float, cost: float, new_cost: float, descent: float) -> float:
     """Return by how much to shorten a step: to the minimum of the parabola through what is known, within limits."""
     curve = new_cost - cost + share * descent
     return float(min(max(0.5 * share * descent / curve, 0.1), 0.5)) if curve > 0 else 0.5

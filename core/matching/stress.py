@@ -20,7 +20,8 @@ from ..devices.disc import DiscContact, DiscSolution, FrictionState, first_conta
 from ..devices.thimble import Thimble
 from ..errors import DermisError
 from ..surrogate.forward import DirectModel, ForwardModel
-from .gauss_newton import Minimum, ServoLimits, minimise
+from .descent import descend, inside
+from .gauss_newton import Minimum, ServoLimits
 from .thimble_use import HOVER
 
 Array = NDArray[np.float64]
@@ -216,19 +217,19 @@ class StressMatcher:
         best: Minimum | None = None
         searches = 0
         if self._pressed:
-            best = minimise(self.model.evaluate, target, self._extrapolated(limits), self.device, limits)
+            best = descend(self.model.evaluate, target, self._extrapolated(limits), self.device, limits)
             searches = 1
         if best is not None:
             self._wait = max(self._wait - 1, 0)
         start = self.table.pose(nearest, size * float(alike[nearest]))
         if best is None:
-            best = minimise(self.model.evaluate, target, self._within(start, limits), self.device, limits)
+            best = descend(self.model.evaluate, target, self._within(start, limits), self.device, limits)
             self._patience = 1
             return best, searches + 1
         if self._goal is None and (promised >= PROMISE * best.mismatch or self._wait > 0):
             return best, searches
         start = self._within(start if self._goal is None else self._goal, self.limits)
-        other = minimise(self.model.evaluate, target, start, self.device, self.limits)
+        other = descend(self.model.evaluate, target, start, self.device, self.limits)
         self._goal = None
         if other.cost < (1.0 - WORTHWHILE) * best.cost:
             best, self._patience = self._toward(other, target, limits), 1
@@ -309,7 +310,8 @@ class StressMatcher:
         return self.x + low * way
 
     def _allowed(self, x: Array, limits: ServoLimits) -> bool:
-        return bool(self.device.reach(x).min() > 0.0 and limits.constraints(self.device, x)[0].min() >= 0.0)
+        pitch, roll, distance = x.tolist()
+        return inside(self.device, pitch, roll, distance, limits.low.tolist(), limits.high.tolist())
 
     def _angles(self, x: Array) -> Array:
         return self.device.servo_angles(x)[0] - self.device.servo_zero

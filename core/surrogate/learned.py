@@ -37,7 +37,7 @@ class LearnedModel:
             raise DermisError("the fit has other inputs than the model", where="surrogate", value=fit.inputs,
                               limit=str(wanted))  # fmt: skip
         self.fit, self.friction, self.stiffness = fit, friction, float(stiffness)
-        self._input = np.zeros(wanted)
+        self._memory, self._evaluate = np.zeros(wanted - 3), fit.fixed(np.zeros(wanted - 3))
 
     @property
     def size(self) -> int:
@@ -47,12 +47,15 @@ class LearnedModel:
     def hold(self, state: FrictionState) -> None:
         """Fix the friction state."""
         if self.friction is not None:
-            self._input[3:] = self.friction.project(state.force.ravel() / self.stiffness)
+            memory = self.friction.project(state.force.ravel() / self.stiffness)
+            if not np.array_equal(memory, self._memory):
+                self._memory, self._evaluate = memory, self.fit.fixed(memory)
 
     def evaluate(self, x: Array) -> tuple[Array, Array]:
         """Return the stimulus and its derivative."""
-        self._input[:3] = x
-        value, slope = self.fit.evaluate(self._input)
+        value, slope = self._evaluate(x)
+        if self.stiffness == 1.0:
+            return value, slope
         return self.stiffness * value, self.stiffness * slope
 
 

@@ -67,6 +67,22 @@ class Network:
         slope = (self.readout * sigmoid(z)) @ (self.weights[:, :3] / self.scale[:3])
         return value, slope
 
+    def fixed(self, memory: Array) -> Callable[[Array], tuple[Array, Array]]:
+        """Return `evaluate` as a function of the first three inputs, with the others folded in once."""
+        u = np.concatenate([np.zeros(3), memory])
+        rest = self.weights @ ((u - self.centre) / self.scale) + self.bias
+        first = self.weights[:, :3] / self.scale[:3]
+
+        def evaluate(x: Array) -> tuple[Array, Array]:
+            z = first @ x + rest
+            both = np.empty((len(z), 4))
+            both[:, 0] = softplus(z)
+            both[:, 1:] = first * sigmoid(z)[:, None]
+            answer = self.readout @ both
+            return answer[:, 0] + self.offset, answer[:, 1:]
+
+        return evaluate
+
 
 def softplus(z: Array) -> Array:
     """Return log(1 + exp z) without overflow."""

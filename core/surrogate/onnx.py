@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -56,8 +56,8 @@ def dumps(network: Network, meta: Mapping[str, Any] | None = None) -> bytes:
         _node("Add", ["sum", "offset"], ["stress"]),
         _node("Sigmoid", ["z"], ["gate"]),
         _node("Unsqueeze", ["gate", "axis"], ["gates"]),
-        _node("Mul", ["gates", "rows"], ["gated"]),
-        _node("MatMul", ["gated", "slopes"], ["jacobian"]),
+        _node("Mul", ["gates", "slopes"], ["gated"]),
+        _node("MatMul", ["rows", "gated"], ["jacobian"]),
     ]
     tensors = {
         "weights": weights.T, "bias": bias, "one": np.ones(1), "readout": network.readout.T, "offset": network.offset,
@@ -66,7 +66,7 @@ def dumps(network: Network, meta: Mapping[str, Any] | None = None) -> bytes:
     graph = b"".join(_field(1, node) for node in nodes)
     graph += _field(2, b"surrogate")
     graph += b"".join(_field(5, _tensor(name, value)) for name, value in tensors.items())
-    graph += _field(5, _tensor("axis", np.array([1], np.int64)))
+    graph += _field(5, _tensor("axis", np.array([2], np.int64)))
     graph += _field(11, _value("x", ("n", 3))) + _field(11, _value("friction", ("n", q)))
     graph += _field(12, _value("stress", ("n", c))) + _field(12, _value("jacobian", ("n", c, 3)))
     text = json.dumps({**(meta or {}), "schema": SCHEMA, "inputs": p, "hidden": h, "outputs": c}, sort_keys=True)
@@ -83,6 +83,27 @@ def write(path: Path, network: Network, meta: Mapping[str, Any] | None = None) -
         DermisError: the file cannot be written.
     """
     write_bytes(path, dumps(network, meta))
+
+
+class _Bound:
+    """A session with its inputs and outputs tied to arrays."""
+
+    def __init__(self, session: Any, memory: int, outputs: int) -> None:
+        self._x, self._friction = np.zeros((1, 3)), np.zeros((1, memory))
+        self._stress, self._jacobian = np.zeros((1, outputs)), np.zeros((1, outputs, 3))
+        self._binding, self._session = session.io_binding(), session
+        for names, arrays, bind in (
+            (INPUTS, (self._x, self._friction), self._binding.bind_input),
+            (OUTPUTS, (self._stress, self._jacobian), self._binding.bind_output),
+        ):
+            for name, array in zip(names, arrays, strict=True):
+                bind(name, "cpu", 0, np.float64, array.shape, array.ctypes.data)
+
+    def run(self, x: Array, memory: Array) -> tuple[Array, Array]:
+        """Return stress and Jacobian."""
+        self._x[0], self._friction[0] = x, memory
+        self._session.run_with_iobinding(self._binding)
+        return self._stress[0].copy(), self._jacobian[0].copy()
 
 
 class OnnxFit:
@@ -120,6 +141,7 @@ class OnnxFit:
         self._check(where)
         self._friction = np.zeros((1, self.inputs - 3))
         self._x = np.zeros((1, 3))
+        self._bound: _Bound | None = None
 
     @property
     def inputs(self) -> int:
@@ -142,6 +164,16 @@ class OnnxFit:
         self._x[0], self._friction[0] = u[:3], u[3:]
         stress, jacobian = self._session.run(list(OUTPUTS), {"x": self._x, "friction": self._friction})
         return stress[0], jacobian[0]
+
+    def fixed(self, memory: Array) -> Callable[[Array], tuple[Array, Array]]:
+        """Return `evaluate` as a function of the first three inputs, with the others handed over once.
+
+        Inputs and outputs are bound once to arrays that stay: a call copies a few numbers and allocates nothing.
+        """
+        if self._bound is None:
+            self._bound = _Bound(self._session, self.inputs - 3, self.outputs)
+        bound, memory = self._bound, np.array(memory, np.float64)
+        return lambda x: bound.run(x, memory)
 
     def _check(self, where: str) -> None:
         p, c = self.inputs, self.outputs

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -36,6 +37,10 @@ class Fit(Protocol):
 
     def evaluate(self, u: Array) -> tuple[Array, Array]:
         """Return the channels, shape (c,), and their derivative by the first three inputs, shape (c, 3)."""
+        ...
+
+    def fixed(self, memory: Array) -> Callable[[Array], tuple[Array, Array]]:
+        """Return `evaluate` as a function of the first three inputs, with the others folded in once."""
         ...
 
 

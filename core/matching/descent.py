@@ -1,0 +1,157 @@
+"""Gauss-Newton where no servo limit is met: the same steps as `minimise`, in plain numbers.
+
+A frame is searched in a few tenths of a millisecond, and arrays of three elements cost more than the arithmetic on
+them. Here everything after the model's own answer is a four by four matrix of plain numbers. As soon as a limit is met,
+the search is handed on to the active-set method, from where it is.
+
+Source: [S0] 5.2, without active constraints
+"""
+
+from __future__ import annotations
+
+import math
+from operator import sub
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices.thimble import Thimble
+from ..errors import DermisError
+from .gauss_newton import (
+    ARMIJO,
+    DAMPING,
+    EXACT,
+    LONGEST,
+    MAX_EVALUATIONS,
+    MAX_ITERATIONS,
+    OPTIMAL,
+    SHORTEST,
+    SMALL_GAIN,
+    SMALL_STEP,
+    Evaluate,
+    Minimum,
+    ServoLimits,
+    minimise,
+    shorter,
+)  # fmt: skip
+
+Array = NDArray[np.float64]
+
+
+def descend(
+    evaluate: Evaluate, target: Array, start: Array, device: Thimble, limits: ServoLimits | None = None
+) -> Minimum:
+    """Return the configuration whose stimulus is nearest to the target; see `minimise`.
+
+    Raises:
+        DermisError: a target that is not finite or of another size, or a start outside the limits.
+    """
+    limits = limits or ServoLimits.of(device)
+    low, high = limits.low.tolist(), limits.high.tolist()
+    size, radius = len(target), device.platform_radius
+    psi, theta, z = start.tolist()
+    if not inside(device, psi, theta, z, low, high):
+        return minimise(evaluate, target, start, device, limits)  # which says what is wrong, or holds the limit
+    both = np.empty((size, 4))
+    x = np.array(start, np.float64)
+    stimulus, jacobian = evaluate(x)
+    if stimulus.shape != target.shape or not math.isfinite(float(target.sum())):
+        raise DermisError("the target does not fit the model or is not finite", where="thimble", value=target.shape,
+                          limit=f"{stimulus.shape}, finite")  # fmt: skip
+    gram = _gram(both, stimulus, jacobian, target, radius)
+    cost = start_cost = 0.5 * gram[3][3]
+    exact = EXACT**2 * float(target @ target)
+    evaluations, iterations, why = 1, 0, "limit"
+    while True:
+        gradient, weight = gram[3][:3], (gram[0][0] + gram[1][1] + gram[2][2]) * gram[3][3]
+        left = math.sqrt(gradient[0] ** 2 + gradient[1] ** 2 + gradient[2] ** 2)
+        kkt = left / math.sqrt(weight) if weight > 0.0 else 0.0
+        if 2.0 * cost <= exact or kkt <= OPTIMAL:
+            why = "exact" if 2.0 * cost <= exact else "optimal"
+            break
+        if iterations >= MAX_ITERATIONS or evaluations >= MAX_EVALUATIONS:
+            break
+        step = _step(gram)
+        if step is None:
+            break
+        reach = math.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
+        if reach > LONGEST:
+            step = [s * (LONGEST / reach) for s in step]
+        descent = -(gradient[0] * step[0] + gradient[1] * step[1] + gradient[2] * step[2])
+        share, found = 1.0, False
+        while share >= SHORTEST:
+            at = (psi + share * step[0], theta + share * step[1], z + share * radius * step[2])
+            if not inside(device, *at, low, high):
+                more = minimise(evaluate, target, x, device, limits)
+                return _after(more, start_cost, iterations, evaluations)
+            trial = np.array(at)
+            new_stimulus, new_jacobian = evaluate(trial)
+            evaluations += 1
+            new_gram = _gram(both, new_stimulus, new_jacobian, target, radius)
+            new_cost = 0.5 * new_gram[3][3]
+            # where nothing touches there is no slope to come back by, so such a point is never accepted
+            slope = new_gram[0][0] + new_gram[1][1] + new_gram[2][2]
+            if new_cost <= cost - share * ARMIJO * max(descent, 0.0) and new_cost < cost and slope > 0.0:
+                found = True
+                break
+            if share * reach < SMALL_STEP or evaluations >= MAX_EVALUATIONS:
+                break
+            share *= shorter(share, cost, new_cost, descent)
+        iterations += 1
+        if not found:
+            why = "step" if reach <= SMALL_STEP else "limit" if evaluations >= MAX_EVALUATIONS else "stalled"
+            break
+        moved, gained = share * min(reach, LONGEST), 1.0 - new_cost / cost
+        (psi, theta, z), x, stimulus, gram, cost = at, trial, new_stimulus, new_gram, new_cost
+        if moved <= SMALL_STEP or gained <= SMALL_GAIN:
+            why = "step" if moved <= SMALL_STEP else "gain"
+            break
+    angles = device.turns(psi, theta, z)
+    room = np.array([*map(sub, high, angles), *map(sub, angles, low)])
+    return Minimum(x, stimulus, stimulus - target, start_cost, cost, kkt, (), np.zeros(0), room, iterations,
+                   evaluations, why)  # fmt: skip
+
+
+def _gram(both: Array, stimulus: Array, jacobian: Array, target: Array, radius: float) -> list[list[float]]:
+    """Return B'B of B = (J S, r), as rows of plain numbers; `both` is room for B."""
+    both[:, :3] = jacobian
+    both[:, 2] *= radius
+    np.subtract(stimulus, target, out=both[:, 3])
+    rows: list[list[float]] = (both.T @ both).tolist()
+    return rows
+
+
+def _step(gram: list[list[float]]) -> list[float] | None:
+    """Return the Gauss-Newton step -(J'J)^-1 J'r; None where the model does not depend on x at all."""
+    (a, b, c, u), (_, d, e, v), (_, _, f, w), _ = gram
+    more = DAMPING * max(a, d, f)
+    if more <= 0.0:
+        return None
+    a, d, f = a + more, d + more, f + more
+    # Cholesky of a symmetric three by three matrix; the damping keeps it positive
+    l11 = math.sqrt(a)
+    l21, l31 = b / l11, c / l11
+    l22 = math.sqrt(max(d - l21 * l21, more))
+    l32 = (e - l31 * l21) / l22
+    l33 = math.sqrt(max(f - l31 * l31 - l32 * l32, more))
+    y1 = -u / l11
+    y2 = (-v - l21 * y1) / l22
+    y3 = (-w - l31 * y1 - l32 * y2) / l33
+    s3 = y3 / l33
+    s2 = (y2 - l32 * s3) / l22
+    return [(y1 - l21 * s2 - l31 * s3) / l11, s2, s3]
+
+
+def inside(device: Thimble, psi: float, theta: float, z: float, low: list[float], high: list[float]) -> bool:
+    """Tell whether the legs reach a configuration with servo angles from neutral within limits [rad]."""
+    try:
+        turned = device.turns(psi, theta, z)
+    except DermisError:
+        return False
+    return all(a <= t <= b for a, t, b in zip(low, turned, high, strict=True))
+
+
+def _after(more: Minimum, start_cost: float, iterations: int, evaluations: int) -> Minimum:
+    """Return what the active-set method found, with what was spent before it."""
+    return Minimum(more.x, more.stimulus, more.residual, start_cost, more.cost, more.kkt, more.active, more.multipliers,
+                   more.room, more.iterations + iterations, more.evaluations + evaluations, more.why)  # fmt: skip

@@ -1,0 +1,137 @@
+"""The short descent against the active-set search, and plain servo angles against those with derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.devices.disc import FrictionState
+from core.devices.thimble import mechanism
+from core.errors import DermisError
+from core.matching.descent import descend, inside
+from core.matching.gauss_newton import ServoLimits, minimise
+from core.presets import Library
+from core.skin.model import fingertip_skin
+from core.surrogate.forward import DirectModel
+from core.surrogate.learned import LearnedModel
+from core.surrogate.network import Network
+from core.surrogate.ridge import QuadraticRidge
+from core.surrogate.store import contact_of
+from core.surrogate.subspace import principal_components
+
+DEVICE = mechanism(Library().device("thimble_3rrs"))
+MATRIX = np.random.default_rng(5).normal(size=(8, 3)) * [1.0, 1.0, 100.0]
+
+
+def curved(x):
+    """A smooth map of x to eight channels."""
+    d = x - [0.0, 0.0, 0.018]
+    return MATRIX @ d + 0.3 * np.sin(MATRIX @ d), MATRIX * (1 + 0.3 * np.cos(MATRIX @ d))[:, None]
+
+
+def test_plain_angles_are_the_angles():
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        x = np.array([*rng.uniform(-0.5, 0.5, 2), 0.018 + rng.uniform(-3e-3, 3e-3)])
+        if not (DEVICE.reach(x) > 0).all():
+            continue
+        np.testing.assert_allclose(DEVICE.turns(*x), DEVICE.servo_turns(DEVICE.pose(x))[0], atol=1e-12)
+    with pytest.raises(DermisError, match="cannot reach"):
+        DEVICE.turns(0.0, 0.0, 0.05)
+
+
+def test_inside_is_what_the_constraints_say():
+    limits = ServoLimits.of(DEVICE)
+    low, high = limits.low.tolist(), limits.high.tolist()
+    told = [inside(DEVICE, 0.0, 0.0, z, low, high) for z in np.linspace(0.008, 0.03, 60)]
+    assert told == [bool(DEVICE.feasible((0.0, 0.0, z))) for z in np.linspace(0.008, 0.03, 60)]
+    assert any(told) and not all(told)
+
+
+@pytest.mark.parametrize("goal", [(0.1, -0.2, 0.0172), (-0.3, 0.05, 0.0185)])
+def test_a_reachable_target_is_found_exactly(goal):
+    found = descend(curved, curved(np.array(goal))[0], np.array([0.0, 0.0, 0.018]), DEVICE)
+    np.testing.assert_allclose(found.x, goal, atol=1e-6)
+    assert found.why in ("exact", "step") and not found.active and found.cost <= found.start_cost
+    np.testing.assert_allclose(found.room, DEVICE.constraints(found.x)[0], atol=1e-12)
+
+
+def test_where_a_limit_is_met_the_active_set_decides():
+    """A target far beyond the servos' range: the same constrained minimum as from the general method."""
+    beyond = curved(np.array([0.1, -0.2, 0.029]))[0]
+    start = np.array([0.0, 0.0, 0.018])
+    one, other = descend(curved, beyond, start, DEVICE), minimise(curved, beyond, start, DEVICE)
+    assert one.active and one.room.min() >= 0.0 and one.kkt < 0.01
+    assert one.cost == pytest.approx(other.cost, rel=1e-3) and one.cost <= one.start_cost
+    with pytest.raises(DermisError, match="outside the servos' range"):
+        descend(curved, beyond, np.array([0.0, 0.0, 0.03]), DEVICE)
+
+
+def test_noise_is_fitted_as_well_as_by_the_general_method():
+    rng = np.random.default_rng(8)
+    for _ in range(20):
+        target = curved(np.array([*rng.uniform(-0.3, 0.3, 2), 0.0178]))[0] + 0.05 * rng.normal(size=8)
+        one, other = (f(curved, target, np.array([0.0, 0.0, 0.018]), DEVICE) for f in (descend, minimise))
+        assert one.kkt <= 3e-3 or one.why in ("gain", "step")
+        assert one.cost <= other.cost * (1 + 1e-3)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_targets_that_are_not_numbers_are_refused(bad):
+    target = np.zeros(8)
+    target[3] = bad
+    with pytest.raises(DermisError, match="not finite"):
+        descend(curved, target, np.array([0.0, 0.0, 0.018]), DEVICE)
+    with pytest.raises(DermisError, match="does not fit"):
+        descend(curved, np.zeros(7), np.array([0.0, 0.0, 0.018]), DEVICE)
+
+
+def random_ridge(rng, p, c):
+    quadratic = rng.normal(size=(c, p, p))
+    return QuadraticRidge(rng.normal(size=p), rng.uniform(0.5, 2, p), rng.normal(size=c), rng.normal(size=(c, p)),
+                          quadratic + quadratic.transpose(0, 2, 1))  # fmt: skip
+
+
+def random_network(rng, p, c, h=9):
+    return Network(rng.normal(size=p), rng.uniform(0.5, 2, p), rng.normal(size=(h, p)), rng.normal(size=h),
+                   rng.normal(size=(c, h)), rng.normal(size=c))  # fmt: skip
+
+
+@pytest.mark.parametrize("make", [random_ridge, random_network])
+@pytest.mark.parametrize("memory", [0, 5])
+def test_folding_the_friction_state_changes_nothing(make, memory):
+    rng = np.random.default_rng(memory)
+    fit = make(rng, 3 + memory, 4)
+    u = rng.normal(size=3 + memory)
+    for ours, plain in zip(fit.fixed(u[3:])(u[:3]), fit.evaluate(u), strict=True):
+        np.testing.assert_allclose(ours, plain, rtol=1e-10, atol=1e-10)
+
+
+def test_folding_an_onnx_file_changes_nothing_and_sessions_may_be_shared(tmp_path):
+    pytest.importorskip("onnxruntime")
+    from core.surrogate import onnx
+
+    rng = np.random.default_rng(2)
+    network = random_network(rng, 8, 4)
+    onnx.write(tmp_path / "n.onnx", network)
+    fit = onnx.OnnxFit(tmp_path / "n.onnx")
+    one, two = rng.normal(size=(2, 8))
+    first, second = fit.fixed(one[3:]), fit.fixed(two[3:])  # two fingers, one file
+    for u, folded in ((one, first), (two, second), (one, first)):
+        for ours, plain in zip(folded(u[:3]), network.evaluate(u), strict=True):
+            np.testing.assert_allclose(ours, plain, rtol=1e-9, atol=1e-9)
+
+
+def test_a_model_is_folded_anew_for_every_friction_state():
+    skin = fingertip_skin(level="draft")
+    contact, rng = contact_of(DEVICE, skin, 0.6), np.random.default_rng(4)
+    friction = principal_components(rng.normal(size=(20, 3 * skin.pad_count)), size=5)
+    model = LearnedModel(random_ridge(rng, 8, 4), friction, stiffness=0.7)
+    x = np.array([0.1, 0.2, 0.018])
+    for force in (np.zeros((skin.pad_count, 3)), rng.normal(size=(skin.pad_count, 3))):
+        model.hold(FrictionState(np.ones(skin.pad_count, bool), np.zeros((skin.pad_count, 2)), force))
+        u = np.concatenate([x, friction.project(force.ravel() / 0.7)])
+        value, slope = model.fit.evaluate(u)
+        np.testing.assert_allclose(model.evaluate(x)[0], 0.7 * value, rtol=1e-9)
+        np.testing.assert_allclose(model.evaluate(x)[1], 0.7 * slope, rtol=1e-9)
+    assert DirectModel(DEVICE, contact, np.zeros((2, 3 * skin.pad_count))).size == 2

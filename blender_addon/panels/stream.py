@@ -21,6 +21,14 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
     bl_label = "Stream"
     bl_options = {"DEFAULT_CLOSED"}
 
+    def draw_header(self, _context: bpy.types.Context) -> None:
+        """Show in a closed panel too that something is connected, or may move."""
+        if streaming.connected():
+            now = streaming.status()
+            row = self.layout.row()
+            row.alert = bool(now.get("armed"))
+            row.label(text="", icon=ICONS.get(now["state"], "QUESTION"))
+
     def draw(self, context: bpy.types.Context) -> None:
         """Draw port, buttons and state."""
         layout, settings, now = self.layout, context.scene.dermis_stream, streaming.status()
@@ -48,9 +56,12 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         row.scale_y = 1.3
         if connected:
             row.operator("dermis.stream_disconnect", icon="UNLINKED")
-            arm = row.row(align=True)
-            arm.enabled = now["state"] in ("ready", "stalled")
-            arm.operator("dermis.stream_arm", icon="PLAY")
+            if now["state"] in ("fault", "disconnected", "dead"):
+                row.operator("dermis.stream_connect", text="Connect Again", icon="LINKED")
+            else:
+                arm = row.row(align=True)
+                arm.enabled = now["state"] in ("ready", "stalled")
+                arm.operator("dermis.stream_arm", icon="PLAY")
         else:
             row.operator("dermis.stream_connect", icon="LINKED")
         stop = layout.row()

@@ -16,7 +16,7 @@ from .wire import Array, Wire
 WATCHDOG_MS = 70  # silence after which the device goes to its safe state
 HELLO_EVERY, SYNC_EVERY, ARM_EVERY, SAFE_EVERY = 0.1, 0.01, 0.03, 0.005
 SILENCE = 1.0  # a device that has not answered for this long is gone [s] ...
-SILENCE_ARMED = 0.07  # ... and while it is armed for this long: the sender's own dead man's switch
+SILENCE_ARMED = 0.08  # ... and while it is armed for this long: the sender's own dead man's switch
 BEHIND = 0.015  # an answer this much beyond two round trips lies behind commands that the link does not carry [s]
 OVERDUE = 0.03  # an answer this late is asked for more often: one lost packet must not end a stream [s]
 ABSENT = 0.03  # when this sender did not listen for so long, that time says nothing about the device [s]

@@ -22,7 +22,7 @@ HEAD = struct.Struct("<2sH")
 TO_BOARD, FROM_BOARD = b"DT", b"DA"
 FRESH = 0.01  # an angle older than this closes no loop: no torque [s]
 POLL_EVERY = 0.01
-SILENCE, SILENCE_ARMED = 1.0, 0.07  # a board that has not answered for this long is gone [s]
+SILENCE, SILENCE_ARMED = 1.0, 0.08  # a board that has not answered for this long is gone [s]
 ABSENT = 0.03  # when this sender did not listen for so long, that time says nothing about the board [s]
 
 

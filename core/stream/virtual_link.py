@@ -19,7 +19,7 @@ class VirtualLink(Transport):
     """A link to a virtual device on a thread of this process."""
 
     def __init__(self, protocol: str, wire: Wire, url: Url) -> None:
-        self.name = url.text
+        self.name = url.text.rstrip(":")
         options = options_of(url)
         device = make(protocol, wire, options)
         self.datagrams = device.datagrams

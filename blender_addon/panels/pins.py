@@ -37,7 +37,7 @@ class DERMIS_PT_pins(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, text, "INFO")
             return
         grid = layout.grid_flow(row_major=True, columns=4, even_columns=False, align=True)
-        for text in ("", "miss [mm]", "of target", "shear / N"):
+        for text in ("", "mm off", "of target", "shear / N"):
             grid.label(text=text)
         for report in reports:
             grid.label(text=report.method)

@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from .. import properties_skin, skin_field, skin_live, skin_view
+from .. import properties_skin, skin_cards, skin_field, skin_live, skin_view
 from . import census, choices
 from .main import DermisPanel
 from .text import paragraph
@@ -178,7 +178,7 @@ def _figures(column: Any, context: bpy.types.Context, state: skin_live.SkinState
     _pair(column, "touch depth", f"{1e3 * state.depth:.2f} mm", "ERROR" if deep else "NONE")
     if state.lift > 0.0:
         _pair(column, "bone gave way", f"{1e3 * state.lift:.2f} mm")
-    _pair(column, "nodes", f"{state.sticking} stick, {state.slipping} slip")
+    _pair(column, "nodes", skin_cards.friction(state))
     if state.model is not None:
         _pair(column, "mesh", f"{len(state.model.mesh.tetrahedra):,} tetrahedra")
     if not state.converged:

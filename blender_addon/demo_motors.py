@@ -50,7 +50,7 @@ def build(which: str, device: str = DEVICE, seed: int = 0) -> bpy.types.Scene:
     scene.collection.objects.link(surface)
     surface.dermis.role = "TOUCHABLE"
     surface.dermis.material.friction = interactions.FRICTION
-    surface.display_type = "WIRE"
+    surface.display_type = "BOUNDS"  # the finger is seen through it
     chunk = touch.chunks[0]
     _key(surface, chunk.frames, chunk.bodies[0])
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))

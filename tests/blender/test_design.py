@@ -1,0 +1,179 @@
+"""How many motors, in Blender: baked scenes and recordings to number, picture and a preset that can be used at once."""
+
+from __future__ import annotations
+
+import json
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon import design_results, jobs, platform_use, results
+from blender_addon.panels import choices
+from blender_addon.preferences import core_module, library
+
+from .test_platforms import own_folders, shown  # noqa: F401  a fixture
+
+ROWS = 512
+
+
+@pytest.fixture
+def baked(own_folders, monkeypatch):  # noqa: F811
+    """Return the tip interaction, its first touch baked, added to its own panel."""
+    monkeypatch.setattr(design_results, "presets_folder", lambda: own_folders / "presets")
+    scene, finger = shown("tip")
+    scene.frame_end = 70
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    scene.dermis_design.table_rows = ROWS
+    assert bpy.ops.dermis.add_design_touch(kind="SCENE") == {"FINISHED"}
+    return scene, finger, own_folders
+
+
+def sensed(scene, seed=0):
+    touch = next(iter(results.current(scene).bake.skins.values()))
+    return core_module("design.task").sense_touch(touch, noise=scene.dermis_design.noise, seed=seed)
+
+
+def test_the_answer_is_the_engines_for_the_same_bake_and_table(baked) -> None:
+    scene, _, _ = baked
+    assert bpy.ops.dermis.design() == {"FINISHED"}
+    found = design_results.current(scene).design
+    spec = library().device("cable_platform")
+    values = results.current(scene).skins["Index"]
+    _, table = jobs.drain(platform_use.swept(spec, values["skin"], values["level"], ROWS))
+    direct = jobs.drain(core_module("design.task").answer(spec, table, {"t": sensed(scene)}, noise=2.0))
+    assert found.names == ("Tip, Flat, Tip",)
+    np.testing.assert_array_equal(found.by("variance").error, direct.by("variance").error)
+    assert found.by("variance").motors == direct.by("variance").motors
+
+
+def test_the_picture_is_an_image_of_the_file_and_a_png(baked) -> None:
+    scene, _, _ = baked
+    bpy.ops.dermis.design()
+    answer, image = design_results.current(scene), bpy.data.images[design_results.IMAGE]
+    assert answer.picture.read_bytes().startswith(b"\x89PNG")
+    assert tuple(image.size) == (1280, 720) and bpy.path.abspath(image.filepath) == str(answer.picture)
+    assert bpy.ops.dermis.show_design() == {"FINISHED"}
+    bpy.ops.dermis.design()  # again: the same image, not another one
+    assert sum(i.name.startswith(design_results.IMAGE) for i in bpy.data.images) == 1
+
+
+def test_the_new_preset_scrubs_bakes_and_exports_at_once(baked, tmp_path) -> None:
+    scene, finger, folder = baked
+    scene.dermis_design.motors = 2
+    bpy.ops.dermis.design()
+    key = design_results.current(scene).preset
+    assert (folder / "presets" / "devices" / f"{key}.json").is_file()
+    entry = choices.device_entry(key)
+    assert entry is not None and entry.user and entry.error is None and choices.kind_of(key) == "cable_platform"
+    original = results.current(scene).bake.outputs[0].track
+    finger.dermis.finger.devices[0].enabled = False
+    assert bpy.ops.dermis.add_device(preset=key, finger="Index") == {"FINISHED"}
+    device = finger.dermis.finger.devices[1]
+    device.table_rows = finger.dermis.finger.devices[0].table_rows
+    assert not platform_use.missing(finger, device)  # the mechanism is the same, and so is its table
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    track = results.current(scene).bake.outputs[0].track
+    spec = library().device(key)
+    assert track.spec.hash == spec.hash and track.values.shape[1] == len(spec.channels) == 2
+    coupling = core_module("devices.coupling").coupling_of(spec)
+    driven = coupling.original(track.values)
+    deep = original.values[:, 0] > 0.8 * original.values[:, 0].max()  # where the touch is
+    assert np.abs(driven - original.values)[deep].max() < 0.25 * np.ptp(original.values)
+    assert bpy.ops.dermis.export_tracks(directory=str(tmp_path)) == {"FINISHED"}
+    assert core_module("formats.csv").read(tmp_path / f"Index.{key}.csv").values.shape == track.values.shape
+
+
+def test_another_number_of_motors_is_written_without_searching_again(baked, monkeypatch) -> None:
+    scene, _, _ = baked
+    bpy.ops.dermis.design()
+    monkeypatch.setattr(design_results, "find", None)
+    scene.dermis_design.motors, scene.dermis_design.choice = 3, "rendered"
+    assert bpy.ops.dermis.design_preset() == {"FINISHED"}
+    key = design_results.current(scene).preset
+    assert len(library().device(key).channels) == 3
+    scene.dermis_design.motors = 4
+    with pytest.raises(RuntimeError, match="as many motors as the device has"):
+        bpy.ops.dermis.design_preset()
+
+
+def test_the_report_is_written_as_text_json_picture_and_preset(baked, tmp_path) -> None:
+    scene, _, _ = baked
+    with pytest.raises(RuntimeError):
+        bpy.ops.dermis.save_design(directory=str(tmp_path))
+    bpy.ops.dermis.design()
+    assert bpy.ops.dermis.save_design(directory=str(tmp_path)) == {"FINISHED"}
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["interactions"] == ["Tip, Flat, Tip"] and report["device"] == "cable_platform"
+    assert {"report.txt", "report.png"} <= {p.name for p in tmp_path.iterdir()}
+
+
+def test_recordings_and_scenes_are_judged_together(baked, tmp_path) -> None:
+    scene, _, _ = baked
+    rows = sensed(scene, seed=5)
+    names = ",".join(["time", *(f"e{i}" for i in range(19)), "pressure"])
+    lines = [f"{0.01 * i:.2f}," + ",".join(map(str, row)) for i, row in enumerate(rows.tolist())]
+    (tmp_path / "robot.csv").write_text("\n".join([names, *lines]))
+    assert bpy.ops.dermis.add_design_touch(kind="FILE", filepath=str(tmp_path / "robot.csv")) == {"FINISHED"}
+    bpy.ops.dermis.design()
+    found = design_results.current(scene).design
+    assert found.names == ("Tip, Flat, Tip", "robot") and len(found.alone) == 2
+    assert found.samples == (len(rows), len(rows))
+    (tmp_path / "robot.csv").write_text("\n".join([names, *(line + "," for line in lines)]))
+    with pytest.raises(RuntimeError, match="ends with a separator"):
+        bpy.ops.dermis.design()
+
+
+def test_what_cannot_be_answered_is_said(baked) -> None:
+    scene, finger, _ = baked
+    own = scene.dermis_design
+    for device, words in (("haptip", "not a platform"), ("nowhere", "not a platform")):
+        own.device = device
+        with pytest.raises(RuntimeError, match=words):
+            bpy.ops.dermis.design()
+    own.device = "cable_platform"
+    own.finger = "Thumb"
+    with pytest.raises(RuntimeError, match="no such skin"):
+        bpy.ops.dermis.design()
+    own.finger = ""
+    results.forget()
+    with pytest.raises(RuntimeError, match="not baked"):
+        bpy.ops.dermis.design()
+    while own.touches:
+        bpy.ops.dermis.remove_design_touch()
+    assert not bpy.ops.dermis.design.poll() and not bpy.ops.dermis.remove_design_touch.poll()
+
+
+def test_a_scene_that_never_touches_is_told(baked) -> None:
+    scene, _, _ = baked
+    scene.objects["Surface"].animation_data_clear()
+    scene.objects["Surface"].location = (0.0, 0.0, -0.05)
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    with pytest.raises(RuntimeError, match="nothing is ever touched"):
+        bpy.ops.dermis.design()
+
+
+def test_a_coupled_device_is_not_reduced_again(baked) -> None:
+    scene, _, _ = baked
+    bpy.ops.dermis.design()
+    scene.dermis_design.device = design_results.current(scene).preset
+    with pytest.raises(RuntimeError, match="coupled already"):
+        bpy.ops.dermis.design()
+
+
+def test_stopping_half_way_changes_nothing(baked) -> None:
+    scene, _, folder = baked
+    before = set(core_module("work")._workers)
+    steps = design_results.find(scene)
+    for _ in range(4):
+        next(steps)
+    steps.close()
+    assert design_results.current(scene) is None and set(core_module("work")._workers) == before
+    assert not list((folder / "presets").rglob("*.json"))
+
+
+def test_the_panel_lists_only_platforms(own_folders) -> None:  # noqa: F811
+    from blender_addon.properties_design import _platforms
+
+    assert set(_platforms(None, None, "")) == {"cable_platform", "hexapod"}
+    assert _platforms(None, None, "six") == ["hexapod"]

@@ -225,7 +225,9 @@ class DERMIS_OT_demo_motors_scene(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
         from .. import demo_skin
+        from ..panels import choices
 
+        choices.refresh()
         scene = demo_motors.build(self.touch, self.device, self.seed)
         if context.window is None:
             self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")

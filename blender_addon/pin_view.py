@@ -177,7 +177,7 @@ def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Arra
             force, note = np.zeros_like(target.force), str(error)
     total = force.sum(axis=0)
     made = replace(target, finger=name, force=force, normal_force=float(total[2]), note=note, sticking=0, slipping=0,
-                   tangential_force=float(np.hypot(total[0], total[1])), counters={})  # fmt: skip
+                   tangential_force=float(np.hypot(total[0], total[1])), work="rendered", counters={})  # fmt: skip
     _states[target.finger] = (target, key, (made, pressed))
     return made, pressed
 

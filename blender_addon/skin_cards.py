@@ -92,10 +92,10 @@ def _figures(state: SkinState, x: float, y: float, width: float, scale: float) -
         rows = [
             (f"N {force(state.normal_force)}   T {force(state.tangential_force)}", paint.INK),
             (f"{1e3 * state.depth:.2f} mm deep", paint.INK if state.depth <= 2e-3 else paint.ORANGE),
-            (state.note, paint.ORANGE) if state.work == "rendered"
-            else (f"{state.sticking} stick, {state.slipping} slip", paint.FAINT) if state.converged
-            else ("did not converge", paint.ORANGE),
-        ]  # fmt: skip
+            (friction(state), paint.FAINT) if state.converged else ("did not converge", paint.ORANGE),
+        ]
+        if state.work == "rendered":
+            rows[-1] = (state.note, paint.FAINT if state.converged else paint.ORANGE)
     for text, ink in rows:
         y -= LINE * scale
         paint.text(text, x, y, ink, scale, width=width + 4 * scale)
@@ -135,8 +135,8 @@ def legend(now: Shown, view: Any, right: float, bottom: float, scale: float) -> 
 
 def friction(state: SkinState) -> str:
     """Return how many nodes stick and slip; a device's rendering touches nothing that could."""
-    if state.touching and not state.sticking and not state.slipping:
-        return "by the device"
+    if state.work == "rendered":
+        return "none: by the device"
     return f"{state.sticking} stick, {state.slipping} slip"
 
 

@@ -93,7 +93,9 @@ class DERMIS_OT_demo_thimble_scene(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
         from .. import demo_skin
+        from ..panels import choices
 
+        choices.refresh()
         scene = demo_thimble.build(self.touch)
         if context.window is None:
             self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")

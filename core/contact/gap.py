@@ -16,7 +16,6 @@ Which side a point is on:
 from __future__ import annotations
 
 import weakref
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -25,44 +24,19 @@ from numpy.typing import NDArray
 from ..errors import DermisError, Finding
 from ..scene import Mesh
 from .cells import CellLists
+from .gap_query import GapQuery
 from .nearest import CentroidTree, Nearest, nearest
+from .normals import SurfaceNormals
 from .topology import BOUNDARY, IRREGULAR, REGULAR, Topology, topology_of
 from .triangles import Array, Indices, TriangleTable
+from .winding import winding
+
+__all__ = ["GapQuery", "Surface", "surface_of"]
 
 # Closest points nearer to an edge or corner than this fraction of the triangle count as on it.
 ON_FEATURE = 1e-9
 # A point is straight above a rim if it is off by less than this fraction of its distance.
 STRAIGHT = 1e-6
-# Faces that meet at less than this angle stand for a curved surface; at more, for an edge. Cosine of 30 degrees.
-SMOOTH = 0.8660254037844387
-
-
-@dataclass(frozen=True)
-class GapQuery:
-    """The closest points of a surface.
-
-    Attributes:
-        gap: signed distance [m], positive outside, inf beyond reach, shape (n,).
-        normal: unit gradient of the gap, pointing outward; zero beyond reach, shape (n, 3).
-        point: the closest point of the surface [m], NaN beyond reach, shape (n, 3).
-        triangle: the triangle it lies on, -1 beyond reach, shape (n,).
-        weights: barycentric weights of the three corners at the closest point, shape (n, 3).
-        beside: the point has passed beside the rim of an open surface and is outside of either side, shape (n,).
-    """
-
-    gap: Array
-    normal: Array
-    point: Array
-    triangle: Indices
-    weights: Array
-    beside: NDArray[np.bool_]
-
-    def flipped(self) -> GapQuery:
-        """Return the same answer for the other side of the surface."""
-        turned = np.isfinite(self.gap) & ~self.beside
-        gap = np.where(turned, -self.gap, self.gap)
-        normal = np.where(turned[:, None], -self.normal, self.normal)
-        return GapQuery(gap, normal, self.point, self.triangle, self.weights, self.beside)
 
 
 class Surface:
@@ -175,20 +149,16 @@ class Surface:
         return -1 if float(offset @ normal[0]) < 0.0 else 1
 
     def winding(self, points: Array) -> Array:
-        """Return how often the surface encloses each point (1 inside a closed one), by solid angles, shape (n,)."""
-        out = np.empty(points.shape[0])
-        step = max(1, 1_000_000 // self.triangles.shape[0])
-        corner = self.vertices[self.triangles]
-        for start in range(0, points.shape[0], step):
-            r = corner[None] - points[start : start + step, None, None, :]
-            length = np.sqrt((r * r).sum(axis=-1))
-            a, b, c = r[:, :, 0], r[:, :, 1], r[:, :, 2]
-            triple = (a * np.cross(b, c)).sum(axis=-1)
-            la, lb, lc = length[..., 0], length[..., 1], length[..., 2]
-            denominator = (la * lb * lc + (a * b).sum(axis=-1) * lc + (b * c).sum(axis=-1) * la
-                           + (c * a).sum(axis=-1) * lb)  # fmt: skip
-            out[start : start + step] = np.arctan2(triple, denominator).sum(axis=1) / (2.0 * np.pi)
-        return out
+        """Return how often the surface encloses each point (1 inside a closed one), shape (n,)."""
+        return winding(self.vertices[self.triangles], points)
+
+    def smooth_normals(self, triangle: Indices, weights: Array) -> Array:
+        """Return the normals of the curved surface that the faces stand for, see `SurfaceNormals.smooth`."""
+        return self._normals.smooth(triangle, weights)
+
+    @cached_property
+    def _normals(self) -> SurfaceNormals:
+        return SurfaceNormals(self.table, self.topology, self.vertices.shape[0])
 
     # -- distance ------------------------------------------------------------------------------------------------
 
@@ -236,57 +206,6 @@ class Surface:
 
     # -- sign and normal -----------------------------------------------------------------------------------------
 
-    def smooth_normals(self, triangle: Indices, weights: Array) -> Array:
-        """Return the normals of the curved surface that the faces stand for, unit length, shape (n, 3).
-
-        Those of the three corners are interpolated; each corner takes the faces about it, weighted by their angles,
-        that turn from the triangle by less than 30 degrees. On a smooth surface they are exact to second order.
-
-        Args:
-            triangle: shape (n,), none -1. weights: barycentric, shape (n, 3).
-        """
-        face, corner, start = self._fans
-        vertex = self.topology.corners[triangle].reshape(-1)
-        count = start[vertex + 1] - start[vertex]
-        owner = np.repeat(np.arange(vertex.size), count)
-        at = np.arange(owner.size) - np.repeat(np.cumsum(count) - count, count) + np.repeat(start[vertex], count)
-        normal = self.table.bounds[3:6]
-        own, around = normal[:, triangle[owner // 3]], normal[:, face[at]]
-        angle = self._angles[corner[at], face[at]] * (np.einsum("in,in->n", own, around) >= SMOOTH)
-        summed: Array = np.stack([np.bincount(owner, angle * n, minlength=vertex.size) for n in around], axis=1)
-        corners = summed / np.maximum(np.linalg.norm(summed, axis=1), 1e-300)[:, None]
-        out = np.einsum("nk,nki->ni", weights, corners.reshape(-1, 3, 3))
-        length = np.linalg.norm(out, axis=1)
-        usable = (length > 1e-9)[:, None]
-        return np.asarray(np.where(usable, out / np.maximum(length, 1e-300)[:, None], normal[:, triangle].T))
-
-    @cached_property
-    def _fans(self) -> tuple[Indices, Indices, Indices]:
-        """Faces and their corners about each merged vertex, and where each vertex's begin."""
-        flat = self.topology.corners.reshape(-1)
-        order = np.argsort(flat, kind="stable")
-        start = np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=self.vertices.shape[0]))])
-        return order // 3, order % 3, start
-
-    @cached_property
-    def _angles(self) -> Array:
-        """Angle of each triangle at each of its corners [rad], shape (3, T)."""
-        g11, g22, _, g12 = self.table.rows[9:13]
-        twice_area = np.sqrt(np.maximum(g11 * g22 - g12 * g12, 0.0))
-        angle_a = np.arctan2(twice_area, g12)
-        angle_b = np.arctan2(twice_area, g11 - g12)
-        return np.stack([angle_a, angle_b, np.pi - angle_a - angle_b])
-
-    @cached_property
-    def _vertex_normals(self) -> Array:
-        """Angle-weighted pseudonormals of the merged vertices, shape (V, 3)."""
-        normal = self.table.bounds[3:6]
-        out = np.zeros((self.vertices.shape[0], 3))
-        for corner, angle in zip(self.topology.corners.T, self._angles, strict=True):
-            for axis in range(3):
-                out[:, axis] += np.bincount(corner, angle * normal[axis], minlength=out.shape[0])
-        return out
-
     def _features(self, triangle: Indices, u: Array, w: Array) -> tuple[NDArray[np.int8], Array, Array]:
         """Kind, barycentric weights and pseudonormal (not normalised) of the closest features."""
         columns = np.empty((3, triangle.size))
@@ -308,7 +227,7 @@ class Surface:
         v = on[is_vertex]
         if v.size:
             vertex = self.topology.corners[triangle[v], np.argmax(weights[v], axis=1)]
-            normal[v] = self._vertex_normals[vertex]
+            normal[v] = self._normals.of_vertices[vertex]
             kind[v] = self.topology.vertex_kind[vertex]
         e = on[~is_vertex]
         if e.size:

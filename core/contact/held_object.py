@@ -9,121 +9,25 @@ friction can carry, and a finding says that it slips.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
+from .balance import TOLERANCE, balance
 from .bodies import ContactBody, ContactFrame, contact_frame
-from .cone import STICK, along, natural_residual, project
+from .cone import STICK, along
 from .gap import Surface
+from .grip import Grip, HeldStep, HoldingFinger, Reach
 from .history import ContactHistory
-from .path import BONE
 from .plane import Plane
 from .solve import solve, status_of
-from .triangles import Array, Indices
+from .triangles import Array
 
-TOLERANCE = 1e-8
-MAX_ITERATIONS = 6000
-RELAXATION = 1.6
-# A displacement beyond these in one frame is no grip any more [m], [rad].
-LOST, TURNED = 0.01, 0.5
+__all__ = ["HeldObject", "HeldStep", "HoldingFinger", "Reach"]
+
 REACH = 3e-3
 GRAVITY = np.array([0.0, 0.0, -9.81])
-
-
-@dataclass(frozen=True, eq=False)
-class HoldingFinger:
-    """A finger that may hold.
-
-    Attributes:
-        compliance: of its skin [m/N], shape (3 m, 3 m). points: its pad nodes [m], shape (m, 3).
-        name: for findings.
-        areas: skin of each node [m^2], shape (m,); needed where an object is soft.
-        bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
-    """
-
-    compliance: Array
-    points: Array
-    name: str = "finger"
-    areas: Array | None = None
-    bone: Array = field(default_factory=lambda: BONE)
-
-
-@dataclass(frozen=True, eq=False)
-class Reach:
-    """What one finger can reach in a frame, besides the held object.
-
-    Attributes:
-        pose: finger-to-world matrix, rigid, shape (4, 4).
-        bodies: everything near, posed in the finger's frame; the held object's own entry is replaced.
-        own: index of the held object among them.
-        history: where the finger's nodes stick; kept by whoever solves the finger otherwise.
-    """
-
-    pose: Array
-    bodies: tuple[ContactBody, ...]
-    own: int
-    history: ContactHistory
-
-
-@dataclass(frozen=True)
-class HeldStep:
-    """One frame of a held object.
-
-    Attributes:
-        forces: on each finger's pad nodes, in that finger's frame [N], one (m, 3) a finger.
-        status: OPEN, STICK or SLIP of each finger's nodes.
-        on_object: total force and torque (about the centre of mass) of all contacts on the object, in world space
-            [N, N m], shape (6,).
-        wanted: what gravity and inertia ask for, m (a - g) and the rate of angular momentum, shape (6,).
-        displacement: of the object from its animated pose: translation [m], rotation vector [rad], shape (6,).
-        holds: contacts supply what is wanted.
-        residual: of the contact laws, see `cone.natural_residual`; iterations: of the solver.
-        frames: the gaps that each finger was solved for.
-        slips: relative displacement w of each finger's nodes [m], one (m, 3) a finger.
-    """
-
-    forces: tuple[Array, ...]
-    status: tuple[NDArray[np.int8], ...]
-    on_object: Array
-    wanted: Array
-    displacement: Array
-    holds: bool
-    residual: float
-    iterations: int
-    frames: tuple[ContactFrame, ...] = ()
-    slips: tuple[Array, ...] = ()
-
-    def balance_residual(self) -> float:
-        """Return |contact force - m (a - g)| relative to |m (a - g)|."""
-        size = max(float(np.linalg.norm(self.wanted[:3])), 1e-300)
-        return float(np.linalg.norm(self.on_object[:3] - self.wanted[:3])) / size
-
-
-@dataclass
-class _Grip:
-    """One finger's part of a frame: its nodes near the object, and what they need."""
-
-    frame: ContactFrame
-    near: Indices
-    matrix: Array
-    inverse: Array
-    offset: Array
-    wrench: Array
-    history: ContactHistory
-    own: int
-
-    @property
-    def friction(self) -> Array:
-        return self.frame.friction[self.near]
-
-    @property
-    def pressing(self) -> bool:
-        """Whether a node would sink into the held object if nothing gave way."""
-        closest = self.frame.body[self.near] == self.own
-        return bool((along(self.offset, self.frame.normal[self.near])[closest] < 0.0).any())
 
 
 class HeldObject:
@@ -267,7 +171,7 @@ class HeldObject:
         place = finger_pose[:3, :3].T @ (origin - finger_pose[:3, 3])
         return ContactBody(self.surface, turn, place, self.friction, self.softness, self.deforms)
 
-    def _grip(self, index: int, reach: Reach, rotation: Array, middle: Array) -> _Grip:
+    def _grip(self, index: int, reach: Reach, rotation: Array, middle: Array) -> Grip:
         finger, pose = self.fingers[index], reach.pose
         body = self.body(pose, rotation, middle)
         bodies = (*reach.bodies[: reach.own], body, *reach.bodies[reach.own + 1 :])
@@ -289,7 +193,7 @@ class HeldObject:
             matrix = finger.compliance[rows[:, None], rows] + np.diag(np.repeat(soft, 3))
             inverse: Array = np.asarray(np.linalg.inv(matrix + self._rho * np.eye(rows.size)), dtype=np.float64)
             kept = self._inverses[index] = (key, matrix, inverse)
-        return _Grip(frame, near, kept[1], kept[2], offset, wrench.reshape(6, -1), reach.history, reach.own)
+        return Grip(frame, near, kept[1], kept[2], offset, wrench.reshape(6, -1), reach.history, reach.own)
 
     def _soft(self, finger: HoldingFinger, frame: ContactFrame) -> Array:
         """Compliance of the bodies' own surfaces at a finger's nodes [m/N], shape (m,)."""
@@ -300,64 +204,23 @@ class HeldObject:
         return frame.softness / finger.areas
 
     def _balanced(
-        self, everybody: Sequence[_Grip | None], wanted: Array
+        self, everybody: Sequence[Grip | None], wanted: Array
     ) -> tuple[list[Array], Array, float, int] | None:
-        """Forces in their cones with G f = h, by the alternating method with the object eliminated; None if it slips.
-
-        The skin feels f, the object -f, so h on the skin is minus what is wanted on the object.
-        """
-        rho = self._rho
+        """Forces that supply what is wanted; None if it slips."""
         index = [i for i, g in enumerate(everybody) if g is not None]
         grips = [g for g in everybody if g is not None]
-        ends = np.cumsum([0] + [3 * g.near.size for g in grips])
-        parts = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
-        normals = np.concatenate([g.frame.normal[g.near] for g in grips])
-        mu = np.concatenate([g.friction for g in grips])
-        b = np.concatenate([g.offset.reshape(-1) for g in grips])
-        wrench = np.concatenate([g.wrench for g in grips], axis=1)
-        # torques are measured in the lever of the contacts, so that both halves of the wrench weigh alike
-        lever = max(float(np.sqrt((wrench[3:] ** 2).mean() / (wrench[:3] ** 2).mean())), 1e-6)
-        scale = np.concatenate([np.ones(3), np.full(3, 1.0 / lever)])
-        g_rows, target = wrench * scale[:, None], -wanted * scale
-        image = np.concatenate([grip.inverse @ g_rows[:, p].T for grip, p in zip(grips, parts, strict=True)])
-        schur = np.linalg.pinv(g_rows @ image, rcond=1e-10)
-        z = np.concatenate([self._forces[i][grip.near] for i, grip in zip(index, grips, strict=True)])
-        z, _ = project(z, normals, mu)
-        y = np.concatenate([self._scaled[i][grip.near] for i, grip in zip(index, grips, strict=True)])
-        size = max(float(np.linalg.norm(target)), 1e-12)
-        move = np.zeros(6)
-        for iteration in range(1, MAX_ITERATIONS + 1):
-            rhs = rho * (z - y).reshape(-1) - b
-            free = np.concatenate([grip.inverse @ rhs[p] for grip, p in zip(grips, parts, strict=True)])
-            move = schur @ (target - g_rows @ free)
-            force = (free + image @ move).reshape(-1, 3)
-            v = RELAXATION * force + (1.0 - RELAXATION) * z + y
-            new, _ = project(v, normals, mu)
-            y = v - new
-            change = float(np.abs(new - z).max()) + float(np.abs(force - new).max())
-            z = new
-            if iteration % 10:
-                continue
-            shift, turn = float(np.linalg.norm(move[:3])), float(np.linalg.norm(move[3:])) / lever
-            if iteration > 200 and (shift > LOST or turn > TURNED):
-                return None
-            short = float(np.linalg.norm(g_rows @ z.reshape(-1) - target)) / size
-            if short <= TOLERANCE and change <= TOLERANCE * max(float(np.abs(z).max()), 1e-300):
-                break
-        shift, turn = float(np.linalg.norm(move[:3])), float(np.linalg.norm(move[3:])) / lever
-        short = float(np.linalg.norm(g_rows @ z.reshape(-1) - target)) / size
-        if short > 100.0 * TOLERANCE or shift > LOST or turn > TURNED:
+        forces, scaled = ([kept[i][g.near] for i, g in zip(index, grips, strict=True)]
+                          for kept in (self._forces, self._scaled))  # fmt: skip
+        found = balance(grips, forces, scaled, wanted, self._rho)
+        if found is None:
             return None
-        w = np.concatenate([g.matrix @ z.reshape(-1)[p] for g, p in zip(grips, parts, strict=True)])
-        w = (w + b - g_rows.T @ move).reshape(-1, 3)
-        residual = natural_residual(z, w, normals, mu, 1.0 / rho)
-        for i, grip, p in zip(index, grips, parts, strict=True):
+        for i, grip, ended, shift in zip(index, grips, found.scaled, found.shifts, strict=True):
             self._scaled[i] = np.zeros_like(self.fingers[i].points)
-            self._scaled[i][grip.near] = y.reshape(-1)[p].reshape(-1, 3)
-            grip.offset += (-g_rows.T @ move)[p].reshape(-1, 3)
-        return [z.reshape(-1)[p].reshape(-1, 3) for p in parts], move * scale, residual, iteration
+            self._scaled[i][grip.near] = ended
+            grip.offset += shift
+        return found.forces, found.move, found.residual, found.iterations
 
-    def _carried(self, grips: Sequence[_Grip | None]) -> tuple[list[Array], Array, float, int]:
+    def _carried(self, grips: Sequence[Grip | None]) -> tuple[list[Array], Array, float, int]:
         """Forces with the object on its animated path: what friction can carry."""
         forces, residual, iterations = [], 0.0, 0
         self._scaled = [np.zeros_like(f.points) for f in self.fingers]
@@ -371,7 +234,7 @@ class HeldObject:
         return forces, np.zeros(6), residual, iterations
 
     def _finish(
-        self, grips: Sequence[_Grip | None], step: tuple[list[Array], Array, float, int],
+        self, grips: Sequence[Grip | None], step: tuple[list[Array], Array, float, int],
         reaches: Sequence[Reach | None], wanted: Array, pose: Array, holds: bool,
     ) -> HeldStep:  # fmt: skip
         """Sum the forces up and move the anchors to where the nodes are now."""

@@ -7,20 +7,23 @@ method on the nodes that may touch, a float64 check against the whole compliance
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
 from .admm import State, iterate
 from .bodies import ContactBody, ContactFrame, contact_frame
 from .candidates import CandidateInverse
+from .compliance import Compliance, Linear, ends
 from .cone import OPEN, STICK, along, assess
 from .history import ContactHistory
+from .path_step import PathStep
 from .solve import Solution, solve, status_of
 from .triangles import Array
+
+__all__ = ["BONE", "DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
 
 TOLERANCE = 3e-5
 # The check that a frame must pass, as a multiple of the tolerance of its iteration.
@@ -45,50 +48,6 @@ BONE = np.array([0.0, 0.0, 0.006])
 _STATE = (
     "_force", "_y", "_last", "_image", "_shift", "_step", "_bodies", "_at_rest", "_frames",
 )  # fmt: skip
-
-
-class Compliance(Protocol):
-    """A skin whose displacement under force is C f plus an offset that may depend on the state."""
-
-    @property
-    def compliance(self) -> Array:
-        """C [m/N], symmetric positive definite, shape (3 m, 3 m)."""
-        ...
-
-    def offset(self, force: Array) -> Array | float:
-        """Return the displacement beyond C f at the last forces [N], shape (m, 3); 0 where skin is linear."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class Linear:
-    """Linear skin as a `Compliance`: no offset."""
-
-    compliance: Array
-
-    def offset(self, force: Array) -> Array | float:
-        """Return zero: all displacement is C f."""
-        return 0.0
-
-
-@dataclass(frozen=True)
-class PathStep:
-    """One frame of a path.
-
-    Attributes:
-        solution: forces and residuals of all nodes.
-        displacement: of the nodes [m], shape (m, 3).
-        frame: the gaps it was solved for, or None where nothing was near.
-        work: 'solved', 'unchanged' (forces still obey the laws), 'same' (same pose, same history) or 'idle'
-            (nothing near).
-        from_rest: there was no history: the first frame, or a jump.
-    """
-
-    solution: Solution
-    displacement: Array
-    frame: ContactFrame | None
-    work: str
-    from_rest: bool
 
 
 class PathSolver:
@@ -129,7 +88,7 @@ class PathSolver:
             raise DermisError("the compliance does not fit the nodes", where=name, value=c.shape,
                               limit=f"({3 * m}, {3 * m})")  # fmt: skip
         self._c = c
-        low, high = _ends(c, name)
+        low, high = ends(c, name)
         self._rho = float(np.sqrt(low * high))
         extent = np.sort(np.ptp(self.points, axis=0))
         self._spacing = float(np.sqrt(max(extent[-1] * extent[-2], 1e-12) / m))
@@ -397,25 +356,4 @@ def _less(gap: Array, frame: ContactFrame) -> Array:
     """Return how far deformation opened the gaps of a frame [m], 0 where nothing is near, shape (m,)."""
     out = np.zeros_like(gap)
     np.subtract(gap, frame.gap, out=out, where=frame.body >= 0)
-    return out
-
-
-def _ends(matrix: NDArray[np.float64], name: str) -> tuple[float, float]:
-    """Smallest and largest eigenvalue to a few per cent, by iterating with the Cholesky factor."""
-    from scipy.linalg import cho_solve
-    from scipy.linalg.lapack import dpotrf
-
-    factor, info = dpotrf(matrix, lower=1)
-    if info != 0:
-        raise DermisError("the compliance is not positive definite", where=name)
-    low: Array = np.asarray(np.random.default_rng(0).normal(size=matrix.shape[:1]), dtype=np.float64)
-    high = low
-    for _ in range(20):
-        high = _unit(matrix @ high)
-        low = _unit(cho_solve((factor, True), low, check_finite=False))
-    return float(low @ matrix @ low), float(high @ matrix @ high)
-
-
-def _unit(vector: Array) -> Array:
-    out: Array = vector / np.linalg.norm(vector)
     return out

@@ -21,72 +21,25 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
 from ..motion import rotations
-from ..scene import Chunk, Mesh, TactileScene
+from ..scene import Chunk, TactileScene
 from ..skin.model import SkinModel
 from .bodies import AWAY, ContactBody
 from .cone import SLIP, STICK
+from .felt import SkinTouch
 from .held_body import HeldBody, may_be_held, rigid
 from .held_object import HeldStep, HoldingFinger, Reach
 from .path import PathSolver
 from .posed import PosedBody
 from .sampled import SampledTouch
+from .stretch import Stretch
 from .yielding import Yielded, Yielding
+
+__all__ = ["SkinSampler", "SkinTouch"]
 
 Array = NDArray[np.float64]
 
 FRICTION = 0.6  # of a body that does not say
 _NOTHING = (0.0, 0.0, 0.0, 0.0, 0, 0)
-# Stands for the surface of a deforming body in samples that no finger needs it in.
-_NO_MESH = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
-
-
-@dataclass(frozen=True, eq=False)
-class SkinTouch:
-    """What one finger's skin felt over a scene.
-
-    Attributes:
-        model: the skin.
-        times, frames: of the samples, shape (n,).
-        contact: samples in which the skin touches, rising, shape (k,).
-        force: on the pad nodes in the finger's frame in those samples [N], shape (k, m, 3), float32.
-        normal_force, tangential_force: total over the pad [N], shape (n,).
-        depth: how deep the undeformed skin is in an object, 0 without contact [m], shape (n,).
-        lift: how far the bone gave way (compliant touch depth) [m], shape (n,).
-        sticking, slipping: number of nodes, shape (n,).
-        findings: what did not converge and what was too deep.
-        skipped: what was not computed, by name.
-    """
-
-    model: SkinModel
-    times: Array
-    frames: Array
-    contact: NDArray[np.intp]
-    force: NDArray[np.float32]
-    normal_force: Array
-    tangential_force: Array
-    depth: Array
-    lift: Array
-    sticking: NDArray[np.int32]
-    slipping: NDArray[np.int32]
-    findings: tuple[Finding, ...]
-    skipped: Mapping[str, int]
-
-    def force_at(self, sample: int) -> Array:
-        """Return the forces of one sample [N], shape (m, 3); zeros without contact."""
-        at = int(np.searchsorted(self.contact, sample))
-        if at < len(self.contact) and self.contact[at] == sample:
-            return self.force[at].astype(np.float64)
-        return np.zeros((self.model.pad_count, 3))
-
-
-@dataclass(frozen=True, eq=False)
-class _Stretch:
-    """Consecutive samples after the broad phase: who is near whom, and the fingers' rigid poses in the world."""
-
-    chunk: Chunk
-    near: Mapping[int, Mapping[int, NDArray[np.bool_]]]  # finger -> body -> in which samples
-    turn: Mapping[int, Array]
-    place: Mapping[int, Array]
 
 
 @dataclass
@@ -124,7 +77,7 @@ class SkinSampler:
         self._skipped = dict.fromkeys(self._skins, 0)
         self._extents = {f: (s.positions.min(axis=0), s.positions.max(axis=0)) for f, s in self._skins.items()}
         self._waits = False
-        self._kept: list[_Stretch] = []
+        self._kept: list[Stretch] = []
         self._held_findings: tuple[Finding, ...] = ()
 
     def solver(self, finger: int) -> PathSolver:
@@ -142,7 +95,7 @@ class SkinSampler:
         self._times.append(chunk.times)
         self._waits = self._waits or self._near_what_may_be_held(stretch)
         if self._waits:
-            self._kept.append(_lighter(stretch))
+            self._kept.append(stretch.lighter())
             return
         for f in self._skins:
             if not stretch.near[f]:
@@ -201,7 +154,7 @@ class SkinSampler:
 
     # -- one sample ----------------------------------------------------------------------------------------------
 
-    def _advance(self, f: int, stretch: _Stretch, i: int) -> None:
+    def _advance(self, f: int, stretch: Stretch, i: int) -> None:
         """Solve one finger at a sample by itself."""
         path, record = self._yielding[f], self._records[f]
         if not any(inside[i] for inside in stretch.near[f].values()):
@@ -210,7 +163,7 @@ class SkinSampler:
             return
         self._record(record, path.step(self._around(f, stretch, i), float(stretch.chunk.frames[i])))
 
-    def _advance_held(self, bodies: Sequence[HeldBody], stretch: _Stretch, i: int, sample: int) -> set[int]:
+    def _advance_held(self, bodies: Sequence[HeldBody], stretch: Stretch, i: int, sample: int) -> set[int]:
         """Balance what is held at a sample; return the fingers that this solved."""
         solved: set[int] = set()
         for body in bodies:
@@ -234,7 +187,7 @@ class SkinSampler:
         return solved
 
     def _balance(
-        self, body: HeldBody, fingers: Sequence[int], stretch: _Stretch, i: int, sample: int
+        self, body: HeldBody, fingers: Sequence[int], stretch: Stretch, i: int, sample: int
     ) -> tuple[HeldStep | None, list[float]]:
         """Balance one body; also return how far the force limits lift the bones."""
         b, frame = body.index, float(stretch.chunk.frames[i])
@@ -278,14 +231,14 @@ class SkinSampler:
             )
         )
 
-    def _around(self, f: int, stretch: _Stretch, i: int) -> list[ContactBody]:
+    def _around(self, f: int, stretch: Stretch, i: int) -> list[ContactBody]:
         """Return the bodies that a finger has ever been near, in an order that never changes."""
         turn, place, near = stretch.turn[f][i], stretch.place[f][i], stretch.near[f]
         return [
             self._posed(b, stretch.chunk, i, turn, place) if b in near and near[b][i] else AWAY for b in self._near[f]
         ]
 
-    def _broad_phase(self, chunk: Chunk) -> _Stretch:
+    def _broad_phase(self, chunk: Chunk) -> Stretch:
         """Find the bodies whose boxes come within reach of each fingertip's, and in which samples."""
         found, turns, places = {}, {}, {}
         for f in self._skins:
@@ -304,9 +257,9 @@ class SkinSampler:
             # only ever grows, so that a body keeps its index in the solver's memory
             self._near[f] += [b for b in near if b not in self._near[f]]
             found[f], turns[f], places[f] = near, turn, place
-        return _Stretch(chunk, found, turns, places)
+        return Stretch(chunk, found, turns, places)
 
-    def _near_what_may_be_held(self, stretch: _Stretch) -> bool:
+    def _near_what_may_be_held(self, stretch: Stretch) -> bool:
         close = {b for near in stretch.near.values() for b in near}
         return any(may_be_held(self._scene, b, stretch.chunk) for b in close)
 
@@ -355,21 +308,6 @@ class SkinSampler:
             findings=tuple(path.solver.findings) + tuple(path.findings) + (self._held_findings if first else ()),
             skipped={name: count for name, count in skipped.items() if count},
         )
-
-
-def _lighter(stretch: _Stretch) -> _Stretch:
-    """Return samples without the surfaces that no finger is near, so that they may be kept."""
-    chunk = stretch.chunk
-    needed = {
-        b: np.logical_or.reduce([near[b] for near in stretch.near.values() if b in near])
-        for b in chunk.surfaces
-        if any(b in near for near in stretch.near.values())
-    }
-    surfaces = {
-        b: tuple(m if used else _NO_MESH for m, used in zip(chunk.surfaces[b], inside, strict=True))
-        for b, inside in needed.items()
-    }
-    return replace(stretch, chunk=replace(chunk, surfaces=surfaces, screens=chunk.screens[:0]))
 
 
 def _value(parameters: Mapping[str, Any], chunk: Chunk, b: int, i: int, name: str, default: float) -> float:

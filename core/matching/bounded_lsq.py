@@ -12,12 +12,15 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
+from .bounded_solution import BoundedSolution
+
+__all__ = ["BoundedLeastSquares", "BoundedSolution", "bounded_least_squares"]
 
 Array = NDArray[np.float64]
 
@@ -30,42 +33,6 @@ MAX_CONDITION = 1e4  # of the free variables' H, for its inverse to be used inst
 PROXIMAL_WEIGHT = 1e-7  # of the mean diagonal: makes a singular H definite; removed again by proximal steps
 MAX_PROXIMAL_STEPS = 200
 PROXIMAL_TOLERANCE = 1e-13
-
-
-class BoundedSolution(NamedTuple):
-    """A solution with what is needed to verify it.
-
-    Attributes:
-        x: the minimiser, shape (n,).
-        gradient: Hx - c, shape (n,).
-        status: -1 at the lower bound, 0 free, +1 at the upper bound, shape (n,), int8.
-        pivots: how often the guess of the active bounds was changed.
-        converged: False where the pivots ran out; x is then feasible but not optimal.
-        scale: what a gradient is compared with, max |c| + max |H| max |x|.
-    """
-
-    x: Array
-    gradient: Array
-    status: NDArray[np.int8]
-    pivots: int
-    converged: bool
-    scale: float
-
-    def optimality(self, low: Any, high: Any) -> float:
-        """Return the KKT residual relative to the problem's scale: 0 at an exact minimum.
-
-        It is the largest of: gradient of free variables, gradient of the wrong sign at a bound, and bound violation.
-        A variable counts as free where it lies strictly between its bounds, whatever `status` says.
-        """
-        x, g = self.x, self.gradient
-        low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
-        # below its upper bound a variable may not want to rise, above its lower one it may not want to fall
-        rise = float(((x < high) * g).min(initial=0.0))
-        fall = float(((x > low) * g).max(initial=0.0))
-        violation = max(float((low - x).max(initial=0.0)), float((x - high).max(initial=0.0)))
-        if violation:
-            violation /= max(float(np.abs(low).max(initial=0.0)), float(np.abs(high).max(initial=0.0)), 1e-300)
-        return max(max(-rise, fall) / max(self.scale, 1e-300), violation)
 
 
 @dataclass(slots=True)

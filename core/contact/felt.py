@@ -1,0 +1,52 @@
+"""What one finger's skin felt over a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Finding
+from ..skin.model import SkinModel
+from .triangles import Array
+
+
+@dataclass(frozen=True, eq=False)
+class SkinTouch:
+    """What one finger's skin felt over a scene.
+
+    Attributes:
+        model: the skin.
+        times, frames: of the samples, shape (n,).
+        contact: samples in which the skin touches, rising, shape (k,).
+        force: on the pad nodes in the finger's frame in those samples [N], shape (k, m, 3), float32.
+        normal_force, tangential_force: total over the pad [N], shape (n,).
+        depth: how deep the undeformed skin is in an object, 0 without contact [m], shape (n,).
+        lift: how far the bone gave way (compliant touch depth) [m], shape (n,).
+        sticking, slipping: number of nodes, shape (n,).
+        findings: what did not converge and what was too deep.
+        skipped: what was not computed, by name.
+    """
+
+    model: SkinModel
+    times: Array
+    frames: Array
+    contact: NDArray[np.intp]
+    force: NDArray[np.float32]
+    normal_force: Array
+    tangential_force: Array
+    depth: Array
+    lift: Array
+    sticking: NDArray[np.int32]
+    slipping: NDArray[np.int32]
+    findings: tuple[Finding, ...]
+    skipped: Mapping[str, int]
+
+    def force_at(self, sample: int) -> Array:
+        """Return the forces of one sample [N], shape (m, 3); zeros without contact."""
+        at = int(np.searchsorted(self.contact, sample))
+        if at < len(self.contact) and self.contact[at] == sample:
+            return self.force[at].astype(np.float64)
+        return np.zeros((self.model.pad_count, 3))

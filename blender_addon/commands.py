@@ -45,18 +45,55 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def render(options: argparse.Namespace) -> int:
-    """Render a file's scene and write one CSV per finger and device."""
-    outputs = import_module(".outputs", core.__name__)
+    """Render a file's scene, or all of them, and write one file per finger, device and part."""
     scene = _open(options)
+    if not options.all_scenes:
+        return _render(options, scene, Path(options.out))
+    names = [s.name for s in bpy.data.scenes if any(o.dermis.role == "FINGER" for o in s.objects)]
+    if not names:
+        raise DermisError("no scene has a finger", where=options.blend, remedy="Make an object a finger")
+    folders: dict[str, str] = {}
+    for name in names:
+        folder = bpy.path.clean_name(name)
+        folders[name] = folder if folder not in folders.values() else f"{folder}-{len(folders)}"
+    return max(_render(options, bpy.data.scenes[name], Path(options.out) / folder) for name, folder in folders.items())
+
+
+def _render(options: argparse.Namespace, scene: bpy.types.Scene, folder: Path) -> int:
+    outputs = import_module(".outputs", core.__name__)
     made = jobs.drain(jobs.bake(scene, _library(options), span=_span(options)), _teller(options))
     _end_of_progress(options)
-    written = outputs.export(made, Path(options.out), plots=options.plots)
+    if options.format or options.finger or options.part != "all":
+        written, found = _parts(options, scene, made, folder)
+    else:
+        written, found = list(outputs.export(made, folder, plots=options.plots)), []
     if options.maps:
         now = sampling.sample_now(scene, bpy.context.evaluated_depsgraph_get())
-        written += outputs.export_screen_maps(now, _library(options), Path(options.out))
+        written += outputs.export_screen_maps(now, _library(options), folder)
     for path in written:
         print(path)
-    return _status(made.all_findings)
+    return _status((*made.all_findings, *found))
+
+
+def _parts(
+    options: argparse.Namespace, scene: bpy.types.Scene, made: Any, folder: Path
+) -> tuple[list[Path], list[Any]]:
+    from . import export_ranges, results
+
+    span = _span(options) or sampling.frame_range(scene)
+    result = results.Result(made, float(sampling.frames_per_second(scene)), float(span[0]), -1, ())
+    active = scene.objects.get(options.finger) if options.finger else scene.view_layers[0].objects.active
+    if options.finger and active is None:
+        raise DermisError("no such finger", where=scene.name, value=options.finger,
+                          limit=", ".join(dict.fromkeys(o.finger for o in made.outputs)))  # fmt: skip
+    written: list[Path] = []
+    found: list[Any] = []
+    for form in options.format or ["csv"]:
+        paths, more = export_ranges.write(scene, result, folder, form, options.part.upper(), active=active,
+                                          finger=options.finger or None, force=options.force)  # fmt: skip
+        written += paths
+        found += more
+    return written, found
 
 
 def sample(options: argparse.Namespace) -> int:
@@ -86,6 +123,14 @@ def _parser() -> argparse.ArgumentParser:
     one = commands.add_parser("render", parents=[shared], help="write a CSV track per finger and device")
     one.add_argument("--out", required=True, metavar="DIR", help="folder for the tracks; it is made if missing")
     one.add_argument("--plots", action="store_true", help="write a PNG plot beside each track")
+    one.add_argument("--format", action="append", default=[], choices=("csv", "json", "binary", "c"),
+                     help="write this format instead of CSV; more than once")  # fmt: skip
+    one.add_argument("--part", default="all", choices=("all", "preview", "markers", "action"),
+                     help="the preview range, a file from each marker to the next, or the frames of an action: "
+                          "the finger's, or else the active object's")  # fmt: skip
+    one.add_argument("--finger", default="", metavar="NAME", help="this finger only")
+    one.add_argument("--all-scenes", action="store_true", help="every scene with a finger, a folder each")
+    one.add_argument("--force", action="store_true", help="write tracks with errors as they are, with a note inside")
     one.add_argument("--maps", action="store_true", help="also write the maps of touch screens, for real fingers")
     one.add_argument(
         "--presets", metavar="DIR", type=Path, help="folder of your own presets, instead of the extension's"

@@ -2,11 +2,11 @@
 
 import bpy
 
-from . import add, bake, design, devices, export, housekeeping, pins, roles, skin, stream, thimble
+from . import add, bake, design, devices, export, housekeeping, pins, roles, skin, stream, thimble, tracks
 
 CLASSES: tuple[type, ...] = (
     *add.CLASSES, *roles.CLASSES, *devices.CLASSES, *bake.CLASSES, *export.CLASSES, *housekeeping.CLASSES,
-    *skin.CLASSES, *pins.CLASSES, *stream.CLASSES, *thimble.CLASSES, *design.CLASSES,
+    *skin.CLASSES, *pins.CLASSES, *stream.CLASSES, *tracks.CLASSES, *thimble.CLASSES, *design.CLASSES,
 )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Packets of the native protocol, version 1: framing, check sum, bodies. PROTOCOL.md is their specification."""
+"""Packets of the native protocol, version 1: framing, check sum, bodies. presets/streaming.md specifies them."""
 
 from __future__ import annotations
 

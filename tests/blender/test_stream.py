@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 import blender_addon
-from blender_addon import handlers, live, overlay, results, streaming, streaming_calibration
-from blender_addon.operators import stream as operators
+from blender_addon import export_ranges, handlers, live, overlay, results, streaming, streaming_calibration
 from blender_addon.preferences import core_module
 
 from .build import finger
@@ -249,7 +248,7 @@ def test_markers_end_where_the_next_begins(scene: Any) -> None:
     scene.timeline_markers.new("b", frame=20)
     scene.timeline_markers.new("a", frame=5)
     scene.timeline_markers.new("b", frame=30)
-    assert operators.ranges(scene, results.current(scene), "MARKERS", None) == [
+    assert export_ranges.ranges(scene, results.current(scene), "MARKERS", None) == [
         ("a", 5.0, 20.0), ("b", 20.0, 30.0), ("b-2", 30.0, 49.0)
     ]  # fmt: skip
 

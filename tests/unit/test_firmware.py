@@ -304,3 +304,27 @@ def test_a_board_with_another_number_of_channels_is_named(native: Board) -> None
     sender = Sender(native, Wire.of(few))
     sender.run(0.1)
     assert "it has 8 channels" in sender.adapter.fault
+
+
+@pytest.mark.parametrize("count", [1, 2, 6])
+def test_as_many_channels_as_the_device_has(count: int, runner: Path, tmp_path: Path) -> None:
+    """Fewer than eight: a pulse each 20 ms all the same, and the handshake accepts a preset with as many."""
+    wire = Wire.of(DeviceSpec("few", "Few", "t", 50.0, SERVOS.spec.channels[:count]))
+    board = Board(runner, build(tmp_path, f"-DDERMIS_CHANNELS={count}"))
+    try:
+        sender = Sender(board, wire)
+        sender.arm()
+        wanted = np.linspace(-0.9, 0.9, count)
+        sender.command(wanted)
+        sender.run(0.05)
+        board.pulses.clear()
+        sender.run(0.2)
+        assert {c for c, _, _ in board.pulses} == set(range(count))
+        for channel in range(count):
+            mine = [(start, width) for c, start, width in board.pulses if c == channel]
+            assert all(abs(width - wanted_us(wanted)[channel]) <= 1.0 for _, width in mine)
+            steps = np.diff([start for start, _ in mine])
+            assert np.abs(steps - 0.02).max() <= 20e-6, "40000 ticks less the remainder of a division by the channels"
+    finally:
+        board.process.kill()
+        board.process.wait()

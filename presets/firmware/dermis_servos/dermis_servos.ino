@@ -1,9 +1,9 @@
 /* Dermis: eight hobby servos on an Arduino Uno (or any board with an ATmega328P at 16 MHz).
 
-   Speaks the native protocol, version 1 (core/stream/PROTOCOL.md), at 115200 baud. Built with
+   Speaks the native protocol, version 1 (presets/streaming.md), at 115200 baud. Built with
    -DDERMIS_SERVO_ANIMATION it receives Blender Servo Animation's live mode instead, positions in microseconds.
 
-   Pins 2 to 9 are channels 0 to 7; wiring in README.md beside this folder. A pulse is 1000 us for count 0 and 2000 us
+   Pins 2 to 9 are channels 0 to 7; wiring in README.md beside this file. A pulse is 1000 us for count 0 and 2000 us
    for count 65535. No pulse leaves the board before it has been armed. When nothing valid has arrived for as long as
    the sender asked for (70 ms, if it says nothing else), the board goes to its safe state by itself.
 
@@ -13,12 +13,16 @@
 #include <avr/interrupt.h>
 #include <avr/pgmspace.h>
 
-static const uint8_t CHANNELS = 8;
+#ifndef DERMIS_CHANNELS
+#define DERMIS_CHANNELS 8 /* as many as your device preset drives, 1 to 8 */
+#endif
+
+static const uint8_t CHANNELS = DERMIS_CHANNELS;
 static const uint8_t FIRST_PIN = 2;
 static const uint8_t QUEUE = 8;
 static const uint16_t SHORTEST = 2000; /* timer ticks of 0.5 us: 1000 us */
 static const uint16_t SPAN = 2000;     /* 1000 us more */
-static const uint16_t SLOT = 5000;     /* 2.5 ms a channel, 20 ms for all */
+static const uint16_t SLOT = 40000u / CHANNELS; /* 2.5 ms a channel for eight of them, 20 ms for all */
 static const uint16_t EARLY = 50;      /* ticks: the interrupt comes early and then waits, so that no other delays it */
 
 enum State : uint8_t { IDLE, CONFIGURED, ARMED, SAFE };

@@ -1,0 +1,96 @@
+"""Tracks from files, and into files of other formats: whole, or parts of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, StringProperty
+
+from .. import export_ranges, reporting, results, streaming_tracks
+from ..preferences import core_module
+from .stream import File
+
+
+class DERMIS_OT_load_track(File, bpy.types.Operator):
+    """Read a command track from a file: it drives the twin, and can be streamed"""
+
+    bl_idname = "dermis.load_track"
+    bl_label = "Load Track"
+
+    filter_glob: StringProperty(default="*.csv;*.json;*.dtrack", options={"HIDDEN"})  # type: ignore[valid-type]
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Read and check it."""
+        settings = context.scene.dermis_stream
+        before, settings.track_file = settings.track_file, self.filepath
+        try:
+            track = streaming_tracks.load_file(context.scene)
+        except core_module("errors").DermisError:
+            settings.track_file = before
+            raise
+        reporting.show(core_module("formats.check").findings_of(track), f"Track {Path(self.filepath).name}")
+        return f"{track.spec.name}: {len(track.times):,} samples, {track.duration:.2f} s"
+
+
+class DERMIS_OT_export_as(bpy.types.Operator):
+    """Write baked tracks in another format, or parts of them. Tracks with errors are refused unless forced"""
+
+    bl_idname = "dermis.export_as"
+    bl_label = "Export As"
+    bl_options = {"REGISTER"}
+
+    form: EnumProperty(  # type: ignore[valid-type]
+        name="Format",
+        items=(("csv", "CSV", "Version 1"), ("json", "JSON", "Every float exactly"),
+               ("binary", "Compact Binary", "Four bytes a value, with a check sum"),
+               ("c", "C Header", "With a player loop for a microcontroller")),
+        default="json",
+    )  # fmt: skip
+    span: EnumProperty(  # type: ignore[valid-type]
+        name="Range",
+        items=(("ALL", "Whole Bake", "Everything that was baked"), ("PREVIEW", "Preview Range", "The preview range"),
+               ("MARKERS", "Markers", "One file from each marker to the next"),
+               ("ACTION", "Action", "The frames of the active object's action")),
+        default="ALL",
+    )  # fmt: skip
+    active_only: BoolProperty(name="Active Finger Only", default=False)  # type: ignore[valid-type]
+    all_scenes: BoolProperty(name="All Baked Scenes", default=False)  # type: ignore[valid-type]
+    force: BoolProperty(name="Force", description="Write tracks with errors as they are", default=False)  # type: ignore[valid-type]
+    directory: StringProperty(subtype="DIR_PATH")  # type: ignore[valid-type]
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for the folder."""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Write the files."""
+        errors = core_module("errors")
+        folder = Path(bpy.path.abspath(self.directory))
+        finger = (context.object.name if context.object is not None else "") if self.active_only else None
+        written: list[Path] = []
+        found: list[Any] = []
+        try:
+            scenes = [s for s in bpy.data.scenes if results.current(s)] if self.all_scenes else [context.scene]
+            for scene in scenes:
+                result = results.current(scene)
+                if result is None:
+                    raise errors.DermisError("nothing has been baked", where=scene.name, remedy="Bake first")
+                paths, more = export_ranges.write(
+                    scene, result, folder, self.form, self.span, active=context.object, finger=finger,
+                    prefix=scene.name if self.all_scenes else "", force=self.force,
+                )  # fmt: skip
+                written += paths
+                found += more
+            if not written:
+                raise errors.DermisError("no track to export", remedy="Select a finger, or export all of them")
+        except errors.DermisError as error:
+            return reporting.report_error(self, error, "Export")
+        text = f"Wrote {len(written)} file{'' if len(written) == 1 else 's'} to {folder}"
+        reporting.report_findings(self, found, "Export", text)
+        return {"FINISHED"}
+
+
+CLASSES: tuple[type, ...] = (DERMIS_OT_load_track, DERMIS_OT_export_as)

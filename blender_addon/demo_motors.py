@@ -43,6 +43,7 @@ def build(which: str, device: str = DEVICE, seed: int = 0) -> bpy.types.Scene:
     touch = interactions.interaction(which, model.positions, seed=seed)
     scene.frame_start, scene.frame_end = touch.frame_range
     scene.dermis.sample_rate = interactions.RATE
+    scene.dermis_design.device = device
     mesh = interactions.slab()
     shape = bpy.data.meshes.new("Surface")
     shape.from_pydata(mesh.vertices.tolist(), [], mesh.triangles.tolist())

@@ -87,13 +87,13 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         if not own.touches:
             paragraph(layout, context, "Which touches shall a device render with as few motors as possible?")
         else:
-            layout.template_list("DERMIS_UL_design_touches", "", own, "touches", own, "active_touch",
-                                 rows=max(2, min(len(own.touches), 6)))  # fmt: skip
+            row = layout.row()
+            row.template_list("DERMIS_UL_design_touches", "", own, "touches", own, "active_touch",
+                              rows=max(2, min(len(own.touches), 6)))  # fmt: skip
+            row.operator("dermis.remove_design_touch", text="", icon="REMOVE")
         row = layout.row(align=True)
-        row.operator("dermis.add_design_touch", text="This Scene", icon="ADD").kind = "SCENE"
-        row.operator("dermis.add_design_touch", text="All Baked", icon="SCENE_DATA").kind = "BAKED"
-        row.operator("dermis.add_design_touch", text="Recording", icon="FILE").kind = "FILE"
-        row.operator("dermis.remove_design_touch", text="", icon="REMOVE")
+        for kind, text in (("SCENE", "This Scene"), ("BAKED", "All Baked"), ("FILE", "Recording")):
+            row.operator("dermis.add_design_touch", text=text).kind = kind
         column = layout.column()
         column.use_property_split, column.use_property_decorate = True, False
         column.prop(own, "device")
@@ -119,7 +119,7 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
             grid.label(text=text)
         for text in ("error +%", *(f"{p:.0f}" for p in reduction.mean_percent)):
             grid.label(text=text)
-        for text in ("explains %", *(f"{100 * p:.1f}" for p in reduction.components.explained)):
+        for text in ("share %", *(f"{100 * p:.1f}" for p in reduction.components.explained)):
             grid.label(text=text)
         if not found.low_rank:
             paragraph(box, context, "Not of low rank: no fewer motors both stay within the rule and explain the "

@@ -157,7 +157,7 @@ def preset(found: Design, choice: Choice = "variance", motors: int | None = None
             channel["slew"] = {"value": float(fastest), "unit": "1/s", "source": why_slow}
     made = {
         **source, "schema": DEVICE_SCHEMA,
-        "name": name or f"{spec.name}, {k} motor{'s' if k > 1 else ''} for {', '.join(found.names)}"[:80],
+        "name": name or f"{spec.name.partition(' (')[0]}, {k} motor{'s' if k > 1 else ''} for {', '.join(found.names)}"[:80],
         "channels": channels,
         "parameters": {
             **dict(spec.source["parameters"]),
@@ -250,7 +250,7 @@ def write_picture(found: Design, path: Path) -> None:
 
 
 def _draw(found: Design, canvas: Canvas, width: float, height: float) -> None:
-    left, right, top, bottom = 64.0, 20.0, 64.0, 52.0
+    left, right, top, bottom = 64.0, 20.0, 86.0, 46.0
     canvas.rectangle(0, 0, width, height, PAPER)
     n = len(found.spec.channels)
     motors = found.by("variance").motors
@@ -276,15 +276,15 @@ def _draw(found: Design, canvas: Canvas, width: float, height: float) -> None:
             canvas.text(x + step * 0.15, y(value) - 4, f"{value:.0f}", 7, INK, "middle")
         own = k + 1 == motors
         canvas.text(left + (k + 0.5) * step, base + 15, str(k + 1), 9 if own else 8, CHOSEN if own else INK, "middle")
-    canvas.line(left, y(100 * found.knee), width - right, y(100 * found.knee), CHOSEN, 1.0, 4.0)
+    canvas.line(left, y(100 * found.knee), width - right, y(100 * found.knee), CHOSEN, 1.5, 6.0)
     canvas.text(width - right, y(100 * found.knee) - 4, "rule", 7.5, CHOSEN, "end")
     canvas.line(left, base, width - right, base, INK, 1.0)
-    canvas.text(left + (width - left - right) / 2, base + 34, "motors", 8, INK, "middle")
+    canvas.text(left + (width - left - right) / 2, base + 32, "motors", 8, INK, "middle")
     for i, choice in enumerate(CHOICES):
-        x = width - right - 250 + 130 * i
-        canvas.rectangle(x, base + 26, 9, 9, BARS[choice])
-        canvas.text(x + 14, base + 34, f"by {choice}", 7.5, FAINT)
-    canvas.text(left, top - 8, "error above all motors [%]", 7.5, FAINT)
+        x = width - right - 220 + 110 * i
+        canvas.rectangle(x, 53, 9, 9, BARS[choice])
+        canvas.text(x + 14, 61, f"by {choice}", 7.5, FAINT)
+    canvas.text(left, 61, "error above all motors [%]", 7.5, FAINT)
 
 
 def kept(paths: Sequence[Path]) -> str:

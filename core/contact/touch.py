@@ -9,7 +9,6 @@ whose scale changes, and bodies that deform, get a surface per sample, but only 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,9 @@ from ..motion.vectors import turn_back
 from ..scene import Chunk, Mesh, TactileScene
 from .centre import centre_of
 from .gap import GapQuery, Surface, surface_of
-from .sampled import PairTouch, SampledTouch
+from .pair import PairRecord
+from .repairs import Repairs
+from .sampled import SampledTouch
 
 Array = NDArray[np.float64]
 
@@ -31,20 +32,6 @@ FASTEST_APPROACH = 12.0
 SAME_STRETCH = 1e-5
 # Where a finger's bone is, from the pad along +Z [m]: on that side of an open surface the finger is outside.
 BONE_HEIGHT = 0.006
-
-
-@dataclass
-class _Pair:
-    """What is known about a finger and a body so far."""
-
-    start: list[NDArray[np.intp]] = field(default_factory=list)
-    gap: list[Array] = field(default_factory=list)
-    normal: list[Array] = field(default_factory=list)
-    point: list[Array] = field(default_factory=list)
-    surface_velocity: list[Array] = field(default_factory=list)
-    relief: list[Array] = field(default_factory=list)
-    last: int = -2  # the last sample at which the gap was known
-    side: int = 1  # of an open surface
 
 
 class TouchSampler:
@@ -64,12 +51,11 @@ class TouchSampler:
         }
         self._chunks: list[Chunk] = []
         self._count = 0
-        self._pairs: dict[tuple[int, int], _Pair] = {}
+        self._pairs: dict[tuple[int, int], PairRecord] = {}
         self._stretched: dict[int, tuple[Array, Surface]] = {}
         self._previous: dict[int, tuple[float, Array, NDArray[np.int32]]] = {}
         self._centres: dict[int, list[Array]] = {}
-        self._bad: dict[tuple[str, str], list[float]] = {}
-        self._last_pose: dict[tuple[str, int], Array] = {}
+        self._repairs = Repairs()
         self._skipped = {"pair_samples_far": 0, "surfaces_far": 0}
         self._noted: dict[int, tuple[Finding, ...]] = {}
 
@@ -89,9 +75,9 @@ class TouchSampler:
         if count == 0:
             return
         names = [[item.name for item in items] for items in (scene.fingers, scene.bodies, scene.screens)]
-        fingers = self._repaired("finger", names[0], chunk.fingers, chunk.frames)
-        bodies = self._repaired("object", names[1], chunk.bodies, chunk.frames)
-        screens = self._repaired("screen", names[2], chunk.screens, chunk.frames)
+        fingers = self._repairs.poses("finger", names[0], chunk.fingers, chunk.frames)
+        bodies = self._repairs.poses("object", names[1], chunk.bodies, chunk.frames)
+        screens = self._repairs.poses("screen", names[2], chunk.screens, chunk.frames)
         for i, name in enumerate(names[0]):
             if singular(fingers[i, :, :3, :3]).any():
                 raise DermisError("a finger of scale 0 has no direction", where=f"finger '{name}'",
@@ -112,8 +98,8 @@ class TouchSampler:
         if not (np.diff(times) > 0.0).all():
             raise DermisError("the samples' times do not rise", where=f"scene '{self._scene.name}'")
         frames = np.concatenate([c.frames for c in self._chunks])
-        channels = self._channels(frames)
-        pairs = {key: self._assembled(pair) for key, pair in sorted(self._pairs.items()) if pair.start}
+        channels = self._repairs.channels(self._chunks, frames)
+        pairs = {key: pair.assembled(self._count) for key, pair in sorted(self._pairs.items()) if pair.start}
         return SampledTouch(
             frames=frames,
             times=times,
@@ -124,7 +110,7 @@ class TouchSampler:
             centres={b: np.concatenate(parts) for b, parts in self._centres.items()},
             channels=channels,
             skipped={k: v for k, v in self._skipped.items() if v},
-            findings=tuple(self._findings(frames)),
+            findings=(*self._repairs.findings(), *(f for b in sorted(self._noted) for f in self._noted[b])),
         )
 
     # -- broad phase ---------------------------------------------------------------------------------------------
@@ -181,8 +167,7 @@ class TouchSampler:
         linear = poses[wanted, :3, :3]
         flat = singular(linear)
         if flat.any():
-            key = ("zero-scale", self._scene.bodies[b].name)
-            self._bad.setdefault(key, []).extend(chunk.frames[wanted[flat]].tolist())
+            self._repairs.note("zero-scale", self._scene.bodies[b].name, chunk.frames[wanted[flat]].tolist())
             wanted, linear = wanted[~flat], linear[~flat]
             near = [(f, index[np.isin(index, wanted)]) for f, index in near]
             near = [(f, index) for f, index in near if index.size]
@@ -275,7 +260,7 @@ class TouchSampler:
             own = np.flatnonzero(known & (who == f))
             index, gap, normal = samples[own], found.gap[own], found.normal[own]
             relief = surface.smooth_normals(found.triangle[own], found.weights[own]) if f in self._relief else None
-            pair = self._pairs.setdefault((f, b), _Pair())
+            pair = self._pairs.setdefault((f, b), PairRecord())
             if not surface.closed:
                 side = self._sides(pair, surface, index, points[own], turn, fingers[f])
                 gap, normal = gap * side, normal * side[:, None]
@@ -290,7 +275,7 @@ class TouchSampler:
                 pair.relief.append(turned(turn[index], relief))
 
     def _sides(
-        self, pair: _Pair, surface: Surface, index: NDArray[np.intp], local: Array, turn: Array, finger: Array
+        self, pair: PairRecord, surface: Surface, index: NDArray[np.intp], local: Array, turn: Array, finger: Array
     ) -> Array:
         """Which side of an open surface the finger came from, +1 or -1: decided once, when it comes within reach."""
         side = np.empty(index.size)
@@ -301,78 +286,6 @@ class TouchSampler:
                 pair.side = surface.side_of(local[k] + BONE_HEIGHT * (turn[i].T @ up))
             side[k] = pair.side
         return side
-
-    def _assembled(self, pair: _Pair) -> PairTouch:
-        """Spread what is known over all samples."""
-        index = np.concatenate(pair.start)
-        gap = np.full(self._count, np.inf)
-        gap[index] = np.concatenate(pair.gap)
-        arrays = []
-        for parts in (pair.normal, pair.point, pair.surface_velocity):
-            full = np.zeros((self._count, 3))
-            full[index] = np.concatenate(parts)
-            arrays.append(full)
-        relief = np.zeros((self._count, 3)) if pair.relief else None
-        if relief is not None:
-            relief[index] = np.concatenate(pair.relief)
-        return PairTouch(gap, arrays[0], arrays[1], arrays[2] if arrays[2].any() else None, relief)
-
-    # -- repairs -------------------------------------------------------------------------------------------------
-
-    def _repaired(self, kind: str, names: list[str], poses: Array, frames: Array) -> Array:
-        """Hold the last good pose where one is not finite, and remember where that was."""
-        good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(poses), axis=(2, 3))
-        if not good.all():
-            poses = poses.copy()
-            for i in np.flatnonzero(~good.all(axis=1)):
-                self._bad.setdefault((f"not-finite {kind}", names[i]), []).extend(frames[~good[i]].tolist())
-                start = self._last_pose.get((kind, int(i)))
-                if start is None:
-                    first = np.flatnonzero(good[i])
-                    start = poses[i, first[0]] if first.size else np.eye(4)
-                last = np.maximum.accumulate(np.where(good[i], np.arange(len(frames)), -1))
-                poses[i] = np.where((last >= 0)[:, None, None], poses[i, np.maximum(last, 0)], start)
-        for i in range(len(names)):
-            if good[i].any():
-                self._last_pose[kind, i] = poses[i, -1]
-        return poses
-
-    def _channels(self, frames: Array) -> dict[str, Array]:
-        """Join the animated parameters, and hold the last good value where one is not finite."""
-        joined: dict[str, Array] = {}
-        for key in sorted({key for c in self._chunks for key in c.channels}):
-            if not all(key in c.channels for c in self._chunks):
-                raise DermisError("an animated value is missing from some of the chunks", where=key)
-            values = np.concatenate([np.asarray(c.channels[key], dtype=np.float64) for c in self._chunks])
-            if len(values) != len(frames):
-                raise DermisError("an animated value needs one number per sample", where=key, value=len(values),
-                                  limit=str(len(frames)))  # fmt: skip
-            good = np.isfinite(values)
-            if not good.any():
-                raise DermisError("an animated value is never a finite number", where=key,
-                                  remedy="Look at its keyframes and drivers")  # fmt: skip
-            if not good.all():
-                self._bad["not-finite value", key] = frames[~good].tolist()
-                last = np.maximum.accumulate(np.where(good, np.arange(len(values)), -1))
-                values = np.where(last >= 0, values[np.maximum(last, 0)], values[np.flatnonzero(good)[0]])
-            joined[key] = values
-        return joined
-
-    def _findings(self, frames: Array) -> Iterator[Finding]:
-        for (code, name), bad in sorted(self._bad.items()):
-            if code == "zero-scale":
-                yield Finding("error", code, "the object is scaled to 0 or flat, so it cannot be touched there",
-                              f"object '{name}'", limit="a scale other than 0", frame=bad[0], count=len(bad),
-                              remedy="Scale its vertices instead, or stop it being touchable")  # fmt: skip
-            else:
-                what = "pose" if not code.endswith("value") else "value"
-                where = name if what == "value" else f"{code.split()[1]} '{name}'"
-                yield Finding("error", "not-finite", f"the {what} is not a finite number; the last good one was held",
-                              where, remedy="Look at its drivers and constraints",
-                              frame=bad[0], count=len(bad))  # fmt: skip
-        for b in sorted(self._noted):
-            yield from self._noted[b]
-
 
 def _box(mesh: Mesh) -> Array:
     """Lower and upper corner of a mesh, shape (2, 3)."""

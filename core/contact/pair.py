@@ -1,0 +1,46 @@
+"""One finger and one body while a scene is swept: what is known so far, and the whole of it at the end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .sampled import PairTouch
+from .triangles import Array
+
+
+@dataclass
+class PairRecord:
+    """What is known about a finger and a body so far, in pieces as the chunks brought them.
+
+    Attributes:
+        start: samples at which the gap is known, rising.
+        gap, normal, point, surface_velocity, relief: there, as in `PairTouch`; relief only where a device asks.
+        last: the last such sample. side: of an open surface, on which the finger is, +1 or -1.
+    """
+
+    start: list[NDArray[np.intp]] = field(default_factory=list)
+    gap: list[Array] = field(default_factory=list)
+    normal: list[Array] = field(default_factory=list)
+    point: list[Array] = field(default_factory=list)
+    surface_velocity: list[Array] = field(default_factory=list)
+    relief: list[Array] = field(default_factory=list)
+    last: int = -2
+    side: int = 1
+
+    def assembled(self, count: int) -> PairTouch:
+        """Spread what is known over all samples, `count` of them."""
+        index = np.concatenate(self.start)
+        gap = np.full(count, np.inf)
+        gap[index] = np.concatenate(self.gap)
+        arrays = []
+        for parts in (self.normal, self.point, self.surface_velocity):
+            full = np.zeros((count, 3))
+            full[index] = np.concatenate(parts)
+            arrays.append(full)
+        relief = np.zeros((count, 3)) if self.relief else None
+        if relief is not None:
+            relief[index] = np.concatenate(self.relief)
+        return PairTouch(gap, arrays[0], arrays[1], arrays[2] if arrays[2].any() else None, relief)

@@ -16,6 +16,12 @@ Floats32 = NDArray[np.float32]
 
 # After so many block updates the next rebuild is due; the error of each is about 1e-6.
 MAX_UPDATES = 400
+# Nodes join the candidates when their gap is predicted to fall below these fractions of the node spacing: at once,
+# and ahead of time, a few each frame; they leave above the third.
+ENTER, PREFETCH, LEAVE = 0.05, 0.4, 1.2
+BUDGET = 4
+# More nodes than this at once are cheaper by starting over.
+REBUILD = 16
 
 
 class CandidateInverse:
@@ -47,6 +53,32 @@ class CandidateInverse:
         """Whether the members' softness [m/N], shape (m,), is no longer what was inverted, or drift is due."""
         changed = not np.array_equal(self._softness[self.members], softness[self.members])
         return changed or self.updates > MAX_UPDATES
+
+    def follow(self, gap: Array, loaded: NDArray[np.bool_], spacing: float, softness: Array) -> None:
+        """Bring the members up to date: at once for nodes that may touch, ahead of time for those that come near.
+
+        Args:
+            gap: predicted for the deformed skin [m], inf where nothing is near, shape (m,).
+            loaded: whether a node carries force, shape (m,).
+            spacing: of the nodes [m].
+            softness: of what is below each node [m/N], shape (m,).
+        """
+        needed = (gap < ENTER * spacing) | loaded
+        missing = (needed & ~self.inside).nonzero()[0]
+        if self.members.size == 0 or missing.size > REBUILD or self.stale(softness):
+            self.rebuild(np.flatnonzero(needed | (gap < PREFETCH * spacing)), softness)
+            return
+        if missing.size:
+            self.add(missing, softness)
+        else:
+            coming = ((gap < PREFETCH * spacing) & ~self.inside).nonzero()[0]
+            if coming.size:
+                self.add(coming[np.argsort(gap[coming])[:BUDGET]], softness)
+                return
+        leaves = (gap > LEAVE * spacing) & ~loaded
+        leaving = self.members[leaves[self.members]]
+        if leaving.size >= BUDGET:
+            self.remove(leaving[: 2 * BUDGET])
 
     def rebuild(self, nodes: Indices, softness: Array) -> None:
         """Start over with the given nodes; softness of all nodes [m/N], shape (m,)."""

@@ -20,6 +20,7 @@ from .cone import STICK, along
 from .gap import Surface
 from .grip import Grip, HeldStep, HoldingFinger, Reach
 from .history import ContactHistory
+from .notes import Notes
 from .plane import Plane
 from .solve import solve, status_of
 from .triangles import Array
@@ -71,7 +72,7 @@ class HeldObject:
         self.softness, self.deforms = 0.0, False
         self._inverses: dict[int, tuple[bytes, Array, Array]] = {}
         self._histories = [ContactHistory(f.points.shape[0]) for f in fingers]
-        self._findings: dict[str, Finding] = {}
+        self._notes = Notes(name)
         self._frames = 0
         self.reset()
 
@@ -91,7 +92,7 @@ class HeldObject:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Frames in which the object slipped or was not touched at all."""
-        return tuple(self._findings.values())
+        return self._notes.findings()
 
     def step(
         self, pose: Array, finger_poses: Sequence[Array], acceleration: Array | None = None,
@@ -272,12 +273,8 @@ class HeldObject:
                         tuple(frames), tuple(slips))  # fmt: skip
 
     def _note(self, code: str, what: str, where: float) -> None:
-        known = self._findings.get(code)
-        if known is None:
-            remedy = "Press harder, raise the friction, make it lighter, or key when it is held"
-            self._findings[code] = Finding("warning", code, what, self.name, f"{self.mass:g} kg", "", remedy, where)
-        else:
-            self._findings[code] = replace(known, count=known.count + 1)
+        remedy = "Press harder, raise the friction, make it lighter, or key when it is held"
+        self._notes.warn(code, what, where, value=f"{self.mass:g} kg", remedy=remedy)
 
 
 def _rotation(vector: Array) -> Array:

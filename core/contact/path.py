@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
 from .admm import State, iterate
@@ -19,6 +20,7 @@ from .candidates import CandidateInverse
 from .compliance import Compliance, Linear, ends
 from .cone import OPEN, STICK, along, assess
 from .history import ContactHistory
+from .notes import Notes
 from .path_step import PathStep
 from .solve import Solution, solve, status_of
 from .triangles import Array
@@ -33,12 +35,6 @@ UNCHANGED = 1.0
 MAX_ITERATIONS = 300
 # Iterations up to which a frame counts as easy: the next may need none.
 EASY = 3
-# Nodes join the candidates when their gap is predicted to fall below these fractions of the node spacing: at once,
-# and ahead of time, a few each frame; they leave above the third.
-ENTER, PREFETCH, LEAVE = 0.05, 0.4, 1.2
-BUDGET = 4
-# More nodes than this at once are cheaper by starting over.
-REBUILD = 16
 # Slip in a frame below this [m] is rest: the same pose then needs no new solve.
 AT_REST = 1e-9
 # Depth that linear skin is still trusted at [m]: against a neo-Hookean one its stress is then off by a third.
@@ -101,7 +97,7 @@ class PathSolver:
         self.counters = dict.fromkeys(
             ("solved", "unchanged", "same", "idle", "fallback", "unconverged", "rebuilds", "updates", "deep", "held"), 0
         )
-        self._findings: dict[str, Finding] = {}
+        self._notes = Notes(name)
         self._frames = 0
         self.reset()
 
@@ -120,7 +116,7 @@ class PathSolver:
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`: a step may then be tried and taken back."""
         state = {name: getattr(self, name) for name in _STATE}
-        state.update(history=self.history.copy(), counters=dict(self.counters), _findings=dict(self._findings))
+        state.update(history=self.history.copy(), counters=dict(self.counters), _notes=self._notes.copy())
         return state
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -128,12 +124,12 @@ class PathSolver:
         for name in _STATE:
             setattr(self, name, state[name])
         self.history = state["history"].copy()
-        self.counters, self._findings = dict(state["counters"]), dict(state["_findings"])
+        self.counters, self._notes = dict(state["counters"]), state["_notes"].copy()
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What did not converge and what went too deep, with the first frame and how often."""
-        return tuple(self._findings.values())
+        return self._notes.findings()
 
     def idle(self, count: int = 1) -> PathStep:
         """Take frames in which the broad phase found nothing near: no work, and no history afterwards."""
@@ -222,7 +218,8 @@ class PathSolver:
         if residual <= UNCHANGED * self.tolerance:
             method = "admm" if start.any() else "none"
             return Solution(start, w, normal, mu, status, 0, residual, goal, method), w / -rho, image, "unchanged"
-        self._choose(frame.gap, soft)
+        loaded: NDArray[np.bool_] = self._force.any(axis=1)
+        self._candidates.follow(frame.gap + self._shift, loaded, self._spacing, soft)
         reference = start
         force, y = self._extrapolated(start, w)
         iterations = 0
@@ -271,28 +268,6 @@ class PathSolver:
                          CHECK * self.tolerance, solution.method)  # fmt: skip
         return found, w / -self._rho, image, "solved"
 
-    def _choose(self, gap: Array, soft: Array) -> None:
-        """Bring the candidates up to date: now for those that may touch, ahead of time for those that come near."""
-        predicted = gap + self._shift
-        c, h = self._candidates, self._spacing
-        loaded = self._force.any(axis=1)
-        needed = (predicted < ENTER * h) | loaded
-        missing = np.flatnonzero(needed & ~c.inside)
-        if c.members.size == 0 or missing.size > REBUILD or c.stale(soft):
-            c.rebuild(np.flatnonzero(needed | (predicted < PREFETCH * h)), soft)
-            return
-        if missing.size:
-            c.add(missing, soft)
-        else:
-            coming = np.flatnonzero((predicted < PREFETCH * h) & ~c.inside)
-            if coming.size:
-                c.add(coming[np.argsort(predicted[coming])[:BUDGET]], soft)
-                return
-        leaves = (predicted > LEAVE * h) & np.logical_not(loaded)
-        leaving = c.members[leaves[c.members]]
-        if leaving.size >= BUDGET:
-            c.remove(leaving[: 2 * BUDGET])
-
     def _extrapolated(self, force: Array, w: Array) -> tuple[Array, Array]:
         """Start where the last two frames point to; paths are smoother than their frames are long."""
         if self._last is None:
@@ -335,21 +310,15 @@ class PathSolver:
     def _report(self, solution: Solution, frame: ContactFrame, where: float) -> None:
         if not solution.converged:
             self.counters["unconverged"] += 1
-            self._note("not-converged", "warning", "contact did not converge", where, solution.residual,
-                       f"<= {solution.tolerance:g}", "Use smaller steps, or less friction")  # fmt: skip
+            self._notes.warn("not-converged", "contact did not converge", where, value=solution.residual,
+                             limit=f"<= {solution.tolerance:g}",
+                             remedy="Use smaller steps, or less friction")  # fmt: skip
         depth = -float(frame.gap.min())
         if depth > self.depth_limit:
             self.counters["deep"] += 1
-            self._note("too-deep", "warning", "the finger sinks deeper than linear skin is trusted", where,
-                       f"{1e3 * depth:.2f} mm", f"<= {1e3 * self.depth_limit:g} mm",
-                       "Raise the finger, or make its touch depth compliant")  # fmt: skip
-
-    def _note(self, code: str, severity: str, what: str, where: float, value: object, limit: str, remedy: str) -> None:
-        known = self._findings.get(code)
-        if known is None:
-            self._findings[code] = Finding(severity, code, what, self.name, value, limit, remedy, where)  # type: ignore[arg-type]
-        else:
-            self._findings[code] = replace(known, count=known.count + 1)
+            self._notes.warn("too-deep", "the finger sinks deeper than linear skin is trusted", where,
+                             value=f"{1e3 * depth:.2f} mm", limit=f"<= {1e3 * self.depth_limit:g} mm",
+                             remedy="Raise the finger, or make its touch depth compliant")  # fmt: skip
 
 
 def _less(gap: Array, frame: ContactFrame) -> Array:

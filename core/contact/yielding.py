@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..errors import DermisError, Finding
 from ..skin.model import SkinModel
 from .bodies import ContactBody, ContactFrame
+from .notes import Notes
 from .path import DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
 
 Array = NDArray[np.float64]
@@ -56,7 +57,7 @@ class Yielding:
         self.solver, self.stiffness, self.force_limit, self.name = solver, stiffness, force_limit, name
         self._raised = 0.0  # what the force limit lifts beyond the spring [m]
         self._slope = 0.0
-        self._findings: dict[str, Finding] = {}
+        self._notes = Notes(name)
 
     @classmethod
     def of(cls, skin: SkinModel, parameters: Mapping[str, Any], name: str, tolerance: float | None = None) -> Yielding:
@@ -88,7 +89,7 @@ class Yielding:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Frames whose force could not be brought to the limit, and frames too deep although the bone gave way."""
-        return tuple(self._findings.values())
+        return self._notes.findings()
 
     def idle(self, count: int = 1) -> PathStep:
         """Take frames in which nothing is near."""
@@ -112,10 +113,10 @@ class Yielding:
         """Return how far the force limit would lift the bone in the next frame [m], without taking it."""
         if not np.isfinite(self.force_limit):
             return 0.0
-        before, found = self.solver.save(), dict(self._findings)
+        before, found = self.solver.save(), self._notes.copy()
         _, raised = self._limited(bodies, frame)
         self.solver.restore(before)
-        self._findings = found
+        self._notes = found
         return raised
 
     def adopt(
@@ -131,14 +132,9 @@ class Yielding:
         depth = max(depth - spring, 0.0)
         if spring > 0 and depth > DEPTH_LIMIT:
             what = "the finger sinks deeper than linear skin is trusted"
-            self._note(
-                "too-deep",
-                what,
-                f"{1e3 * depth:.2f} mm",
-                f"<= {1e3 * DEPTH_LIMIT:g} mm",
-                "Raise the finger, or use a softer spring",
-                frame,
-            )
+            self._notes.warn("too-deep", what, frame, value=f"{1e3 * depth:.2f} mm",
+                             limit=f"<= {1e3 * DEPTH_LIMIT:g} mm",
+                             remedy="Raise the finger, or use a softer spring")  # fmt: skip
         return Yielded(step, raised + spring, depth)
 
     def _limited(self, bodies: Sequence[ContactBody], frame: float) -> tuple[PathStep, float]:
@@ -159,14 +155,9 @@ class Yielding:
             raised, step = trial, following
         else:
             what = "the bone could not give way enough to keep its force limit"
-            self._note(
-                "force-limit",
-                what,
-                f"{self._force(step):.3g} N",
-                f"{self.force_limit:g} N",
-                "Use smaller steps, or a softer spring",
-                frame,
-            )
+            self._notes.warn("force-limit", what, frame, value=f"{self._force(step):.3g} N",
+                             limit=f"{self.force_limit:g} N",
+                             remedy="Use smaller steps, or a softer spring")  # fmt: skip
         self._raised = raised
         return step, raised
 
@@ -192,13 +183,6 @@ class Yielding:
 
     def _spring(self, step: PathStep) -> float:
         return self._force(step) / self.stiffness if self.stiffness > 0 else 0.0
-
-    def _note(self, code: str, what: str, value: str, limit: str, remedy: str, frame: float) -> None:
-        known = self._findings.get(code)
-        if known is None:
-            self._findings[code] = Finding("warning", code, what, self.name, value, limit, remedy, frame)
-        else:
-            self._findings[code] = replace(known, count=known.count + 1)
 
 
 def _positive(parameters: Mapping[str, Any], name: str, default: float, unit: str, where: str) -> float:

@@ -70,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
     table = _drain(steps, options.quiet)
     if options.save_table is not None:
         table.save(options.save_table)
-        print(options.save_table)
+        print(options.save_table, file=sys.stderr)  # standard output is the report, which may be JSON
     if options.trial is not None:
         return _trial(options, table, fingertip_skin(shape, level=options.level))
     if not options.touches:

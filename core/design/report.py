@@ -157,7 +157,7 @@ def preset(found: Design, choice: Choice = "variance", motors: int | None = None
             channel["slew"] = {"value": float(fastest), "unit": "1/s", "source": why_slow}
     made = {
         **source, "schema": DEVICE_SCHEMA,
-        "name": name or f"{spec.name.partition(' (')[0]}, {k} motor{'s' if k > 1 else ''} for {', '.join(found.names)}"[:80],
+        "name": name or f"{_plain(spec.name)}, {k} motor{'s' if k > 1 else ''} for {', '.join(found.names)}"[:80],
         "channels": channels,
         "parameters": {
             **dict(spec.source["parameters"]),
@@ -170,6 +170,11 @@ def preset(found: Design, choice: Choice = "variance", motors: int | None = None
     }  # fmt: skip
     from_preset("design", made)  # a preset that cannot be read must not be written
     return made
+
+
+def _plain(name: str) -> str:
+    """Return a device's name without what stands in brackets: how many motors it has."""
+    return name.partition(" (")[0]
 
 
 def write_preset(made: Mapping[str, Any], path: Path) -> None:

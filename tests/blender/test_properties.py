@@ -16,7 +16,8 @@ DEVICE = {"use_transient", "use_texture", "use_weight", "use_content", "use_patt
           "weight_sign", "auto_range", "profile", "downhill", "scale_mode", "scale", "carrier", "direction_window",
           "threshold", "pin_method", "pin_nodes", "pin_bounded", "pin_lead", "pin_fade_in", "pin_fade_out",
           "thimble_method", "thimble_surrogate", "thimble_hover",
-          "thimble_calibrated", "thimble_felt_1", "thimble_felt_2", "thimble_felt_3", "table", "table_rows"}  # fmt: skip
+          "thimble_calibrated", "thimble_felt_1", "thimble_felt_2", "thimble_felt_3", "table",
+          "table_rows"}  # fmt: skip
 GROUPS = (properties.DermisDevice, properties.DermisFinger, properties.DermisMaterial, properties.DermisScreen,
           properties.DermisObject, properties.DermisScene)  # fmt: skip
 

@@ -8,7 +8,7 @@ back, undo) starts from rest, and the view says so. A change within a frame solv
 from __future__ import annotations
 
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,87 +16,17 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from . import handlers, results, skin_models
+from . import handlers, results, skin_baked, skin_models
 from .preferences import core_module
+from .skin_shapes import Shape, may_deform
+from .skin_state import SkinState
+
+__all__ = ["SkinState", "any_shown", "failure", "own", "states", "step"]
 
 Array = NDArray[np.float64]
 
 STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
 SETTLE = 0.05  # [s] after a change of the scene until the frame is solved anew
-
-
-@dataclass(frozen=True, eq=False)
-class SkinState:
-    """One finger's skin at one frame.
-
-    Attributes:
-        finger: the object's name.
-        model: the skin, or None while it is being made, or where it cannot be made (`note` says why).
-        force: on the pad nodes in the finger's frame [N], shape (m, 3).
-        normal_force, tangential_force: totals [N]. depth, lift: [m], see the engine's `SkinTouch`.
-        sticking, slipping: number of nodes.
-        source: 'bake', 'live', 'stale', 'earlier' or 'none'. note: what a reader should know about it.
-        work: what the contact solver did: 'solved', 'unchanged', 'same', 'idle' or 'baked'.
-        converged: whether the frame passed the solver's own check.
-        counters: what was solved and what was skipped, by name.
-    """
-
-    finger: str
-    model: Any
-    force: Array
-    normal_force: float = 0.0
-    tangential_force: float = 0.0
-    depth: float = 0.0
-    lift: float = 0.0
-    sticking: int = 0
-    slipping: int = 0
-    source: str = "none"
-    note: str = ""
-    work: str = "idle"
-    converged: bool = True
-    counters: Mapping[str, int] = field(default_factory=dict)
-
-    @property
-    def touching(self) -> bool:
-        """Whether any node carries force."""
-        return self.normal_force > 0.0
-
-
-class _Shape:
-    """The surface of a body, kept while its mesh and its scale stay."""
-
-    def __init__(self, deforms: bool) -> None:
-        self.deforms = deforms
-        self._mesh: Any = None
-        self._stretch = np.eye(3)
-        self._surface: Any = None
-        self._pose: Any = None
-        self._placed: Any = None
-        self.low, self.high = np.zeros(3), np.zeros(3)
-
-    def see(self, mesh: Any) -> None:
-        """Take the mesh of this frame."""
-        if mesh is not self._mesh:
-            self._mesh, self._surface, self._pose = mesh, None, None
-            if len(mesh.vertices):
-                self.low, self.high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-
-    def placed(self, pose: Array) -> tuple[Any, Array]:
-        """Return the surface and its rotation to the world for an object's matrix; most objects stand still."""
-        if self._pose is None or not np.array_equal(self._pose, pose):
-            rotation = core_module("motion").rotations(pose[None, :3, :3])[0]
-            self._placed = self.surface(rotation.T @ pose[:3, :3]), rotation
-            self._pose = pose.copy()
-        return self._placed
-
-    def surface(self, stretch: Array) -> Any:
-        """Return the surface after scale and shear."""
-        if self._surface is None or np.abs(stretch - self._stretch).max() > 1e-5 * np.abs(self._stretch).max():
-            plain = np.abs(stretch - np.eye(3)).max() <= 1e-5
-            surface_of = core_module("contact.gap").surface_of
-            self._surface = surface_of(self._mesh) if plain else surface_of(self._mesh, stretch)
-            self._stretch = np.eye(3) if plain else stretch
-        return self._surface
 
 
 @dataclass
@@ -120,7 +50,7 @@ class _Live:
     edits: int = -1
     cast: tuple[Any, ...] = ()
     tracks: dict[str, _Track] = field(default_factory=dict)
-    shapes: dict[str, _Shape] = field(default_factory=dict)
+    shapes: dict[str, Shape] = field(default_factory=dict)
     states: tuple[SkinState, ...] = ()
     failure: str = ""
     middles: Array = field(default_factory=lambda: np.zeros((0, 3)))  # of the bodies' boxes in the world, this frame
@@ -129,7 +59,7 @@ class _Live:
 
 _live = _Live()
 _shown: tuple[Any, ...] = ()
-_baked: tuple[Any, tuple[SkinState, ...]] = ((), ())
+_wanted: tuple[Any, ...] = ()
 
 
 def any_shown(scene: bpy.types.Scene) -> bool:
@@ -141,17 +71,28 @@ def any_shown(scene: bpy.types.Scene) -> bool:
     return bool(_shown[1])
 
 
+def any_needed(scene: bpy.types.Scene) -> bool:
+    """Tell whether any finger shows its skin or wears a thimble, which follows it; looked up once after each change."""
+    global _wanted
+    key = (scene.session_uid, handlers.edits(), len(scene.objects))
+    if not _wanted or _wanted[0] != key:
+        fingers = (o.dermis.finger for o in scene.objects if o.dermis.role == "FINGER")
+        _wanted = (key, any(f.skin.shown or _followed(d.preset for d in f.devices if d.enabled) for f in fingers))
+    return bool(_wanted[1])
+
+
 def states(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
     """Return the skins to show at the current frame, and as pins and thimbles render them; empty if unknown."""
     from . import pin_view, thimble_live
 
-    targets = own(scene)
+    fingers = ((s, scene.objects.get(s.finger)) for s in own(scene))
+    targets = tuple(s for s, obj in fingers if obj is not None and obj.dermis.finger.skin.shown)
     return (*targets, *pin_view.rendered(scene, targets), *thimble_live.rendered(scene, targets)) if targets else ()
 
 
 def own(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
-    """Return the skins at the current frame as they are touched."""
-    if not any_shown(scene):
+    """Return the skins at the current frame as they are touched, hidden ones that a thimble follows among them."""
+    if not any_needed(scene):
         return ()
     frame, state = float(scene.frame_current_final), results.state(scene)
     result = results.current(scene)
@@ -160,7 +101,7 @@ def own(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
         return _live.states
     if result is None or not baked:
         return ()
-    return _from_bake(scene, result, frame, state)
+    return skin_baked.states(scene, result, frame, state)
 
 
 def failure() -> str:
@@ -170,7 +111,7 @@ def failure() -> str:
 
 def on_frame(scene: bpy.types.Scene, sample: Any = None) -> None:
     """Take in the new frame; called after every frame change in the window."""
-    if scene != bpy.context.scene or not any_shown(scene) or not scene.dermis.live_preview:
+    if scene != bpy.context.scene or not any_needed(scene) or not scene.dermis.live_preview:
         return
     result = results.current(scene)
     if result is not None and result.bake.skins and results.state(scene) == "fresh":
@@ -207,7 +148,8 @@ def step(context: bpy.types.Context, sample: Any = None) -> tuple[SkinState, ...
         with skin_models.one_thread():
             _live.states = tuple(
                 _solve(sample, f, finger, frame, again)
-                for f, finger in enumerate(sample.fingers) if finger.parameters.get("skin_shown")
+                for f, finger in enumerate(sample.fingers)
+                if finger.parameters.get("skin_shown") or _followed(d.preset for d in finger.devices)
             )  # fmt: skip
         _live.failure = ""
     except errors.DermisError as error:
@@ -227,7 +169,7 @@ def reset() -> None:
 def refresh() -> float | None:
     """Solve the current frame anew, because something changed that no frame change told; a timer may call it."""
     scene = bpy.context.scene
-    if scene is not None and any_shown(scene) and not bpy.app.background:
+    if scene is not None and any_needed(scene) and not bpy.app.background:
         on_frame(scene)
         redraw()
     return None
@@ -245,6 +187,13 @@ def redraw() -> None:
         from . import overlay
 
         overlay.redraw()
+
+
+def _followed(presets: Iterable[str]) -> bool:
+    """Tell whether a skin is solved even where it is hidden: a thimble has a path to go on, and a trail is slow."""
+    from . import thimble_use
+
+    return any(thimble_use.spec_of(preset) is not None for preset in presets)
 
 
 def _pending() -> bool:
@@ -267,7 +216,7 @@ def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> bool:
         _live.tracks.clear()
         _live.first = frame
     if _live.cast != cast or not same:
-        _live.shapes = {name: _Shape(_may_deform(name)) for name in names}
+        _live.shapes = {name: Shape(may_deform(name)) for name in names}
     _live.generation, _live.scene, _live.cast = handlers.generation(), scene.session_uid, cast
     for b, name in enumerate(names):
         _live.shapes[name].see(sample.chunks[0].surfaces[b][0])
@@ -278,14 +227,6 @@ def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> bool:
         _live.middles = np.einsum("bij,bj->bi", linear, (lows + highs) / 2) + sample.chunks[0].bodies[:, 0, :3, 3]
         _live.halves = np.einsum("bij,bj->bi", np.abs(linear), (highs - lows) / 2)
     return again
-
-
-def _may_deform(name: str) -> bool:
-    """Tell whether an object's surface may be another at another frame: friction is then carried by its faces."""
-    obj = bpy.data.objects.get(name.split(" @ ")[0])
-    if obj is None or obj.type != "MESH":
-        return True
-    return bool(len(obj.modifiers)) or obj.data.shape_keys is not None
 
 
 def _solve(sample: Any, f: int, finger: Any, frame: float, again: bool) -> SkinState:
@@ -375,36 +316,6 @@ def _counters(track: _Track) -> dict[str, int]:
         "skipped, nothing near": c["idle"], "skipped, objects far away": track.far,
         "solved by the fallback": c["fallback"], "not converged": c["unconverged"],
     }  # fmt: skip
-
-
-def _from_bake(scene: bpy.types.Scene, result: Any, frame: float, state: str) -> tuple[SkinState, ...]:
-    global _baked
-    memo = (id(result), frame, state, handlers.edits())
-    if _baked[0] != memo:
-        _baked = (memo, tuple(
-            _baked_state(name, touch, frame, state) for name, touch in result.bake.skins.items()
-            if name in scene.objects and scene.objects[name].dermis.finger.skin.shown
-        ))  # fmt: skip
-    return _baked[1]
-
-
-def _baked_state(name: str, touch: Any, frame: float, state: str) -> SkinState:
-    notes = {"fresh": "from the bake", "stale": "from a bake that is out of date",
-             "earlier": "from an earlier session's bake"}  # fmt: skip
-    source = "bake" if state == "fresh" else state
-    counters = {k.removeprefix("skin_").replace("_", " "): int(v) for k, v in touch.skipped.items()}
-    frames = touch.frames
-    if not len(frames) or frame < frames[0] - 0.5 or frame > frames[-1] + 0.5:
-        return SkinState(name, touch.model, np.zeros((touch.model.pad_count, 3)), source=source,
-                         note="outside the baked range", counters=counters)  # fmt: skip
-    after = min(int(np.searchsorted(frames, frame)), len(frames) - 1)
-    i = after - 1 if after > 0 and frame - frames[after - 1] < frames[after] - frame else after
-    unconverged = any(f.code == "not-converged" for f in touch.findings)
-    return SkinState(
-        name, touch.model, touch.force_at(i), float(touch.normal_force[i]), float(touch.tangential_force[i]),
-        float(touch.depth[i]), float(touch.lift[i]), int(touch.sticking[i]), int(touch.slipping[i]), source,
-        notes[state], "baked", not unconverged, counters,
-    )  # fmt: skip
 
 
 def register() -> None:

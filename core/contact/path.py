@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
 from .admm import State, iterate
@@ -218,7 +217,7 @@ class PathSolver:
         if residual <= UNCHANGED * self.tolerance:
             method = "admm" if start.any() else "none"
             return Solution(start, w, normal, mu, status, 0, residual, goal, method), w / -rho, image, "unchanged"
-        loaded: NDArray[np.bool_] = self._force.any(axis=1)
+        loaded = np.asarray(self._force.any(axis=1), dtype=np.bool_)
         self._candidates.follow(frame.gap + self._shift, loaded, self._spacing, soft)
         reference = start
         force, y = self._extrapolated(start, w)

@@ -1,0 +1,49 @@
+"""One finger's skin at one frame, wherever its forces come from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SkinState:
+    """One finger's skin at one frame.
+
+    Attributes:
+        finger: the object's name.
+        model: the skin, or None while it is being made, or where it cannot be made (`note` says why).
+        force: on the pad nodes in the finger's frame [N], shape (m, 3).
+        normal_force, tangential_force: totals [N]. depth, lift: [m], see the engine's `SkinTouch`.
+        sticking, slipping: number of nodes.
+        source: 'bake', 'live', 'stale', 'earlier' or 'none'. note: what a reader should know about it.
+        work: what the contact solver did: 'solved', 'unchanged', 'same', 'idle' or 'baked'.
+        converged: whether the frame passed the solver's own check.
+        counters: what was solved and what was skipped, by name.
+    """
+
+    finger: str
+    model: Any
+    force: Array
+    normal_force: float = 0.0
+    tangential_force: float = 0.0
+    depth: float = 0.0
+    lift: float = 0.0
+    sticking: int = 0
+    slipping: int = 0
+    source: str = "none"
+    note: str = ""
+    work: str = "idle"
+    converged: bool = True
+    counters: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def touching(self) -> bool:
+        """Whether any node carries force."""
+        return self.normal_force > 0.0

@@ -220,7 +220,7 @@ def _joined(samples: list[Any]) -> Any:
         channels={k: np.concatenate([p.channels[k] for p in parts]) for k in sorted(keys)},
     )
     last = samples[-1]
-    # Skins have a path of their own, in `skin_live`; only devices that are driven by them solve them here.
+    # Skins have a path of their own, in `skin_live`, and so have the devices that follow one that is solved there.
     # A trail ends at the frame that is shown, so nothing may fade out there.
     unfaded = {"pin_fade_in": 0.0, "pin_fade_out": 0.0}
     fingers = tuple(
@@ -230,7 +230,7 @@ def _joined(samples: list[Any]) -> Any:
             devices=tuple(
                 replace(d, parameters={**d.parameters, **unfaded})
                 for d in f.devices
-                if not (f.parameters.get("skin_shown") and _follows_skin(d.preset))  # see `_with_followers`
+                if not (_solved(f) and _follows_skin(d.preset))  # see `_with_followers`
                 and not platform_use.waits(f.name, d.preset)
             ),
         )
@@ -251,12 +251,17 @@ def _run(tactile: Any) -> Any:
                 return stop.value
 
 
+def _solved(finger: Any) -> bool:
+    """Tell whether `skin_live` solves a finger's skin: because it is shown, or a thimble follows it."""
+    return bool(finger.parameters.get("skin_shown")) or any(thimble_use.spec_of(d.preset) for d in finger.devices)
+
+
 def _follows_skin(preset: str) -> bool:
     return any(kind.spec_of(preset) is not None for kind in (pin_view, thimble_use, platform_use))
 
 
 def _with_followers(scene: bpy.types.Scene, shown: Preview | None) -> Preview | None:
-    """Add pin arrays, thimbles and platforms of fingers whose skin is shown: they follow what `skin_live` solves."""
+    """Add pin arrays, thimbles and platforms: they follow the skin that `skin_live` solves."""
     followers = (pin_view, thimble_live, platform_live)
     rows = tuple(row for kind in followers for row in kind.live_rows(scene)) if shown is not None else ()
     return replace(shown, rows=(*shown.rows, *rows)) if shown is not None and rows else shown

@@ -59,9 +59,13 @@ def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = N
     if table.hush > 0.0 and readings.shape[1:] == table.readings.shape[1:]:
         # what cannot be told from rest is rest, and needs no search; what is no number is left to the search to refuse
         loud = ~(table.from_rest(readings) <= table.hush)
+        if not loud.any():
+            return np.repeat(rest[None], len(readings), axis=0)
     found = table.by_reading.query(readings[loud], NEIGHBOURS)
-    out = np.tile(rest, (len(readings), 1))
-    out[loud] = _mean(found, values)
+    out = np.empty((len(readings), len(rest)))
+    out[:] = rest
+    if len(found.index):
+        out[loud] = _mean(found, values)
     if not found.tied.any():
         return out
     poses = values / table.scale
@@ -91,11 +95,14 @@ def readings_for(table: SkinTable, commands: Array) -> Array:
 def _mean(found: Neighbours, values: Array) -> Array:
     """Average the neighbours' values by inverse square distance; an exact hit returns its own."""
     hit = found.squared[:, 0] == 0.0
-    weights = 1.0 / np.where(hit[:, None], 1.0, found.squared)
-    weights[hit] = 0.0
-    weights[hit, 0] = 1.0
+    if hit.any():
+        weights = 1.0 / np.where(hit[:, None], 1.0, found.squared)
+        weights[hit] = 0.0
+        weights[hit, 0] = 1.0
+    else:
+        weights = 1.0 / found.squared
     weights /= weights.sum(axis=1, keepdims=True)
-    out: Array = np.einsum("qk,qkc->qc", weights, values[found.index])
+    out: Array = np.matmul(weights[:, None], values[found.index])[:, 0]
     return out
 
 

@@ -6,12 +6,14 @@ The properties hold millimetres (`_mm`) and kilopascals (`_kpa`); `parameters` g
 # mypy: disable-error-code="valid-type"
 # No postponed annotations here: Blender reads the properties from them when a class is registered.
 
+from pathlib import Path
 from typing import Any
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from . import handlers
+from .preferences import core_module
 
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
 FACTORS = {"_mm": 1e-3, "_kpa": 1e3}
@@ -19,6 +21,7 @@ LENGTHS = (
     "width", "thickness", "length", "tip", "nail_width", "nail_length", "nail_margin", "bone_width",
     "bone_thickness", "bone_bed", "bone_margin",
 )  # fmt: skip
+_digests: dict[tuple[str, int, int], str] = {}
 TETRAHEDRA = {"draft": "1.6k", "standard": "6.4k", "fine": "26k"}
 
 
@@ -70,6 +73,11 @@ class DermisSkin(bpy.types.PropertyGroup):
     preset: StringProperty(
         name="Preset", description="The preset that the values below were last taken from", search=_skin_keys,
         default="index_medium", options=set(), override=OVERRIDE,
+    )  # fmt: skip
+    mesh_file: StringProperty(
+        name="Mesh File", description="A tetrahedral mesh of your own in place of lengths and accuracy: .npz or .json, "
+        "described in presets/skins/README.md", subtype="FILE_PATH", options=set(), override=OVERRIDE,
+        update=_changed,
     )  # fmt: skip
     level: EnumProperty(
         name="Accuracy", description="How fine the tissue's mesh is",
@@ -196,11 +204,26 @@ def lengths(skin: Any) -> dict[str, float]:
     return {name: float(f"{getattr(skin, name + '_mm') * 1e-3:.7g}") for name in LENGTHS}
 
 
-def shape_and_material(skin: Any) -> dict[str, float]:
+def own_mesh(text: str) -> dict[str, str]:
+    """Return a mesh file's path and, where it can be read, its hash, worked out anew when the file changes."""
+    path = Path(bpy.path.abspath(text))
+    try:
+        known = path.stat()
+        key = (str(path), known.st_mtime_ns, known.st_size)
+        if key not in _digests:
+            _digests.clear()
+            _digests[key] = core_module("skin.own_mesh").digest(path)
+    except (OSError, core_module("errors").DermisError):
+        return {"mesh": str(path)}  # rendering says why
+    return {"mesh": str(path), "mesh_hash": _digests[key]}
+
+
+def shape_and_material(skin: Any) -> dict[str, Any]:
     """Return what makes up a skin, in SI: what a skin preset holds."""
     # Blender keeps single precision; 0.1 typed by a person is meant, so that equal skins share one stored model.
     return {
-        **lengths(skin), "young": float(f"{skin.young_kpa * 1e3:.7g}"), "poisson": float(f"{skin.poisson:.6g}"),
+        **(own_mesh(skin.mesh_file) if skin.mesh_file else lengths(skin)),
+        "young": float(f"{skin.young_kpa * 1e3:.7g}"), "poisson": float(f"{skin.poisson:.6g}"),
         "alpha": float(f"{skin.alpha:.7g}"),
     }  # fmt: skip
 

@@ -46,11 +46,14 @@ class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
         layout.active = skin.shown
         title = next((e.name for e in choices.skins() if e.key == skin.preset), skin.preset.replace("_", " ").title())
         layout.operator("dermis.choose_skin", text=title or "From Preset", icon="PRESET")
-        column = _column(layout, skin, "level")
-        row = column.row()
-        row.active = False
-        row.alignment = "RIGHT"
-        row.label(text=f"about {properties_skin.TETRAHEDRA[skin.level]} tetrahedra")
+        if skin.mesh_file:
+            _column(layout, skin, "mesh_file")
+        else:
+            column = _column(layout, skin, "level")
+            row = column.row()
+            row.active = False
+            row.alignment = "RIGHT"
+            row.label(text=f"about {properties_skin.TETRAHEDRA[skin.level]} tetrahedra")
         _column(layout, skin, "young_kpa", "alpha")
         column = _column(layout, skin, "depth_mode")
         if skin.depth_mode == "compliant":
@@ -78,7 +81,7 @@ class DERMIS_PT_skin_size(DermisPanel, bpy.types.Panel):
             ("width_mm", "thickness_mm", "length_mm", "tip_mm"),
             ("nail_width_mm", "nail_length_mm", "nail_margin_mm"),
             ("bone_width_mm", "bone_thickness_mm", "bone_bed_mm", "bone_margin_mm"),
-            ("poisson",),
+            ("poisson", "mesh_file"),
         ):
             _column(self.layout, skin, *names)
 

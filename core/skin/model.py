@@ -17,6 +17,7 @@ from .assembly import Element, degrees, stiffness
 from .condense import Condensed, condense
 from .material import Elastic
 from .mesh import LEVELS, TetraMesh, fingertip_mesh
+from .own_mesh import MESH_PARAMETERS, own_mesh
 from .quality import check_mesh
 from .shape import FingertipShape, shape_from_parameters
 from .store import MESH_ARRAYS, read_model, read_table, write_model, write_table
@@ -260,17 +261,20 @@ def mesh_skin(
 def skin_from_parameters(
     parameters: Mapping[str, Any], *, level: str = "standard", cache: Cache | None = None, where: str = "skin"
 ) -> SkinModel:
-    """Return the skin that a preset's parameters describe, in SI: lengths of `FingertipShape`, young, poisson, alpha.
+    """Return the skin that parameters describe, in SI: lengths of `FingertipShape` or 'mesh', young, poisson, alpha.
 
     Raises:
-        DermisError: an unknown parameter, or values out of range.
+        DermisError: an unknown parameter, values out of range, or a mesh that cannot be used (see `own_mesh`).
     """
-    lengths = {f.name for f in fields(FingertipShape)}
+    own = "mesh" in parameters
+    lengths = set(MESH_PARAMETERS if own else (f.name for f in fields(FingertipShape)))
     for name in parameters:
         if name not in lengths and name not in MATERIAL_PARAMETERS:
             known = ", ".join([*sorted(lengths), *MATERIAL_PARAMETERS])
             raise DermisError("unknown parameter", where=where, value=name, limit=known)
     material = Elastic(**{n: float(parameters[n]) for n in MATERIAL_PARAMETERS if n in parameters})
+    if own:
+        return mesh_skin(own_mesh(parameters, where), material, cache=cache)
     shape = shape_from_parameters({n: v for n, v in parameters.items() if n in lengths}, where=where)
     return fingertip_skin(shape, material, level=level, cache=cache)
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 import numpy as np
 import pytest
 
 from blender_addon import handlers, results, skin_field, skin_live, skin_view
+from core.skin.file import save_mesh
 from core.skin.model import fingertip_skin
 from tests.problems import flat_press
 
@@ -200,3 +203,21 @@ def test_a_size_without_room_for_tissue_says_so(pressing: bpy.types.Scene) -> No
     assert state.model is None and not state.touching
     assert "bone_thickness" in state.note and "12.60 mm" in state.note
     assert skin_view.shown(pressing).drawn == (None,)
+
+
+def test_a_mesh_of_ones_own_is_touched_as_a_fingertip_is(pressing: bpy.types.Scene, tmp_path: Path) -> None:
+    """Our own draft fingertip, saved and named as a file, feels what the lengths do."""
+    skin = bpy.data.objects["Finger"].dermis.finger.skin
+    plain = [at(pressing, frame) for frame in range(4, 10)]
+    path = tmp_path / "mine.npz"
+    save_mesh(fingertip_skin(level="draft").mesh, path)
+    skin.mesh_file = str(path)
+    skin.level = "standard"  # of no meaning any more
+    own = [at(pressing, frame) for frame in range(4, 10)]
+    for before, after in zip(plain, own, strict=True):
+        np.testing.assert_allclose(after.force, before.force, atol=1e-9)
+    assert skin_view.shown(pressing).drawn[0] is not None
+    path.write_bytes(b"another file")
+    skin.mesh_file = str(path)
+    broken = at(pressing, 4)
+    assert broken.model is None and "mine.npz" in broken.note

@@ -173,6 +173,21 @@ def follow_values(wire: Wire, values: Sequence[float]) -> Array:
 
 Source = Play | Follow | Jog | Panel
 
+_read: list[tuple[tuple[str, int, int], CommandTrack]] = []  # the track read last
+
+
+def _track(path: Path) -> CommandTrack:
+    """Return the track of a file; one that has not changed is not read again, since a device waits meanwhile."""
+    try:
+        seen = path.stat()
+        key = (str(path), seen.st_mtime_ns, seen.st_size)
+    except OSError:
+        return export.read(path)  # which says what is wrong
+    if not _read or _read[0][0] != key:
+        _read.clear()  # the old one goes before the new one comes
+        _read.append((key, export.read(path)))
+    return _read[0][1]
+
 
 def source_of(
     wish: Wish, wire: Wire, old: Source | None, shown: Sequence[float],
@@ -189,7 +204,7 @@ def source_of(
     if wish.mode == "play":
         if not wish.track:
             raise DermisError("nothing to play", remedy="Bake, or choose a track")
-        play = Play(wire, export.read(Path(wish.track)), wish.offset, free=wish.play_on)
+        play = Play(wire, _track(Path(wish.track)), wish.offset, free=wish.play_on)
         if isinstance(old, Play):
             play.clock = old.clock
             play.clock.free = wish.play_on

@@ -632,6 +632,26 @@ def test_calibration_takes_effect_under_way_and_smoothly() -> None:
     assert np.abs(np.diff(path)).max() <= 1.5 * 0.15 / 0.3 * TICK * 1.05
 
 
+def test_a_track_is_read_once_and_again_when_it_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A reconnection or another offset must not keep the device waiting for a file that is known."""
+    from core.stream import source
+
+    spec, t, reads = Library().device("haptip"), np.arange(2001) / 1000, []
+    read = source.export.read
+    monkeypatch.setattr(source.export, "read", lambda path: reads.append(path) or read(path))
+    path = tmp_path / "t.csv"
+    for value in (0.1, 0.25):
+        csv.write(CommandTrack(spec, t, np.column_stack([0 * t, 0 * t, 0 * t + value, 0 * t])), path)
+        lab = Lab(track=str(path), ramp=0.0)
+        for offset in (0.0, 0.1, 0.2):
+            lab.set(offset=offset)
+            lab.run(0.05)
+        lab.arm()
+        lab.run(0.2)
+        assert lab.at[0] == pytest.approx(value, abs=1e-4)
+    assert len(reads) == 2
+
+
 @pytest.mark.parametrize("mode", ["jog", "follow"])
 def test_every_mode_bound_to_blender_ends_with_it(mode: str) -> None:
     lab = Lab(mode=mode, jog={"pulley_1": 0.2}, ramp=0.0, stall=0.3, play_on=True)

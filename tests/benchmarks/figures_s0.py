@@ -306,8 +306,8 @@ def report(found: dict[str, Any]) -> str:
     if seen["press or slide"]["stress"] < max(seen["press or slide"][m] for m in ("force", "geometry")):
         lines += ["", "**The second row is not in the paper's order**: the observer tells pressing from sliding at "
                   "least as well through a rival as through stress. The rod that slides also ends elsewhere on the "
-                  "pad, which geometry sees; the observer counts any difference, whatever it feels like. Given as it came "
-                  "out: the paper's people are the better evidence."]  # fmt: skip
+                  "pad, which geometry sees; the observer counts any difference, whatever it feels like. Given as it "
+                  "came out: the paper's people are the better evidence."]  # fmt: skip
     curve = ", ".join(f"{n}: {v:.3f}" for n, v in with_["curve"].items())
     lines += ["", f"Error against number of stress components: {curve}."]
     return "\n".join(lines) + "\n"

@@ -54,12 +54,12 @@ def state(spec: Any, commands: Array, skin: Any | None, touching: bool) -> State
     Raises:
         DermisError: a broken preset, or commands for which there is no pose.
     """
-    table, coupling = core_module("matching.table"), core_module("devices.coupling").coupling_of(spec)
-    device = table.mechanism(spec)
+    platforms, coupling = core_module("matching.platforms"), core_module("devices.coupling").coupling_of(spec)
+    device = platforms.mechanism(spec)
     original = np.asarray(commands if coupling is None else coupling.original(commands), np.float64)[None]
     if skin is not None and touching:
         with skin_models.one_thread():
-            poses = table.press_of(skin, spec).press(original).poses
+            poses = core_module("matching.table").press_of(skin, spec).press(original).poses
     else:
         poses = device.carry(original, device.rest_poses(1))
     pose = np.eye(4)
@@ -68,7 +68,7 @@ def state(spec: Any, commands: Array, skin: Any | None, touching: bool) -> State
     if hasattr(device, "tensions"):
         tension = device.tensions(poses, original)[0]
         return State(device.base, joints, pose, np.clip(tension / device.tension_limit, 0.0, 1.0), tension)
-    channels = table.original_channels(spec)
+    channels = platforms.original_channels(spec)
     low, high = np.array([(c.low, c.high) for c in channels]).T
     return State(device.base, joints, pose, np.clip((original[0] - low) / (high - low), 0.0, 1.0), None)
 

@@ -75,7 +75,10 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Undo `register`."""
+    """Undo `register`, and forget what was found."""
+    from . import design_results
+
+    design_results.forget()
     del bpy.types.Scene.dermis_design
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -21,8 +21,10 @@ from ..cache import cache_key
 from ..devices.spec import DeviceSpec, from_preset
 from ..errors import DermisError
 from ..files import write_npz
+from ..matching.platforms import original_key
 from ..matching.readings import Counts, quantised, readings_of
-from ..matching.table import SkinTable, assemble, original_key, press_of, sweep, tabulate
+from ..matching.sweep import sweep
+from ..matching.table import SkinTable, assemble, press_of, tabulate
 from ..skin.material import Elastic
 from ..skin.model import SkinModel, fingertip_skin
 from ..skin.shape import FingertipShape

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError
 from ..files import read_bytes
+from ..matching.nearest import NEIGHBOURS
 from ..matching.readings import CHANNELS, FULL_SCALE
-from ..matching.table import NEIGHBOURS, SkinTable
+from ..matching.table import SkinTable
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,8 @@ from ..devices.spec import DeviceSpec
 from ..errors import DermisError
 from ..files import write_bytes
 from ..interpolate import interpolate
-from ..matching.table import SkinTable, original_key, scale_of
+from ..matching.platforms import original_key, scale_of
+from ..matching.table import SkinTable
 from ..scene import TactileScene
 from ..skin.model import SkinModel, fingertip_skin
 from ..skin.shape import FingertipShape

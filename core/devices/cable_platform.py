@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
-from .press import Poses, crossing
+from .poses import Poses, crossing
 from .spec import DeviceSpec
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError
 from .cable_platform import joint_angles, on_circle, positive
-from .press import Poses
+from .poses import Poses
 from .spec import DeviceSpec
 
 Array = NDArray[np.float64]

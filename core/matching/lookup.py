@@ -26,9 +26,11 @@ from ..interpolate import interpolate
 from ..scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
 from ..track import CommandTrack
+from .nearest import NEIGHBOURS
+from .platforms import mechanism, original_key
 from .readings import readings_of, saturated
 from .rendered import Rendered
-from .table import NEIGHBOURS, SkinTable, build, mechanism, original_key
+from .table import SkinTable, build
 
 if TYPE_CHECKING:
     from ..contact.sampled import SampledTouch

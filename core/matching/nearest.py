@@ -24,6 +24,7 @@ from ..errors import DermisError
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+NEIGHBOURS = 8  # that are averaged. Source: [S2] III.B
 LEAF = 32  # points in a leaf of the tree (measured)
 SLACK = 1e-13  # of the squares of all that takes part: rounding of turned coordinates, some 20 terms
 EXACT = 1e11  # squares of whole numbers, up to here all together, are within half of their rounded value

@@ -5,38 +5,33 @@ Source: [S2] III.A; corrections: one rest row for all configurations in which no
 
 from __future__ import annotations
 
-import hashlib
 import json
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..devices import cable_platform, hexapod
-from ..devices.coupling import coupling_of
-from ..devices.press import Poses, Press, Pressed, rotation
-from ..devices.spec import Channel, DeviceSpec
+from ..devices.press import Press, Pressed
+from ..devices.spec import DeviceSpec
 from ..errors import DermisError
 from ..files import write_npz
 from ..skin.model import SkinModel
-from .nearest import NearestPoints
+from .nearest import NEIGHBOURS, NearestPoints
+from .platforms import mechanism, scale_of
 from .readings import Counts, Readings, quantised, saturated
+from .sweep import sweep
 
 Array = NDArray[np.float64]
 
-NEIGHBOURS = 8  # Source: [S2] III.B
 FORMAT = "dermis-skin-table 1"
 UNBALANCED = 0.02  # [N] a platform whose forces are farther from balance is left out of the table
 HUSH = 1.7  # of the noise's expected norm: untouched skin stays below this nearly always (1 in 10,000 with 20 channels)
 UNSETTLED = 5e-3  # contact forces farther from Coulomb's law than this share are left out
-MECHANISMS: Mapping[str, ModuleType] = {"cable_platform": cable_platform, "hexapod": hexapod}
-Mechanism = cable_platform.CablePlatform | hexapod.Hexapod
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,96 +149,9 @@ class SkinTable:
                    parts["scale"].astype(np.float64), 0.0, meta)  # fmt: skip
 
 
-def mechanism(spec: DeviceSpec) -> Mechanism:
-    """Return the mechanism of a platform's preset.
-
-    Raises:
-        DermisError: another kind of device, or a broken preset.
-    """
-    if spec.kind not in MECHANISMS:
-        raise DermisError("this device has no look-up table", where=f"device preset '{spec.key}'", value=spec.kind,
-                          limit=", ".join(MECHANISMS))  # fmt: skip
-    found: Mechanism = MECHANISMS[spec.kind].mechanism(spec)
-    return found
-
-
 def press_of(skin: SkinModel, spec: DeviceSpec) -> Press:
     """Return what presses a skin with a preset's platform."""
     return Press(skin.compliance, skin.positions, mechanism(spec), float(spec.parameters.get("friction", 0.4)))
-
-
-def sweep(spec: DeviceSpec, points: Array, rows: int | None = None) -> Array:
-    """Return the commands of a data collection, shape (n, motors).
-
-    Three motors: a grid of equal steps over depth and two tilts, the corrected paper's 55^3. Six motors: an evenly
-    spread sequence (Halton) over depth, tilts, shifts and yaw. Depth is the platform's, beyond the first touch of the
-    undeformed skin.
-
-    Args:
-        points: undeformed pad nodes [m], shape (m, 3).
-        rows: about how many; as the preset says where None. A grid takes the next smaller cube.
-
-    Raises:
-        DermisError: fewer rows than neighbours, or poses that the motors cannot reach.
-    """
-    device, p = mechanism(spec), spec.parameters
-    low, high = (float(v) for v in p["sweep_press"])
-    tilt = float(p["sweep_tilt"])
-    motors = len(device.rest)
-    if motors == 3:
-        asked = int(p["sweep_levels"]) if rows is None else int(np.floor(rows ** (1 / 3) + 1e-9))
-        _enough(asked**3)
-        levels = np.linspace(0.0, 1.0, asked)
-        share = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), axis=-1).reshape(-1, 3)
-        extent = np.zeros((len(share), 3))
-    else:
-        count = int(p["sweep_rows"]) if rows is None else int(rows)
-        _enough(count)
-        sequence = halton(count, 6)
-        share = sequence[:, :3]
-        shift, yaw = float(p["sweep_shift"]), float(p["sweep_yaw"])
-        extent = (2.0 * sequence[:, 3:] - 1.0) * np.array([shift, shift, yaw])
-    poses = platform_poses(points, low + (high - low) * share[:, 0], tilt * (2.0 * share[:, 1] - 1.0),
-                           tilt * (2.0 * share[:, 2] - 1.0), extent[:, :2], extent[:, 2])  # fmt: skip
-    commands = device.commands(poses)
-    ends = np.array([_ends(c) for c in original_channels(spec)])
-    outside = np.flatnonzero(((commands < ends[:, 0]) | (commands > ends[:, 1])).any(axis=1))
-    if len(outside):
-        worst = commands[outside[0]]
-        raise DermisError("the sweep asks for more than the motors can do", where=f"device preset '{spec.key}'",
-                          value=f"{len(outside)} of {len(commands)} rows, first {worst.round(4).tolist()}",
-                          limit=f"{ends[:, 0].min():.4g} to {ends[:, 1].max():.4g}")  # fmt: skip
-    return commands
-
-
-def platform_poses(points: Array, depth: Array, pitch: Array, roll: Array, shift: Array, yaw: Array) -> Poses:
-    """Return platform poses by what they do to the skin.
-
-    Args:
-        points: undeformed pad nodes [m], shape (m, 3).
-        depth: beyond the first touch, along the platform's normal [m], shape (n,).
-        pitch, roll, yaw: about X, then the turned Y, then the turned Z [rad]. shift: of the centre, x and y [m].
-    """
-    zero = np.zeros_like(pitch)
-    turn = rotation(np.column_stack([pitch, zero, zero])) @ rotation(np.column_stack([zero, roll, zero]))
-    turn = turn @ rotation(np.column_stack([zero, zero, yaw]))
-    normal = turn[:, :, 2]
-    height = np.concatenate([(normal[i : i + 4096] @ points.T).min(axis=1) for i in range(0, len(normal), 4096)])
-    z = (height + depth - (normal[:, :2] * shift).sum(axis=1)) / normal[:, 2]
-    return Poses(turn, np.column_stack([shift, z]))
-
-
-def original_channels(spec: DeviceSpec) -> tuple[Channel, ...]:
-    """Return the channels of the motors of the uncoupled device: those of its own, or those its couplings drive."""
-    coupling = coupling_of(spec)
-    return spec.channels if coupling is None else coupling.channels
-
-
-def original_key(spec: DeviceSpec) -> str:
-    """Return what a table depends on of a device: its mechanism and sweep, not how its motors are coupled or named."""
-    parts = {k: v for k, v in spec.parameters.items() if not k.startswith("coupling") and k != "knee_error"}
-    ends = [(c.low, c.high) for c in original_channels(spec)]
-    return hashlib.sha256(json.dumps([spec.kind, parts, ends], sort_keys=True, default=str).encode()).hexdigest()
 
 
 def tabulate(readings: Readings, commands: Array, pressed: Pressed) -> tuple[Array, Counts, dict[str, int]]:
@@ -264,15 +172,6 @@ def build(spec: DeviceSpec, skin: SkinModel, readings: Readings, rows: int) -> S
     return assemble(spec, readings, press.carrier.rest, kept, counts, {"asked": len(commands), **left})
 
 
-def scale_of(spec: DeviceSpec) -> Array:
-    """Return the range of each original motor, SI, shape (motors,).
-
-    Raises:
-        DermisError: a motor without one.
-    """
-    return np.array([high - low for low, high in map(_ends, original_channels(spec))])
-
-
 def assemble(
     spec: DeviceSpec, sensor: Readings, rest_command: Array, commands: Array, counts: Counts, meta: Mapping[str, Any]
 ) -> SkinTable:
@@ -282,24 +181,3 @@ def assemble(
     return SkinTable(np.vstack([rest_command, commands]), readings, 0, scale_of(spec), 0.0, about)
 
 
-def _ends(channel: Channel) -> tuple[float, float]:
-    if channel.low is None or channel.high is None:
-        raise DermisError("a motor of a look-up table needs a range", where=f"channel '{channel.name}'")
-    return channel.low, channel.high
-
-
-def halton(count: int, dimensions: int) -> Array:
-    """Return the Halton sequence in the first primes, without its first point, shape (count, dimensions)."""
-    primes = (2, 3, 5, 7, 11, 13)[:dimensions]
-    out = np.zeros((count, dimensions))
-    for j, prime in enumerate(primes):
-        number, factor = np.arange(1, count + 1), 1.0 / prime
-        while number.any():
-            out[:, j] += factor * (number % prime)
-            number, factor = number // prime, factor / prime
-    return out
-
-
-def _enough(rows: int) -> None:
-    if rows < NEIGHBOURS:
-        raise DermisError("too few rows", where="look-up table", value=rows, limit=f">= {NEIGHBOURS}")

@@ -97,7 +97,8 @@ def lookup_far_batch() -> Result:
 def collect_rows() -> Result:
     """Rows pressed a second by one process, the skin at hand; from below."""
     from core.matching.readings import readings_of
-    from core.matching.table import press_of, sweep, tabulate
+    from core.matching.sweep import sweep
+    from core.matching.table import press_of, tabulate
     from core.presets import Library
     from core.skin.model import fingertip_skin
 
@@ -159,7 +160,7 @@ def _looked_up(name: str, sensed: Any, *, single: bool) -> Result:
 
     from core.design.interactions import NOISE
     from core.matching.lookup import commands_of
-    from core.matching.table import NEIGHBOURS
+    from core.matching.nearest import NEIGHBOURS
 
     given = table().heard_with(NOISE)
     points = given.felt[given.heard]

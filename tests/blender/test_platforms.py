@@ -162,8 +162,8 @@ def test_the_cable_twin_is_in_balance_with_the_skin(demo) -> None:
     _, finger = demo
     spec, model = library().device("cable_platform"), platform_use.model_of(finger)
     table = core_module("matching.table")
-    device = table.mechanism(spec)
-    command = table.sweep(spec, model.positions, 27)[-2]
+    device = core_module("matching.platforms").mechanism(spec)
+    command = core_module("matching.sweep").sweep(spec, model.positions, 27)[-2]
     at = platform_twin.state(spec, command, model, True)
     pressed = table.press_of(model, spec).press(command[None])
     load = -(pressed.force[0].astype(float)).sum(axis=0)

@@ -9,9 +9,10 @@ import pytest
 
 from core.devices import cable_platform
 from core.devices.cable_platform import mechanism
-from core.devices.press import Poses, Press, rotation
+from core.devices.poses import Poses, rotation
+from core.devices.press import Press
 from core.errors import DermisError
-from core.matching.table import platform_poses, sweep
+from core.matching.sweep import platform_poses, sweep
 from core.presets import Library
 from core.skin.model import fingertip_skin
 

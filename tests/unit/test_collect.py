@@ -14,8 +14,10 @@ from core.design.interactions import EXPECTED, NAMES, Wobble, interaction, plane
 from core.design.report import knee_of
 from core.design.trial import Verdict, exceptions, felt, sense
 from core.errors import DermisError
+from core.matching.platforms import original_key
 from core.matching.readings import quantised, readings_of
-from core.matching.table import halton, original_key, press_of, sweep
+from core.matching.sweep import halton, sweep
+from core.matching.table import press_of
 from core.presets import Library
 from core.skin.model import fingertip_skin
 from core.skin.shape import FingertipShape

@@ -16,8 +16,10 @@ from core.design.interactions import NAMES, NOISE, interaction
 from core.design.trial import felt, sense
 from core.devices.coupling import coupling_of
 from core.matching.lookup import commands_of, readings_for
+from core.matching.platforms import mechanism
 from core.matching.readings import FULL_SCALE, readings_of
-from core.matching.table import SkinTable, build, mechanism, press_of, sweep
+from core.matching.sweep import sweep
+from core.matching.table import SkinTable, build, press_of
 from core.presets import Library
 from core.skin.model import fingertip_skin
 
@@ -105,7 +107,7 @@ def test_the_interactions_own_poses_are_not_in_the_table(skin, device):
     carrier, span = mechanism(spec), np.ptp(known, axis=0)
     from scipy.spatial import cKDTree
 
-    from core.devices.press import Poses
+    from core.devices.poses import Poses
 
     tree = cKDTree(known / span)
     for name in NAMES:

@@ -11,9 +11,10 @@ from core.contact.bodies import ContactBody
 from core.contact.path import PathSolver
 from core.devices import hexapod
 from core.devices.disc import Disc
-from core.devices.press import Poses, Press, rotation
+from core.devices.poses import Poses, rotation
+from core.devices.press import Press
 from core.errors import DermisError
-from core.matching.table import platform_poses, sweep
+from core.matching.sweep import platform_poses, sweep
 from core.presets import Library
 from core.skin.model import fingertip_skin
 

@@ -15,7 +15,8 @@ from core.devices.coupling import coupling_of
 from core.devices.spec import from_preset
 from core.errors import DermisError
 from core.matching.lookup import commands_of, readings_for
-from core.matching.table import SkinTable, halton
+from core.matching.sweep import halton
+from core.matching.table import SkinTable
 from core.presets import Library
 
 

@@ -1,0 +1,50 @@
+"""Poses of a platform, and the algebra of small turns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Poses of a platform in the finger's frame: rotation (n, 3, 3), centre [m] (n, 3)."""
+
+    rotation: Array
+    centre: Array
+
+    def __len__(self) -> int:
+        return len(self.centre)
+
+    def take(self, rows: NDArray[np.intp]) -> Poses:
+        """Return some of the poses."""
+        return Poses(self.rotation[rows], self.centre[rows])
+
+    def moved(self, twist: Array) -> Poses:
+        """Return the poses after a small movement about the finger's origin: shift [m], turn [rad], shape (n, 6)."""
+        turn = rotation(twist[:, 3:])
+        return Poses(turn @ self.rotation, np.einsum("nij,nj->ni", turn, self.centre) + twist[:, :3])
+
+
+def rotation(vectors: Array) -> Array:
+    """Return rotation matrices of rotation vectors [rad], shape (n, 3) to (n, 3, 3)."""
+    angle = np.sqrt((vectors**2).sum(axis=1))[:, None, None]
+    small = angle < 1e-6
+    safe = np.where(small, 1.0, angle)
+    k = crossing(vectors)
+    first = np.where(small, 1.0 - angle**2 / 6.0, np.sin(safe) / safe)
+    second = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
+    return np.eye(3) + first * k + second * (k @ k)
+
+
+def crossing(vectors: Array) -> Array:
+    """Return the matrices S with S a = v x a, shape (..., 3) to (..., 3, 3)."""
+    out = np.zeros((*vectors.shape, 3))
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = z, -y, x
+    return out

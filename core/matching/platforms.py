@@ -1,0 +1,67 @@
+"""Platforms that a look-up table drives: their mechanism, and the motors that they have without couplings."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices import cable_platform, hexapod
+from ..devices.coupling import coupling_of
+from ..devices.spec import Channel, DeviceSpec
+from ..errors import DermisError
+
+Array = NDArray[np.float64]
+
+MECHANISMS: Mapping[str, ModuleType] = {"cable_platform": cable_platform, "hexapod": hexapod}
+Mechanism = cable_platform.CablePlatform | hexapod.Hexapod
+
+
+def mechanism(spec: DeviceSpec) -> Mechanism:
+    """Return the mechanism of a platform's preset.
+
+    Raises:
+        DermisError: another kind of device, or a broken preset.
+    """
+    if spec.kind not in MECHANISMS:
+        raise DermisError("this device has no look-up table", where=f"device preset '{spec.key}'", value=spec.kind,
+                          limit=", ".join(MECHANISMS))  # fmt: skip
+    found: Mechanism = MECHANISMS[spec.kind].mechanism(spec)
+    return found
+
+
+def original_channels(spec: DeviceSpec) -> tuple[Channel, ...]:
+    """Return the channels of the motors of the uncoupled device: those of its own, or those its couplings drive."""
+    coupling = coupling_of(spec)
+    return spec.channels if coupling is None else coupling.channels
+
+
+def original_key(spec: DeviceSpec) -> str:
+    """Return what a table depends on of a device: its mechanism and sweep, not how its motors are coupled or named."""
+    parts = {k: v for k, v in spec.parameters.items() if not k.startswith("coupling") and k != "knee_error"}
+    ends = [(c.low, c.high) for c in original_channels(spec)]
+    return hashlib.sha256(json.dumps([spec.kind, parts, ends], sort_keys=True, default=str).encode()).hexdigest()
+
+
+def scale_of(spec: DeviceSpec) -> Array:
+    """Return the range of each original motor, SI, shape (motors,).
+
+    Raises:
+        DermisError: a motor without one.
+    """
+    return np.array([high - low for low, high in map(ends_of, original_channels(spec))])
+
+
+def ends_of(channel: Channel) -> tuple[float, float]:
+    """Return a motor's range, SI.
+
+    Raises:
+        DermisError: it has none.
+    """
+    if channel.low is None or channel.high is None:
+        raise DermisError("a motor of a look-up table needs a range", where=f"channel '{channel.name}'")
+    return channel.low, channel.high

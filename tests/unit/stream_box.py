@@ -1,0 +1,102 @@
+"""A virtual device as a program of its own, and a Blender that gives signs of life to a real sender."""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from core.formats import csv
+from core.presets import Library
+from core.stream.client import SenderClient
+from core.track import CommandTrack
+from core.work import command, environment
+
+posix = pytest.mark.skipif(os.name != "posix", reason="ptys and kill -9 are Unix")
+
+
+class Box:
+    """A virtual device as a program of its own."""
+
+    def __init__(
+        self, at: str = "pty", protocol: str = "native", key: str = "haptip", *faults: str, every: float = 0.0
+    ) -> None:
+        more = [part for fault in faults for part in ("--fault", fault)]
+        more += ["--every", str(every)]
+        self.process = subprocess.Popen(
+            command("stream", "virtual", "--at", at, "--protocol", protocol, "--device", key, *more),
+            env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        self.lines: queue.Queue[dict[str, Any]] = queue.Queue()
+        threading.Thread(target=self._read, daemon=True).start()
+        self.url = self.lines.get(timeout=20)["url"]
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.lines.put(json.loads(line))
+
+    def safe_at(self, seconds: float = 5.0) -> float:
+        """Wait until the device says that it reached its safe state; return when."""
+        while True:
+            line = self.lines.get(timeout=seconds)
+            if line.get("safe_at") and not line.get("ended"):
+                return float(line["safe_at"])
+
+    def end(self) -> dict[str, Any]:
+        """End the program; return its last report."""
+        assert self.process.stdin is not None
+        self.process.stdin.close()
+        last: dict[str, Any] = {}
+        while not last.get("ended"):
+            last = self.lines.get(timeout=10)
+        self.process.wait(10)
+        return last
+
+
+def running(boxes: list[Box]) -> Iterator[Any]:
+    """Give a maker of virtual devices; whatever is left of them ends afterwards."""
+
+    def make(*arguments: str, every: float = 0.0) -> Box:
+        boxes.append(Box(*arguments, every=every))
+        return boxes[-1]
+
+    yield make
+    for box in boxes:
+        box.process.kill()
+        box.process.wait()
+
+
+def sine_file(folder: Path) -> str:
+    """Write twenty seconds of a slow sine; return the file's name."""
+    spec, t = Library().device("haptip"), np.arange(20001) / 1000
+    wave = 0.1 * np.sin(2 * np.pi * t)
+    csv.write(CommandTrack(spec, t, np.column_stack([0 * t, 0 * t, wave, 2 * wave])), folder / "t.csv")
+    return str(folder / "t.csv")
+
+
+HAPTIP = Library().load("devices", "haptip")
+
+
+def beating(client: SenderClient, seconds: float, **beat: Any) -> None:
+    """Give signs of life as Blender's timer does."""
+    start, end = time.perf_counter(), time.perf_counter() + seconds
+    playing = beat.pop("playing", False)
+    while time.perf_counter() < end:
+        client.beat(playing=playing, time=time.perf_counter() - start if playing else 0.0, **beat)
+        time.sleep(0.02)
+
+
+def ready(client: SenderClient, url: str, protocol: str = "native", **more: Any) -> None:
+    client.connect(url, protocol, "haptip", HAPTIP, **more)
+    client.beat()
+    client.wait("ready", 10)

@@ -1,0 +1,54 @@
+"""The notice board: the newest whole note counts, and nobody ever waits."""
+
+from __future__ import annotations
+
+import os
+import signal
+
+import pytest
+
+from core.errors import DermisError
+from core.stream.board import MAGIC, Board
+from core.stream.client import SenderClient
+
+
+def test_a_board_shows_the_newest_whole_note() -> None:
+    board = Board.create()
+    other = Board.open(board.path)
+    try:
+        assert other.read_beat() is None and other.read_wish() == {} and board.read_status() == {}
+        for k in range(5):
+            board.beat(k, k % 2 == 1, 0.5 * k if k else None, (1.0 * k, -1.0))
+        beat = other.read_beat()
+        assert beat is not None
+        assert (beat.number, beat.stops, beat.playing, beat.time, beat.values) == (5, 4, False, 2.0, (4.0, -1.0))
+        at = len(MAGIC) + (5 & 1) * 4096
+        board._memory[at + 20] ^= 1  # the newest one is half written
+        beat = other.read_beat()
+        assert beat is not None and beat.number == 4 and beat.playing
+        board.wish({"url": "ü"})
+        assert other.read_wish() == {"url": "ü"}
+        other.status({"state": "ready"})
+        assert board.read_status() == {"state": "ready"}
+        assert board.path.stat().st_mode & 0o077 == 0, "nobody else may read or write it"
+    finally:
+        other.close()
+        board.remove()
+    with pytest.raises(DermisError):
+        Board.open(board.path)
+
+
+def test_publishing_never_waits_for_a_sender_that_hangs() -> None:
+    """A stopped sender (or a full pipe) costs Blender nothing: 10,000 beats and wishes go onto the board regardless."""
+    client = SenderClient()
+    try:
+        if os.name == "posix":
+            os.kill(client.pid, signal.SIGSTOP)
+        for k in range(10_000):
+            client.beat(playing=True, time=k * 0.01, values=[0.0] * 128)
+            client.set(offset=float(k))
+        assert client.status()["state"] == "disconnected"
+    finally:
+        if os.name == "posix":
+            os.kill(client.pid, signal.SIGCONT)
+        client.close()

@@ -44,7 +44,7 @@ class Shape:
         """Return the surface after scale and shear."""
         if self._surface is None or np.abs(stretch - self._stretch).max() > 1e-5 * np.abs(self._stretch).max():
             plain = np.abs(stretch - np.eye(3)).max() <= 1e-5
-            surface_of = core_module("contact.gap").surface_of
+            surface_of = core_module("contact.surfaces").surface_of
             self._surface = surface_of(self._mesh) if plain else surface_of(self._mesh, stretch)
             self._stretch = np.eye(3) if plain else stretch
         return self._surface

@@ -15,14 +15,12 @@ Which side a point is on:
 
 from __future__ import annotations
 
-import weakref
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
-from ..scene import Mesh
 from .cells import CellLists
 from .gap_query import GapQuery
 from .nearest import CentroidTree, Nearest, nearest
@@ -31,7 +29,7 @@ from .topology import BOUNDARY, IRREGULAR, REGULAR, Topology, topology_of
 from .triangles import Array, Indices, TriangleTable
 from .winding import winding
 
-__all__ = ["GapQuery", "Surface", "surface_of"]
+__all__ = ["GapQuery", "Surface"]
 
 # Closest points nearer to an edge or corner than this fraction of the triangle count as on it.
 ON_FEATURE = 1e-9
@@ -305,28 +303,3 @@ class Surface:
 def _dot(a: Array, b: Array) -> Array:
     out: Array = np.einsum("ij,ij->i", a, b)
     return out
-
-
-_SURFACES: weakref.WeakKeyDictionary[Mesh, dict[bytes, Surface]] = weakref.WeakKeyDictionary()
-
-
-def surface_of(mesh: Mesh, stretch: Array | None = None) -> Surface:
-    """Return the surface of a mesh, kept for as long as the mesh lives.
-
-    Args:
-        mesh: in its object's own space [m].
-        stretch: a linear map to apply to the vertices first (an object's scale and shear, which a rigid motion
-            cannot carry), shape (3, 3).
-
-    Raises:
-        DermisError: see `Surface.build`.
-    """
-    key = b"" if stretch is None else np.ascontiguousarray(stretch, dtype=np.float64).tobytes()
-    shapes = _SURFACES.setdefault(mesh, {})
-    if key not in shapes:
-        vertices = mesh.vertices if stretch is None else mesh.vertices @ np.asarray(stretch, dtype=np.float64).T
-        triangles = mesh.triangles
-        if stretch is not None and np.linalg.det(np.asarray(stretch)) < 0.0:
-            triangles = triangles[:, ::-1]  # a mirror turns the faces over
-        shapes[key] = Surface.build(vertices, triangles)
-    return shapes[key]

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError
 from ..motion import rotations
-from ..scene import Body, Chunk, Mesh
-from .gap import Surface, surface_of
+from ..scene import Body, Chunk
+from .gap import Surface
+from .surfaces import SAME_STRETCH, box_of, carried, surface_of
 
 Array = NDArray[np.float64]
 
-# A surface is used again as long as its scale stays within this fraction (Blender's matrices are float32).
-SAME_STRETCH = 1e-5
 
 
 class PosedBody:
@@ -43,10 +42,10 @@ class PosedBody:
         """Return middle and half size of the body's box in the world at every sample [m], shape (n, 3) each."""
         if self._boxes is None:
             if b in chunk.surfaces:
-                boxes = np.array([_box(m) for m in chunk.surfaces[b]])
+                boxes = np.array([box_of(m) for m in chunk.surfaces[b]])
             elif self._body.mesh is not None:
                 if self._box is None:
-                    self._box = _box(self._body.mesh)
+                    self._box = box_of(self._body.mesh)
                 boxes = self._box[None]
             else:
                 raise DermisError(
@@ -80,26 +79,16 @@ class PosedBody:
         stretch = turn.T @ pose[:3, :3]
         if b in chunk.surfaces:
             if self._last is None or self._last[0] != i:
-                self._last = i, _carried(chunk.surfaces[b][i], stretch)
+                self._last = i, carried(chunk.surfaces[b][i], stretch)
             return self._last[1], turn, pose[:3, 3], True
         mesh = self._body.mesh
         assert mesh is not None  # `boxes` refused it
         if self._surface is None or not _alike(stretch, self._surface[0]):
             plain = _alike(stretch, np.eye(3))
             first = self._surface is None
-            surface = surface_of(mesh) if plain else surface_of(mesh, stretch) if first else _carried(mesh, stretch)
+            surface = surface_of(mesh) if plain else surface_of(mesh, stretch) if first else carried(mesh, stretch)
             self._surface = (np.eye(3) if plain else stretch, surface)
         return self._surface[1], turn, pose[:3, 3], False
-
-
-def _box(mesh: Mesh) -> Array:
-    return np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
-
-
-def _carried(mesh: Mesh, stretch: Array) -> Surface:
-    """Return a mesh's surface after scale and shear; a mirrored one is turned over."""
-    triangles = mesh.triangles[:, ::-1] if np.linalg.det(stretch) < 0.0 else mesh.triangles
-    return Surface.build(mesh.vertices @ stretch.T, triangles)
 
 
 def _alike(stretch: Array, reference: Array) -> bool:

@@ -13,7 +13,7 @@ goes through them at the end.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,31 +24,21 @@ from ..motion import rotations
 from ..scene import Chunk, TactileScene
 from ..skin.model import SkinModel
 from .bodies import AWAY, ContactBody
-from .cone import SLIP, STICK
 from .felt import SkinTouch
 from .held_body import HeldBody, may_be_held, rigid
 from .held_object import HeldStep, HoldingFinger, Reach
 from .path import PathSolver
 from .posed import PosedBody
 from .sampled import SampledTouch
+from .skin_record import SkinRecord
 from .stretch import Stretch
-from .yielding import Yielded, Yielding
+from .yielding import Yielding
 
 __all__ = ["SkinSampler", "SkinTouch"]
 
 Array = NDArray[np.float64]
 
 FRICTION = 0.6  # of a body that does not say
-_NOTHING = (0.0, 0.0, 0.0, 0.0, 0, 0)
-
-
-@dataclass
-class _Record:
-    """One finger's samples so far."""
-
-    contact: list[int] = field(default_factory=list)
-    force: list[NDArray[np.float32]] = field(default_factory=list)
-    scalars: list[tuple[float, float, float, float, int, int]] = field(default_factory=list)
 
 
 class SkinSampler:
@@ -71,7 +61,7 @@ class SkinSampler:
             for f, skin in self._skins.items()
         }
         self._near: dict[int, list[int]] = {f: [] for f in self._skins}
-        self._records = {f: _Record() for f in self._skins}
+        self._records = {f: SkinRecord() for f in self._skins}
         self._frames: list[Array] = []
         self._times: list[Array] = []
         self._skipped = dict.fromkeys(self._skins, 0)
@@ -100,7 +90,7 @@ class SkinSampler:
         for f in self._skins:
             if not stretch.near[f]:
                 self._yielding[f].idle(len(chunk.times))
-                self._records[f].scalars.extend([_NOTHING] * len(chunk.times))
+                self._records[f].nothing(len(chunk.times))
                 continue
             for i in range(len(chunk.times)):
                 self._advance(f, stretch, i)
@@ -159,9 +149,9 @@ class SkinSampler:
         path, record = self._yielding[f], self._records[f]
         if not any(inside[i] for inside in stretch.near[f].values()):
             path.idle()
-            record.scalars.append(_NOTHING)
+            record.nothing()
             return
-        self._record(record, path.step(self._around(f, stretch, i), float(stretch.chunk.frames[i])))
+        record.keep(path.step(self._around(f, stretch, i), float(stretch.chunk.frames[i])))
 
     def _advance_held(self, bodies: Sequence[HeldBody], stretch: Stretch, i: int, sample: int) -> set[int]:
         """Balance what is held at a sample; return the fingers that this solved."""
@@ -182,7 +172,7 @@ class SkinSampler:
                 yielded = self._yielding[f].adopt(
                     step.forces[k], step.slips[k], step.frames[k], step.residual, lifts[k], frame
                 )
-                self._record(self._records[f], yielded)
+                self._records[f].keep(yielded)
             solved.update(fingers)
         return solved
 
@@ -209,27 +199,6 @@ class SkinSampler:
             reaches[f] = Reach(pose, tuple(around), own, path.solver.history)
         step = body.step(sample, surface, turn, origin, [reaches.get(f) for f in body.order], frame)
         return step, lifts
-
-    def _record(self, record: _Record, yielded: Yielded) -> None:
-        solution = yielded.step.solution
-        if not solution.force.any():
-            record.scalars.append((0.0, 0.0, 0.0, yielded.lift, 0, 0))
-            return
-        normal = solution.normal_force
-        total = float(normal.sum())
-        across = solution.force - normal[:, None] * solution.normals
-        record.contact.append(len(record.scalars))
-        record.force.append(solution.force.astype(np.float32))
-        record.scalars.append(
-            (
-                total,
-                float(np.linalg.norm(across.sum(axis=0))),
-                yielded.depth,
-                yielded.lift,
-                int((solution.status == STICK).sum()),
-                int((solution.status == SLIP).sum()),
-            )
-        )
 
     def _around(self, f: int, stretch: Stretch, i: int) -> list[ContactBody]:
         """Return the bodies that a finger has ever been near, in an order that never changes."""
@@ -283,31 +252,17 @@ class SkinSampler:
         )
 
     def _touch(self, f: int, times: Array, frames: Array) -> SkinTouch:
-        record, path = self._records[f], self._yielding[f]
-        scalars = np.array(record.scalars, dtype=np.float64).reshape(-1, 6)
-        skin = self._skins[f]
-        first = f == min(self._skins)  # what is said of a held object is said once
+        path = self._yielding[f]
         counters = path.solver.counters
         skipped = {
             "skin_pairs_far": self._skipped[f],
             "skin_frames_idle": counters["idle"],
             "skin_frames_same": counters["same"] + counters["unchanged"],
         }
-        return SkinTouch(
-            model=skin,
-            times=times,
-            frames=frames,
-            contact=np.array(record.contact, dtype=np.intp),
-            force=np.array(record.force, dtype=np.float32).reshape(-1, skin.pad_count, 3),
-            normal_force=scalars[:, 0],
-            tangential_force=scalars[:, 1],
-            depth=scalars[:, 2],
-            lift=scalars[:, 3],
-            sticking=scalars[:, 4].astype(np.int32),
-            slipping=scalars[:, 5].astype(np.int32),
-            findings=tuple(path.solver.findings) + tuple(path.findings) + (self._held_findings if first else ()),
-            skipped={name: count for name, count in skipped.items() if count},
-        )
+        findings = path.solver.findings + path.findings
+        if f == min(self._skins):  # what is said of a held object is said once
+            findings += self._held_findings
+        return self._records[f].touch(self._skins[f], times, frames, findings, skipped)
 
 
 def _value(parameters: Mapping[str, Any], chunk: Chunk, b: int, i: int, name: str, default: float) -> float:

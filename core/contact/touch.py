@@ -17,19 +17,18 @@ from ..errors import DermisError, Finding
 from ..motion import rotations, singular
 from ..motion.vectors import turn as turned
 from ..motion.vectors import turn_back
-from ..scene import Chunk, Mesh, TactileScene
+from ..scene import Chunk, TactileScene
 from .centre import centre_of
-from .gap import GapQuery, Surface, surface_of
+from .gap import GapQuery, Surface
 from .pair import PairRecord
 from .repairs import Repairs
 from .sampled import SampledTouch
+from .surfaces import SAME_STRETCH, box_of, carried, surface_of
 
 Array = NDArray[np.float64]
 
 # A pad that comes nearer faster than this [m/s] may be noticed only at the sample in which it arrives.
 FASTEST_APPROACH = 12.0
-# A body's surface is used again as long as its scale stays within this fraction (Blender's matrices are float32).
-SAME_STRETCH = 1e-5
 # Where a finger's bone is, from the pad along +Z [m]: on that side of an open surface the finger is outside.
 BONE_HEIGHT = 0.006
 
@@ -144,11 +143,11 @@ class TouchSampler:
                 if len(meshes) != len(chunk.times):
                     raise DermisError("a deforming object needs one surface per sample", where=f"object '{body.name}'",
                                       value=len(meshes), limit=str(len(chunk.times)))  # fmt: skip
-                boxes = np.array([_box(m) for m in meshes])
+                boxes = np.array([box_of(m) for m in meshes])
                 if body.parameters.get("weight_on", True) or body.parameters.get("content_on", False):
                     self._centres.setdefault(b, []).append(np.array([centre_of(m) for m in meshes]))
             elif body.mesh is not None:
-                boxes = _box(body.mesh)[None]
+                boxes = box_of(body.mesh)[None]
             else:
                 raise DermisError("a deforming object has no surface", where=f"object '{body.name}'",
                                   remedy="Give it faces, or stop it being touchable")  # fmt: skip
@@ -198,9 +197,7 @@ class TouchSampler:
         mesh = self._scene.bodies[b].mesh
         if b in chunk.surfaces:
             for i, carry in zip(wanted, stretch, strict=True):
-                now = chunk.surfaces[b][i]
-                yield Surface.build(now.vertices @ carry.T, _faces(now, carry)), np.array([i]), self._velocity(
-                    b, chunk, int(i), carry)  # fmt: skip
+                yield carried(chunk.surfaces[b][i], carry), np.array([i]), self._velocity(b, chunk, int(i), carry)
             return
         assert mesh is not None
         left = np.arange(len(wanted))
@@ -215,7 +212,7 @@ class TouchSampler:
             same = _alike(stretch[left], known[0])
             if not same.any():  # the scale is animated: this one serves until it changes again
                 carry = stretch[left[0]]
-                known = (carry, Surface.build(mesh.vertices @ carry.T, _faces(mesh, carry)))
+                known = (carry, carried(mesh, carry))
                 self._stretched[b] = known
                 same = _alike(stretch[left], carry)
             yield known[1], wanted[left[same]], None
@@ -286,16 +283,6 @@ class TouchSampler:
                 pair.side = surface.side_of(local[k] + BONE_HEIGHT * (turn[i].T @ up))
             side[k] = pair.side
         return side
-
-def _box(mesh: Mesh) -> Array:
-    """Lower and upper corner of a mesh, shape (2, 3)."""
-    return np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
-
-
-def _faces(mesh: Mesh, stretch: Array) -> NDArray[np.int32]:
-    """The triangles, turned over where the object is mirrored."""
-    return mesh.triangles[:, ::-1] if np.linalg.det(stretch) < 0.0 else mesh.triangles
-
 
 def _alike(stretch: Array, reference: Array) -> NDArray[np.bool_]:
     """Whether linear maps (n, 3, 3) equal another within what float32 matrices resolve, shape (n,)."""

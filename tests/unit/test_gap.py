@@ -9,8 +9,9 @@ import weakref
 import numpy as np
 import pytest
 
-from core.contact.gap import Surface, surface_of
+from core.contact.gap import Surface
 from core.contact.nearest import CentroidTree
+from core.contact.surfaces import surface_of
 from core.errors import DermisError
 from core.scene import Mesh
 

@@ -1,0 +1,66 @@
+"""One finger's skin while a scene is swept: what it felt so far, and the whole of it at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Finding
+from ..skin.model import SkinModel
+from .cone import SLIP, STICK
+from .felt import SkinTouch
+from .triangles import Array
+from .yielding import Yielded
+
+_NOTHING = (0.0, 0.0, 0.0, 0.0, 0, 0)
+
+
+class SkinRecord:
+    """Forces of the samples in contact, and a few numbers of every sample."""
+
+    def __init__(self) -> None:
+        self._contact: list[int] = []
+        self._force: list[NDArray[np.float32]] = []
+        self._scalars: list[tuple[float, float, float, float, int, int]] = []
+
+    def nothing(self, count: int = 1) -> None:
+        """Take samples in which nothing is near."""
+        self._scalars.extend([_NOTHING] * count)
+
+    def keep(self, yielded: Yielded) -> None:
+        """Take a sample."""
+        solution = yielded.step.solution
+        if not solution.force.any():
+            self._scalars.append((0.0, 0.0, 0.0, yielded.lift, 0, 0))
+            return
+        normal = solution.normal_force
+        across = solution.force - normal[:, None] * solution.normals
+        self._contact.append(len(self._scalars))
+        self._force.append(solution.force.astype(np.float32))
+        self._scalars.append((
+            float(normal.sum()), float(np.linalg.norm(across.sum(axis=0))), yielded.depth, yielded.lift,
+            int((solution.status == STICK).sum()), int((solution.status == SLIP).sum()),
+        ))  # fmt: skip
+
+    def touch(
+        self, model: SkinModel, times: Array, frames: Array, findings: tuple[Finding, ...], skipped: Mapping[str, int]
+    ) -> SkinTouch:
+        """Return the whole, at the sweep's times [s] and frames, shape (n,)."""
+        scalars = np.array(self._scalars, dtype=np.float64).reshape(-1, 6)
+        return SkinTouch(
+            model=model,
+            times=times,
+            frames=frames,
+            contact=np.array(self._contact, dtype=np.intp),
+            force=np.array(self._force, dtype=np.float32).reshape(-1, model.pad_count, 3),
+            normal_force=scalars[:, 0],
+            tangential_force=scalars[:, 1],
+            depth=scalars[:, 2],
+            lift=scalars[:, 3],
+            sticking=scalars[:, 4].astype(np.int32),
+            slipping=scalars[:, 5].astype(np.int32),
+            findings=findings,
+            skipped={name: count for name, count in skipped.items() if count},
+        )

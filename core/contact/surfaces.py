@@ -1,0 +1,46 @@
+"""Surfaces of a scene's meshes, in the space that an object carries them in: after its scale and shear."""
+
+from __future__ import annotations
+
+import weakref
+
+import numpy as np
+
+from ..scene import Mesh
+from .gap import Surface
+from .triangles import Array
+
+# A surface is used again as long as its scale stays within this fraction (Blender's matrices are float32).
+SAME_STRETCH = 1e-5
+
+_SURFACES: weakref.WeakKeyDictionary[Mesh, dict[bytes, Surface]] = weakref.WeakKeyDictionary()
+
+
+def surface_of(mesh: Mesh, stretch: Array | None = None) -> Surface:
+    """Return the surface of a mesh, kept for as long as the mesh lives.
+
+    Args:
+        mesh: in its object's own space [m].
+        stretch: a linear map to apply to the vertices first (an object's scale and shear, which a rigid motion
+            cannot carry), shape (3, 3).
+
+    Raises:
+        DermisError: see `Surface.build`.
+    """
+    key = b"" if stretch is None else np.ascontiguousarray(stretch, dtype=np.float64).tobytes()
+    shapes = _SURFACES.setdefault(mesh, {})
+    if key not in shapes:
+        shapes[key] = Surface.build(mesh.vertices, mesh.triangles) if stretch is None else carried(mesh, stretch)
+    return shapes[key]
+
+
+def carried(mesh: Mesh, stretch: Array) -> Surface:
+    """Return a mesh's surface after a linear map, shape (3, 3); a mirror turns the faces over."""
+    stretch = np.asarray(stretch, dtype=np.float64)
+    triangles = mesh.triangles[:, ::-1] if np.linalg.det(stretch) < 0.0 else mesh.triangles
+    return Surface.build(mesh.vertices @ stretch.T, triangles)
+
+
+def box_of(mesh: Mesh) -> Array:
+    """Return the lower and upper corner of a mesh [m], shape (2, 3)."""
+    return np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])

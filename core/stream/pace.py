@@ -44,8 +44,12 @@ class Pace:
             self._leave_out(int((now - self.next) / self.period), counted=True)
         while self.next <= now + horizon:
             yield self.next
-            self.lateness.add(now + horizon - self.next)
-            self.next += self.period
+            self.sent(now, horizon)
+
+    def sent(self, now: float, horizon: float) -> None:
+        """Note that the next sample has left."""
+        self.lateness.add(now + horizon - self.next)
+        self.next += self.period
 
     def _leave_out(self, count: int, *, counted: bool) -> None:
         self.next += count * self.period

@@ -221,6 +221,9 @@ class Streamer:
             if self.adapter is not None and (self._phase != "idle" or self.adapter.armed):
                 try:
                     for _ in range(REPEAT):
+                        if self.wire is not None and not self.adapter.own_safe and self._phase != "arming":
+                            self.adapter.forget()
+                            self._send(self.adapter.command(self.wire.safe, now, None))
                         self._send(self.adapter.safe())
                 except DermisError:
                     pass
@@ -303,8 +306,10 @@ class Streamer:
         if isinstance(self.source, Panel):
             self.source.touched(self.adapter.touch, now)
         horizon = self._horizon()
-        if self._held is not None and not self._command(*self._held, now):
-            return
+        if self._held is not None:
+            if not self._command(*self._held, now):
+                return
+            self.pace.sent(now, horizon)
         for moment in self.pace.due(now, horizon):
             wanted = self.source.wanted(moment if horizon else now + self.wish.look_ahead, now)
             if not self._command(self.gate.step(wanted, moment), moment if horizon else None, now):

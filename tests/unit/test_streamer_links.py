@@ -11,6 +11,7 @@ import pytest
 from core.calibration import Calibration
 from core.formats import csv
 from core.presets import Library
+from core.stream import packets
 from core.track import CommandTrack
 from tests.unit.stream_lab import TICK, Lab, sine_track
 
@@ -80,6 +81,10 @@ def test_samples_ahead_of_their_time_wait_for_room_and_none_is_lost(track_file: 
     lab.run(2.0)
     assert lab.device.received - received == lab.streamer.counters["sent"] - sent == pytest.approx(2000, abs=25)
     assert lab.device.lost == lab.device.late == 0
+    assert not lab.streamer.gate.limited, "no sample is stepped twice"  # type: ignore[union-attr]
+    sent_at = [m for _, m in lab.sent if len(m) > 16]
+    times = [packets.read_command(p.body)[0] for m in sent_at for p in packets.Decoder().feed(m) if p.kind == 5]
+    assert set(np.diff(times[-1500:]) % 2**32) <= {999, 1000, 1001}, "each millisecond once, in its order"
     assert lab.streamer.counters["dropped"] == lab.streamer.counters["skipped"] == 0
 
 
@@ -109,6 +114,20 @@ def test_a_safe_state_that_never_finds_room_says_so() -> None:
     lab.stops += 1
     lab.run(1.1)
     assert "Switch its supply off" in lab.streamer.words
+
+
+@pytest.mark.parametrize("protocol", ["maestro", "servo-animation"])
+def test_a_board_without_a_safe_state_of_its_own_is_left_in_it(protocol: str) -> None:
+    """Another port, another device, or no connection at all: what was driven does not stay where it was."""
+    for change in ({"connect": False}, {"url": "elsewhere"}):
+        lab = Lab(protocol, mode="jog", jog={"pulley_1": 0.4}, ramp=0.0)
+        lab.run(0.1)
+        lab.arm()
+        lab.run(0.3)
+        assert lab.at[0] == pytest.approx(0.4, abs=2e-3)
+        device = lab.device
+        lab.set(**change)
+        assert abs(list(device.report()["values"].values())[0]) < 1e-3
 
 
 def test_what_a_full_link_refused_is_said_again() -> None:

@@ -70,8 +70,8 @@ class Surface:
         if not np.isfinite(points).all():
             raise DermisError("a surface has vertices that are not finite numbers")
         if corners.min() < 0 or corners.max() >= points.shape[0]:
-            raise DermisError("a triangle uses a vertex that does not exist", value=int(corners.max()),
-                              limit=f"0 to {points.shape[0] - 1}")  # fmt: skip
+            limit = f"0 to {points.shape[0] - 1}"
+            raise DermisError("a triangle uses a vertex that does not exist", value=int(corners.max()), limit=limit)
         return cls(points, corners, topology_of(points, corners))
 
     @property
@@ -285,9 +285,7 @@ class Surface:
             sign[odd] = np.where(self.winding(points[odd]) > 0.5, -1.0, 1.0)
         return rim
 
-    def _directions(
-        self, offset: Array, distance: Array, sign: Array, pseudo: Array, triangle: Indices
-    ) -> Array:
+    def _directions(self, offset: Array, distance: Array, sign: Array, pseudo: Array, triangle: Indices) -> Array:
         """Gradient of the gap; on the surface itself, where it is not defined, the pseudonormal."""
         tiny = distance <= 1e-12
         if not tiny.any():

@@ -24,6 +24,7 @@ __all__ = ["BoundedLeastSquares", "BoundedSolution", "bounded_least_squares"]
 
 Array = NDArray[np.float64]
 
+WHERE = "bounded least squares"
 SIGN_TOLERANCE = 1e-13  # of the largest gradient or bound: below it a sign counts as right
 MAX_BLOCK_TRIES = 6  # block exchanges without progress before the primal active set takes over
 MAX_PIVOTS = 3000
@@ -72,17 +73,13 @@ class BoundedLeastSquares:
         self._idamax, self._potri = blas.idamax, lapack.dpotri
         gram = np.array(gram, dtype=np.float64, order="C")
         if gram.ndim != 2 or gram.shape[0] != gram.shape[1]:
-            raise DermisError("the Gram matrix must be square", where="bounded least squares", value=gram.shape)
+            raise DermisError("the Gram matrix must be square", where=WHERE, value=gram.shape)
         if not np.isfinite(gram).all():
-            raise DermisError("the Gram matrix has values that are not finite", where="bounded least squares")
+            raise DermisError("the Gram matrix has values that are not finite", where=WHERE)
         self._size = float(np.abs(gram).max(initial=0.0))
         if np.abs(gram - gram.T).max(initial=0.0) > 1e-9 * self._size:
-            raise DermisError(
-                "the Gram matrix is not symmetric",
-                where="bounded least squares",
-                value=float(np.abs(gram - gram.T).max()),
-                limit=f"{1e-9 * self._size:.3g}",
-            )
+            raise DermisError("the Gram matrix is not symmetric", where=WHERE,
+                              value=float(np.abs(gram - gram.T).max()), limit=f"{1e-9 * self._size:.3g}")  # fmt: skip
         self.gram = gram
         self.n = len(gram)
         self._set_bounds(low, high)
@@ -92,7 +89,7 @@ class BoundedLeastSquares:
             if self._potrf(self._definite())[1] != 0:
                 raise DermisError(
                     "the Gram matrix is not positive semi-definite",
-                    where="bounded least squares",
+                    where=WHERE,
                     value=float(np.linalg.eigvalsh(gram)[0]),
                     limit=">= 0",
                 )
@@ -116,13 +113,11 @@ class BoundedLeastSquares:
         """
         c = np.asarray(c, dtype=np.float64)
         if c.shape != (self.n,):
-            raise DermisError(
-                "the right-hand side does not fit", where="bounded least squares", value=c.shape, limit=f"({self.n},)"
-            )
+            raise DermisError("the right-hand side does not fit", where=WHERE, value=c.shape, limit=f"({self.n},)")
         if not self.n:
             return BoundedSolution(_EMPTY, _EMPTY, self._status, 0, True, 1.0)
         if not self._asum(c) < np.inf:
-            raise DermisError("the right-hand side is not finite", where="bounded least squares")
+            raise DermisError("the right-hand side is not finite", where=WHERE)
         if low is not None or high is not None:
             self._set_bounds(self.low if low is None else low, self.high if high is None else high)
             self._factors.clear()
@@ -259,9 +254,7 @@ class BoundedLeastSquares:
         rows = self._solved.take(free, axis=0)  # H is symmetric, and its rows are contiguous
         cholesky, info = self._potrf(rows.take(free, axis=1).T, overwrite_a=1) if len(free) else (_EMPTY, 0)
         if info != 0:
-            raise DermisError(
-                "the Gram matrix is not positive definite on the free variables", where="bounded least squares"
-            )
+            raise DermisError("the Gram matrix is not positive definite on the free variables", where=WHERE)
         fixed = np.where(status < 0, self.low, self.high)
         fixed[free] = 0.0
         base = self._gemv(1.0, self._solved.T, fixed)
@@ -280,7 +273,7 @@ class BoundedLeastSquares:
             i = int(bad[0])
             raise DermisError(
                 "bounds must be finite and not crossed",
-                where=f"bounded least squares, variable {i}",
+                where=f"{WHERE}, variable {i}",
                 value=f"{self.low[i]} to {self.high[i]}",
             )
         same = self.n > 0 and bool((self.low == self.low[0]).all() and (self.high == self.high[0]).all())

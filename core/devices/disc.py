@@ -15,143 +15,20 @@ Source: [S0] 3.1 (rigid disc on the skin), 3.4 and 5.1 (friction state); Alart a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.bodies import ContactBody
 from ..contact.cone import OPEN, SLIP, STICK
-from ..contact.gap import GapQuery
-from ..contact.plane import Plane
 from ..contact.solve import solve as solve_contact
 from ..errors import DermisError
-from .thimble import PlatformPose, Thimble
+from .disc_pose import FALLBACK_TOLERANCE, TOLERANCE, Disc, DiscPose, DiscSolution, FrictionState
 
 Array = NDArray[np.float64]
 
-TOLERANCE = 1e-6  # of the natural residual, relative to the forces
-FALLBACK_TOLERANCE = 1e-8
 MAX_STEPS = 10
 NEAR, MARGIN = 0.9e-3, 0.3e-3  # candidates have gaps below NEAR; they are chosen anew when others come to MARGIN
-ROUNDING = 1.0e-3  # [m] radius by which the disc's rim falls away
-
-
-@dataclass(frozen=True)
-class DiscPose:
-    """A pose of the disc in the finger's frame, with its derivatives by the device's configuration.
-
-    Attributes:
-        rotation: disc to finger, shape (3, 3). The side that touches faces -Z of the disc.
-        centre: [m], shape (3,).
-        spin: row j is the rotation vector for a unit of x_j, shape (3, 3). shift: column j moves the centre, (3, 3).
-    """
-
-    rotation: Array
-    centre: Array
-    spin: Array
-    shift: Array
-
-    @property
-    def normal(self) -> Array:
-        """Out of the disc, into the finger, shape (3,)."""
-        return -self.rotation[:, 2]
-
-
-def placed(device: Thimble, pose: PlatformPose) -> DiscPose:
-    """Return a platform's pose in the finger's frame."""
-    turn, origin = device.mount[:3, :3], device.mount[:3, 3]
-    return DiscPose(turn @ pose.rotation, turn @ pose.centre + origin, pose.spin @ turn.T, turn @ pose.d_centre)
-
-
-@dataclass(frozen=True, eq=False)
-class Disc(Plane):
-    """The disc as a surface for the path solver, in its own frame: flat up to `radius`, then rounded off.
-
-    Attributes:
-        radius, rounding: [m].
-    """
-
-    normal: Array = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
-    point: Array = field(default_factory=lambda: np.zeros(3))
-    radius: float = 8.0e-3
-    rounding: float = ROUNDING
-
-    def query(self, points: Array, reach: float = np.inf) -> GapQuery:
-        """Return gap, closest point and normal of each point; the normal of the rim is that of the face."""
-        over = np.maximum(np.hypot(points[:, 0], points[:, 1]) - self.radius, 0.0)
-        gap = -points[:, 2] + over**2 / (2 * self.rounding)
-        n = len(gap)
-        near = gap <= reach
-        normal = np.where(near[:, None], self.normal, 0.0)
-        point = np.where(near[:, None], points - gap[:, None] * self.normal, np.nan)
-        triangle = np.where(near, 0, -1)
-        return GapQuery(np.where(near, gap, np.inf), normal, point, triangle, np.zeros((n, 3)), np.zeros(n, bool))
-
-    def body(self, pose: DiscPose, friction: float) -> ContactBody:
-        """Return the disc as something to touch, at a pose."""
-        return ContactBody(self, pose.rotation, pose.centre, friction)
-
-
-@dataclass(frozen=True, eq=False)
-class FrictionState:
-    """What friction remembers of the path so far.
-
-    Attributes:
-        held: nodes with an anchor, shape (m,).
-        anchor: the point of the disc that each sticks to, x and y in the disc's frame [m], shape (m, 2).
-        force: on the skin at the end of the last step [N], shape (m, 3).
-    """
-
-    held: NDArray[np.bool_]
-    anchor: Array
-    force: Array
-
-    @classmethod
-    def rest(cls, count: int) -> FrictionState:
-        """Return the state of skin that touched nothing yet."""
-        return cls(np.zeros(count, bool), np.zeros((count, 2)), np.zeros((count, 3)))
-
-
-@dataclass(frozen=True, eq=False)
-class DiscSolution:
-    """Contact with the disc at one pose.
-
-    Attributes:
-        pose: of the disc.
-        nodes: the candidates, shape (s,); all other nodes carry no force.
-        force: on them [N], shape (s, 3). displacement: w = C f + b of them [m], shape (s, 3).
-        slope: derivative of the forces by the configuration, column j of node i at [i, :, j], shape (s, 3, 3).
-        status: OPEN, STICK or SLIP, shape (s,).
-        residual: |f - P(f - w / rho)| / |f|. iterations: Newton steps.
-        method: 'none', 'newton', or 'fallback' where Newton did not settle.
-    """
-
-    pose: DiscPose
-    nodes: NDArray[np.intp]
-    force: Array
-    displacement: Array
-    slope: Array
-    status: NDArray[np.int8]
-    residual: float
-    iterations: int
-    method: str
-
-    @property
-    def converged(self) -> bool:
-        """Whether the forces obey the laws of contact."""
-        return self.residual <= max(TOLERANCE, 10 * FALLBACK_TOLERANCE)
-
-    @property
-    def touching(self) -> bool:
-        """Whether any node carries force."""
-        return bool((self.status != OPEN).any())
-
-    def spread(self, count: int) -> Array:
-        """Return the forces on all nodes [N], shape (count, 3)."""
-        out = np.zeros((count, 3))
-        out[self.nodes] = self.force
-        return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -412,33 +289,3 @@ def _projection_slope(normal: Array, direction: Array, friction: float, share: A
     out: Array = direction[:, :, None] * (friction * normal - share[:, None] * direction)[:, None, :]
     out += nn + share[:, None, None] * (np.eye(3) - nn)
     return out
-
-
-def first_contact(device: Thimble, contact: DiscContact, pitch: float = 0.0, roll: float = 0.0) -> float:
-    """Return the distance z [m] at which the disc, so tilted, first meets the undeformed skin."""
-    z = 0.0
-    for _ in range(3):  # exact at once but for the rim, which shifts a little with z
-        pose = placed(device, device.pose((pitch, roll, z)))
-        gap = float(contact.gap(pose).min())
-        z -= gap / -float(pose.shift[:, 2] @ pose.normal)
-    return z
-
-
-def calibrated(device: Thimble, contact: DiscContact, felt: Array) -> Thimble:
-    """Return the device mounted as it sits on a person, from the servo angles at which the disc is first felt.
-
-    Args:
-        felt: servo angles from neutral [rad], shape (3,), at the first contact that the person reports.
-
-    The mounting moves along the base's axis until the model first touches in that very pose.
-
-    Raises:
-        DermisError: no pose of the platform has these angles.
-
-    Source: [S0] 7.2, 'the angles and normal distance of first contact with each subject's finger pad'
-    """
-    neutral = (0.0, 0.0, first_contact(device, contact))
-    pitch, roll, distance = device.forward(np.asarray(felt, dtype=np.float64) + device.servo_zero, neutral).tolist()
-    mount = device.mount.copy()
-    mount[:3, 3] -= mount[:3, 2] * (distance - first_contact(device, contact, pitch, roll))
-    return replace(device, mount=mount)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..devices.disc import placed
+from ..devices.disc_pose import placed
 from ..devices.thimble import Thimble
 from ..skin.model import SkinModel
 from .gauss_newton import Minimum, ServoLimits, minimise

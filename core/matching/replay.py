@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..devices.disc import DiscSolution, FrictionState, placed
+from ..devices.disc_pose import DiscSolution, FrictionState, placed
 from ..devices.spec import DeviceSpec
 from ..devices.thimble import Thimble
 from ..errors import DermisError

@@ -23,7 +23,8 @@ from ..surrogate.subspace import TOLERANCE
 from ..track import CommandTrack
 from .baselines import contact_patch, fit_plane, total_force
 from .rendered import Rendered
-from .stress import StartTable, StressMatcher, ThimbleFrame, start_table
+from .start_table import StartTable, start_table
+from .stress import StressMatcher, ThimbleFrame
 from .thimble_sequence import ThimbleSequence, collect, finish
 from .thimble_use import FRICTION, HOVER, LEARNED, METHODS, ThimbleUse, prepare
 

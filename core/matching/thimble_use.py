@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..devices.disc import calibrated
+from ..devices.first_contact import calibrated
 from ..devices.spec import DeviceSpec
 from ..devices.thimble import Thimble, mechanism
 from ..errors import DermisError, Finding

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..devices.disc import DiscContact, FrictionState, first_contact, placed
+from ..devices.disc import DiscContact
+from ..devices.disc_pose import FrictionState, placed
+from ..devices.first_contact import first_contact
 from ..devices.thimble import Thimble
 from ..errors import DermisError
 

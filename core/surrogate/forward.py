@@ -7,7 +7,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..devices.disc import DiscContact, DiscSolution, FrictionState, placed
+from ..devices.disc import DiscContact
+from ..devices.disc_pose import DiscSolution, FrictionState, placed
 from ..devices.thimble import Thimble
 from ..errors import DermisError
 

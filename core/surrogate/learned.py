@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..devices.disc import FrictionState
+from ..devices.disc_pose import FrictionState
 from ..errors import DermisError
 from .dataset import Dataset
 from .subspace import TOLERANCE, Subspace, principal_components

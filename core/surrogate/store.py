@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cache import cache_key
-from ..devices.disc import Disc, DiscContact
+from ..devices.disc import DiscContact
+from ..devices.disc_pose import Disc
 from ..devices.thimble import Thimble
 from ..errors import DermisError
 from ..files import write_npz

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from core import plot_thimble
 from core.contact.path import PathSolver
-from core.devices.disc import DiscContact, FrictionState, first_contact, placed
+from core.devices.disc import DiscContact
+from core.devices.disc_pose import FrictionState, placed
+from core.devices.first_contact import first_contact
 from core.devices.thimble import Thimble, mechanism
 from core.matching.thimble import finish, match_sequence, matcher
 from core.presets import Library

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.devices.disc import FrictionState, placed
+from core.devices.disc_pose import FrictionState, placed
 from core.devices.thimble import mechanism
 from core.matching.baselines import ContactPatch, contact_patch, fit_plane, total_force
 from core.matching.thimble import finish, match_sequence

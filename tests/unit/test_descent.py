@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.devices.disc import FrictionState
+from core.devices.disc_pose import FrictionState
 from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.matching.descent import descend, inside

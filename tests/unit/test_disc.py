@@ -9,7 +9,9 @@ import pytest
 
 from core.contact.path import PathSolver
 from core.devices import disc as module
-from core.devices.disc import Disc, DiscContact, FrictionState, calibrated, first_contact, placed
+from core.devices.disc import DiscContact
+from core.devices.disc_pose import Disc, FrictionState, placed
+from core.devices.first_contact import calibrated, first_contact
 from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.presets import Library

@@ -10,7 +10,7 @@ import pytest
 from core.contact.bodies import ContactBody
 from core.contact.path import PathSolver
 from core.devices import hexapod
-from core.devices.disc import Disc
+from core.devices.disc_pose import Disc
 from core.devices.poses import Poses, rotation
 from core.devices.press import Press
 from core.errors import DermisError

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from core.contact.skin_touch import SkinTouch
-from core.devices.disc import FrictionState, placed
+from core.devices.disc_pose import FrictionState, placed
 from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.matching.stress import StressMatcher

@@ -9,7 +9,7 @@ import pytest
 
 from core import scene_file
 from core.__main__ import main
-from core.devices.disc import FrictionState, placed
+from core.devices.disc_pose import FrictionState, placed
 from core.devices.thimble import mechanism
 from core.files import write_npz
 from core.formats import csv

@@ -1,0 +1,68 @@
+"""StartTable: poses all over a thimble's workspace and what they make felt, to start searches from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices.disc import DiscContact
+from ..devices.disc_pose import FrictionState
+from ..devices.first_contact import first_contact
+from ..devices.thimble import Thimble
+from ..errors import DermisError
+from ..surrogate.forward import ForwardModel
+
+Array = NDArray[np.float64]
+
+TABLE_TILTS = np.radians([-24.0, -16.0, -8.0, 0.0, 8.0, 16.0, 24.0])
+TABLE_DEPTHS = (0.05e-3, 0.15e-3, 0.35e-3, 0.7e-3, 1.1e-3, 1.5e-3)
+
+
+@dataclass(frozen=True, eq=False)
+class StartTable:
+    """Poses all over the workspace and what they make felt from rest, to start searches from.
+
+    Attributes:
+        x: configurations, shape (t, 3). depth: each beyond first contact [m], shape (t,).
+        direction: of the stimulus, of length 1, shape (t, k). strength: its length, shape (t,).
+    """
+
+    x: Array
+    depth: Array
+    direction: Array
+    strength: Array
+
+    def pose(self, row: int, strength: float) -> Array:
+        """Return an entry's tilt at the depth whose stimulus has a given strength, as a ball's has: depth^1.5."""
+        depth = self.depth[row] * (max(strength, 0.0) / self.strength[row]) ** (2.0 / 3.0)
+        x: Array = self.x[row].copy()
+        x[2] += self.depth[row] - min(max(depth, TABLE_DEPTHS[0] / 4), TABLE_DEPTHS[-1])
+        return x
+
+
+def start_table(device: Thimble, contact: DiscContact, model: ForwardModel) -> StartTable:
+    """Return the table of a forward model.
+
+    Raises:
+        DermisError: no pose within the servo limits touches the skin.
+    """
+    rows, depths, stimuli = [], [], []
+    model.hold(FrictionState.rest(contact.count))
+    for pitch in TABLE_TILTS:
+        for roll in TABLE_TILTS:
+            z = first_contact(device, contact, pitch, roll)
+            for depth in TABLE_DEPTHS:
+                x = np.array([pitch, roll, z - depth])
+                if device.feasible(x):
+                    stimulus, slope = model.evaluate(x)
+                    if stimulus.any() and slope.any():
+                        rows.append(x)
+                        depths.append(depth)
+                        stimuli.append(stimulus)
+    if not rows:
+        raise DermisError("no pose within the servo limits touches the skin", where="thimble")
+    table = np.array(stimuli)
+    strength = np.sqrt((table**2).sum(axis=1))
+    return StartTable(np.array(rows), np.array(depths), table / strength[:, None], strength)

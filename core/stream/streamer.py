@@ -7,8 +7,9 @@ until a person arms again.
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -20,12 +21,13 @@ from . import adapter as adapters
 from .adapter import Adapter
 from .board import Beat
 from .gate import Gate
+from .outbox import Outbox
 from .pace import Pace
 from .safe_way import SafeWay
 from .source import Follow, Panel, Play, Screen, Source, follow_values, source_of
 from .transport import Gone, Transport
 from .url import Url
-from .wire import Array, Wire
+from .wire import Wire
 from .wish import Wish
 
 HANDSHAKE = 3.0  # a device that has not said who it is after this long is none [s]
@@ -34,7 +36,6 @@ ARMING = 1.0  # a device that is not armed after this long will not be [s]
 REPEAT = 3  # a safe state is written this often where no device confirms it
 STUBBORN = 1.0  # a safe state that the link does not take is tried again for this long [s]
 RECALIBRATING = 0.3  # what a new calibration, or another source, changes is blended in over this long [s]
-WAITING_MOST = 16  # messages of the protocol's own that wait for room in the link
 
 
 class Streamer:
@@ -72,8 +73,7 @@ class Streamer:
         self._beat_at = -math.inf
         self._retry_at = 0.0
         self._way: SafeWay | None = None
-        self._waiting: deque[bytes] = deque()
-        self._held: tuple[Array, float] | None = None
+        self._outbox: Outbox | None = None
         self._closing = False
 
     # -- what comes from outside
@@ -146,7 +146,7 @@ class Streamer:
         self._guarded(now, lambda: self._tick(now))
         self._name_state()
         if self._phase == "live":  # often enough for a stop, however slow the device
-            wait = 0.001 if self._held is not None or self._waiting else 0.004
+            wait = 0.001 if self._outbox is not None and self._outbox.blocked else 0.004
             return min(max(self.pace.next - self._horizon(), now), now + wait)
         return now + (0.002 if self.link is not None else 0.02)
 
@@ -180,7 +180,8 @@ class Streamer:
         if self.adapter.fault:
             fault, self.adapter.fault = self.adapter.fault, ""
             raise DermisError(fault, where=self.link.name)
-        self._poll(now)
+        if self._outbox is not None:
+            self._outbox.poll(now)
         if not self.adapter.ready:
             if now - self._since > HANDSHAKE:
                 raise DermisError(f"nobody answered within {HANDSHAKE:g} s", where=self.link.name,
@@ -211,24 +212,18 @@ class Streamer:
             raise
         if self.adapter.datagrams and not self.link.datagrams:
             raise DermisError(f"{self.adapter.title} goes over udp://", where=self.wish.url)
-        self._phase, self._since, self._held = "idle", now, None
-        self._waiting.clear()
+        self._phase, self._since = "idle", now
+        self._outbox = Outbox(self.link, self.adapter, self.counters)
         self.adapter.opened(now)
 
     def _disconnect(self, now: float, words: str) -> None:
         """Close the link; a last stop is sent where it still can be."""
         if self.link is not None:
             if self.adapter is not None and (self._phase != "idle" or self.adapter.armed):
-                try:
-                    for _ in range(REPEAT):
-                        if self.wire is not None and not self.adapter.own_safe and self._phase != "arming":
-                            self.adapter.forget()
-                            self._send(self.adapter.command(self.wire.safe, now, None))
-                        self._send(self.adapter.safe())
-                except DermisError:
-                    pass
+                with contextlib.suppress(DermisError):
+                    self._make_safe(now)
             self.link.close()
-        self.link = self.adapter = None
+        self.link = self.adapter = self._outbox = None
         self._phase, self.words = "idle", words
         self.ticket = max(self.ticket, self.wish.arm)
 
@@ -238,27 +233,15 @@ class Streamer:
         self._retry_at = now + RETRY if self.wish.reconnect else math.inf
         self.state = "fault"
 
-    def _poll(self, now: float) -> None:
-        """Send what the protocol itself has to say, in its order; what finds no room waits, the oldest not for ever."""
-        assert self.adapter is not None and self.link is not None
-        self._waiting += self.adapter.poll(now)
-        while len(self._waiting) > WAITING_MOST:
-            self._waiting.popleft()
-            self.counters["dropped"] += 1
-        while self._waiting and self.link.send(self._waiting[0]):
-            self.counters["bytes"] += len(self._waiting.popleft())
+    def _send(self, messages: list[bytes]) -> bool:
+        return self._outbox is None or self._outbox.send(messages)
 
-    def _send(self, messages: list[bytes], *, count: bool = True) -> bool:
-        """Send messages; tell whether all of them left. Those that did not are counted as dropped, if that is meant."""
-        assert self.link is not None
-        whole = True
-        for message in messages:
-            if self.link.send(message):
-                self.counters["bytes"] += len(message)
-            else:
-                self.counters["dropped"] += count
-                whole = False
-        return whole
+    def _make_safe(self, now: float) -> bool:
+        """Say the safe state, and drive a board to it that knows none; tell whether all of that left."""
+        if self._outbox is None or self.adapter is None or self.wire is None:
+            return True
+        drive = not self.adapter.own_safe and self._phase != "arming"
+        return self._outbox.make_safe(self.wire.safe, now, REPEAT, drive=drive)
 
     # -- arming, streaming, safe state
 
@@ -289,10 +272,11 @@ class Streamer:
         horizon = self._horizon()
         self.gate.begin(pose, now + horizon - 1.0 / self.rate, self.wish.ramp)
         self.pace.start(now + horizon, horizon)
-        self._phase, self._since, self._held = "live", now, None
+        self._phase, self._since = "live", now
 
     def _live(self, now: float) -> None:
         assert self.adapter is not None and self.gate is not None and self.source is not None
+        assert self._outbox is not None
         if not self.adapter.armed:
             self.words = "the device disarmed itself"
             self._to_safe(now)
@@ -306,37 +290,24 @@ class Streamer:
         if isinstance(self.source, Panel):
             self.source.touched(self.adapter.touch, now)
         horizon = self._horizon()
-        if self._held is not None:
-            if not self._command(*self._held, now):
+        patience = 2 * self.pace.period
+        if self._outbox.held is not None:
+            if not self._outbox.command(*self._outbox.held, now, patience):
                 return
             self.pace.sent(now, horizon)
         for moment in self.pace.due(now, horizon):
             wanted = self.source.wanted(moment if horizon else now + self.wish.look_ahead, now)
-            if not self._command(self.gate.step(wanted, moment), moment if horizon else None, now):
+            if not self._outbox.command(self.gate.step(wanted, moment), moment if horizon else None, now, patience):
                 break
         self.counters["skipped"] = self.pace.skipped
-
-    def _command(self, values: Array, play: float | None, now: float) -> bool:
-        """Send one command. False: the link is full, but there is time; the command waits, and others after it."""
-        assert self.adapter is not None
-        self._held = None
-        free = not self._waiting and not self.adapter.congested
-        if free and self._send(self.adapter.command(values, now, play), count=False):
-            self.counters["sent"] += 1
-            return True
-        if free:
-            self.adapter.forget()
-        if play is not None and play - now > 2 * self.pace.period:
-            self._held = values, play
-            return False
-        self.counters["dropped"] += 1
-        return True
 
     def _to_safe(self, now: float) -> None:
         """Begin the way to the safe state."""
         assert self.adapter is not None and self.gate is not None and self.wire is not None
         live = self._phase == "live"
-        self._phase, self._since, self._held = "safing", now, None
+        self._phase, self._since = "safing", now
+        if self._outbox is not None:
+            self._outbox.held = None
         if self.adapter.own_safe or not live:
             self._send(self.adapter.safe())
             self.gate.last = self.wire.safe.copy()
@@ -352,11 +323,7 @@ class Streamer:
         if not self._send(self.adapter.command(values, now, None)):
             self.adapter.forget()
             there = False
-        if there:
-            for _ in range(REPEAT):
-                self.adapter.forget()  # said again in full: nobody confirms it
-                there = self._send(self.adapter.command(values, now, None)) and there
-            there = self._send(self.adapter.safe()) and there
+        there = there and self._make_safe(now)
         if there:
             self._finish_safing(now)
         elif now - self._since > STUBBORN:

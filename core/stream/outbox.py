@@ -1,0 +1,82 @@
+"""What goes out on one link, and in which order: the protocol's own messages first, then commands; what has no room."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+
+from .adapter import Adapter
+from .transport import Transport
+from .wire import Array
+
+WAITING_MOST = 16  # messages of the protocol's own that wait for room in the link
+
+
+class Outbox:
+    """Messages of an adapter on their way into a link that never waits; what becomes of them is counted.
+
+    Attributes:
+        held: values and play-out time of a command that found no room and still has time; None: there is none.
+    """
+
+    def __init__(self, link: Transport, adapter: Adapter, counters: Counter[str]) -> None:
+        self._link, self._adapter, self._counters = link, adapter, counters
+        self._waiting: deque[bytes] = deque()
+        self.held: tuple[Array, float] | None = None
+
+    @property
+    def blocked(self) -> bool:
+        """Tell whether something waits for room."""
+        return self.held is not None or bool(self._waiting)
+
+    def poll(self, now: float) -> None:
+        """Send what the protocol itself has to say, in its order; what finds no room waits, the oldest not for ever."""
+        self._waiting += self._adapter.poll(now)
+        while len(self._waiting) > WAITING_MOST:
+            self._waiting.popleft()
+            self._counters["dropped"] += 1
+        while self._waiting and self._link.send(self._waiting[0]):
+            self._counters["bytes"] += len(self._waiting.popleft())
+
+    def send(self, messages: list[bytes], *, count: bool = True) -> bool:
+        """Send messages; tell whether all of them left. Those that did not are counted as dropped, if that is meant."""
+        whole = True
+        for message in messages:
+            if self._link.send(message):
+                self._counters["bytes"] += len(message)
+            else:
+                self._counters["dropped"] += count
+                whole = False
+        return whole
+
+    def command(self, values: Array, play: float | None, now: float, patience: float) -> bool:
+        """Send one command. False: the link is full, but there is time; the command is held, and others wait behind it.
+
+        Args:
+            play: when it counts [s], or None for at once. patience: a command this close to its time is dropped [s].
+        """
+        self.held = None
+        free = not self._waiting and not self._adapter.congested
+        if free and self.send(self._adapter.command(values, now, play), count=False):
+            self._counters["sent"] += 1
+            return True
+        if free:
+            self._adapter.forget()
+        if play is not None and play - now > patience:
+            self.held = values, play
+            return False
+        self._counters["dropped"] += 1
+        return True
+
+    def make_safe(self, values: Array, now: float, times: int, *, drive: bool) -> bool:
+        """Say the safe state several times, since nobody confirms it; tell whether all of it left.
+
+        Args:
+            drive: the board has no safe state of its own, so it is driven to `values` as well.
+        """
+        whole = True
+        for _ in range(times):
+            if drive:
+                self._adapter.forget()  # said again in full
+                whole = self.send(self._adapter.command(values, now, None)) and whole
+            whole = self.send(self._adapter.safe()) and whole
+        return whole

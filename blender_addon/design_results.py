@@ -50,9 +50,7 @@ def find(scene: bpy.types.Scene) -> Generator[Any, None, Any]:
     if spec is None:
         raise errors.DermisError("not a platform's preset", where="How Many Motors?", value=settings.device,
                                  limit="a cable platform or a six-leg platform")  # fmt: skip
-    if core_module("devices.coupling").coupling_of(spec) is not None:
-        raise errors.DermisError("its motors are coupled already", where="How Many Motors?", value=settings.device,
-                                 remedy="Choose the original device")  # fmt: skip
+    core_module("devices.coupling").refuse_coupled(spec)
     yield progress("touches", 0, 1)
     sensed, skin = touches(scene)
     if settings.table:

@@ -47,6 +47,7 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Collect or read the table, sense the touches, and report."""
+    from ..devices.coupling import refuse_coupled
     from ..presets import Library
     from ..skin.model import fingertip_skin, skin_from_parameters
     from ..skin.shape import shape_from_parameters
@@ -55,6 +56,7 @@ def run(options: argparse.Namespace) -> int:
 
     library = Library(options.presets)
     spec = library.device(options.device)
+    refuse_coupled(spec)
     parameters = library.skin(options.skin)
     material = {k: float(v) for k, v in parameters.items() if k in ("young", "poisson", "alpha")}
     lengths = {k: v for k, v in parameters.items() if k not in material}

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..canvas import Canvas, PngCanvas, SvgCanvas
+from ..devices.coupling import refuse_coupled
 from ..devices.spec import DEVICE_SCHEMA, DeviceSpec, from_preset
 from ..errors import DermisError
 from ..files import write_bytes
@@ -86,8 +87,9 @@ def design(spec: DeviceSpec, table: SkinTable, sensed: Mapping[str, Array]) -> D
         sensed: target readings [counts] by the interaction's name, each (n, channels).
 
     Raises:
-        DermisError: nothing given, an interaction that never touches, or one shorter than two samples.
+        DermisError: motors that are coupled already, nothing given, an interaction that never touches, or one shorter than two samples.
     """
+    refuse_coupled(spec)
     if not sensed:
         raise DermisError("no interaction", where="design", remedy="Give at least one baked scene or recording")
     targets = {name: np.asarray(values, np.float64) for name, values in sensed.items()}

@@ -67,3 +67,14 @@ def coupling_of(spec: DeviceSpec) -> Coupling | None:
         Channel(f"original_{i + 1}", unit, low=float(low[i]), high=float(high[i])) for i in range(n)
     )
     return Coupling(matrix, offset, channels)
+
+
+def refuse_coupled(spec: DeviceSpec) -> None:
+    """Refuse a device whose motors are coupled already: its couplings are an answer, not where to look for one.
+
+    Raises:
+        DermisError: it has a coupling.
+    """
+    if "coupling" in spec.parameters:
+        raise DermisError("its motors are coupled already", where=f"device preset '{spec.key}'",
+                          remedy="Choose the original device")  # fmt: skip

@@ -77,6 +77,9 @@ def test_a_saved_table_gives_the_same_answer_as_json(reported):
 def test_mistakes_are_said_and_not_traced(reported, tmp_path):
     folder, _ = reported
     (tmp_path / "bad.csv").write_text("time,e1\n0,1\n")
+    (tmp_path / "own" / "devices").mkdir(parents=True)
+    coupled = (folder / "out" / "cable_platform_2_motors.json").read_text(encoding="utf-8")
+    (tmp_path / "own" / "devices" / "two.json").write_text(coupled, encoding="utf-8")
     for arguments, words in (
         ((), "nothing to do"),
         (("flat", "flat", "--table", folder / "table.npz"), "two touches have one name"),
@@ -84,6 +87,7 @@ def test_mistakes_are_said_and_not_traced(reported, tmp_path):
         (("flat", "--device", "hexapod", "--table", folder / "table.npz"), "another device"),
         (("flat", "--device", "haptip", "--rows", 64), "haptip"),
         (("flat", "--rows", 5), "too few rows"),
+        (("flat", "--device", "two", "--presets", tmp_path / "own"), "coupled already"),
     ):
         made = run(*arguments, "--quiet", cwd=tmp_path)
         assert made.returncode != 0 and words in made.stderr and "Traceback" not in made.stderr, made.stderr

@@ -87,7 +87,7 @@ def design(spec: DeviceSpec, table: SkinTable, sensed: Mapping[str, Array]) -> D
         sensed: target readings [counts] by the interaction's name, each (n, channels).
 
     Raises:
-        DermisError: motors that are coupled already, nothing given, an interaction that never touches, or one shorter than two samples.
+        DermisError: coupled motors, nothing given, an interaction that never touches, or one shorter than two samples.
     """
     refuse_coupled(spec)
     if not sensed:

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from core.errors import DermisError
@@ -133,3 +134,32 @@ def test_faults_do_what_they_say() -> None:
         faults.put(bytes((k % 256,)), k * 1e-3)
     assert faults.get(0.0) == []
     assert len(faults.get(1e9)) / 4000 == pytest.approx(0.75, abs=4 * (0.25 * 0.75 / 4000) ** 0.5)
+
+
+def test_a_finger_on_the_virtual_panel_is_answered_through_a_real_sender(tmp_path: Path) -> None:
+    """A map from a file, a finger that circles: uphill there is a voltage, downhill none, and it started at 0 V."""
+    from core.devices.friction_screen import FrictionScreen
+    from core.matching.screen_map import ScreenMap
+
+    x = (np.arange(64) + 0.5) / 64 * 0.1 - 0.05
+    heights = np.broadcast_to((0.5 * x).astype(np.float32), (1, 64, 64)).copy()
+    screen = FrictionScreen.of(Library().device("electrovibration"))
+    made = ScreenMap(heights, (0.1, 0.1), 1.0, screen, scale=120.0, lowest=float(heights.min()),
+                     highest=float(heights.max()))  # fmt: skip
+    made.save(tmp_path / "ramp.map.npz")
+    preset = Library().load("devices", "electrovibration")
+    with SenderClient() as client:
+        client.connect("virtual:?finger=1", "native", "electrovibration", preset, mode="panel", ramp=0.0,
+                       screen=str(tmp_path / "ramp.map.npz"))  # fmt: skip
+        client.beat()
+        client.wait("ready", 10)
+        beating(client, 0.3)
+        assert client.status()["received"]["values"]["amplitude"] == 0.0, "nothing before arming"
+        client.arm()
+        seen = []
+        for _ in range(70):  # a turn takes 3.1 s
+            beating(client, 0.05)
+            seen.append(client.status()["received"]["values"]["amplitude"])
+        assert client.status()["armed"], client.status()["words"]
+    steepest = 10 ** (1.05 / 1.24) * 60 ** (1 / 1.24)  # log10 f = 1.24 log10 V - 1.05 at f = 120 * 0.5
+    assert max(seen) == pytest.approx(steepest, rel=0.02) and min(seen) == 0.0

@@ -70,14 +70,13 @@ def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = N
         out[loud] = _mean(found, values)
     if not found.tied.any():
         return out
-    poses = values / table.scale
-    known = table.felt[table.heard]
-    for at in np.flatnonzero(found.tied):  # a tie looks back at the command before: one by one
-        i = int(np.flatnonzero(loud)[at])
+    place, known = np.flatnonzero(loud), table.by_reading.points
+    for at in np.flatnonzero(found.tied).tolist():  # a tie looks back at the command before: one by one
+        i = int(place[at])
         before = (out[i - 1] if i else rest if last is None else np.asarray(last, np.float64)) / table.scale
         rows = table.by_reading.within(readings[i], float(found.squared[at, -1]))
         squared = ((known[rows] - readings[i]) ** 2).sum(axis=1)
-        from_last = ((poses[rows] - before) ** 2).sum(axis=1)
+        from_last = ((values[rows] / table.scale - before) ** 2).sum(axis=1)
         order = np.lexsort((rows, from_last, squared))[:NEIGHBOURS]
         out[i] = _weighted(squared[order], values[rows[order]])
     return out

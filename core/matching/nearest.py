@@ -50,6 +50,9 @@ class NearestPoints:
     Args:
         points: shape (n, d), finite.
 
+    Attributes:
+        points: as they were given.
+
     Raises:
         DermisError: no points, or values that are not finite.
     """
@@ -61,7 +64,7 @@ class NearestPoints:
         if points.ndim != 2 or len(points) == 0 or not np.isfinite(points).all():
             raise DermisError("nearest neighbours need finite points", where="look-up table", value=points.shape)
         self.count, self.dimensions = points.shape
-        self._points = points
+        self.points = points
         self._whole = bool((points == np.rint(points)).all())
         self._centre = points.mean(axis=0)
         own = points - self._centre
@@ -86,7 +89,7 @@ class NearestPoints:
                               value=queries.shape, limit=f"(n, {self.dimensions})")  # fmt: skip
         turned = (queries - self._centre) @ self._axes
         size = float(np.vdot(turned, turned))  # of all queries together: not below that of any
-        if not np.isfinite(size):
+        if not size < np.inf:  # nor where it is no number
             raise DermisError("a query is not finite", where="look-up table")
         more = min(k + 1, self.count)  # one neighbour more tells ties
         distance, index = self._tree.query(turned, np.arange(1, more + 1))
@@ -129,6 +132,6 @@ class NearestPoints:
         return rows[order[:k]], near[:k], tied
 
     def _squared(self, query: Array, rows: Indices) -> Array:
-        off = self._points[rows] - query
+        off = self.points[rows] - query
         out: Array = np.einsum("ij,ij->i", off, off)
         return out

@@ -77,6 +77,32 @@ class ContactFrame:
     friction: Array
     softness: Array
 
+    def compliance(self, areas: Array | None, where: str) -> Array:
+        """Return the compliance of the bodies' own surfaces at the nodes [m/N], shape (m,).
+
+        Args:
+            areas: skin of each node [m^2], shape (m,). where: for errors.
+
+        Raises:
+            DermisError: a body is soft, and the areas are not known.
+        """
+        if not self.softness.any():
+            return np.zeros(self.gap.shape[0])
+        if areas is None:
+            raise DermisError("a soft object needs the areas of the skin's nodes", where=where)
+        return self.softness / areas
+
+    def opened(self, gap: Array) -> Array:
+        """Return by how much deformation opened these gaps, given the deformed ones [m]; 0 where nothing is near."""
+        out = np.zeros_like(gap)
+        np.subtract(gap, self.gap, out=out, where=self.body >= 0)
+        return out
+
+
+def same_places(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> bool:
+    """Return whether all bodies are where they were, with the same properties."""
+    return len(one) == len(other) and all(a.same_place(b) for a, b in zip(one, other, strict=True))
+
 
 def contact_frame(points: Array, bodies: Sequence[ContactBody], reach: float, bone: Array) -> ContactFrame:
     """Measure each node against every body and keep the closest.

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import DermisError, Finding
 from .balance import TOLERANCE, balance
-from .bodies import ContactBody, ContactFrame, contact_frame
+from .bodies import ContactBody, contact_frame
 from .cone import STICK, along
 from .gap import Surface
 from .grip import Grip, HeldStep, HoldingFinger, Reach
@@ -186,7 +186,7 @@ class HeldObject:
         for axis in range(3):
             wrench[3:, :, axis] = np.cross(arm, turn[:, axis]).T
         wrench[:, frame.body[near] != reach.own] = 0.0  # what presses on another body does not carry this one
-        soft = self._soft(finger, frame)[near]
+        soft = frame.compliance(finger.areas, finger.name)[near]
         key = near.tobytes() + soft.tobytes()
         kept = self._inverses.get(index)
         if kept is None or kept[0] != key:
@@ -195,14 +195,6 @@ class HeldObject:
             inverse: Array = np.asarray(np.linalg.inv(matrix + self._rho * np.eye(rows.size)), dtype=np.float64)
             kept = self._inverses[index] = (key, matrix, inverse)
         return Grip(frame, near, kept[1], kept[2], offset, wrench.reshape(6, -1), reach.history, reach.own)
-
-    def _soft(self, finger: HoldingFinger, frame: ContactFrame) -> Array:
-        """Compliance of the bodies' own surfaces at a finger's nodes [m/N], shape (m,)."""
-        if not frame.softness.any():
-            return np.zeros(frame.gap.shape[0])
-        if finger.areas is None:
-            raise DermisError("a soft object needs the areas of the skin's nodes", where=finger.name)
-        return frame.softness / finger.areas
 
     def _balanced(
         self, everybody: Sequence[Grip | None], wanted: Array
@@ -261,7 +253,7 @@ class HeldObject:
             found = status_of(whole, w, grip.frame.normal, grip.frame.friction)
             gap = along(w, grip.frame.normal)
             # on the body's surface: what is pressed into a soft one lies on it all the same
-            soft = self._soft(finger, grip.frame)
+            soft = grip.frame.compliance(finger.areas, finger.name)
             deformed = finger.points + (finger.compliance @ whole.reshape(-1)).reshape(-1, 3)
             grip.history.keep(moved, found == STICK, deformed + soft[:, None] * whole - gap[:, None] * moved.normal)
             status.append(found)

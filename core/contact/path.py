@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import DermisError, Finding
 from .admm import State, iterate
-from .bodies import ContactBody, ContactFrame, contact_frame
+from .bodies import ContactBody, ContactFrame, contact_frame, same_places
 from .candidates import CandidateInverse
 from .compliance import Compliance, Linear, ends
 from .cone import OPEN, STICK, along, assess
@@ -137,9 +137,8 @@ class PathSolver:
         if self._step is not None and self._step.work == "idle":
             return self._step
         self.reset()
-        m = self.points.shape[0]
-        nothing = Solution(self._zero, self._zero, self._zero, np.zeros(m), np.zeros(m, dtype=np.int8), 0, 0.0,
-                           self.tolerance, "none")  # fmt: skip
+        none = np.zeros(self.points.shape[0])
+        nothing = Solution(self._zero, self._zero, self._zero, none, self._status, 0, 0.0, self.tolerance, "none")
         self._step = PathStep(nothing, self._zero, None, "idle", False)
         return self._step
 
@@ -151,7 +150,7 @@ class PathSolver:
             frame_number: of the scene, for findings.
         """
         bodies = tuple(bodies)
-        if self._at_rest and self._step is not None and self._same(bodies):
+        if self._at_rest and self._step is not None and same_places(bodies, self._bodies):
             self.counters["same"] += 1
             self._frames += 1
             return replace(self._step, work="same", from_rest=False)
@@ -166,7 +165,7 @@ class PathSolver:
         from_rest = not (self.history.body >= 0).any()
         b = self.history.offset(frame, self.points)
         b += self.operator.offset(self._force)
-        soft = self._softness(frame)
+        soft = frame.compliance(self.areas, self.name)
         solution, y, image, work = self._solve(b, frame, soft)
         where = self._frames if frame_number is None else frame_number
         self._report(solution, frame, where)
@@ -193,7 +192,7 @@ class PathSolver:
                             CHECK * self.tolerance, "admm")  # fmt: skip
         self._report(solution, frame, self._frames if frame_number is None else frame_number)
         self._last, self._force, self._y, self._image = None, force, displacement / -self._rho, self._apply(force)
-        self._shift = _less(along(displacement, frame.normal), frame)
+        self._shift = frame.opened(along(displacement, frame.normal))
         self._bodies, self._at_rest = frame.bodies, False
         self.counters["held"] += 1
         self._frames += 1
@@ -286,25 +285,13 @@ class PathSolver:
         self._at_rest = bool((np.abs(slip[touching & ~sticking]) <= AT_REST).all())
         self._last = (self._force, self._y) if self._force.any() else None
         self._force, self._y, self._image = solution.force, y, image
-        self._shift = _less(gap, frame)
+        self._shift = frame.opened(gap)
         self._bodies = frame.bodies
 
     # -- small parts ---------------------------------------------------------------------------------------------
 
     def _apply(self, force: Array) -> Array:
         return (self._c @ force.reshape(-1)).reshape(-1, 3)
-
-    def _softness(self, frame: ContactFrame) -> Array:
-        if not frame.softness.any():
-            return np.zeros(frame.gap.shape[0])
-        if self.areas is None:
-            raise DermisError("a soft object needs the areas of the skin's nodes", where=self.name)
-        return frame.softness / self.areas
-
-    def _same(self, bodies: tuple[ContactBody, ...]) -> bool:
-        return len(bodies) == len(self._bodies) and all(
-            a.same_place(b) for a, b in zip(bodies, self._bodies, strict=True)
-        )
 
     def _report(self, solution: Solution, frame: ContactFrame, where: float) -> None:
         if not solution.converged:
@@ -318,10 +305,3 @@ class PathSolver:
             self._notes.warn("too-deep", "the finger sinks deeper than linear skin is trusted", where,
                              value=f"{1e3 * depth:.2f} mm", limit=f"<= {1e3 * self.depth_limit:g} mm",
                              remedy="Raise the finger, or make its touch depth compliant")  # fmt: skip
-
-
-def _less(gap: Array, frame: ContactFrame) -> Array:
-    """Return how far deformation opened the gaps of a frame [m], 0 where nothing is near, shape (m,)."""
-    out = np.zeros_like(gap)
-    np.subtract(gap, frame.gap, out=out, where=frame.body >= 0)
-    return out

@@ -7,6 +7,8 @@ import bpy
 
 from .. import handlers
 
+MOVERS = frozenset({"ARMATURE", "CLOTH", "HOOK", "LATTICE", "MESH_CACHE", "MESH_DEFORM", "NODES", "SOFT_BODY", "WAVE"})
+
 
 @dataclass(frozen=True)
 class Census:
@@ -16,6 +18,7 @@ class Census:
     idle: tuple[str, ...]
     touchables: tuple[str, ...]
     screens: tuple[str, ...]
+    moving: bool  # something moves one of them: keys, drivers, constraints, modifiers or physics, of a parent too
     newer: int  # file version, where the file comes from a newer Dermis; else 0
 
 
@@ -36,15 +39,28 @@ def _count(scene: bpy.types.Scene) -> Census:
 
     named: dict[str, list[str]] = {"FINGER": [], "TOUCHABLE": [], "SCREEN": [], "NONE": []}
     idle = []
+    moving = False
     for obj in scene.objects:
         role = obj.dermis.role
         if role == "NONE":
             continue
         named[role].append(obj.name)
+        moving = moving or _moves(obj)
         finger = obj.dermis.finger
         busy = finger.skin.shown or any(d.enabled and d.preset for d in finger.devices)
         if role == "FINGER" and not busy:
             idle.append(obj.name)
     version = scene.dermis.file_version
     return Census(tuple(named["FINGER"]), tuple(idle), tuple(named["TOUCHABLE"]), tuple(named["SCREEN"]),
-                  version if version > FILE_VERSION else 0)  # fmt: skip
+                  moving, version if version > FILE_VERSION else 0)  # fmt: skip
+
+
+def _moves(obj: bpy.types.Object | None) -> bool:
+    while obj is not None:
+        keys = obj.animation_data
+        if keys is not None and (keys.action is not None or len(keys.drivers) or len(keys.nla_tracks)):
+            return True
+        if len(obj.constraints) or obj.rigid_body is not None or any(m.type in MOVERS for m in obj.modifiers):
+            return True
+        obj = obj.parent
+    return False

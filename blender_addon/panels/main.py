@@ -73,8 +73,8 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
             operator = layout.operator("dermis.choose_device", icon="ADD")
             operator.finger = found.idle[0]
         elif results.state(context.scene) == "none":
-            paragraph(layout, context, "Next: bake. Animate the finger first; what does not move feels little.",
-                      "RIGHTARROW")  # fmt: skip
+            first = "bake" if found.moving else "animate the finger, then bake; what does not move feels little"
+            paragraph(layout, context, f"Next: {first}.", "RIGHTARROW")
 
 
 def _names(names: tuple[str, ...]) -> str:

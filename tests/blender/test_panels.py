@@ -58,16 +58,31 @@ def test_every_setting_of_a_material_can_be_reached() -> None:
 
 def test_the_census_follows_roles_and_devices() -> None:
     scene = bpy.context.scene
-    assert census.of(scene) == census.Census((), (), (), (), 0)
+    assert census.of(scene) == census.Census((), (), (), (), False, 0)
     hand = finger()
     cube()
     screen()
-    assert census.of(scene) == census.Census(("Finger",), ("Finger",), ("Cube",), ("Screen",), 0)
+    assert census.of(scene) == census.Census(("Finger",), ("Finger",), ("Cube",), ("Screen",), False, 0)
     device = hand.dermis.finger.devices.add()
     device.preset = "haptip"
     assert census.of(scene).idle == ()
     device.enabled = False
     assert census.of(scene).idle == ("Finger",)
+
+
+def test_the_next_step_knows_whether_anything_moves() -> None:
+    one, block = finger(), cube()
+    block.dermis.role = "TOUCHABLE"
+    scene = bpy.context.scene
+    assert not census.of(scene).moving
+    hand = bpy.data.objects.new("Hand", None)
+    scene.collection.objects.link(hand)
+    one.parent = hand
+    bpy.context.view_layer.update()
+    assert not census.of(scene).moving
+    hand.keyframe_insert("location", frame=1)
+    bpy.context.view_layer.update()
+    assert census.of(scene).moving
 
 
 def test_a_file_of_a_newer_dermis_is_noticed() -> None:

@@ -1,4 +1,4 @@
-"""Flat drawing in pixels for overlays: text, boxes, lines, discs and colour strips."""
+"""Drawing for overlays: text, boxes, lines, discs and colour strips, in pixels; lines also in space."""
 
 from __future__ import annotations
 
@@ -71,6 +71,19 @@ def arrow(start: NDArray[Any], end: NDArray[Any], colour: Colour, width: float, 
     _fill(body, np.array([[0, 1, 2], [0, 2, 3]], np.int32), colour)
     wings = 0.55 * head * side
     _fill(np.array([end, neck + wings, neck - wings]), np.array([[0, 1, 2]], np.int32), colour)
+
+
+def line(points: NDArray[Any], colour: tuple[float, ...], width: float) -> None:
+    """Draw a line through points of shape (n, 3), in pixels or in the space that is drawn in; width at scale 1 [px]."""
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    shader = gpu.shader.from_builtin("POLYLINE_SMOOTH_COLOR")
+    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+    shader.uniform_float("lineWidth", width * bpy.context.preferences.system.ui_scale)
+    gpu.state.blend_set("ALPHA")  # text drawing leaves it off
+    colours = np.broadcast_to(np.asarray(colour, np.float32), (len(points), 4)).copy()
+    batch_for_shader(shader, "LINE_STRIP", {"pos": points.astype(np.float32), "color": colours}).draw(shader)
 
 
 def strip(left: float, bottom: float, width: float, height: float, colours: NDArray[np.float32]) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from . import results, skin_models
+from . import pin_view, results, skin_models, worn
 from .preferences import core_module, library
 
 calibrated: dict[str, Any] = {}
@@ -16,13 +16,8 @@ _reports: dict[str, tuple[str, tuple[Any, ...]]] = {}
 
 
 def device_of(obj: bpy.types.Object) -> Any | None:
-    """Return the finger's first pin array, or None."""
-    from .panels import choices
-
-    for device in obj.dermis.finger.devices:
-        if device.enabled and choices.kind_of(device.preset) == "pin_array":
-            return device
-    return None
+    """Return the settings of the finger's first pin array that is switched on, or None."""
+    return worn.device_of(obj, pin_view.KINDS)
 
 
 def compare(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bpy
 import numpy as np
-from mathutils import Matrix
 from numpy.typing import NDArray
 
-from . import handlers, paint, properties_skin, skin_models, twin
+from . import handlers, paint, properties_skin, skin_models, twin, twin_draw, worn
 from .preferences import core_module, library
+from .twin_draw import finger_matrix
 
 if TYPE_CHECKING:
     from . import live
@@ -29,9 +29,9 @@ SIDES = 14  # of a disc
 STEM = 2.4e-3  # [m] how far a pin is drawn to stick out
 LIFT = 0.12e-3  # [m] of a disc above the skin, so that both do not fight for the same pixels
 IDLE = (0.55, 0.58, 0.62, 0.55)
-HIDDEN = 0.45  # opacity of what an object hides: where a finger touches, one always does
 MOST = 8
-_handles: list[Any] = []
+KINDS = ("pin_array",)
+_handlers = twin_draw.Handlers()
 
 
 class Pins(NamedTuple):
@@ -52,7 +52,6 @@ class Pins(NamedTuple):
 
 _pins: dict[str, Pins | None] = {}
 _states: dict[str, tuple[SkinState, tuple[Any, ...], tuple[SkinState, Array]]] = {}
-_specs: dict[tuple[str, int], Any] = {}
 
 
 def pins_of(obj: bpy.types.Object, device: str) -> Pins | None:
@@ -184,16 +183,7 @@ def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Arra
 
 def spec_of(preset: str) -> Any | None:
     """Return a pin array's preset; None for other devices and for presets that cannot be read."""
-    key = (preset, handlers.edits())
-    if key not in _specs:
-        if len(_specs) >= MOST:
-            _specs.clear()
-        try:
-            spec = library().device(preset)
-        except core_module("errors").DermisError:
-            spec = None
-        _specs[key] = spec if spec is not None and spec.kind == "pin_array" else None
-    return _specs[key]
+    return worn.spec_of(preset, KINDS)
 
 
 def forces_of(row: live.Row) -> Array:
@@ -231,53 +221,24 @@ def grid(row: live.Row) -> tuple[int, int]:
 
 
 def _draw() -> None:
-    context = bpy.context
-    scene, space = context.scene, context.space_data
-    if not scene.dermis.show_twin or not getattr(space.overlay, "show_overlays", True):
-        return
-    from .live import preview
-
-    shown = preview(scene)
-    rows = [row for row in shown.rows if row.kind == "pin_array"] if shown is not None else []
-    if not rows:
-        return
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-
-    from .overlay import finger_matrix
-    from .sampling_roster import metres_per_unit
-
-    unit = 1.0 / metres_per_unit(scene)
-    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-    for row in rows:
+    scene = bpy.context.scene
+    for row in twin_draw.rows_of(KINDS):
         frame, obj = finger_matrix(scene, row.finger), scene.objects.get(row.finger)
         pins = pins_of(obj, row.device) if obj is not None else None
         if frame is None or pins is None or len(pins.points) != len(row.values):
             continue
-        part = discs(pins, forces_of(row))
-        with gpu.matrix.push_pop():
-            gpu.matrix.multiply_matrix(frame @ Matrix.Scale(unit, 4))
-            gpu.state.blend_set("ALPHA")
-            gpu.state.depth_mask_set(False)
-            for test, opacity in (("GREATER", HIDDEN), ("LESS_EQUAL", 1.0)):
-                gpu.state.depth_test_set(test)
-                colours = part.colours * np.array([1.0, 1.0, 1.0, opacity], np.float32)
-                batch = batch_for_shader(shader, "TRIS", {"pos": part.positions, "color": colours},
-                                         indices=part.triangles)  # fmt: skip
-                batch.draw(shader)
-            gpu.state.depth_test_set("NONE")
-            gpu.state.blend_set("NONE")
+        with twin_draw.in_finger(frame):
+            twin_draw.solid(discs(pins, forces_of(row)), mask=False)
 
 
 def register() -> None:
-    """Add the draw handler; without a window it is never called."""
-    _handles.append(bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW"))
+    """Draw pins from now on."""
+    _handlers.add(_draw)
 
 
 def unregister() -> None:
-    """Remove it."""
-    while _handles:
-        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+    """Draw them no more, and forget what was computed for it."""
+    _handlers.clear()
     _pins.clear()
     _states.clear()
-    _specs.clear()
+    worn.forget()

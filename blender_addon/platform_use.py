@@ -13,35 +13,22 @@ from typing import Any
 
 import bpy
 
-from . import handlers, properties_skin, skin_models
-from .preferences import core_module, library, user_folder
+from . import properties_skin, skin_models, worn
+from .preferences import core_module, user_folder
 
 KINDS = ("cable_platform", "hexapod")
 MOST = 8
 WORKERS = max(1, min(2, (os.cpu_count() or 2) - 1))
-_specs: dict[tuple[str, int], Any] = {}
-
-
-def spec_of(preset: str) -> Any | None:
-    """Return a platform's preset; None for other devices and for presets that cannot be read."""
-    key = (preset, handlers.edits())
-    if key not in _specs:
-        if len(_specs) >= MOST:
-            _specs.clear()
-        try:
-            spec = library().device(preset)
-        except core_module("errors").DermisError:
-            spec = None
-        _specs[key] = spec if spec is not None and spec.kind in KINDS else None
-    return _specs[key]
 
 
 def device_of(obj: bpy.types.Object) -> Any | None:
     """Return the settings of the finger's first platform that is switched on, or None."""
-    for device in obj.dermis.finger.devices:
-        if device.enabled and spec_of(device.preset) is not None:
-            return device
-    return None
+    return worn.device_of(obj, KINDS)
+
+
+def spec_of(preset: str) -> Any | None:
+    """Return a platform's preset; None for other devices and for presets that cannot be read."""
+    return worn.spec_of(preset, KINDS)
 
 
 def absolute(values: dict[str, Any]) -> dict[str, Any]:
@@ -162,4 +149,4 @@ def folder() -> Path:
 
 def forget() -> None:
     """Read presets anew."""
-    _specs.clear()
+    worn.forget()

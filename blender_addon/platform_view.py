@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix
 
-from . import paint, platform_live, platform_twin, platform_use, thimble_view, twin
+from . import paint, platform_live, platform_twin, platform_use, twin_draw
 from .panels.text import quantity
 from .preferences import core_module
+from .twin_draw import finger_matrix
 
 if TYPE_CHECKING:
     from . import live
 
 LINE = 17
-_handles: list[Any] = []
+_handlers = twin_draw.Handlers()
 _states: dict[str, tuple[tuple[Any, ...], platform_twin.State | None]] = {}
 
 
@@ -73,45 +73,23 @@ def card(row: live.Row, left: float, bottom: float, width: float, scale: float) 
 
 
 def _draw() -> None:
-    context = bpy.context
-    scene, space = context.scene, context.space_data
-    if not scene.dermis.show_twin or not getattr(space.overlay, "show_overlays", True):
-        return
-    from .live import preview
-
-    shown = preview(scene)
-    rows = [row for row in shown.rows if row.kind in platform_use.KINDS] if shown is not None else []
-    if not rows:
-        return
-    import gpu
-
-    from .overlay import finger_matrix
-    from .sampling_roster import metres_per_unit
-
-    unit = 1.0 / metres_per_unit(scene)
-    for row in rows:
+    scene = bpy.context.scene
+    for row in twin_draw.rows_of(platform_use.KINDS):
         frame, at, spec = finger_matrix(scene, row.finger), state_of(scene, row), platform_use.spec_of(row.device)
         if frame is None or at is None or spec is None:
             continue
-        part: twin.Part = platform_twin.parts(at, float(spec.parameters["disc_radius"]))
-        with gpu.matrix.push_pop():
-            gpu.matrix.multiply_matrix(frame @ Matrix.Scale(unit, 4))
-            gpu.state.blend_set("ALPHA")
-            thimble_view._solid(part)
-            gpu.state.depth_test_set("NONE")
-            gpu.state.depth_mask_set(False)
-            gpu.state.blend_set("NONE")
+        with twin_draw.in_finger(frame):
+            twin_draw.solid(platform_twin.parts(at, float(spec.parameters["disc_radius"])))
 
 
 def register() -> None:
-    """Add the draw handler; without a window it is never called."""
-    _handles.append(bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW"))
+    """Draw platforms from now on."""
+    _handlers.add(_draw)
 
 
 def unregister() -> None:
-    """Remove it."""
-    while _handles:
-        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+    """Draw them no more, and forget what was computed for it."""
+    _handlers.clear()
     _states.clear()
     platform_live.reset()
     platform_use.forget()

@@ -7,19 +7,18 @@ until the frame, the quantity or the skin changes.
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 from mathutils import Matrix
 
 from . import paint, skin_cards, skin_shader, skin_shown
 from .skin_cards import force
 from .skin_shown import Shown, counters, forget_range, shown
+from .twin_draw import Handlers, finger_matrix
 
 __all__ = ["Shown", "counters", "force", "forget_range", "shown"]
 
 BIAS = 0.3e-3  # [m] by which the skin is brought forward, so that the artist's finger does not cover it
-_handles: list[Any] = []
+_handlers = Handlers()
 
 
 def _visible(context: bpy.types.Context) -> bool:
@@ -37,7 +36,6 @@ def _draw_view() -> None:
         return
     import gpu
 
-    from .overlay import finger_matrix
     from .sampling_roster import metres_per_unit
 
     unit, view = 1.0 / metres_per_unit(scene), scene.dermis.skin_view
@@ -86,16 +84,13 @@ def _draw_pixels() -> None:
 
 
 def register() -> None:
-    """Add the draw handlers; without a window they are never called."""
-    add = bpy.types.SpaceView3D.draw_handler_add
-    _handles.append((add(_draw_view, (), "WINDOW", "POST_VIEW"), "WINDOW"))
-    _handles.append((add(_draw_pixels, (), "WINDOW", "POST_PIXEL"), "WINDOW"))
+    """Draw skins from now on."""
+    _handlers.add(_draw_view)
+    _handlers.add(_draw_pixels, "POST_PIXEL")
 
 
 def unregister() -> None:
-    """Remove the draw handlers and what is on the graphics card."""
-    while _handles:
-        handle, region = _handles.pop()
-        bpy.types.SpaceView3D.draw_handler_remove(handle, region)
+    """Draw them no more, and take what belongs to them off the graphics card."""
+    _handlers.clear()
     skin_shader.forget()
     skin_shown.forget()

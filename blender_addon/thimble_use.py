@@ -8,12 +8,12 @@ from typing import Any
 
 import bpy
 
-from . import handlers, properties, skin_models
-from .preferences import core_module, library, user_folder
+from . import properties, skin_models, worn
+from .preferences import core_module, user_folder
 
+KINDS = ("thimble",)
 LEARNED = ("network", "ridge")
 MOST = 8
-_specs: dict[tuple[str, int], Any] = {}
 _uses: dict[str, Any] = {}
 
 
@@ -22,26 +22,14 @@ def folder(*, create: bool = False) -> Path:
     return user_folder("surrogates", create=create)
 
 
-def spec_of(preset: str) -> Any | None:
-    """Return a thimble's preset; None for other devices and for presets that cannot be read."""
-    key = (preset, handlers.edits())
-    if key not in _specs:
-        if len(_specs) >= MOST:
-            _specs.clear()
-        try:
-            spec = library().device(preset)
-        except core_module("errors").DermisError:
-            spec = None
-        _specs[key] = spec if spec is not None and spec.kind == "thimble" else None
-    return _specs[key]
-
-
 def device_of(obj: bpy.types.Object) -> Any | None:
     """Return the settings of the finger's first thimble that is switched on, or None."""
-    for device in obj.dermis.finger.devices:
-        if device.enabled and spec_of(device.preset) is not None:
-            return device
-    return None
+    return worn.device_of(obj, KINDS)
+
+
+def spec_of(preset: str) -> Any | None:
+    """Return a thimble's preset; None for other devices and for presets that cannot be read."""
+    return worn.spec_of(preset, KINDS)
 
 
 def parameters_of(device: Any) -> dict[str, Any]:
@@ -91,5 +79,5 @@ def adapted(device: Any, model: Any) -> Path | None:
 
 def forget() -> None:
     """Read everything anew: a surrogate came or went."""
-    _specs.clear()
+    worn.forget()
     _uses.clear()

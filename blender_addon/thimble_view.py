@@ -6,20 +6,19 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix
 from numpy.typing import NDArray
 
-from . import paint, skin_models, thimble_twin, thimble_use, twin
+from . import paint, skin_models, thimble_twin, thimble_use, twin, twin_draw
 from .preferences import core_module
+from .twin_draw import finger_matrix
 
 if TYPE_CHECKING:
     from . import live
 
 Array = NDArray[np.float64]
 
-HIDDEN = 0.35  # opacity of what an object or the finger hides
 MOST = 8
-_handles: list[Any] = []
+_handlers = twin_draw.Handlers()
 _devices: dict[tuple[Any, ...], Any] = {}
 _loops: dict[str, list[Array]] = {}
 
@@ -135,49 +134,16 @@ def _model(obj: bpy.types.Object) -> Any | None:
 
 
 def _draw() -> None:
-    context = bpy.context
-    scene, space = context.scene, context.space_data
-    if not scene.dermis.show_twin or not getattr(space.overlay, "show_overlays", True):
-        return
-    from .live import preview
-
-    shown = preview(scene)
-    rows = [row for row in shown.rows if row.kind == "thimble"] if shown is not None else []
-    if not rows:
-        return
-    import gpu
-
-    from .overlay import finger_matrix
-    from .sampling_roster import metres_per_unit
-
-    unit = 1.0 / metres_per_unit(scene)
-    for row in rows:
+    scene = bpy.context.scene
+    for row in twin_draw.rows_of(thimble_use.KINDS):
         frame, found = finger_matrix(scene, row.finger), joints_of(scene, row)
         if frame is None or found is None:
             continue
         device, at = found
-        with gpu.matrix.push_pop():
-            gpu.matrix.multiply_matrix(frame @ Matrix.Scale(unit, 4))
-            gpu.state.blend_set("ALPHA")
-            _solid(thimble_twin.parts(device, at, shares(row)))
+        with twin_draw.in_finger(frame):
+            twin_draw.solid(thimble_twin.parts(device, at, shares(row)))
             if scene.dermis.thimble_view.workspace:
                 _workspace(device, at, float(device_of(scene, row)[1]))  # type: ignore[index]
-            gpu.state.depth_test_set("NONE")
-            gpu.state.depth_mask_set(False)
-            gpu.state.blend_set("NONE")
-
-
-def _solid(part: twin.Part) -> None:
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-
-    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-    for test, opacity, mask in (("GREATER", HIDDEN, False), ("LESS_EQUAL", 1.0, True)):
-        gpu.state.depth_test_set(test)
-        gpu.state.depth_mask_set(mask)
-        colours = part.colours * np.array([1.0, 1.0, 1.0, opacity], np.float32)
-        batch_for_shader(shader, "TRIS", {"pos": part.positions, "color": colours},
-                         indices=np.ascontiguousarray(part.triangles)).draw(shader)  # fmt: skip
 
 
 def _workspace(device: Any, at: thimble_twin.Joints, reference: float) -> None:
@@ -188,33 +154,21 @@ def _workspace(device: Any, at: thimble_twin.Joints, reference: float) -> None:
     curves = workspace_of(device, reference)
     for i, curve in enumerate(curves):
         share = i / max(len(curves) - 1, 1)
-        _line(curve, (*twin.heat(share)[:3], 0.75), 1.3)
+        paint.line(curve, (*twin.heat(share)[:3], 0.75), 1.3)
     line = thimble_twin.pointer(at.pose)
-    _line(line, paint.INK, 2.0)
-
-
-def _line(points: Array, colour: tuple[float, ...], width: float) -> None:
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-
-    shader = gpu.shader.from_builtin("POLYLINE_SMOOTH_COLOR")
-    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
-    shader.uniform_float("lineWidth", width * bpy.context.preferences.system.ui_scale)
-    colours = np.broadcast_to(np.asarray(colour, np.float32), (len(points), 4)).copy()
-    batch_for_shader(shader, "LINE_STRIP", {"pos": points.astype(np.float32), "color": colours}).draw(shader)
+    paint.line(line, paint.INK, 2.0)
 
 
 def register() -> None:
-    """Add the draw handler; without a window it is never called."""
-    _handles.append(bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW"))
+    """Draw thimbles from now on."""
+    _handlers.add(_draw)
 
 
 def unregister() -> None:
-    """Remove it."""
+    """Draw them no more, and forget what was computed for it."""
     from . import thimble_live
 
-    while _handles:
-        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+    _handlers.clear()
     _devices.clear()
     _loops.clear()
     thimble_live.reset()

@@ -144,7 +144,7 @@ def test_live_pins_match_the_bake_and_do_not_fade_at_the_frame_that_is_shown(dem
 
 
 def test_pins_are_registered_once(demo) -> None:
-    assert len(pin_view._handles) == 1
+    assert len(pin_view._handlers._handles) == 1
 
 
 def test_a_scene_with_pins_holds_blas_at_one_thread_and_others_do_not(demo) -> None:

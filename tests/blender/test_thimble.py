@@ -254,4 +254,4 @@ def test_export_gives_a_track_that_checks(demo, tmp_path) -> None:
 
 
 def test_registered_once(demo) -> None:
-    assert len(thimble_view._handles) == 1
+    assert len(thimble_view._handlers._handles) == 1

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from blender_addon import overlay, twin
+from blender_addon import twin, twin_draw
 
 from .build import finger
 
@@ -56,7 +56,7 @@ def test_the_frame_has_the_fingers_pose_but_not_its_scale() -> None:
     hand.rotation_euler = (0.3, -0.4, 1.1)
     hand.scale = (2.0, 3.0, 4.0)
     bpy.context.view_layer.update()
-    frame = overlay.finger_matrix(bpy.context.scene, "Finger")
+    frame = twin_draw.finger_matrix(bpy.context.scene, "Finger")
     expected = Matrix.Translation(Vector((0.1, 0.2, 0.3))) @ hand.rotation_euler.to_matrix().to_4x4()
     assert np.array(frame) == pytest.approx(np.array(expected), abs=1e-6)
-    assert overlay.finger_matrix(bpy.context.scene, "Gone") is None
+    assert twin_draw.finger_matrix(bpy.context.scene, "Gone") is None

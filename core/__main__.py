@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 JOBS = {"probe": (".work", "probe"), "skin": (".skin.job", "make"), "collect": (".design.collect", "work"),
         "adapt": (".matching.adapt", "adapt_job")}  # fmt: skip
 
+# What the extension brings along, and another Python may lack: module -> the name to install it by.
+LIBRARIES = {"scipy": "scipy", "onnxruntime": "onnxruntime", "serial": "pyserial"}
+
 FAILED, REFUSED = 1, 2  # findings of severity error; nothing could be done
 
 
@@ -31,6 +34,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return int(options.run(options))
     except DermisError as error:
         print(f"error: {error}", file=sys.stderr)
+        return REFUSED
+    except ModuleNotFoundError as error:
+        package = LIBRARIES.get(str(error.name).partition(".")[0])
+        if package is None:
+            raise
+        print(f"error: this needs {error.name}, which this Python ({sys.executable}) does not have; "
+              f"install it: {sys.executable} -m pip install {package}", file=sys.stderr)  # fmt: skip
         return REFUSED
     except KeyboardInterrupt:
         print("stopped", file=sys.stderr)

@@ -24,10 +24,13 @@ SPEC = DeviceSpec("dev", "A device", "test", 100.0, (Channel("x", "m", -1.0, 1.0
 TRACK = CommandTrack(SPEC, np.arange(5) / 100, np.array([[0.0], [0.5], [1.0], [0.5], [0.0]]), {"finger": "F"})
 
 
-def run(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """Run `python -m core`; scipy may come from wherever the tests take it."""
+def run(
+    *arguments: str | Path, cwd: Path | None = None, before: Path | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run `python -m core`; scipy may come from wherever the tests take it, or from a folder that goes before."""
     env = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1"}
-    env["PYTHONPATH"] = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+    paths = [str(before or ""), str(ROOT), os.environ.get("PYTHONPATH", "")]
+    env["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
     return subprocess.run([sys.executable, "-m", "core", *map(str, arguments)], cwd=cwd, env=env, capture_output=True,
                           encoding="utf-8", timeout=120)  # fmt: skip
 
@@ -147,6 +150,14 @@ def test_render_refuses_without_a_traceback(tmp_path: Path, change: dict[str, ob
     done = run("render", tmp_path / "s.npz", "--out", tmp_path / "a")
     assert done.returncode == 2 and message in done.stderr and "Traceback" not in done.stderr
     assert not (tmp_path / "a").exists()
+
+
+def test_a_python_without_scipy_is_told_what_to_install(tmp_path: Path) -> None:
+    (tmp_path / "scipy.py").write_text("raise ModuleNotFoundError('no module', name='scipy')")
+    done = run("design", "tip", "--rows", "27", "--out", tmp_path, "--quiet", before=tmp_path)
+    assert done.returncode == 2 and not done.stdout and "Traceback" not in done.stderr
+    assert done.stderr.startswith("error: this needs scipy, which this Python")
+    assert f"{sys.executable} -m pip install scipy" in done.stderr
 
 
 def test_render_into_a_file(tmp_path: Path) -> None:

@@ -126,7 +126,9 @@ def _play(options: argparse.Namespace) -> int:
             print(streamer.adapter.caution, file=sys.stderr)
         if not options.yes:
             print(f"{track.spec.name} at {options.url} is about to move. Enter: arm; Ctrl-C: stop.", file=sys.stderr)
-            sys.stdin.readline()
+            if not sys.stdin.readline():  # an end of input is nobody's finger on a key
+                raise DermisError("not armed: standard input ended before anybody pressed Enter", where=options.url,
+                                  remedy="Run it in a terminal, or pass --yes")  # fmt: skip
             run(lambda: True, False)
         wish.arm = 1
         streamer.beat(Beat(number + 1, 0, False, 0.0, ()), clock())

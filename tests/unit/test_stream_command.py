@@ -1,0 +1,61 @@
+"""`python -m core stream play`: a track to the device in the box, and nothing moves that nobody armed."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import core
+from core.formats import csv
+from core.presets import Library
+from core.track import CommandTrack
+
+ROOT = Path(core.__file__).parents[1]
+
+
+@pytest.fixture
+def track(tmp_path: Path) -> Path:
+    """A quarter of a second of small movements."""
+    spec = Library().device("haptip")
+    times = np.arange(250) / spec.rate
+    values = np.tile([c.rest for c in spec.channels], (250, 1))
+    values[:, 2] = 0.05 * np.sin(2 * np.pi * 4 * times)
+    path = tmp_path / "small.csv"
+    csv.write(CommandTrack(spec, times, values, {"finger": "Index"}), path)
+    return path
+
+
+def play(track: Path, *more: str, typed: str | None = None) -> subprocess.CompletedProcess[str]:
+    """Play to the virtual device; without anything typed, standard input is at its end."""
+    paths = [str(ROOT), os.environ.get("PYTHONPATH", "")]
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths)), "PYTHONUTF8": "1"}
+    return subprocess.run(
+        [sys.executable, "-m", "core", "stream", "play", str(track), "--url", "virtual:", *more],
+        env=env, capture_output=True, encoding="utf-8", timeout=60, input="" if typed is None else typed,
+    )  # fmt: skip
+
+
+def test_an_end_of_input_does_not_arm(track: Path) -> None:
+    done = play(track)
+    assert done.returncode == 2 and "is about to move" in done.stderr
+    assert "not armed: standard input ended before anybody pressed Enter" in done.stderr and "--yes" in done.stderr
+    assert not done.stdout and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("how", ["Enter", "--yes"])
+def test_enter_and_yes_play_the_whole_track(track: Path, how: str) -> None:
+    done = play(track, typed="\n") if how == "Enter" else play(track, "--yes")
+    assert done.returncode == 0, done.stderr
+    assert ("is about to move" in done.stderr) is (how == "Enter")
+    counted = dict(part.rsplit(" ", 1) for part in done.stdout.strip().split(", "))
+    assert int(counted["sent"]) >= 250
+
+
+def test_a_device_that_is_not_there_is_refused_in_words(track: Path) -> None:
+    done = play(track, "--url", "serial:/dev/no-such-port", "--yes")
+    assert done.returncode == 2 and "no such port" in done.stderr and "Traceback" not in done.stderr

@@ -9,11 +9,10 @@ from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix
 
 from . import live, paint, pin_view, platform_use, platform_view, skin_live, thimble_view, twin
 from .paint import BLUE, GREEN, INK, ORANGE, PANEL
-from .twin_draw import Handlers, finger_matrix
+from .twin_draw import Handlers, finger_matrix, in_finger, rows_of
 
 _handlers = Handlers()
 CARD_WIDTH, DIAL, LINE, MARGIN = 260, 92, 17, 12
@@ -22,32 +21,16 @@ SOURCE_COLOURS = {"bake": GREEN, "live": BLUE, "stale": ORANGE, "earlier": ORANG
 
 
 def _draw_view() -> None:
-    context = bpy.context
-    scene, space = context.scene, context.space_data
-    if not scene.dermis.show_twin or not getattr(space.overlay, "show_overlays", True):
-        return
-    shown = live.preview(scene)
-    if shown is None:
-        return
-    import gpu
-
-    from .sampling_roster import metres_per_unit
-
-    unit = 1.0 / metres_per_unit(scene)
-    for row in shown.rows:
+    scene = bpy.context.scene
+    for row in rows_of(("shear_tactor", "friction_screen")):
         frame = finger_matrix(scene, row.finger)
         if frame is None:
             continue
-        with gpu.matrix.push_pop():
-            gpu.matrix.multiply_matrix(frame @ Matrix.Scale(unit, 4))
-            gpu.state.blend_set("ALPHA")
+        with in_finger(frame):
             if "tactor_x" in row.values:
                 _tactor(row, scene.dermis.twin_exaggeration)
             elif "amplitude" in row.values:
                 _field(row)
-            gpu.state.depth_test_set("NONE")
-            gpu.state.depth_mask_set(False)
-            gpu.state.blend_set("NONE")
 
 
 def _tactor(row: live.Row, exaggeration: float) -> None:

@@ -1,13 +1,18 @@
-"""What every level of the tests shares: the --long switch, and an exit that Blender cannot hang."""
+"""What every level of the tests shares: the --long switch, real time, and an exit that Blender cannot hang."""
 
 from __future__ import annotations
 
 import os
 import sys
+import threading
+import time
 
 import pytest
+from _pytest.runner import runtestprotocol
 
 _status = 1
+STARVED = 0.03  # [s] by which a thread that only sleeps may wake too late before the machine is to blame
+TRIES = 4
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -23,6 +28,50 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if item.get_closest_marker("long"):
             item.add_marker(skip)
+
+
+class _Sleeper(threading.Thread):
+    """Sleeps for 5 ms again and again, and notes the latest that it woke."""
+
+    def __init__(self) -> None:
+        super().__init__(daemon=True)
+        self.worst, self._ends = 0.0, threading.Event()
+
+    def run(self) -> None:
+        """Note how late every wake-up is."""
+        while not self._ends.is_set():
+            start = time.perf_counter()
+            time.sleep(0.005)
+            self.worst = max(self.worst, time.perf_counter() - start - 0.005)
+
+    def end(self) -> float:
+        """Return the worst delay [s]."""
+        self._ends.set()
+        self.join()
+        return self.worst
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+    """Run a test marked `real_time`; where it fails while the machine let nobody run, it has not been tried yet.
+
+    A watchdog of 70 ms acts when a process gets no processor for so long: that is its task, and no defect. A failure
+    counts at once where a thread that only sleeps always woke in time.
+    """
+    if item.get_closest_marker("real_time") is None:
+        return None
+    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+    for attempt in range(TRIES):
+        sleeper = _Sleeper()
+        sleeper.start()
+        reports = runtestprotocol(item, log=False, nextitem=nextitem)
+        late = sleeper.end()
+        if attempt == TRIES - 1 or late < STARVED or not any(report.failed for report in reports):
+            break
+    for report in reports:
+        item.ihook.pytest_runtest_logreport(report=report)
+    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    return True
 
 
 @pytest.hookimpl(trylast=True)

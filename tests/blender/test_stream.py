@@ -16,6 +16,8 @@ from blender_addon.preferences import core_module
 
 from .build import finger
 
+pytestmark = pytest.mark.real_time
+
 HAPTIP = "haptip"
 
 

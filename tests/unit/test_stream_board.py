@@ -11,6 +11,8 @@ from core.errors import DermisError
 from core.stream.board import MAGIC, Board
 from core.stream.client import SenderClient
 
+pytestmark = pytest.mark.real_time
+
 
 def test_a_board_shows_the_newest_whole_note() -> None:
     board = Board.create()

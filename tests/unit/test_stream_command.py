@@ -15,6 +15,8 @@ from core.formats import csv
 from core.presets import Library
 from core.track import CommandTrack
 
+pytestmark = pytest.mark.real_time
+
 ROOT = Path(core.__file__).parents[1]
 
 

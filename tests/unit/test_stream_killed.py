@@ -18,6 +18,8 @@ from core.stream.client import SenderClient
 from core.work import environment
 from tests.unit.stream_box import HAPTIP, beating, posix, ready, running, sine_file
 
+pytestmark = pytest.mark.real_time
+
 serial = pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
 
 

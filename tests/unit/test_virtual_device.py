@@ -22,6 +22,8 @@ from core.stream.url import Url
 from core.stream.virtual_link import open_link as open_any
 from tests.unit.stream_box import HAPTIP, beating, posix, ready, running, sine_file
 
+pytestmark = pytest.mark.real_time
+
 serial = pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
 
 

@@ -1,0 +1,56 @@
+"""The rule for tests in real time: a failure counts, unless the machine let nobody run meanwhile."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest_plugins = ["pytester"]
+
+
+def outcome(pytester: pytest.Pytester, late: float, body: str) -> dict[str, int]:
+    """Run a test file in this process, with a sleeper that says how late it was."""
+    pytester.makeconftest(
+        f"""
+        import tests.conftest as rule
+        from tests.conftest import pytest_runtest_protocol
+
+        class Sleeper(rule._Sleeper):
+            def end(self):
+                super().end()
+                return {late}
+
+        def pytest_configure(config):
+            config.addinivalue_line("markers", "real_time: as in the project")
+            config.was, rule._Sleeper = rule._Sleeper, Sleeper
+
+        def pytest_unconfigure(config):
+            rule._Sleeper = config.was
+        """
+    )
+    pytester.makepyfile(body)
+    found: dict[str, int] = pytester.runpytest_inprocess("-p", "no:cacheprovider").parseoutcomes()
+    return found
+
+
+SECOND_TIME = """
+    import pytest
+    tries = []
+
+    @pytest.mark.real_time
+    def test_passes_the_second_time(tmp_path):
+        tries.append(tmp_path)
+        assert len(tries) == 2
+"""
+
+
+def test_a_failure_on_a_starved_machine_is_tried_again(pytester: pytest.Pytester) -> None:
+    assert outcome(pytester, 0.1, SECOND_TIME) == {"passed": 1}
+
+
+def test_a_failure_on_a_machine_that_runs_counts_at_once(pytester: pytest.Pytester) -> None:
+    assert outcome(pytester, 0.01, SECOND_TIME) == {"failed": 1}
+
+
+def test_a_test_that_always_fails_fails_however_starved(pytester: pytest.Pytester) -> None:
+    body = "import pytest\n\n@pytest.mark.real_time\ndef test_never():\n    assert False\n"
+    assert outcome(pytester, 1.0, body) == {"failed": 1}

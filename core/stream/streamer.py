@@ -10,12 +10,10 @@ from __future__ import annotations
 import contextlib
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..calibration import Calibration
-from ..devices.spec import DeviceSpec, from_preset
 from ..errors import DermisError
 from . import adapter as adapters
 from .adapter import Adapter
@@ -198,8 +196,8 @@ class Streamer:
         self.state, self.words = "connecting", ""
         self._retry_at = now + RETRY if self.wish.reconnect else math.inf
         try:
-            spec = _spec(self.wish.device)
-            self.wire = Wire.of(spec, _calibration(self.wish))
+            spec = self.wish.spec()
+            self.wire = Wire.of(spec, self.wish.calibrated())
             self.rate = self.wish.rate or spec.rate
             self.pace = Pace(self.rate)
             self.gate = Gate(self.wire)
@@ -359,7 +357,7 @@ class Streamer:
     def _recalibrate(self, now: float) -> None:
         """Take another calibration under way: the device blends over to it."""
         assert self.wire is not None and self.gate is not None
-        self.wire = Wire.of(self.wire.spec, _calibration(self.wish))
+        self.wire = Wire.of(self.wire.spec, self.wish.calibrated())
         self.gate.wire = self.wire
         if self._phase == "live":
             self.gate.begin(self.gate.last, self.pace.next, RECALIBRATING)
@@ -392,13 +390,3 @@ class Streamer:
             self.state = "streaming" if moving else "armed"
         elif self.state != "stalled":
             self.state = "ready"
-
-
-def _spec(device: Mapping[str, Any]) -> DeviceSpec:
-    if not device:
-        raise DermisError("no device is chosen")
-    return from_preset(str(device["key"]), device["preset"])
-
-
-def _calibration(wish: Wish) -> Calibration | None:
-    return Calibration.loads(wish.calibration) if wish.calibration else None

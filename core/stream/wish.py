@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from ..calibration import Calibration
+from ..devices.spec import DeviceSpec, from_preset
 from ..errors import DermisError
 
 _LINK = ("connect", "url", "protocol", "device")
@@ -51,6 +53,24 @@ class Wish:
     def same_source(self, other: Wish) -> bool:
         """Tell whether another wish is moved by the same thing."""
         return all(getattr(self, k) == getattr(other, k) for k in _SOURCE)
+
+    def spec(self) -> DeviceSpec:
+        """Return what the device is.
+
+        Raises:
+            DermisError: none was chosen, or its preset is broken.
+        """
+        if not self.device:
+            raise DermisError("no device is chosen")
+        return from_preset(str(self.device["key"]), self.device["preset"])
+
+    def calibrated(self) -> Calibration | None:
+        """Return the calibration, None without one.
+
+        Raises:
+            DermisError: it cannot be read.
+        """
+        return Calibration.loads(self.calibration) if self.calibration else None
 
 
 def wish_of(plain: Mapping[str, object]) -> Wish:

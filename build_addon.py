@@ -135,8 +135,13 @@ class Environment(NamedTuple):
 
     def variables(self, wheels: bool, **more: str) -> dict[str, str]:
         """Return the variables for a child: isolated from the user's own packages, one BLAS thread."""
-        dropped = ("PYTHONPATH", "PYTHONHOME", "BLENDER_USER_RESOURCES", "BLENDER_USER_EXTENSIONS",
-                   "PYTHONDONTWRITEBYTECODE")  # fmt: skip  Blender writes bytecode, so what is measured does too
+        dropped = (
+            "PYTHONPATH",
+            "PYTHONHOME",
+            "BLENDER_USER_RESOURCES",
+            "BLENDER_USER_EXTENSIONS",
+            "PYTHONDONTWRITEBYTECODE",
+        )  # fmt: skip  Blender writes bytecode, so what is measured does too
         kept = {k: v for k, v in os.environ.items() if k not in dropped}
         fixed = {"PYTHONNOUSERSITE": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1"}
         return {**kept, **fixed, **({"PYTHONPATH": str(self.wheels)} if wheels else {}), **more}
@@ -355,7 +360,11 @@ def test(options: argparse.Namespace) -> int:
 def lint(env: Environment) -> list[str]:
     """Run the checkers; return the names of those that found something."""
     failed = []
-    for name, command in (("ruff", ["ruff", "check", "--output-format=concise", "."]), ("mypy", ["mypy"])):
+    for name, command in (
+        ("ruff", ["ruff", "check", "--output-format=concise", "."]),
+        ("ruff format", ["ruff", "format", "--check", "."]),
+        ("mypy", ["mypy"]),
+    ):
         if name == "mypy" and sys.version_info[:2] != (3, 13):
             continue
         say(f"== {name}")

@@ -1,7 +1,8 @@
 """The one place that knows where the engine lives."""
+
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING or not __package__.startswith("bl_ext."):
-    import core                 # source checkout, pytest: sibling of this package
+    import core  # source checkout, pytest: sibling of this package
 else:
-    from . import core          # installed extension: build_addon.py puts core/ inside the package
+    from . import core  # installed extension: build_addon.py puts core/ inside the package

@@ -90,7 +90,7 @@ def discs(pins: Pins, forces: Array) -> twin.Part:
     angle = np.arange(SIDES) * (2.0 * np.pi / SIDES)
     radius = pins.radius * (0.35 + 0.75 * np.sqrt(share))
     centre = pins.points[hits] - LIFT * inward
-    rim = (np.cos(angle)[None, :, None] * side[:, None] + np.sin(angle)[None, :, None] * up[:, None])
+    rim = np.cos(angle)[None, :, None] * side[:, None] + np.sin(angle)[None, :, None] * up[:, None]
     rim = centre[:, None] + radius[:, None, None] * rim
     back = centre - STEM * inward
     thin = 0.18 * pins.radius

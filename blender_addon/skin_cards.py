@@ -55,9 +55,7 @@ def _from_the_left(context: bpy.types.Context, states: tuple[SkinState, ...]) ->
     return sorted(range(len(states)), key=place)
 
 
-def _pad_map(
-    state: SkinState, drawn: Drawn, now: Shown, view: Any, at: np.ndarray, size: float, scale: float
-) -> None:
+def _pad_map(state: SkinState, drawn: Drawn, now: Shown, view: Any, at: np.ndarray, size: float, scale: float) -> None:
     """Draw a pad as seen through the nail, tip up: the finger's X to the right, its Y upwards."""
     longest = max(float(np.ptp(d.surface.rest[:, 1])) for d in now.drawn if d is not None)
     zoom = size / (1.05 * longest)  # one scale for all

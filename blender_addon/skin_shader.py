@@ -77,8 +77,17 @@ def on_card(state: SkinState, drawn: Drawn) -> Ready:
 
 
 def draw(
-    batch: Any, model: Matrix, now: Shown, view: Any, *, opacity: float, fill: float, bias: float, light: float,
-    linear: bool = False, contours: float = 0.3,
+    batch: Any,
+    model: Matrix,
+    now: Shown,
+    view: Any,
+    *,
+    opacity: float,
+    fill: float,
+    bias: float,
+    light: float,
+    linear: bool = False,
+    contours: float = 0.3,
 ) -> None:
     """Draw a batch: opacity, the share of it that no value has (fill), and bias [m] towards the eye."""
     import gpu

@@ -115,9 +115,7 @@ def _refined(points: Array, triangles: Index) -> tuple[Any, Index]:
         return diags_array(across_u) @ gradient_u[at] + diags_array(across_v) @ gradient_v[at]
 
     rows = np.arange(len(edges))
-    ends = coo_array(
-        (np.full(2 * len(edges), 0.5), (np.tile(rows, 2), np.concatenate([a, b]))), shape=(len(edges), n)
-    )
+    ends = coo_array((np.full(2 * len(edges), 0.5), (np.tile(rows, 2), np.concatenate([a, b]))), shape=(len(edges), n))
     middle = ends.tocsr() + 0.125 * (slope(a) - slope(b))
     ab, bc, ca = number.reshape(3, -1) + n
     i, j, k = triangles.T

@@ -62,9 +62,7 @@ def draw(
     canvas.text(x, HEIGHT - 7, "dots: what the device can make felt, coloured by pitch, roll and depth", 7.5, FAINT)
 
 
-def write(
-    path: Path, cloud: Array, configuration: Array, lines: Mapping[str, Array], title: str, words: str
-) -> Path:
+def write(path: Path, cloud: Array, configuration: Array, lines: Mapping[str, Array], title: str, words: str) -> Path:
     """Write the picture as PNG or, for a name that ends in .svg, as SVG; see `draw`.
 
     Raises:

@@ -42,8 +42,12 @@ def add_parser(commands: Any) -> None:
 
     one = verbs.add_parser("follow", parents=[shared, finger], help="render a recorded sequence of sensor readings")
     one.add_argument("stimuli", type=Path, metavar="FILE", help="times and channels: .csv, or .npz (times, stimuli)")
-    one.add_argument("--table", type=Path, metavar="FILE",
-                     help="recorded configurations and channels to learn from; the virtual 19 electrodes if left out")
+    one.add_argument(
+        "--table",
+        type=Path,
+        metavar="FILE",
+        help="recorded configurations and channels to learn from; the virtual 19 electrodes if left out",
+    )
     one.add_argument("--out", type=Path, required=True, metavar="FILE.csv", help="the command track to write")
     one.set_defaults(run=follow)
 

@@ -49,13 +49,20 @@ class DERMIS_OT_export_tracks(bpy.types.Operator):
             return {"CANCELLED"}
         try:
             if not folder.is_absolute():
-                raise errors.DermisError("relative to a file that was never saved", where="output folder",
-                                         value=str(folder), remedy="Save the file, or choose another folder")
+                raise errors.DermisError(
+                    "relative to a file that was never saved",
+                    where="output folder",
+                    value=str(folder),
+                    remedy="Save the file, or choose another folder",
+                )
             written = list(outputs.export(result.bake, folder, plots=self.plots)) if result.bake.outputs else []
             written += results_skin.export(result.bake, folder)
             if not written:
-                raise errors.DermisError("neither tracks nor skins to export", where=str(folder),
-                                         remedy="Give a finger a device, or show its skin, and bake again")
+                raise errors.DermisError(
+                    "neither tracks nor skins to export",
+                    where=str(folder),
+                    remedy="Give a finger a device, or show its skin, and bake again",
+                )
         except errors.DermisError as error:
             return reporting.report_error(self, error, "Export")
         text = f"Wrote {len(written)} file{'' if len(written) == 1 else 's'} to {folder}"

@@ -66,8 +66,11 @@ class DERMIS_OT_choose_material(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         """Need a mesh object that may become touchable."""
         cls.poll_message_set("Select the mesh object that fingers shall feel")
-        return context.object is not None and context.object.type == "MESH" and context.mode == "OBJECT" and (
-            context.object.dermis.role in ("NONE", "TOUCHABLE")
+        return (
+            context.object is not None
+            and context.object.type == "MESH"
+            and context.mode == "OBJECT"
+            and (context.object.dermis.role in ("NONE", "TOUCHABLE"))
         )
 
     def invoke(self, _context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:

@@ -6,9 +6,7 @@ from typing import Any
 import bpy
 
 
-def paragraph(
-    layout: Any, context: bpy.types.Context, text: str, icon: str = "NONE", *, inset: float = 0.0
-) -> None:
+def paragraph(layout: Any, context: bpy.types.Context, text: str, icon: str = "NONE", *, inset: float = 0.0) -> None:
     """Write a text over as many lines as the sidebar's width needs, less an inset [px at scale 1]."""
     scale = context.preferences.system.ui_scale
     width = context.region.width if context.region else 300

@@ -218,9 +218,7 @@ class Encounter:
         return rise.T
 
 
-def encounter(
-    touch: SampledTouch, finger: int, body: int, times: Array, distance: float | Array
-) -> Encounter | None:
+def encounter(touch: SampledTouch, finger: int, body: int, times: Array, distance: float | Array) -> Encounter | None:
     """Return the encounter of a pair, computed once per set of times, or None if they never touch."""
     if (finger, body) not in touch.pairs:
         return None

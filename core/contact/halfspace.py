@@ -74,4 +74,3 @@ def square_grid(radius: float, spacing: float) -> Array:
 def _log_sum(x: Array, y: Array, r: Array) -> Array:
     """log(x + r), without cancelling where x is negative."""
     return np.where(x >= 0.0, np.log(np.abs(x) + r), 2.0 * np.log(np.abs(y)) - np.log(r + np.abs(x)))
-

@@ -32,15 +32,11 @@ def meet(touch: SampledTouch, scene: TactileScene, finger: int, body: int, times
     """Return the encounter of a finger and a body at the finger's touch distance, or None if they never touch."""
     if (finger, body) not in touch.pairs:
         return None
-    distance = touch.series(
-        f"finger/{finger}/touch_distance", scene.fingers[finger].parameters, TOUCH_DISTANCE, times
-    )
+    distance = touch.series(f"finger/{finger}/touch_distance", scene.fingers[finger].parameters, TOUCH_DISTANCE, times)
     return encounter(touch, finger, body, times, distance)
 
 
-def held(
-    touch: SampledTouch, scene: TactileScene, finger: int, body: int, times: Array
-) -> NDArray[np.bool_] | None:
+def held(touch: SampledTouch, scene: TactileScene, finger: int, body: int, times: Array) -> NDArray[np.bool_] | None:
     """Return when a finger holds a body, shape (m,), or None if it never does.
 
     Args:

@@ -172,5 +172,3 @@ def rigid(turn: Array, place: Array) -> Array:
     out = np.eye(4)
     out[:3, :3], out[:3, 3] = turn, place
     return out
-
-

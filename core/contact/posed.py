@@ -18,7 +18,6 @@ from .surfaces import SAME_STRETCH, box_of, carried, surface_of
 Array = NDArray[np.float64]
 
 
-
 class PosedBody:
     """One body of a scene.
 

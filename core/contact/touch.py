@@ -284,6 +284,7 @@ class TouchSampler:
             side[k] = pair.side
         return side
 
+
 def _alike(stretch: Array, reference: Array) -> NDArray[np.bool_]:
     """Whether linear maps (n, 3, 3) equal another within what float32 matrices resolve, shape (n,)."""
     off: Array = np.abs(stretch - reference).max(axis=(1, 2))

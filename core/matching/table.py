@@ -179,5 +179,3 @@ def assemble(
     readings = np.vstack([quantised(sensor.rest[None]), counts])
     about = {"device": spec.key, "device_hash": spec.hash, **meta}
     return SkinTable(np.vstack([rest_command, commands]), readings, 0, scale_of(spec), 0.0, about)
-
-

@@ -188,5 +188,3 @@ class Native(Adapter):
             return False
         self._due[name] = now + every
         return True
-
-

@@ -61,7 +61,7 @@ def pin_frame() -> Result:
         for _ in range(3):
             contact = PathSolver(skin.compliance, skin.positions, areas=skin.areas)
             solver = _solver("DM2")
-            for body in bodies[: -FRAMES]:
+            for body in bodies[:-FRAMES]:
                 contact.step([body])
             samples += _clocked(
                 lambda body, contact=contact, solver=solver: solver.step(  # type: ignore[misc]

@@ -301,8 +301,13 @@ def report(found: dict[str, Any]) -> str:
         row_ = sensor[name]
         lines.append(f"| {name} | {paper[name]} | {100 * row_['direct']:.1f} % | "
                      f"{100 * row_['ridge on electrodes']:.1f} % |")  # fmt: skip
-    lines += ["", "Ideal observer d' (people in [S0], stress / force / geometry: 82 / 51 / 78 % and 73 / 53 / 53 %):",
-              "", "| test | the target itself | stress | force only | geometry only |", "|---|---|---|---|---|"]
+    lines += [
+        "",
+        "Ideal observer d' (people in [S0], stress / force / geometry: 82 / 51 / 78 % and 73 / 53 / 53 %):",
+        "",
+        "| test | the target itself | stress | force only | geometry only |",
+        "|---|---|---|---|---|",
+    ]
     for name in ("contact location", "press or slide"):
         lines.append(f"| {name} | " + " | ".join(f"{seen[name][m]:.1f}" for m in ("target", *METHODS)) + " |")
     if seen["press or slide"]["stress"] < max(seen["press or slide"][m] for m in ("force", "geometry")):

@@ -103,7 +103,9 @@ def _table(spec: DeviceSpec) -> SkinTable:
 
 def _control(tables: Sequence[SkinTable], skin: SkinModel, share: float) -> list[list[Verdict]]:
     """Judge the six interactions with less wobble, the noise and the rule as they are."""
-    less = Wobble(*(share * getattr(WOBBLE, name) for name in ("tilt", "depth", "shift", "amplitude")), WOBBLE.bandwidth)
+    less = Wobble(
+        *(share * getattr(WOBBLE, name) for name in ("tilt", "depth", "shift", "amplitude")), WOBBLE.bandwidth
+    )
     heard = [table.heard_with(NOISE) for table in tables]
     verdicts: list[list[Verdict]] = [[] for _ in tables]
     for seed in range(CONTROL_SEEDS if share else 1):
@@ -138,7 +140,10 @@ def _played(spec: DeviceSpec, table: SkinTable, skin: SkinModel) -> Played:
 
 
 def _picture(key: str, verdicts: Sequence[Verdict], path: Path) -> None:
-    bars = Bars(f"{TITLES[key]}: error above that of all motors, mean of the seeds, simulated (line: least to greatest)", 100 * KNEE)
+    bars = Bars(
+        f"{TITLES[key]}: error above that of all motors, mean of the seeds, simulated (line: least to greatest)",
+        100 * KNEE,
+    )
     for name in NAMES:
         rows = np.array([v.percent[0] for v in verdicts if v.name == name])[:, :-1]
         bars.group(f"{name} ({EXPECTED[name]})", rows)
@@ -169,7 +174,13 @@ def _page(
             own = [v for v in verdicts if v.name == name]
             runs = [" ".join(str(v.found[i]) for v in own) for i in (0, 1)]
             lines.append(f"{name:10}{EXPECTED[name]:<10}{runs[0]:{2 * max(seeds, 6) + 4}}{runs[1]}")
-        lines += ["```", "", "Mean over the seeds, components by variance [% above all motors], and the error with all motors [counts]:", "", "```"]
+        lines += [
+            "```",
+            "",
+            "Mean over the seeds, components by variance [% above all motors], and the error with all motors [counts]:",
+            "",
+            "```",
+        ]
         n = len(verdicts[0].percent[0])
         lines.append(f"{'':10}" + "".join(f"{'k = ' + str(k):>9}" for k in range(1, n + 1)) + "   all [counts]")
         every = []
@@ -178,7 +189,11 @@ def _page(
             mean = np.array([v.percent[0] for v in own]).mean(axis=0)
             every.append(mean)
             lines.append(f"{name:10}" + "".join(f"{p:9.1f}" for p in mean) + f"{np.mean([v.error for v in own]):14.1f}")
-        lines.append(f"{'mean':10}" + "".join(f"{p:9.1f}" for p in np.mean(every, axis=0)) + f"{np.mean([v.error for v in verdicts]):14.1f}")
+        lines.append(
+            f"{'mean':10}"
+            + "".join(f"{p:9.1f}" for p in np.mean(every, axis=0))
+            + f"{np.mean([v.error for v in verdicts]):14.1f}"
+        )
         lines.append(f"{'paper':10}" + "".join(f"{p:9.1f}" for p in PAPER[key]) + f"{PAPER_COUNTS[key][-1]:14.1f}")
         lines += ["```", ""]
     lines += [
@@ -201,7 +216,12 @@ def _page(
     for key in DEVICES:
         p, s = played[key], spreads[key]
         lines.append(f"{key:18}{p.mean:14.2f}{p.worst:12.2f}{p.moved:22.2f}{s['rms']:23.1f}{s['worst']:16.1f}")
-    lines += ["```", "", "The third column is what the platform leaves of the target itself: a small disc under a tilting slab's touch, one contact for another.", ""]
+    lines += [
+        "```",
+        "",
+        "The third column is what the platform leaves of the target itself: a small disc under a tilting slab's touch, one contact for another.",
+        "",
+    ]
     lines += [
         "## What differs", "",
         "The paper records a BioTac held by a hand and collects its tables on the built devices; ours are virtual, of chosen dimensions (`cable_platform.json`, `hexapod.json`), with rigid legs where the paper's are compliant wires. The paper's percentages are the mean of percentages; so are ours. Its error counts and ours depend on the sensor's gain, which here is chosen: compare percentages, and these with care, since they are relative to the error of all motors.",

@@ -62,9 +62,7 @@ def test_a_path_equals_the_path_solver(skin, device, friction):
     path, disc = walk(), disc_of(device)
     ours, _ = forces_along(contact_with(skin, device, friction), device, path)
     solver = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
-    theirs = np.array(
-        [solver.step([disc.body(placed(device, device.pose(x)), friction)]).solution.force for x in path]
-    )
+    theirs = np.array([solver.step([disc.body(placed(device, device.pose(x)), friction)]).solution.force for x in path])
     assert np.abs(theirs).max() > 0.05
     np.testing.assert_allclose(ours, theirs, atol=2e-5 * np.abs(theirs).max())
 

@@ -128,6 +128,7 @@ def test_loading_and_unloading_hysteresis(hertz):
     force = np.array([solver.step_frame(frame(nodes, gap, mu, (x, 0))).solution.resultant[0] for x in shifts])
     out, back = force[4], force[12]
     assert shifts[4] == pytest.approx(shifts[12]) and back < 0.9 * out
+
     # Masing: the way back is the first loading curve, twice as large and turned round
     def first(x):
         return mu * normal * (1 - (1 - x / full) ** 1.5)

@@ -50,6 +50,7 @@ def sweeps_by_bisection(compliance, offset, friction, sweeps=4000):
             if stick[0] >= 0 and np.hypot(*stick[1:]) <= friction[i] * stick[0]:
                 f[s] = stick
                 continue
+
             # slip: w_t = -lam f_t with lam > 0; w_n = 0: linear in f for each lam, |f_t| - mu f_n falls with lam
             def at(lam, block=block, free=free):
                 a = block.copy()

@@ -100,9 +100,9 @@ def synthetic(rows=3000, motors=3, seed=0):
     commands = halton(rows, motors)
     mix = rng.standard_normal((motors, 20))
     readings = np.rint(1500 + 600 * (commands @ mix) + 80 * np.sin(3 * commands) @ mix[::-1])
-    return SkinTable(commands, readings, 0, np.ones(motors)), lambda m: (
-        1500 + 600 * (m @ mix) + 80 * np.sin(3 * m) @ mix[::-1]
-    )
+    return SkinTable(
+        commands, readings, 0, np.ones(motors)
+    ), lambda m: 1500 + 600 * (m @ mix) + 80 * np.sin(3 * m) @ mix[::-1]
 
 
 def path(count=400, rank=1, seed=1, motors=3):

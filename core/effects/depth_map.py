@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .. import images
 from ..errors import DermisError, Finding, Severity
-from .repair import FEWEST_LEVELS, filled, holes_in, smoothed, staircase
+from .repair import FEWEST_LEVELS, MOST_LEVELS, filled, holes_in, smoothed, staircase
 
 Meaning = Literal["height", "depth"]
 Steps = Literal["smooth", "keep"]
@@ -45,10 +45,10 @@ def read(
     Whole-number formats run from 0 (black) to 1 (white); PFM and floating NPY are taken as stored.
 
     Args:
-        source: a path, or paths (`core.images.sequence` finds the numbered siblings of one).
+        source: a path, or paths (`core.images.sequence` finds the numbered ones that follow one).
         meaning: 'height' towards the viewer, or 'depth' away from the viewer, which is negated.
         hole: a stored value that stands for 'nothing measured' (depth cameras write 0).
-        steps: what to do with the staircases of 8-bit images.
+        steps: what to do with the staircases of 8-bit images; finer formats are exact and stay as they are.
 
     Raises:
         DermisError: no image, one that cannot be read, images of differing size, nothing but holes.
@@ -71,7 +71,7 @@ def read(
                 "the images of a sequence differ in size", where=f"image '{Path(path).name}'",
                 value=f"{shape[1]} x {shape[0]}", limit=f"{heights.shape[2]} x {heights.shape[1]}, as the first",
             )  # fmt: skip
-        heights[index] = work.repaired(raster.values, raster.holes, f"image '{Path(path).name}'")
+        heights[index] = work.repaired(raster.values, raster.holes, raster.levels, f"image '{Path(path).name}'")
         noticed += raster.findings
     assert heights is not None
     return DepthMap(heights if len(paths) > 1 else heights[0], _merged(noticed) + work.findings())
@@ -85,6 +85,7 @@ def from_array(
     hole: float | None = None,
     steps: Steps = "smooth",
     declared: NDArray[np.bool_] | None = None,
+    levels: int | None = None,
     where: str = "depth map",
 ) -> DepthMap:
     """Repair heights that are already numbers: a Blender image's pixels, or a bake of a mesh.
@@ -93,6 +94,8 @@ def from_array(
         values: shape (rows, columns) or (k, rows, columns).
         first_row: which edge of the screen row 0 lies at (Blender's images: 'bottom').
         declared: pixels known to be empty, same shape as `values`.
+        levels: how many values the numbers' source can tell apart, 0 for floating point and for measures of a mesh;
+            left out, that of the array's type. Only 256 or fewer can be staircases.
         meaning, hole, steps: as for `read`.
 
     Raises:
@@ -109,13 +112,14 @@ def from_array(
     if declared is not None and declared.shape != array.shape:
         raise DermisError("the holes do not fit the map", where=where, value=declared.shape, limit=str(array.shape))
     work = _Repair(meaning, hole, steps, where)
+    known = levels if levels is not None else (1 << 8 if array.dtype.itemsize == 1 else 0)
     single = array.ndim == 2
     stack = array[None] if single else array
     gaps = [None] * len(stack) if declared is None else list(declared[None] if single else declared)
     heights = np.empty(stack.shape, np.float32)
     for index, (values_, gap) in enumerate(zip(stack, gaps, strict=True)):
         place = where if single else f"{where}, map {index + 1} of {len(stack)}"
-        repaired = work.repaired(values_, gap, place)
+        repaired = work.repaired(values_, gap, known, place)
         heights[index] = repaired if first_row == "bottom" else repaired[::-1]
     return DepthMap(heights[0] if single else heights, work.findings())
 
@@ -131,7 +135,9 @@ class _Repair:
         self._hole, self._smooth, self._where = hole, steps == "smooth", where
         self._pixels = self._holes = self._smoothed = self._kept = self._flat = self._few = self._levels = 0
 
-    def repaired(self, values: NDArray[Any], declared: NDArray[np.bool_] | None, where: str) -> NDArray[np.float64]:
+    def repaired(
+        self, values: NDArray[Any], declared: NDArray[np.bool_] | None, levels: int, where: str
+    ) -> NDArray[np.float64]:
         """Return one map's heights towards the viewer without holes and staircases, shape (rows, columns)."""
         heights = values.astype(np.float64)
         gaps = holes_in(heights, declared)
@@ -145,15 +151,17 @@ class _Repair:
         self._pixels += gaps.size
         self._holes += int(np.count_nonzero(gaps))
         heights = np.where(known, self._sign * np.where(known, heights, 0.0), 0.0)
-        # Looked for before holes are filled, because the filling adds levels of its own.
-        found = staircase(np.where(known, heights, heights[known].min()))
+        # Looked for before holes are filled, because the filling adds levels of its own; and only where the format
+        # has few levels: what floating point or a mesh climbs in steps was meant so.
+        coarse = 0 < levels <= MOST_LEVELS
+        found = staircase(np.where(known, heights, heights[known].min())) if coarse else None
         heights = filled(heights, gaps)
-        if found.found:
+        if found is not None and found.found:
             self._levels = max(self._levels, found.levels)
             self._smoothed += self._smooth
             self._kept += not self._smooth
             heights = smoothed(heights, found.step) if self._smooth else heights
-        self._few += 2 <= found.levels < FEWEST_LEVELS
+        self._few += found is not None and 2 <= found.levels < FEWEST_LEVELS
         self._flat += bool(heights.max() == heights.min())
         return heights
 

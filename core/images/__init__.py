@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from ..errors import DermisError
+from ..errors import DermisError, Finding
 from . import netpbm, npy, png
 from .raster import Raster, grey_of
 
-__all__ = ["Raster", "grey_of", "read", "sequence"]
+__all__ = ["Raster", "gap_after", "grey_of", "read", "sequence"]
 
 READABLE = "PNG, PGM, PPM, PFM and NPY"
 _NETPBM = (b"P2", b"P3", b"P5", b"P6", b"Pf", b"PF")
@@ -50,30 +50,54 @@ def read(path: str | Path) -> Raster:
 
 
 def sequence(path: str | Path) -> tuple[Path, ...]:
-    """Return the numbered files that `path` belongs to, in order; only itself where its name ends in no digit.
+    """Return the numbered files from `path` on, in order; only itself where its name ends in no digit.
 
-    The sequence is the unbroken run of numbers around the file that was named.
+    The named file is the first. The sequence ends at the first number that is missing, see `gap_after`.
 
     Raises:
         DermisError: the file does not exist.
     """
     path = Path(path)
+    first, found = _numbered(path)
+    last = first
+    while last + 1 in found:
+        last += 1
+    return tuple(found[i] for i in range(first, last + 1))
+
+
+def gap_after(path: str | Path) -> Finding | None:
+    """Return what is to be said where numbers are missing behind `path` and files go on after them.
+
+    Raises:
+        DermisError: the file does not exist.
+    """
+    path = Path(path)
+    first, found = _numbered(path)
+    run = sequence(path)
+    beyond = sorted(number for number in found if number >= first + len(run))
+    if not beyond:
+        return None
+    return Finding(
+        "warning", "sequence-gap", "numbers are missing in the image sequence; the files after the gap are left out",
+        where=f"image sequence '{path.name}'", value=f"{run[-1].name}, then {found[beyond[0]].name}",
+        remedy="Number the files without a gap", count=len(beyond),
+    )  # fmt: skip
+
+
+def _numbered(path: Path) -> tuple[int, dict[int, Path]]:
+    """Return a file's number, and the files of its folder that differ from it in nothing but the number."""
     if not path.is_file():
         raise DermisError("no such image", where=f"image '{path.name}'", value=str(path))
     match = re.fullmatch(r"(.*?)(\d+)", path.stem)
     if not match:
-        return (path,)
+        return 0, {0: path}
     prefix, digits = match.group(1), match.group(2)
     pattern = re.compile(re.escape(prefix) + r"(\d+)" + re.escape(path.suffix))
-    found: dict[int, Path] = {}
+    # Numbers padded with zeros are all of one length, others have none in front.
+    padded = digits.startswith("0")
+    found = {int(digits): path}
     for other in sorted(path.parent.iterdir()):
         number = pattern.fullmatch(other.name)
-        if number and (len(number.group(1)) == len(digits) or not digits.startswith("0")):
+        if number and (len(number.group(1)) == len(digits) or not padded):
             found.setdefault(int(number.group(1)), other)
-    first = last = int(digits)
-    found[first] = path
-    while first - 1 in found:
-        first -= 1
-    while last + 1 in found:
-        last += 1
-    return tuple(found[i] for i in range(first, last + 1))
+    return int(digits), found

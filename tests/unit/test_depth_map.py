@@ -205,11 +205,16 @@ def test_npy_never_unpickles_and_refuses_other_shapes(tmp_path):
 # --- sequences
 
 
-def test_sequence_is_the_unbroken_run_of_numbers(tmp_path):
+def test_sequence_runs_from_the_named_file_to_the_first_gap(tmp_path):
     for name in ("d_0008", "d_0009", "d_0010", "d_0012", "e_0009", "d_9", "d"):
         put(tmp_path, GOOD, f"{name}.png")
     names = [p.name for p in images.sequence(tmp_path / "d_0009.png")]
-    assert names == ["d_0008.png", "d_0009.png", "d_0010.png"]
+    assert names == ["d_0009.png", "d_0010.png"], "the named file is the first"
+    gap = images.gap_after(tmp_path / "d_0008.png")
+    assert gap is not None and (gap.code, gap.severity, gap.count) == ("sequence-gap", "warning", 1)
+    assert gap.value == "d_0010.png, then d_0012.png"
+    assert images.gap_after(tmp_path / "d_0012.png") is None, "what lies before the named file is no gap"
+    assert images.gap_after(tmp_path / "e_0009.png") is images.gap_after(tmp_path / "d.png") is None
     assert images.sequence(tmp_path / "d.png") == (tmp_path / "d.png",)
 
 
@@ -323,12 +328,12 @@ def slope_error(found, exact):
 def test_staircases_are_smoothed_by_half_a_level_at_most(levels):
     exact = bump()
     stored = np.rint(exact * levels) / levels
-    made = from_array(stored.astype(np.float32))
+    made = from_array(stored.astype(np.float32), levels=256)
     assert np.abs(made.heights - stored).max() <= 0.5 / levels * (1 + 1e-4)
     assert slope_error(made.heights, exact) < slope_error(stored, exact) / 3
     (finding,) = made.findings
     assert (finding.code, finding.count, finding.value) == ("staircase-smoothed", 1, f"{len(np.unique(stored))} levels")
-    kept = from_array(stored, steps="keep")
+    kept = from_array(stored, steps="keep", levels=256)
     np.testing.assert_array_equal(kept.heights, stored.astype(np.float32))
     assert [f.code for f in kept.findings] == ["staircase-kept"]
 
@@ -364,7 +369,29 @@ def test_eight_bit_png_from_file_is_smoothed_and_sixteen_bit_is_not(tmp_path):
 
 def test_flat_maps_and_masks_are_noticed():
     assert [f.code for f in from_array(np.full((4, 4), 0.3)).findings] == ["flat-map"]
-    assert [f.code for f in from_array((bump(32) > 0.5).astype(float)).findings] == ["few-levels"]
+    assert [f.code for f in from_array(bump(32) > 0.5).findings] == ["few-levels"]
+    exact = from_array((bump(32) > 0.5).astype(float))
+    assert exact.findings == (), "numbers in floating point are no 8-bit image, however few"
+
+
+def test_floating_point_is_exact_and_never_smoothed(tmp_path):
+    # A tent of 21 heights one step apart, and a texture of half steps: both climb in single steps, both as meant.
+    tent = np.tile(np.minimum(np.arange(40), 40 - np.arange(40)).astype(np.float32) * 1e-4, (40, 3))
+    texture = np.tile((np.arange(64) // 2 + 2.0 * (np.arange(64) % 2)).astype(np.float32) * 1e-4, (64, 1))
+    for exact in (tent, texture):
+        assert staircase(exact).found, "it looks like a staircase: only its format tells that it is none"
+        np.save(tmp_path / "f.npy", exact[::-1])
+        put(tmp_path, b"Pf\n%d %d\n-1\n" % exact.shape[::-1] + exact.astype("<f4").tobytes(), "f.pfm")
+        made = [read(tmp_path / "f.npy"), read(tmp_path / "f.pfm"), from_array(exact)]
+        for m in made:
+            np.testing.assert_array_equal(m.heights, exact)
+            assert m.findings == ()
+    steps = np.rint(bump(96) * 100)
+    np.save(tmp_path / "i2.npy", steps.astype(np.uint16))
+    assert read(tmp_path / "i2.npy").findings == (), "16 bit"
+    np.save(tmp_path / "i1.npy", steps.astype(np.uint8))
+    assert [f.code for f in read(tmp_path / "i1.npy").findings] == ["staircase-smoothed"]
+    assert [f.code for f in from_array(steps.astype(np.uint8)).findings] == ["staircase-smoothed"]
 
 
 @pytest.mark.parametrize(

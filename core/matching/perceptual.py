@@ -101,6 +101,7 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
                                 value=f"{nearest * 1e3:.3g} mm from its plane at the nearest",
                                 remedy="Bring the pad to the screen, or raise its touch distance"))  # fmt: skip
     findings += _flat_findings(maps, scene)
+    findings += _short_findings(maps, scene, settings.times)
     findings += driven
     track = CommandTrack(spec, settings.times, values, _meta(maps, scene, device))
     return Rendered(track, signals, tuple(findings))
@@ -168,6 +169,24 @@ def _flat_findings(maps: Mapping[int, ScreenMap], scene: TactileScene) -> list[F
         for i, m in maps.items()
         if m.highest == m.lowest
     ]  # fmt: skip
+
+
+def _short_findings(maps: Mapping[int, ScreenMap], scene: TactileScene, times: Array) -> list[Finding]:
+    found = []
+    for i, m in maps.items():
+        count = len(m.heights)
+        if count < 2 or m.maps_per_second <= 0:
+            continue
+        # Half a map of grace: the last one lasts as long as each of the others.
+        late = times > m.start + (count - 0.5) / m.maps_per_second
+        if late.any():
+            found.append(Finding(
+                "warning", "sequence-short", "the image sequence ends before the range does; its last map is held",
+                where=f"screen '{scene.screens[i].name}'", value=f"{count} maps", count=int(late.sum()),
+                remedy="Add images, or shorten the range",
+                frame=scene.frame_range[0] + float(times[np.argmax(late)]) * float(scene.fps),
+            ))  # fmt: skip
+    return found
 
 
 def _meta(maps: Mapping[int, ScreenMap], scene: TactileScene, device: FrictionScreen) -> dict[str, str]:

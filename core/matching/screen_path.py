@@ -15,6 +15,7 @@ from ..effects.slide import STILL_SPEED
 from ..errors import DermisError, Finding
 from ..motion import Spline
 from ..scene import DeviceUse, TactileScene
+from .projection import device_times
 
 if TYPE_CHECKING:
     from ..contact.touch import SampledTouch
@@ -108,8 +109,8 @@ class Settings:
     def __init__(
         self, touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, rate: float, where: str
     ) -> None:
-        # The last sample is the last moment that is known; a rounding error must not cost it.
-        self.times = np.arange(int(touch.times[-1] * rate + 1e-6) + 1) / rate
+        # Those of every other device: the sweep's last sample may lie before the end of the range.
+        self.times: Array = touch.keep(("device times", rate), lambda: device_times(scene, rate))
         self._touch, self._scene, self._finger, self._where = touch, scene, finger, where
         self._given: Mapping[str, Any] = use.parameters
         devices = scene.fingers[finger].devices

@@ -12,6 +12,7 @@ import pytest
 from core.contact.touch import TouchSampler
 from core.errors import DermisError
 from core.matching.perceptual import render, screen_maps
+from core.matching.projection import device_times
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
 from core.scene import Chunk, DeviceUse, Finger, Screen, TactileScene
@@ -259,6 +260,20 @@ def test_sequence_starts_at_its_scene_frame_with_one_map_a_frame():
     assert np.abs(height - exact)[late].max() < 1e-3 * TOP
 
 
+def test_a_sequence_that_ends_before_the_range_says_so():
+    def short(maps, **parameters):
+        heights = np.stack([BUMP[::40, ::40]] * maps)
+        return codes(rendered(scene_of(ACROSS, heights=heights, parameters=parameters))).get("sequence-short")
+
+    # 25 frames, 1 s: frame 25 shows the 25th map; of ten, the last lasts to the middle between frames 10 and 11.
+    assert short(25) is short(1) is short(24, sequence_start=2) is None
+    finding = short(10)
+    assert finding.severity == "warning" and finding.value == "10 maps"
+    assert finding.count == sum(k / 1000 > 9.5 / 24 for k in range(1001))
+    assert finding.frame == pytest.approx(10.5, abs=24 / 1000)
+    assert short(10, sequence_start=16) is None
+
+
 def test_animated_settings_override_the_constant_ones():
     t = np.arange(len(ACROSS)) / RATE
     channels = {
@@ -278,7 +293,7 @@ def test_animated_settings_override_the_constant_ones():
 
 
 def test_without_a_name_the_finger_feels_every_screen():
-    path = np.concatenate([stroke((-0.03, 0), (0.0, 0), 0.25), stroke((0.47, 0), (0.5, 0), 0.25)])
+    path = np.concatenate([stroke((-0.03, 0), (0.0, 0), 0.25), stroke((0.47, 0), (0.5, 0), 0.25)[1:]])
     result = rendered(scene_of(path, screens=2, use_screen=""))
     assert set(np.unique(result.signals["screen"])) >= {0.0, 1.0}
     late = result.track.times > 0.3
@@ -304,9 +319,19 @@ def test_flat_map_says_so():
 
 def test_rate_does_not_depend_on_the_frame_rate():
     scene = scene_of(ACROSS)
-    ntsc = dataclasses.replace(scene, fps=Fraction(30000, 1001))
-    np.testing.assert_array_equal(rendered(scene).track.times, rendered(ntsc).track.times)
-    np.testing.assert_array_equal(rendered(scene).track.values, rendered(ntsc).track.values)
+    ntsc = dataclasses.replace(scene, fps=Fraction(30000, 1001), frame_range=(1, 31))  # 1.001 s, of which 1 s is swept
+    known, longer = rendered(scene).track, rendered(ntsc).track
+    np.testing.assert_array_equal(known.times, longer.times[:1001])
+    np.testing.assert_array_equal(known.values, longer.values[:1001])
+
+
+def test_the_track_lasts_as_long_as_the_range_and_as_every_other_devices():
+    ntsc = dataclasses.replace(scene_of(ACROSS), fps=Fraction(30000, 1001), frame_range=(1, 31))
+    result = rendered(ntsc)
+    np.testing.assert_array_equal(result.track.times, np.arange(1002) / 1000)
+    np.testing.assert_array_equal(result.track.times, device_times(ntsc, SPEC.rate))
+    # The finger goes on as it moved between the last two samples of the sweep.
+    assert result.signals["x"][-1] == pytest.approx(-0.08 + 0.16 * 1.001, abs=1e-12)
 
 
 def screens_scaled(*scale):

@@ -1,6 +1,7 @@
 """Mesh relief: friction from the surface normals of whatever the finger touches, without a map of it.
 
-The form of eq. 6 that equals the map's, f = -f0 n_xy . v / n_z, for meshes of any shape that may move and deform. The
+The form of eq. 6 that equals the map's, f = -f0 n_xy . v / n_z, for meshes of any shape that may move and deform; on
+request (`relief_formula` 'printed') the form that the paper prints, f = f0 n . [v, 0], whose sign is opposite. The
 normal is that of the curved surface that the faces stand for, at the point closest to the pad. Its axes are those of
 the screen, on which the finger's motion is then read too. Without a screen they are the finger's own, x and y along
 the pad: a finger that follows the surface feels nothing, one that slides over it at a slant does, and its motion is
@@ -18,7 +19,15 @@ from ..contact.encounter import Encounter, turned, turned_back
 from ..contact.held import meet
 from ..devices.friction_screen import FrictionScreen
 from ..devices.spec import DeviceSpec
-from ..effects.slide import DOWNHILL, FULL, STEEPEST_NORMAL, directions, friction_of_normal, without_downhill
+from ..effects.slide import (
+    DOWNHILL,
+    FULL,
+    STEEPEST_NORMAL,
+    directions,
+    friction_of_normal,
+    friction_of_normal_printed,
+    without_downhill,
+)
 from ..errors import DermisError, Finding
 from ..scene import DeviceUse, TactileScene
 from ..track import CommandTrack
@@ -30,6 +39,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+FORMULAS = ("slope", "printed")
+
 
 def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
     """Return the voltage of a friction screen from the normals under a finger's path.
@@ -39,14 +50,14 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
     over the whole bake friction 100. Only the profile 'slope' exists here.
 
     Raises:
-        DermisError: another profile, an unknown way to scale or downhill, a scale of zero, or no such screen.
+        DermisError: another profile, an unknown formula, way to scale or way downhill, a scale of zero, no such screen.
 
-    Source: [S4] eq. 6, with the sign and the division that make it equal to eq. 5
+    Source: [S4] eq. 6, as printed or with the sign and the division that make it equal to eq. 5
     """
     device = FrictionScreen.of(spec)
     where = f"finger '{scene.fingers[finger].name}', {spec.name}"
     settings = Settings(touch, scene, finger, use, spec.rate, where)
-    mode, downhill = _checked(settings, where)
+    mode, downhill, formula = _checked(settings, where)
     times, n = settings.times, len(settings.times)
     met = [(b, m) for b in range(len(scene.bodies)) if (m := meet(touch, scene, finger, b, times)) is not None]
     gaps = np.array([np.where(m.touching, m.gap, np.inf) for _, m in met]).reshape(len(met), n)
@@ -87,9 +98,13 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
     window = float(settings.constant("direction_window", DIRECTION_WINDOW))
     direction = directions(signals["x"], signals["y"], contact, spec.rate, window, resting)
-    signed, limited = friction_of_normal(normal[contact], direction[contact], 1.0)
     slopes = -normal[contact, :2] / np.maximum(normal[contact, 2:], STEEPEST_NORMAL)
-    scale = _scale(settings, mode, slopes, contact, where)
+    if formula == "printed":
+        signed, limited = friction_of_normal_printed(normal[contact], direction[contact], 1.0), 0
+        scale = _scale(settings, mode, normal[contact, :2], contact, where)
+    else:
+        signed, limited = friction_of_normal(normal[contact], direction[contact], 1.0)
+        scale = _scale(settings, mode, slopes, contact, where)
     signals["friction"][contact] = without_downhill(signed * scale, downhill)
     signals["direction_x"], signals["direction_y"] = direction.T
     signals["grad_x"][contact], signals["grad_y"][contact] = slopes.T
@@ -107,6 +122,7 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
     law = device.law
     meta = {
         "relief": "mesh",
+        "relief_formula": formula,
         "screen": ", ".join(s.name for i, s in enumerate(scene.screens) if (screen == i).any()),
         "downhill": downhill,
         "scale": f"{float(np.max(scale, initial=0.0)):.9g}",
@@ -117,21 +133,26 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
     return Rendered(track, signals, (*findings, *driven), skipped)
 
 
-def _checked(settings: Settings, where: str) -> tuple[str, str]:
-    """Return the way to scale and the way downhill."""
+def _checked(settings: Settings, where: str) -> tuple[str, str, str]:
+    """Return the way to scale, the way downhill and the formula."""
     for name, default, known in (("profile", "slope", ("slope",)), ("scale_mode", "auto", ("auto", "manual")),
-                                 ("downhill", "rectify", DOWNHILL)):  # fmt: skip
+                                 ("downhill", "rectify", DOWNHILL),
+                                 ("relief_formula", "slope", FORMULAS)):  # fmt: skip
         value = settings.constant(name, default)
         if value not in known:
             raise DermisError(f"the normals of a mesh know no such {name.replace('_', ' ')}", where=where, value=value,
                               limit=", ".join(known))  # fmt: skip
-    return str(settings.constant("scale_mode", "auto")), str(settings.constant("downhill", "rectify"))
+    return (
+        str(settings.constant("scale_mode", "auto")),
+        str(settings.constant("downhill", "rectify")),
+        str(settings.constant("relief_formula", "slope")),
+    )
 
 
-def _scale(settings: Settings, mode: str, slopes: Array, contact: NDArray[np.bool_], where: str) -> float | Array:
-    """Return f0, of the whole bake or of each touching time."""
+def _scale(settings: Settings, mode: str, felt: Array, contact: NDArray[np.bool_], where: str) -> float | Array:
+    """Return f0, of the whole bake or of each touching time; `felt` is what a motion is multiplied by, shape (k, 2)."""
     if mode == "auto":
-        steepest = float(np.linalg.norm(slopes, axis=1).max(initial=0.0))
+        steepest = float(np.linalg.norm(felt, axis=1).max(initial=0.0))
         return FULL / steepest if steepest > 1e-12 else 0.0
     manual = settings.series("scale")
     if manual is None or not np.isfinite(manual).all() or not manual.any():

@@ -143,6 +143,25 @@ def test_the_automatic_scale_takes_the_steepest_slope_of_the_bake():
     assert float(mesh.track.meta["scale"]) == pytest.approx(F0, rel=1e-3)
 
 
+def test_the_printed_formula_has_the_opposite_sign_and_is_compressed():
+    way = path()
+    way[:, 1] = 0.0
+    way[:, 2] = height(way[:, 0], 0.0)
+    printed = {"relief": "mesh", "relief_formula": "printed", "direction_window": 0.0}
+    mesh = sample(way, device={**printed, "scale_mode": "manual", "scale": 50.0})
+    moved = (mesh.signals["contact"] > 0) & (np.arange(len(mesh.track.times)) > 2)
+    gx, _ = slope(mesh.signals["x"][moved], 0.0)
+    # n = (-gx, 0, 1) / sqrt(1 + gx^2) and v = +x: f0 n . [v, 0] is above zero downhill, and never beyond f0
+    wanted = 50.0 * np.maximum(-gx, 0.0) / np.sqrt(1.0 + gx**2)
+    assert moved.sum() > 0.98 * len(moved) and wanted.max() > 5.0
+    assert np.abs(mesh.signals["friction"][moved] - wanted).max() <= 1e-3 * 50.0
+    assert mesh.track.meta["relief_formula"] == "printed"
+    auto = sample(way, device=printed)
+    assert auto.signals["friction"].max() == pytest.approx(FULL, rel=1e-3)
+    assert auto.signals["x"][np.argmax(auto.signals["friction"])] == pytest.approx(SIGMA, abs=1e-3)
+    assert float(auto.track.meta["scale"]) == pytest.approx(FULL * math.hypot(1.0, STEEPEST) / STEEPEST, rel=1e-3)
+
+
 def test_a_wall_is_limited_and_counted():
     corners = np.array([[x, y, z] for x in (0, 0.02) for y in (-0.02, 0.02) for z in (-0.02, 0.02)])
     faces = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
@@ -174,7 +193,7 @@ def test_nothing_to_touch_is_said():
 @pytest.mark.parametrize(("device", "words"), [
     ({"relief": "voxels"}, "relief"), ({**MESH, "profile": "height"}, "profile"),
     ({**MESH, "downhill": "up"}, "downhill"), ({**MESH, "scale": 0.0}, "scale"),
-    ({**MESH, "scale_mode": "some"}, "scale"),
+    ({**MESH, "scale_mode": "some"}, "scale"), ({**MESH, "relief_formula": "other"}, "relief formula"),
 ])  # fmt: skip
 def test_what_it_cannot_do_is_refused(device, words):
     with pytest.raises(DermisError, match=words):

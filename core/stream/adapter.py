@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,11 +13,12 @@ from .wire import Array, Wire
 
 @dataclass(frozen=True)
 class Touch:
-    """A finger on a touch panel [m from the screen's centre]."""
+    """A finger on a touch panel [m from the screen's centre]; `at`: when this was heard [s], None for just now."""
 
     down: bool
     x: float
     y: float
+    at: float | None = None
 
 
 class Adapter:
@@ -96,13 +98,16 @@ class Adapter:
         """Read an option as a number.
 
         Raises:
-            DermisError: it is none.
+            DermisError: it is none, or not finite.
         """
         try:
-            return float(self.options.get(name, default))
+            number = float(self.options.get(name, default))
         except ValueError:
+            number = math.nan
+        if not math.isfinite(number):
             raise DermisError("an option is no number", where=f"protocol '{self.name}', {name}",
-                              value=self.options[name]) from None  # fmt: skip
+                              value=self.options.get(name, default), limit="a finite number")  # fmt: skip
+        return number
 
 
 NAMES: Mapping[str, tuple[str, str, str]] = {

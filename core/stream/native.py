@@ -154,7 +154,7 @@ class Native(Adapter):
                 self.fault = "the device is in use by another sender"
         elif packet.kind == Kind.TOUCH:
             _, down, x, y = packets.read_touch(packet.body)
-            self.touch = Touch(down, x, y)
+            self.touch = Touch(down, x, y, now)
 
     def _welcome(self, welcome: packets.Welcome, now: float) -> None:
         self.device = welcome.device.hex()

@@ -1,14 +1,15 @@
 """Open Sound Control 1.0 over UDP: one bundle a sample, a message for each channel, values in SI as float32.
 
-`/dermis/DEVICE/CHANNEL ,f VALUE`; the bundle's time tag is the play-out time where there is a look-ahead, otherwise
-'immediately'. A panel may send `/dermis/touch ,iff DOWN X Y` back.
+`/dermis/DEVICE/CHANNEL ,f VALUE`; the bundle's time tag is always 'immediately'. A bundle for later could not be taken
+back: a receiver that honours time tags would play it after the safe state, and stay there. A look-ahead makes up for
+the receiver's delay all the same: what is sent is what the track holds so much later.
+A panel may send `/dermis/touch ,iff DOWN X Y` back, as often as streaming.md says.
 Source: the Open Sound Control 1.0 specification, opensoundcontrol.stanford.edu
 """
 
 from __future__ import annotations
 
 import struct
-import time
 from collections.abc import Mapping
 
 from ..errors import DermisError
@@ -24,7 +25,7 @@ class Osc(Adapter):
     """OSC. Option `prefix`: what addresses begin with, '/dermis' if left out."""
 
     name, title = "osc", "OSC"
-    timed = datagrams = True
+    datagrams = True  # and not timed: see above
     caution = ("OSC knows no sign of life: what receives it keeps its last values unless it has a watchdog of its own. "
                "Build one in that acts after 0.1 s of silence.")  # fmt: skip
     OPTIONS = ("prefix",)
@@ -39,9 +40,8 @@ class Osc(Adapter):
         self._state = message_head(f"{prefix}/{wire.spec.key}/armed")
 
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
-        """Return one bundle."""
-        tag = IMMEDIATELY if play is None else ntp(time.time() + play - now)
-        return [bundle(tag, [head + struct.pack(">f", v) for head, v in zip(self._heads, values, strict=True)])]
+        """Return one bundle, which counts as it arrives, whatever `play` says."""
+        return [bundle(IMMEDIATELY, [head + struct.pack(">f", v) for head, v in zip(self._heads, values, strict=True)])]
 
     def safe(self) -> list[bytes]:
         """Return the safe values, and word that nothing is armed any more where the safe state is to let go."""
@@ -57,7 +57,7 @@ class Osc(Adapter):
             address, arguments = read_message(data)
             if address == self._touch:
                 down, x, y = arguments
-                self.touch = Touch(bool(down), float(x), float(y))
+                self.touch = Touch(bool(down), float(x), float(y), now)
         except (DermisError, ValueError):
             self.counters["malformed"] += 1
 

@@ -30,6 +30,7 @@ class Lab:
         self.time: float | None = 0.0
         self.playing, self.stops, self.values = False, 0, ()
         self.cut = False
+        self._answers: list[bytes] = []
         self.sent: list[tuple[float, bytes]] = []
         self.preset = Library().load("devices", key)
         self.wish = Wish(connect=True, url="lab", protocol=protocol, device={"key": key, "preset": self.preset}, **wish)
@@ -38,23 +39,23 @@ class Lab:
 
     def _open(self, url: Url, wire: Wire, protocol: str) -> Transport:
         lab = self
+        self._answers = []
         self.device: Any = make(protocol, wire, {})
 
         class Wired(Transport):
             name, datagrams = "lab", self.device.datagrams
-            answers: list[bytes] = []
 
             def send(self, message: bytes) -> bool:
                 if lab.cut:
                     raise Gone("unplugged", where="lab")
                 lab.sent.append((lab.now, message))
-                self.answers = self.answers + lab.device.feed(message, lab.now)
+                lab._answers += lab.device.feed(message, lab.now)
                 return True
 
             def receive(self) -> list[bytes]:
                 if lab.cut:
                     raise Gone("unplugged", where="lab")
-                out, self.answers = self.answers, []
+                out, lab._answers = lab._answers, []
                 return out
 
         return Wired()
@@ -69,7 +70,7 @@ class Lab:
                 self.number += 1
                 self.streamer.beat(Beat(self.number, self.stops, self.playing, self.time, self.values), self.now)
             self.streamer.tick(self.now)
-            self.device.tick(self.now)
+            self._answers += self.device.tick(self.now)
             if each is not None:
                 each()
 

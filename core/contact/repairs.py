@@ -78,6 +78,10 @@ class Repairs:
                 yield Finding("error", code, "the object is scaled to 0 or flat, so it cannot be touched there",
                               f"object '{name}'", limit="a scale other than 0", frame=bad[0], count=len(bad),
                               remedy="Scale its vertices instead, or stop it being touchable")  # fmt: skip
+            elif code == "not-finite surface":
+                yield Finding("error", "not-finite", "vertices are not finite numbers; the last good surface was held",
+                              f"object '{name}'", remedy="Look at its shape keys and modifiers",
+                              frame=bad[0], count=len(bad))  # fmt: skip
             else:
                 what = "pose" if not code.endswith("value") else "value"
                 where = name if what == "value" else f"{code.split()[1]} '{name}'"

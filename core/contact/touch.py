@@ -8,7 +8,7 @@ whose scale changes, and bodies that deform, get a surface per sample, but only 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,12 @@ from ..motion.vectors import turn as turned
 from ..motion.vectors import turn_back
 from ..scene import Chunk, TactileScene
 from .centre import centre_of
+from .deforming import Deforming
 from .gap import GapQuery, Surface
 from .pair import PairRecord
 from .repairs import Repairs
 from .sampled import SampledTouch
+from .stretch_rates import StretchRates
 from .surfaces import SAME_STRETCH, box_of, carried, surface_of
 
 Array = NDArray[np.float64]
@@ -42,8 +44,9 @@ class TouchSampler:
 
     def __init__(self, scene: TactileScene) -> None:
         self._scene = scene
-        distances = [float(f.parameters.get("touch_distance", 0.0)) for f in scene.fingers]
-        self.reach = max(distances, default=0.0) + FASTEST_APPROACH / scene.rate
+        self._distances = [float(f.parameters.get("touch_distance", 0.0)) for f in scene.fingers]
+        self._margin = FASTEST_APPROACH / scene.rate
+        self.reach = max(self._distances, default=0.0) + self._margin
         # fingers with a device that follows the surface's own normals
         self._relief = {
             i for i, f in enumerate(scene.fingers) if any(d.parameters.get("relief") == "mesh" for d in f.devices)
@@ -52,11 +55,12 @@ class TouchSampler:
         self._count = 0
         self._pairs: dict[tuple[int, int], PairRecord] = {}
         self._stretched: dict[int, tuple[Array, Surface]] = {}
-        self._previous: dict[int, tuple[float, Array, NDArray[np.int32]]] = {}
         self._centres: dict[int, list[Array]] = {}
         self._repairs = Repairs()
+        self._rates = StretchRates()
         self._skipped = {"pair_samples_far": 0, "surfaces_far": 0}
         self._noted: dict[int, tuple[Finding, ...]] = {}
+        self._deforming = Deforming([body.name for body in scene.bodies], self._repairs)
 
     def add(self, chunk: Chunk) -> None:
         """Take in the next samples.
@@ -82,7 +86,10 @@ class TouchSampler:
                 raise DermisError("a finger of scale 0 has no direction", where=f"finger '{name}'",
                                   remedy="Give the finger a scale other than 0")  # fmt: skip
         self._chunks.append(Chunk(chunk.frames, chunk.times, fingers, bodies, screens, {}, chunk.channels))
-        self._sweep(chunk, fingers, bodies)
+        own = self._own_reach(chunk)
+        if own is not None:
+            self.reach = max(self.reach, float(own.max()))
+        self._sweep(chunk, fingers, bodies, own)
         self._count += count
 
     def finish(self) -> SampledTouch:
@@ -99,6 +106,7 @@ class TouchSampler:
         frames = np.concatenate([c.frames for c in self._chunks])
         channels = self._repairs.channels(self._chunks, frames)
         pairs = {key: pair.assembled(self._count) for key, pair in sorted(self._pairs.items()) if pair.start}
+        noted = {**self._noted, **self._deforming.noted}
         return SampledTouch(
             frames=frames,
             times=times,
@@ -109,15 +117,27 @@ class TouchSampler:
             centres={b: np.concatenate(parts) for b, parts in self._centres.items()},
             channels=channels,
             skipped={k: v for k, v in self._skipped.items() if v},
-            findings=(*self._repairs.findings(), *(f for b in sorted(self._noted) for f in self._noted[b])),
+            findings=(*self._repairs.findings(), *(f for b in sorted(noted) for f in noted[b])),
         )
+
+    def _own_reach(self, chunk: Chunk) -> Array | None:
+        """Return each finger's reach at each sample [m], shape (F, n), where a touch distance is animated."""
+        keys = [f"finger/{f}/touch_distance" for f in range(len(self._scene.fingers))]
+        if not any(key in chunk.channels for key in keys):
+            return None
+        own = np.empty((len(keys), len(chunk.times)))
+        for f, key in enumerate(keys):
+            own[f] = chunk.channels.get(key, self._distances[f])
+        # What is no number is held later, at a value that this chunk or an earlier one has.
+        return np.where(np.isfinite(own), own + self._margin, self.reach)
 
     # -- broad phase ---------------------------------------------------------------------------------------------
 
-    def _sweep(self, chunk: Chunk, fingers: Array, bodies: Array) -> None:
+    def _sweep(self, chunk: Chunk, fingers: Array, bodies: Array, own: Array | None) -> None:
+        chunk, boxes = self._deforming.take(chunk)
         pads = fingers[:, :, :3, 3]
         total = len(fingers) * len(chunk.times)
-        for b, middle, half in self._boxes(chunk, bodies):
+        for b, middle, half in self._boxes(chunk, bodies, boxes):
             low = (middle - half).min(axis=0) - self.reach
             high = (middle + half).max(axis=0) + self.reach
             close = np.flatnonzero(((pads.min(axis=1) <= high) & (pads.max(axis=1) >= low)).all(axis=1))
@@ -126,26 +146,19 @@ class TouchSampler:
             ]
             near = [(f, index) for f, index in near if index.size]
             self._skipped["pair_samples_far"] += total - sum(index.size for _, index in near)
-            deforming = b in chunk.surfaces
             if near:
-                self._narrow(b, chunk, fingers, bodies[b], near)
-            elif deforming:
+                self._narrow(b, chunk, fingers, bodies[b], near, own)
+            elif b in chunk.surfaces:
                 self._skipped["surfaces_far"] += len(chunk.times)
-            if deforming:
-                last = chunk.surfaces[b][-1]
-                self._previous[b] = (float(chunk.times[-1]), last.vertices, last.triangles)
+        self._deforming.leave(chunk)
 
-    def _boxes(self, chunk: Chunk, bodies: Array) -> Iterator[tuple[int, Array, Array]]:
+    def _boxes(self, chunk: Chunk, bodies: Array, deforming: Mapping[int, Array]) -> Iterator[tuple[int, Array, Array]]:
         """Yield each body's world bounding boxes: middle and half size, shape (n, 3) each."""
         for b, body in enumerate(self._scene.bodies):
             if b in chunk.surfaces:
-                meshes = chunk.surfaces[b]
-                if len(meshes) != len(chunk.times):
-                    raise DermisError("a deforming object needs one surface per sample", where=f"object '{body.name}'",
-                                      value=len(meshes), limit=str(len(chunk.times)))  # fmt: skip
-                boxes = np.array([box_of(m) for m in meshes])
+                boxes = deforming[b]
                 if body.parameters.get("weight_on", True) or body.parameters.get("content_on", False):
-                    self._centres.setdefault(b, []).append(np.array([centre_of(m) for m in meshes]))
+                    self._centres.setdefault(b, []).append(np.array([centre_of(m) for m in chunk.surfaces[b]]))
             elif body.mesh is not None:
                 boxes = box_of(body.mesh)[None]
             else:
@@ -159,8 +172,9 @@ class TouchSampler:
     # -- narrow phase --------------------------------------------------------------------------------------------
 
     def _narrow(
-        self, b: int, chunk: Chunk, fingers: Array, poses: Array, near: list[tuple[int, NDArray[np.intp]]]
-    ) -> None:
+        self, b: int, chunk: Chunk, fingers: Array, poses: Array, near: list[tuple[int, NDArray[np.intp]]],
+        own: Array | None,
+    ) -> None:  # fmt: skip
         """Measure the gaps between one body and the pads that are near it."""
         wanted = np.unique(np.concatenate([index for _, index in near]))
         linear = poses[wanted, :3, :3]
@@ -182,13 +196,17 @@ class TouchSampler:
             turn[wanted] = rotation
             stretch = np.stack([turn_back(rotation, linear[:, :, j]) for j in range(3)], axis=-1)
         local = {f: turn_back(turn[i], fingers[f, i, :3, 3] - poses[i, :3, 3]) for f, i in near}
+        last = self._chunks[-2] if len(self._chunks) > 1 else None
+        before = None if last is None else (float(last.times[-1]), last.bodies[b, -1])
+        rates = self._rates.of(b, chunk.times, poses, wanted, stretch, before)
         for surface, group, velocity in self._surfaces(b, chunk, wanted, stretch):
             if group.size == wanted.size:
-                self._measure(b, surface, near, local, turn, fingers, velocity)
+                self._measure(b, surface, near, local, turn, fingers, velocity, own, rates)
                 continue
             chosen = {f: np.isin(index, group) for f, index in near}
             some = [(f, index[chosen[f]]) for f, index in near if chosen[f].any()]
-            self._measure(b, surface, some, {f: local[f][chosen[f]] for f, _ in some}, turn, fingers, velocity)
+            points = {f: local[f][chosen[f]] for f, _ in some}
+            self._measure(b, surface, some, points, turn, fingers, velocity, own, rates)
 
     def _surfaces(
         self, b: int, chunk: Chunk, wanted: NDArray[np.intp], stretch: Array
@@ -197,7 +215,9 @@ class TouchSampler:
         mesh = self._scene.bodies[b].mesh
         if b in chunk.surfaces:
             for i, carry in zip(wanted, stretch, strict=True):
-                yield carried(chunk.surfaces[b][i], carry), np.array([i]), self._velocity(b, chunk, int(i), carry)
+                surface = carried(chunk.surfaces[b][i], carry)
+                self._deforming.look(b, chunk.surfaces[b][i], surface)
+                yield surface, np.array([i]), self._deforming.velocity(b, chunk, int(i), carry)
             return
         assert mesh is not None
         left = np.arange(len(wanted))
@@ -218,25 +238,10 @@ class TouchSampler:
             yield known[1], wanted[left[same]], None
             left = left[~same]
 
-    def _velocity(self, b: int, chunk: Chunk, i: int, carry: Array) -> Array | None:
-        """Velocity of a deforming surface's vertices in carried space [m/s] since the last sample, or None."""
-        now = chunk.surfaces[b][i]
-        if i > 0:
-            before = chunk.surfaces[b][i - 1]
-            time, vertices, triangles = float(chunk.times[i - 1]), before.vertices, before.triangles
-        elif b in self._previous:
-            time, vertices, triangles = self._previous[b]
-        else:
-            return None
-        if vertices.shape != now.vertices.shape or not (
-            triangles is now.triangles or np.array_equal(triangles, now.triangles)
-        ):
-            return None  # another topology: its points cannot be followed
-        return (now.vertices - vertices) @ carry.T / (float(chunk.times[i]) - time)
-
     def _measure(
         self, b: int, surface: Surface, near: list[tuple[int, NDArray[np.intp]]], local: dict[int, Array],
-        turn: Array, fingers: Array, velocity: Array | None,
+        turn: Array, fingers: Array, velocity: Array | None, own_reach: Array | None,
+        rates: Array | None,
     ) -> None:  # fmt: skip
         """Ask the surface about all pads at once, and keep the samples at which it is within reach."""
         low, high = surface.box[0] - self.reach, surface.box[1] + self.reach
@@ -250,9 +255,13 @@ class TouchSampler:
         points, samples, who = points[inside], samples[inside], who[inside]
         found = surface.query(points, self.reach)
         known = np.isfinite(found.gap)
+        if own_reach is not None:  # a chunk's longest reach must not lend others what they would not know alone
+            known &= (found.gap if surface.closed else np.abs(found.gap)) <= own_reach[who, samples]
         moving = np.zeros((len(points), 3))
         if velocity is not None and known.any():
             moving[known] = _interpolated(surface, found, known, velocity)
+        if rates is not None and known.any():
+            moving[known] += turned(rates[samples[known]], found.point[known])
         for f in np.unique(who[known]).tolist():
             own = np.flatnonzero(known & (who == f))
             index, gap, normal = samples[own], found.gap[own], found.normal[own]

@@ -1,0 +1,108 @@
+"""Deforming: the surfaces of objects that change their shape, chunk after chunk.
+
+Each sample brings a surface of its own. One with vertices that are no numbers would silently be nowhere, so the last
+good one stands in for it; what is doubtful about a surface depends on its triangles and is asked once for each set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError, Finding
+from ..scene import Chunk, Mesh
+from .gap import Surface
+from .repairs import Repairs
+from .surfaces import box_of
+from .triangles import Array
+
+# What stands for an object whose vertices have not been numbers yet: too far away to be touched.
+AWAY = Mesh(np.array([[1e6, 1e6, 1e6], [1e6 + 1.0, 1e6, 1e6], [1e6, 1e6 + 1.0, 1e6]]), np.array([[0, 1, 2]], np.int32))
+
+
+class Deforming:
+    """Follows deforming surfaces over the chunks of a scene.
+
+    Args:
+        names: of all bodies, for findings. repairs: is told of surfaces that are not finite.
+
+    Attributes:
+        noted: what is doubtful, by body.
+    """
+
+    def __init__(self, names: Sequence[str], repairs: Repairs) -> None:
+        self.noted: dict[int, tuple[Finding, ...]] = {}
+        self._names, self._repairs = names, repairs
+        self._good: dict[int, Mesh] = {}
+        self._looked_at: dict[int, NDArray[np.int32]] = {}
+        self._previous: dict[int, tuple[float, Mesh]] = {}
+
+    def take(self, chunk: Chunk) -> tuple[Chunk, dict[int, Array]]:
+        """Return the chunk with the last good surface in place of each bad one, and boxes by body, (n, 2, 3) each.
+
+        Raises:
+            DermisError: a deforming object without one surface per sample.
+        """
+        surfaces, boxes = {}, {}
+        for b, meshes in chunk.surfaces.items():
+            if len(meshes) != len(chunk.times):
+                raise DermisError("a deforming object needs one surface per sample", where=f"object '{self._names[b]}'",
+                                  value=len(meshes), limit=str(len(chunk.times)))  # fmt: skip
+            box = np.array([box_of(mesh) for mesh in meshes])  # of vertices that are no numbers it is none either
+            good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(box), axis=(1, 2))
+            if not good.all():
+                self._repairs.note("not-finite surface", self._names[b], chunk.frames[~good].tolist())
+                meshes = self._held(b, meshes, good)
+                box = np.array([box_of(mesh) for mesh in meshes])
+            if good.any():
+                self._good[b] = meshes[-1]
+            surfaces[b], boxes[b] = meshes, box
+        return replace(chunk, surfaces=surfaces), boxes
+
+    def leave(self, chunk: Chunk) -> None:
+        """Remember how a chunk ends, for the velocity at the next one's first sample."""
+        for b, meshes in chunk.surfaces.items():
+            self._previous[b] = (float(chunk.times[-1]), meshes[-1])
+
+    def look(self, b: int, mesh: Mesh, surface: Surface) -> None:
+        """Note what is doubtful about a surface whose triangles are new; each kind is told once."""
+        if self._looked_at.get(b) is mesh.triangles:
+            return
+        self._looked_at[b] = mesh.triangles
+        known = self.noted.get(b, ())
+        codes = {finding.code for finding in known}
+        new = surface.findings(f"object '{self._names[b]}'")
+        self.noted[b] = (*known, *(finding for finding in new if finding.code not in codes))
+
+    def velocity(self, b: int, chunk: Chunk, i: int, carry: Array) -> Array | None:
+        """Return the velocity of a surface's vertices in carried space since the last sample [m/s], shape (V, 3).
+
+        None where there is no last sample, or where its points cannot be followed because the topology is another.
+
+        Args:
+            carry: linear map from the object's space into carried space, shape (3, 3).
+        """
+        now = chunk.surfaces[b][i]
+        if i > 0:
+            time, before = float(chunk.times[i - 1]), chunk.surfaces[b][i - 1]
+        elif b in self._previous:
+            time, before = self._previous[b]
+        else:
+            return None
+        if before.vertices.shape != now.vertices.shape or not (
+            before.triangles is now.triangles or np.array_equal(before.triangles, now.triangles)
+        ):
+            return None
+        return (now.vertices - before.vertices) @ carry.T / (float(chunk.times[i]) - time)
+
+    def _held(self, b: int, meshes: Sequence[Mesh], good: NDArray[np.bool_]) -> tuple[Mesh, ...]:
+        """Hold the last good surface; before the first of all, that one."""
+        last = self._good.get(b, meshes[int(np.argmax(good))] if good.any() else AWAY)
+        held = []
+        for mesh, fine in zip(meshes, good.tolist(), strict=True):
+            last = mesh if fine else last
+            held.append(last)
+        return tuple(held)

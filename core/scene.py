@@ -187,7 +187,8 @@ def validate(scene: TactileScene) -> None:
     where = f"scene '{scene.name}'"
     if not scene.fingers:
         raise DermisError("no finger", where=where, remedy="Add one with Add > Dermis > Finger")
-    if not scene.bodies and not scene.screens:
+    patterned = any(f.parameters.get("pattern", "none") != "none" for f in scene.fingers)
+    if not scene.bodies and not scene.screens and not patterned:
         raise DermisError(
             "nothing to touch", where=where, remedy="Select an object and press Make Touchable, or add a touch screen"
         )

@@ -94,7 +94,8 @@ class EffectSum:
         """Add the finger's own pattern."""
         own = self.scene.fingers[self.finger].parameters
         kind = str(own.get("pattern", "none"))
-        if kind == "none" or not self.uses["pattern"]:
+        on = self._used("pattern")
+        if kind == "none" or not np.any(on):
             self._skip("effects_off")
             return
         at = {name: self._series("finger", self.finger, name, FINGER, step=name == "pattern_play") for name in FINGER}
@@ -102,6 +103,8 @@ class EffectSum:
             kind, self.times, at["pattern_play"], at["pattern_frequency"], at["pattern_amplitude"],
             at["pattern_angle"], repeat=bool(own.get("pattern_repeat", False)),
         )  # fmt: skip
+        if np.ndim(on):  # a pattern goes on unheard while its switch is off
+            shape *= on[:, None]
         if shape.any():
             self._total[:, :2] += shape
 
@@ -251,10 +254,15 @@ class EffectSum:
 
     def _switch(self, b: int, effect: str) -> Any:
         """1 where an effect is on, or None where it never is, on this device or this body."""
-        own, key = f"{effect}_on", f"device/{self.finger}/{self._device}/use_{effect}"
-        used = self.touch.series(key, {f"use_{effect}": 1.0 if self.uses[effect] else 0.0}, 1.0, self.times, step=True)
-        on = (np.asarray(self._series("body", b, own, BODY, step=True)) > 0.5) & (np.asarray(used) > 0.5)
+        on = (np.asarray(self._series("body", b, f"{effect}_on", BODY, step=True)) > 0.5) & self._used(effect)
         return on.astype(np.float64) if on.any() else None
+
+    def _used(self, effect: str) -> Any:
+        """Whether this device renders an effect: all the time, or at each time, shape (n,)."""
+        name = f"use_{effect}"
+        key = f"device/{self.finger}/{self._device}/{name}"
+        used = self.touch.series(key, {name: 1.0 if self.uses[effect] else 0.0}, 1.0, self.times, step=True)
+        return np.asarray(used) > 0.5
 
     @property
     def _device(self) -> int:

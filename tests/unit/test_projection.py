@@ -252,6 +252,24 @@ def test_pattern_plays_on_its_own_in_the_pad_s_plane() -> None:
     assert cap(rendered) == pytest.approx(want[:, None] * np.array([1.0, 0.0]), abs=1e-12)
 
 
+def test_pattern_switch_that_is_animated_silences_it_only_while_off() -> None:
+    """The switch holds each sample's value until the next; the pattern itself goes on behind it, in phase."""
+    wave = 2e-3 * 0.5 * np.sin(2 * np.pi * 2.0 * C)
+    play = {"pattern": "orientation", "pattern_play": True, "pattern_repeat": True, "pattern_amplitude": 0.5,
+            "pattern_frequency": 2.0}  # fmt: skip
+    for use, on in ((T < 0.5).astype(float), C < 0.5), ((T >= 0.5).astype(float), C >= 0.5):
+        for header in (True, False):  # the channel decides, whatever the header says
+            rendered = baked(
+                [poses(path(z=0.5))], [(Body("b", TABLE, QUIET), poses(path()))], {"use_pattern": header},
+                finger=play, channels={"device/0/0/use_pattern": use},
+            )  # fmt: skip
+            expected = np.where(on, wave, 0.0)
+            # where the switch cuts in or out the tactor needs some samples to follow
+            settled = np.abs(C - 0.5) > 0.02
+            assert cap(rendered)[settled, 1] == pytest.approx(expected[settled], abs=1e-12)
+            assert not cap(rendered)[:, 0].any()
+
+
 # -- several at once, limits, skipping ---------------------------------------------------------------------------------
 
 BOTH = {"weight_on": True, "weight_gravity": 0.06, "content_on": True, "content_amplitude": 10.0,

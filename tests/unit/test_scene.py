@@ -11,9 +11,11 @@ import pytest
 
 from core.content_hash import ContentHash
 from core.errors import DermisError, Finding, worst
+from core.pipeline import run
 from core.scene import (
     Body,
     Chunk,
+    DeviceUse,
     Finger,
     Mesh,
     Screen,
@@ -94,6 +96,19 @@ def test_refusals(change: dict[str, Any], message: str) -> None:
 def test_a_good_scene_passes() -> None:
     scene().validate()
     scene(bodies=(), screens=(Screen("P", (0.1, 0.1), np.zeros((2, 2), np.float32)),)).validate()
+
+
+def test_a_finger_that_only_plays_a_pattern_needs_nothing_to_touch() -> None:
+    use = DeviceUse("haptip")
+    playing = Finger("F", (use,), {"pattern": "orientation", "pattern_play": True, "pattern_repeat": True})
+    frames, times = sample_frames(Fraction(24), (1, 25), 240.0)
+    none = np.zeros((0, len(times), 4, 4))
+    chunk = Chunk(frames, times, np.tile(np.eye(4), (1, len(times), 1, 1)), none, none)
+    (output,) = run(scene(fingers=(playing,), bodies=(), chunks=(chunk,))).outputs
+    wave = 2e-3 * np.sin(4 * np.pi * output.track.times)
+    assert output.track.column("tactor_y") == pytest.approx(wave, abs=1e-12)
+    with pytest.raises(DermisError, match="nothing to touch"):
+        scene(fingers=(Finger("F", (use,), {"pattern": "none"}),), bodies=()).validate()
 
 
 def digest(of: TactileScene) -> str:

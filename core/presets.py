@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from .devices.parameters import check_device
 from .devices.spec import DEVICE_SCHEMA, DeviceSpec, from_preset
 from .errors import DermisError
 from .units import UNITS, quantity
@@ -186,7 +187,8 @@ def check(group: str, key: str, preset: Mapping[str, Any]) -> None:
     """Refuse a preset that does not keep its schema.
 
     Raises:
-        DermisError: another or newer schema, no name, or a quantity that cannot be used.
+        DermisError: another or newer schema, no name, a quantity that cannot be used, or a device that its kind
+            cannot be made from.
     """
     where = f"{group[:-1]} preset '{key}'"
     known = SCHEMAS[group]
@@ -202,7 +204,7 @@ def check(group: str, key: str, preset: Mapping[str, Any]) -> None:
     if not isinstance(preset.get("name"), str) or not preset["name"].strip():
         raise DermisError("'name' is missing or not a text", where=where, value=preset.get("name"))
     if group == "devices":
-        from_preset(key, preset)
+        check_device(from_preset(key, preset))
     elif group == "materials":
         material_parameters(key, preset)
     else:

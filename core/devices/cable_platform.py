@@ -204,7 +204,7 @@ def joint_angles(p: Mapping[str, Any], name: str, count: int, where: str) -> Arr
         DermisError: another number of them, two alike, or all on one side of a line through the middle.
     """
     value = p.get(name)
-    if not isinstance(value, list) or len(value) != count:
+    if not isinstance(value, list) or len(value) != count or not all(type(v) in (int, float) for v in value):
         raise DermisError(f"'{name}' must be {count} angles", where=where, value=value)
     angles = np.sort(np.mod(np.asarray(value, np.float64), 2 * np.pi))
     between = np.diff(np.append(angles, angles[0] + 2 * np.pi))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
-from .spec import DeviceSpec
+from .spec import DeviceSpec, number
 
 Array = NDArray[np.float64]
 
@@ -102,16 +102,22 @@ class FrictionScreen:
             raise DermisError("the amplitude has no voltage limit", where=where, value=amplitude.high, limit="> 0 V",
                               remedy="Give the channel 'amplitude' a 'high'")  # fmt: skip
         law = FrictionLaw(
-            float(given.get("law_slope", 1.24)), float(given.get("law_intercept", -1.05)),
-            float(given.get("law_base", 10.0)),
+            number(given, "law_slope", where, 1.24), number(given, "law_intercept", where, -1.05),
+            number(given, "law_base", where, 10.0),
         )  # fmt: skip
-        factor = float(given.get("span_factor", 3.5))
+        factor = number(given, "span_factor", where, 3.5)
         if not factor >= 1:
             raise DermisError("the measured span is a factor of one or more", where=where, value=factor, limit=">= 1")
-        high = float(given.get("span_high", law.volts(FULL_FRICTION)))
+        try:
+            full = float(law.volts(FULL_FRICTION))
+        except OverflowError:
+            full = math.inf
+        if not (math.isfinite(full) and full > 0):
+            raise DermisError("the friction law gives no voltage", where=where, value=full, limit="> 0 V, finite")
+        high = number(given, "span_high", where, full)
         return cls(
-            law, float(amplitude.high), carrier.rest or 60.0, float(given.get("carrier_low", 60.0)),
-            float(given.get("carrier_high", 200.0)), high / factor, high,
+            law, float(amplitude.high), carrier.rest or 60.0, number(given, "carrier_low", where, 60.0),
+            number(given, "carrier_high", where, 200.0), high / factor, high,
         )  # fmt: skip
 
     def check(self, volts: Array, carrier: Array, where: str = "") -> tuple[Finding, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
-from .spec import DeviceSpec
+from .spec import DeviceSpec, number
 
 Array = NDArray[np.float64]
 
@@ -77,8 +77,8 @@ def layout(spec: DeviceSpec) -> PinLayout:
     pitch, radius, stroke, spread, limit = (
         _positive(p, name, where) for name in ("pitch", "cylinder_radius", "stroke", "spread", "force_limit")
     )
-    mount, standoff, forward = (float(p.get(name, 0.0)) for name in ("mount_pitch", "standoff", "forward"))
-    delay = float(p.get("delay", 0.0))
+    mount, standoff, forward = (number(p, name, where, 0.0) for name in ("mount_pitch", "standoff", "forward"))
+    delay = number(p, "delay", where, 0.0)
     if delay < 0:
         raise DermisError("the control delay cannot be negative", where=where, value=delay, limit=">= 0 s")
     angles = (np.arange(columns) - (columns - 1) / 2) * pitch / radius
@@ -223,17 +223,17 @@ def _first_entry(
 
 
 def _count(p: Mapping[str, Any], name: str, where: str) -> int:
-    value = p.get(name, 0)
-    if value != int(value) or value < 1:
+    value = number(p, name, where, 0.0)
+    if not value.is_integer() or value < 1:
         raise DermisError(f"'{name}' must be a whole number of at least 1", where=where, value=value)
     return int(value)
 
 
 def _positive(p: Mapping[str, Any], name: str, where: str) -> float:
-    value = p.get(name)
-    if value is None or not value > 0:
+    value = number(p, name, where)
+    if not value > 0:
         raise DermisError(f"'{name}' must be above zero", where=where, value=value, limit="> 0")
-    return float(value)
+    return value
 
 
 def _refuse_overlap(tips: Array, pin_radius: float, where: str) -> None:

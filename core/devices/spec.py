@@ -14,6 +14,7 @@ from ..errors import DermisError
 from ..units import UNITS, quantity
 
 DEVICE_SCHEMA = "dermis-device 1"
+KINDS = ("shear_tactor", "friction_screen", "pin_array", "thimble", "cable_platform", "hexapod")
 MAX_REPEAT = 4096  # channels that one entry may stand for
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")  # what stands in file headers as it is
 WIRE = ("bandwidth", "bits_per_sample", "bits_per_channel")
@@ -101,6 +102,9 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
     for name in ("name", "kind", "rate", "channels"):
         if name not in preset:
             raise DermisError(f"'{name}' is missing", where=where)
+    for name in ("name", "kind"):
+        if not isinstance(preset[name], str):
+            raise DermisError(f"'{name}' is not a text", where=where, value=preset[name])
     entries = preset["channels"]
     if not isinstance(entries, list) or not entries or not all(isinstance(e, Mapping) for e in entries):
         raise DermisError("'channels' must be a list of objects, at least one", where=where, value=entries)
@@ -110,8 +114,8 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
         raise DermisError("two channels have one name", where=where, value=", ".join(names))
     spec = DeviceSpec(
         key=key,
-        name=str(preset["name"]),
-        kind=str(preset["kind"]),
+        name=preset["name"],
+        kind=preset["kind"],
         rate=positive(_number(preset["rate"], f"{where}, rate"), f"{where}, rate"),
         channels=channels,
         parameters={k: _parameter(v, f"{where}, {k}") for k, v in _group(preset, "parameters", where).items()},
@@ -140,13 +144,27 @@ def range_disc(spec: DeviceSpec) -> tuple[int, int, float] | None:
         return None
     where = f"device preset '{spec.key}', range_disc"
     own = [c.name for c in spec.channels]
-    if not isinstance(names, list) or len(set(names)) != 2 or not set(names) <= set(own):
+    if not isinstance(names, list) or len(names) != 2 or names[0] == names[1] or not all(n in own for n in names):
         raise DermisError("must name two channels", where=where, value=names, limit=", ".join(own))
     if spec.channel(names[0]).unit != spec.channel(names[1]).unit:
         raise DermisError("the two channels have different units", where=where, value=names)
     if not isinstance(radius, int | float) or isinstance(radius, bool):
         raise DermisError("needs 'range_disc_radius', one number", where=where, value=radius)
     return own.index(names[0]), own.index(names[1]), positive(float(radius), f"{where}_radius")
+
+
+def number(parameters: Mapping[str, Any], name: str, where: str, default: float | None = None) -> float:
+    """Return a parameter that must be one finite number; `default` where it may be absent and is.
+
+    Raises:
+        DermisError: it is missing, or anything else.
+    """
+    value = parameters.get(name, default)
+    if value is None:
+        raise DermisError(f"'{name}' is missing", where=where)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise DermisError(f"'{name}' must be one number", where=where, value=value)
+    return float(value)
 
 
 def _group(preset: Mapping[str, Any], name: str, where: str) -> Mapping[str, Any]:

@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import DermisError
-from .spec import DeviceSpec
+from .firmness import firmness, posture
+from .spec import DeviceSpec, number
 
 Array = NDArray[np.float64]
 
@@ -75,6 +76,7 @@ class Thimble:
     mount: Array
     pulse_neutral: float
     pulse_gain: float
+    side: float = 1.0
 
     def pose(self, x: ArrayLike) -> PlatformPose:
         """Return the platform's pose at x = (psi, theta, z), with parasitic shift and yaw."""
@@ -153,24 +155,7 @@ class Thimble:
         Raises:
             DermisError: a leg cannot reach.
         """
-        cp, sp, ct, st = math.cos(psi), math.sin(psi), math.cos(theta), math.sin(theta)
-        phi = math.atan2(-sp * st, cp + ct)
-        c, s = math.cos(phi), math.sin(phi)
-        # columns u and v of Rx(psi) Ry(theta) Rz(phi), see `pose`
-        ux, uy, uz = c * ct, c * sp * st + s * cp, s * sp - c * cp * st
-        vx, vy, vz = -s * ct, c * cp - s * sp * st, c * sp + s * cp * st
-        size, crank, rod = self.platform_radius, self.crank, self.rod
-        x, y = size / 2 * (ux - vy), -size * uy
-        angles = []
-        for leg, (ex, ey) in enumerate(_LEGS):
-            r = ex * (x + size * (ux * ex + vx * ey)) + ey * (y + size * (uy * ex + vy * ey)) - self.base_radius
-            h = z + size * (uz * ex + vz * ey)
-            squared = r * r + h * h
-            cosine = (crank * crank + squared - rod * rod) / (2 * crank * math.sqrt(squared))
-            if abs(cosine) >= 1.0:
-                raise DermisError("a leg cannot reach the platform", where=f"thimble, leg {leg + 1}")
-            angles.append(math.atan2(h, r) - self.knee * math.acos(cosine) - self.servo_zero)
-        return angles
+        return posture(self, psi, theta, z)[0]
 
     def constraints(self, x: ArrayLike) -> tuple[Array, Array]:
         """Return c(x) >= 0, the room left of each servo to either side [rad], shape (6,), and dc/dx, shape (6, 3)."""
@@ -261,15 +246,21 @@ def mechanism(spec: DeviceSpec) -> Thimble:
     reference = _positive(p, "reference_distance", where)
     # the base sits above the nail and looks down: its +Z is the finger's -Z, its +Y stays the finger's
     mount = np.diag([-1.0, 1.0, -1.0, 1.0])
-    mount[:3, 3] = np.asarray(p.get("mount_position", [0.0, 0.0, reference]), dtype=np.float64)
-    knee = -1.0 if p.get("knee", "outwards") == "inwards" else 1.0
+    position = p.get("mount_position", [0.0, 0.0, reference])
+    if not isinstance(position, list) or len(position) != 3 or not all(type(v) in (int, float) for v in position):
+        raise DermisError("'mount_position' must be three numbers", where=where, value=position)
+    mount[:3, 3] = position
+    bent = p.get("knee", "outwards")
+    if bent not in ("outwards", "inwards"):
+        raise DermisError("'knee' bends another way", where=where, value=bent, limit="outwards, inwards")
+    knee = -1.0 if bent == "inwards" else 1.0
     device = Thimble(
         **sizes,
         servo_zero=0.0,
         knee=knee,
         mount=mount,
-        pulse_neutral=float(p.get("pulse_neutral", 1.5e-3)),
-        pulse_gain=float(p.get("pulse_gain", 1e-3 / (np.pi / 2))),
+        pulse_neutral=number(p, "pulse_neutral", where, 1.5e-3),
+        pulse_gain=number(p, "pulse_gain", where, 1e-3 / (np.pi / 2)),
     )
     try:
         zero = float(device.servo_angles([0.0, 0.0, reference])[0][0])
@@ -279,7 +270,7 @@ def mechanism(spec: DeviceSpec) -> Thimble:
 
 
 def _positive(p: Mapping[str, Any], name: str, where: str) -> float:
-    value = p.get(name)
-    if value is None or not value > 0:
+    value = number(p, name, where)
+    if not value > 0:
         raise DermisError(f"'{name}' must be above zero", where=where, value=value, limit="> 0")
-    return float(value)
+    return value

@@ -12,10 +12,13 @@ CORE = ROOT / "core"
 ADDON = ROOT / "blender_addon"
 
 BASE = {"errors", "units", "version", "files", "cache", "interpolate", "devices.spec"}
+# Files of devices/ that need no more than a device's description: presets are judged by them.
+MECHANISMS = {"parameters", "shear_tactor", "friction_screen", "pin_array", "thimble", "cable_platform", "hexapod",
+              "poses", "coupling"}  # fmt: skip
 SCENE = BASE | {"presets", "scene"}
 CONTACT = SCENE | {"skin", "motion", "contact", "images"}
 STIMULUS = CONTACT | {"stimulus", "sensor", "track"}
-DEVICES = STIMULUS | {"devices"}
+DEVICES = STIMULUS | {"devices", "devices.mechanisms"}
 EFFECTS = DEVICES | {"effects"}
 MATCHING = EFFECTS | {"surrogate", "matching"}
 # unit: what it may import. A unit is a file or a folder of core/; a folder may always import within itself.
@@ -28,7 +31,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "cache": {"errors", "units", "version", "files"},
     "devices.spec": {"errors", "units"},  # only a device's description: tracks carry it, so it stands below them
     "limiter": {"errors", "units", "devices.spec"},
-    "presets": BASE,
+    "devices.mechanisms": {"errors", "units", "devices.spec"},
+    "presets": BASE | {"devices.mechanisms"},
     "scene": BASE,
     "images": BASE,
     "motion": BASE | {"scene"},
@@ -37,7 +41,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "stimulus": CONTACT | {"stimulus"},
     "sensor": CONTACT | {"stimulus", "sensor"},
     "track": BASE | {"limiter"},
-    "devices": STIMULUS,
+    "devices": STIMULUS | {"devices.mechanisms"},
     "effects": DEVICES,
     "surrogate": DEVICES | {"surrogate"},
     "matching": MATCHING,
@@ -75,6 +79,8 @@ def unit_of(name: tuple[str, ...]) -> str:
     """Return the row of the table that a module belongs to."""
     if name[:2] == ("devices", "spec"):
         return "devices.spec"
+    if name[:1] == ("devices",) and name[1:2] and name[1] in MECHANISMS:
+        return "devices.mechanisms"
     return name[0] if name else "__init__"
 
 

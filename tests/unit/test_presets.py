@@ -22,8 +22,15 @@ MATERIAL = {
         "content_kind": "slosh",
     },
 }  # fmt: skip
-DEVICE = {"schema": "dermis-device 1", "name": "Dev", "kind": "shear_tactor", "rate": 100,
-          "channels": [{"name": "x", "unit": "m"}]}  # fmt: skip
+DEVICE = {
+    "schema": "dermis-device 1", "name": "Dev", "kind": "shear_tactor", "rate": 100,
+    "channels": [{"name": "tactor_x", "unit": "m"}],
+    "parameters": {
+        "link_length": {"value": 5, "unit": "mm"}, "range": {"value": 2, "unit": "mm"},
+        "max_speed": {"value": 150, "unit": "mm/s"}, "torque_limit": {"value": 17, "unit": "mN*m"},
+        "axis_direction": {"value": -90, "unit": "deg"}, "tap_axis": [0, 1],
+    },
+}  # fmt: skip
 
 
 def put(folder: Path, group: str, key: str, content: Any) -> Path:

@@ -127,7 +127,7 @@ def on_frame(scene: bpy.types.Scene) -> None:
 
 def step(context: bpy.types.Context) -> Preview:
     """Extend the trail by the scene as it is now, or start a new one, and render it."""
-    from . import sampling
+    from . import sampling, sampling_header
 
     errors = core_module("errors")
     scene = context.scene
@@ -135,6 +135,7 @@ def step(context: bpy.types.Context) -> Preview:
     if _trail.edits != handlers.edits():
         sampling.forget()
         _trail.edits = handlers.edits()
+    _trail.taken = None
     try:
         sample = _trail.taken = sampling.sample_now(scene, context.evaluated_depsgraph_get())
         if not _continues(scene, sample, frame):
@@ -144,7 +145,7 @@ def step(context: bpy.types.Context) -> Preview:
         _trail.generation, _trail.scene = handlers.generation(), scene.session_uid
         _trail.preview = _render(frame)
     except errors.DermisError as error:
-        return _note(scene, str(error))
+        return _note(scene, str(sampling_header.reason(_trail.taken, error) if _trail.taken else error))
     return _trail.preview
 
 

@@ -49,7 +49,8 @@ class DermisFinger(bpy.types.PropertyGroup):
     pattern_frequency: number("Frequency", "Repetitions a second", 2.0, 0.01, 500.0, soft_max=20.0,
                                unit="FREQUENCY")  # fmt: skip
     pattern_amplitude: number("Amplitude", "Part of the device's range", 1.0, 0.0, 1.0, subtype="FACTOR")
-    pattern_repeat: switch("Repeat", "Go on while Play is on, instead of playing once", False)
+    pattern_repeat: switch("Repeat", "Go on while Play is on, instead of playing once", False,
+                           options=set())  # fmt: skip
     skin: PointerProperty(type=DermisSkin, override=OVERRIDE)
     devices: CollectionProperty(type=DermisDevice, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"})
     active_device: IntProperty(name="Active Device", default=0, min=0, options=set(), override=OVERRIDE)

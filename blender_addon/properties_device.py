@@ -62,7 +62,8 @@ class DermisDevice(bpy.types.PropertyGroup):
         "paper",
     )  # fmt: skip
     auto_range: switch("Auto Range", "Scale weights so that the scene's heaviest just uses the whole range and "
-                        "lighter ones stay apart; without it strong accelerations saturate", False)  # fmt: skip
+                        "lighter ones stay apart; without it strong accelerations saturate", False,
+                        options=set())  # fmt: skip
 
     screen: PointerProperty(
         name="Screen", description="The touch screen that this finger touches; empty: every screen in the scene",
@@ -93,7 +94,8 @@ class DermisDevice(bpy.types.PropertyGroup):
     carrier: number("Carrier", "Carrier frequency of the electrovibration voltage", 60.0, 1.0, 20_000.0,
                      soft_max=500.0, unit="FREQUENCY")  # fmt: skip
     direction_window: number("Direction Window", "Length of the moving average that gives the finger's direction",
-                              0.05, 0.0, 10.0, soft_max=0.5, unit="TIME_ABSOLUTE", precision=3)  # fmt: skip
+                              0.05, 0.0, 10.0, soft_max=0.5, unit="TIME_ABSOLUTE", precision=3,
+                              options=set())  # fmt: skip
     threshold: number("Threshold", "Rectangle profile: part of the map's height above which friction is on", 0.5,
                        0.0, 1.0, subtype="FACTOR")  # fmt: skip
 

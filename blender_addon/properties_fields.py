@@ -36,9 +36,9 @@ def millimetres(name: str, text: str, default: float, low: float, high: float, *
     return number(name, text, default, low, high, unit="CAMERA", precision=3, **more)
 
 
-def switch(name: str, text: str, default: bool) -> Any:
-    """Declare a switch that can be animated."""
-    return BoolProperty(name=name, description=text, default=default, update=touched, override=OVERRIDE)
+def switch(name: str, text: str, default: bool, **more: Any) -> Any:
+    """Declare a switch that can be animated, unless `options` say otherwise."""
+    return BoolProperty(name=name, description=text, default=default, update=touched, override=OVERRIDE, **more)
 
 
 def choice(name: str, text: str, items: tuple[tuple[Any, ...], ...], default: str, **more: Any) -> Any:

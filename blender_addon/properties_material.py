@@ -30,7 +30,7 @@ class DermisMaterial(bpy.types.PropertyGroup):
         "millimetre that it yields; 0 is rigid. Skin itself has about 17", 0.0, 0.0, 1e9, soft_max=200.0, precision=1,
     )  # fmt: skip
     mass: number("Mass [kg]", "Mass of the object, for weight and inertia", 0.05, 0.0, 1e6, soft_max=2.0,
-                  precision=3)  # fmt: skip
+                  precision=3, options=set())  # fmt: skip
 
     transient_on: switch("Contact Transient", "A decaying vibration on making contact ([S3] eq. 1)", True)
     transient_amplitude: number("Amplitude [s/m]", "Part of the device's range for each m/s of impact speed", 0.24,
@@ -74,11 +74,11 @@ class DermisMaterial(bpy.types.PropertyGroup):
     content_amplitude: number("Amplitude [1/m]", "Part of the device's range for each metre of the content's offset",
                                10.0, 0.0, 1e5, soft_max=100.0)  # fmt: skip
     content_length_mm: millimetres("Length", "Length of the pendulum, or of the pendulum that sloshes alike", 30.0,
-                                    0.1, 1e6, soft_max=300.0)  # fmt: skip
+                                    0.1, 1e6, soft_max=300.0, options=set())  # fmt: skip
     content_size_mm: millimetres("Room", "Half the size of the room in which the content moves", 20.0, 0.1, 1e6,
-                                  soft_max=300.0)  # fmt: skip
+                                  soft_max=300.0, options=set())  # fmt: skip
     content_damping: number("Damping", "Damping ratio; a loose body bounces back with 1 - damping of its speed", 0.1,
-                             0.0, 1.0, subtype="FACTOR")  # fmt: skip
+                             0.0, 1.0, subtype="FACTOR", options=set())  # fmt: skip
 
     held_mode: choice(
         "Held", "When the object counts as held, which weight and content need",

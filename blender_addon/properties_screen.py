@@ -42,8 +42,12 @@ class DermisScreen(bpy.types.PropertyGroup):
         name="Mesh", description="The object whose relief is cast onto the screen", type=bpy.types.Object,
         poll=_is_mesh, update=touched, override=OVERRIDE,
     )  # fmt: skip
-    invert: switch("Depth Map", "The image holds depth, not height: brighter is farther away", False)
-    height_mm: millimetres("Height", "How high white stands above black", 2.0, 0.0, 1e6, soft_max=20.0)
+    invert: switch("Depth Map", "The image holds depth, not height: brighter is farther away", False,
+                   options=set())  # fmt: skip
+    zero_is_hole: switch("Zero Is a Hole", "A stored 0 means that nothing was measured there, as depth cameras write "
+                         "it; such pixels are filled from their rims", False, options=set())  # fmt: skip
+    height_mm: millimetres("Height", "How high white stands above black", 2.0, 0.0, 1e6, soft_max=20.0,
+                            options=set())  # fmt: skip
     resolution: IntProperty(
         name="Resolution", description="Points along the longer side when a mesh is cast onto the screen",
         default=256, min=2, max=8192, soft_max=1024, options=set(), update=touched, override=OVERRIDE,

@@ -158,7 +158,10 @@ def sample(
         scene.name_full, fps, span, rate, header.fingers, header.bodies, header.screens, (),
         gravity=sampling_header.gravity(scene, findings), findings=(*findings, *roster.findings),
     )  # fmt: skip
-    made.validate()
+    try:
+        made.validate()
+    except DermisError as error:
+        raise sampling_header.reason(made, error) from error
     frames, times = sweep_frames(fps, span, rate)
     noticed: list[Any] = []
     whole = _whole_frames(roster, simulations, span)
@@ -220,7 +223,9 @@ def _cast(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, span: tuple[in
     roster = sampling_header.roster(scene, depsgraph, view_layer, none, None, presence)
     header = sampling_header.header(depsgraph, roster, _live_reader, live=True)
     sampling_header.gravity(scene, findings)
-    lasting = not has and not header.screens and not any(e.blinking or e.mirrored for e in header.roster.entries)
+    varies = any(e.blinking or e.mirrored for e in header.roster.entries)
+    varies |= any(f.code == "mesh-unusable" for f in header.roster.findings)  # it may get its faces later
+    lasting = not has and not header.screens and not varies
     return _Cast(key, header, presence, tuple(findings), lasting)
 
 

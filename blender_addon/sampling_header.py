@@ -20,6 +20,8 @@ _errors = import_module(".errors", core.__name__)
 DermisError, Finding = _errors.DermisError, _errors.Finding
 _scene = import_module(".scene", core.__name__)
 
+_LEFT_OUT, _SO_LEFT_OUT = "It is left out", ", so it is left out"
+
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 """[m/s^2] what a new Blender scene has."""
 
@@ -93,6 +95,7 @@ def roster(
             simulated=obj.session_uid in simulations.uids, blinking=sampling_roster.comes_and_goes(obj),
             channels=sampling_roster.animated_channels(obj),
         )  # fmt: skip
+        out.findings += sampling_roster.idle_curves(obj)
         role = sampling_roster.role_of(obj)
         if role == "FINGER":
             fingers.append(_finger_entry(entry, out.findings))
@@ -146,11 +149,12 @@ def header(depsgraph: bpy.types.Depsgraph, roster: Roster, reader: MeshReader, *
     for entry in roster.bodies:
         obj = objects[entry.uid]
         mesh = reader.read(obj.evaluated_get(depsgraph), roster.unit, entry.mirrored)
-        try:
-            _scene.check_mesh(mesh, entry.name)
-        except DermisError as error:
-            findings.append(_left_out(error, "mesh-unusable"))
-            continue
+        if live or not entry.deforming:  # what deforms may get its faces later: the chunks tell
+            try:
+                _scene.check_mesh(mesh, entry.name)
+            except DermisError as error:
+                findings.append(_left_out(error, "mesh-unusable"))
+                continue
         if entry.instance is None and not live and (flaw := zero_area_finding(mesh, entry.name)):
             findings.append(flaw)
         parameters = properties.parameters(obj.dermis.material)
@@ -257,6 +261,25 @@ def _default(obj: bpy.types.Object, path: str) -> Any:
     return obj.dermis.path_resolve(group_path).bl_rna.properties[attribute].default
 
 
+def reason(tactile: Any, error: Any) -> Any:
+    """Return why nothing is left to render, where the only finger or all there is to touch was refused; else `error`.
+
+    Args:
+        tactile: the refused `TactileScene`. error: what its `validate` raised.
+    """
+    if error.what not in ("no finger", "nothing to touch"):
+        return error
+    fingers = {f"object '{o.name_full}'" for o in bpy.data.objects if sampling_roster.role_of(o) == "FINGER"}
+    for finding in tactile.findings:
+        refused = finding.code in ("disabled", "mesh-unusable", "screen-unusable")
+        if refused and (finding.where in fingers) == (not tactile.fingers):
+            return DermisError(
+                f"{error.what}: {finding.what.removesuffix(_SO_LEFT_OUT)}", where=finding.where, value=finding.value,
+                limit=finding.limit, remedy=finding.remedy.removesuffix(_LEFT_OUT).removesuffix(". "),
+            )  # fmt: skip
+    return error
+
+
 def _left_out(error: Any, code: str) -> Any:
-    remedy = f"{error.remedy}. It is left out" if error.remedy else "It is left out"
+    remedy = f"{error.remedy}. {_LEFT_OUT}" if error.remedy else _LEFT_OUT
     return Finding("error", code, error.what, where=error.where, value=error.value, limit=error.limit, remedy=remedy)

@@ -57,6 +57,7 @@ class Recorder:
         ]  # fmt: skip
         self._surfaces: list[list[Any]] = [[None] * count for _ in self._surfaced]
         self._absent = absent_mesh()
+        self._bare = np.zeros((len(self._entries), count), bool)
         self._channels = self._channel_table()
         self._values = {key: np.empty(count) for key, _, _, _ in self._channels}
         self._checked = self._direct = False
@@ -163,11 +164,13 @@ class Recorder:
     def _record_surfaces(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
         for s, (i, _, entry) in enumerate(self._surfaced):
             if not self._present[i, k]:
+                self._bare[i, k] = False
                 self._surfaces[s][k] = self._absent
                 continue
             evaluated = bpy.data.objects[int(self._place[i])].evaluated_get(depsgraph)
             mesh = self._reader.read(evaluated, self._roster.unit, entry.mirrored)
-            self._surfaces[s][k] = mesh if len(mesh.triangles) else self._absent
+            self._bare[i, k] = len(mesh.triangles) == 0
+            self._surfaces[s][k] = self._absent if self._bare[i, k] else mesh
 
     def _poses(self, n: int) -> Array:
         """Return matrices of all entries in metres, reflections taken out, shape (entries, n, 4, 4)."""
@@ -237,6 +240,12 @@ class Recorder:
                 _note(findings, Finding(
                     "info", "absent", "it is not there all the time, and cannot be touched meanwhile",
                     where=f"object '{entry.name}'", frame=float(frames[np.argmax(gone)]), count=int(gone.sum()),
+                ))  # fmt: skip
+            bare = self._bare[i, : len(frames)]
+            if bare.any():
+                _note(findings, Finding(
+                    "warning", "no-faces", "it has no faces for a while, and cannot be touched meanwhile",
+                    where=f"object '{entry.name}'", frame=float(frames[np.argmax(bare)]), count=int(bare.sum()),
                 ))  # fmt: skip
 
 

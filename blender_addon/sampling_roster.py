@@ -165,17 +165,42 @@ def animated_channels(obj: bpy.types.Object) -> tuple[tuple[str, str, float], ..
         return ()
     out = []
     branch = {"FINGER": "finger", "SCREEN": "screen"}.get(role_of(obj), "material")
-    for a in properties.ATTRIBUTES[type(group_of(obj))]:
+    for a in _animatable(group_of(obj)):
         if f"{branch}.{a.attribute}" in paths:
             out.append((a.parameter, f"{branch}.{a.attribute}", a.factor))
     if branch == "finger":
         enabled = [d for d in enumerate(obj.dermis.finger.devices) if d[1].enabled]
         for number, (index, device) in enumerate(enabled):
-            for a in properties.ATTRIBUTES[type(device)]:
+            for a in _animatable(device):
                 path = f"finger.devices[{index}].{a.attribute}"
                 if path in paths:
                     out.append((f"device/{number}/{a.parameter}", path, a.factor))
     return tuple(out)
+
+
+def idle_curves(obj: bpy.types.Object) -> list[Any]:
+    """Report curves and drivers of settings that stay constant over a bake: Blender does not evaluate them."""
+    idle = set()
+    for path in compat.animated_paths(obj):
+        group_path, _, attribute = path.rpartition(".")
+        if not path.startswith("dermis.") or "[" in attribute:
+            continue
+        try:
+            prop = obj.path_resolve(group_path).bl_rna.properties.get(attribute)
+        except (ValueError, AttributeError):
+            continue  # what it belonged to is gone
+        if prop is not None and not prop.is_animatable:
+            idle.add(prop.name)
+    return [
+        Finding("warning", "keyed-constant", "a setting is keyed or driven, but it is constant over a bake",
+                where=f"object '{obj.name_full}'", value=name, remedy="Delete its keys or driver, and set the value")
+        for name in sorted(idle)
+    ]  # fmt: skip
+
+
+def _animatable(group: Any) -> list[properties.Attribute]:
+    known = type(group).bl_rna.properties
+    return [a for a in properties.ATTRIBUTES[type(group)] if known[a.attribute].is_animatable]
 
 
 def channel_key(kind: str, index: int, name: str) -> str:

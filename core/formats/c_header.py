@@ -9,11 +9,17 @@ The player is called as often as the sketch likes; it interpolates between sampl
       if (!thumb_play(micros() - started, counts)) { /* at its end: the rest pose */ }
       for (uint8_t i = 0; i < THUMB_CHANNELS; i++) drive(i, counts[i]);
     }
+
+Time is kept by a ratio of whole numbers: THUMB_PERIOD_SAMPLES samples take THUMB_PERIOD_US microseconds (at 240 Hz
+3 samples 12500 us). Each call finds the sample from the time anew, in 32 bits and without rounding: nothing adds up.
+THUMB_FORMAT is the format's version: 2 since the period is a ratio (before, whole microseconds and no number).
 """
 
 from __future__ import annotations
 
+import math
 import re
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -25,30 +31,49 @@ from ..track import CommandTrack
 from .track_header import check_finite
 
 FULL = 65535
+VERSION = 2
 _PER_LINE = 12
+_WORD = 2**32
+_LONGEST = 2**23  # numerator of a period [us] with which the player's interpolation stays within 32 bits
+_DRIFT, _PART = 0.5, 1e-8  # where no such ratio is exact: [us] at the last sample, or a thousandth of a quartz's error
 
 _PLAYER = """
 /* Give the counts of all channels at a time from the start [us]; return 0 from the end on, with the rest pose. */
 static uint8_t {name}_play(uint32_t now_us, uint16_t *counts) {{
-  uint32_t sample = now_us / {NAME}_PERIOD_US;
+{clock}
   uint8_t c;
   if (sample + 1u >= {NAME}_SAMPLES) {{
     for (c = 0; c < {NAME}_CHANNELS; c++) counts[c] = {NAME}_READ(&{name}_rest[c]);
     return 0;
   }}
   {{
-    uint32_t part = now_us % {NAME}_PERIOD_US; /* of a period, in us */
     const uint16_t *from = {name}_values + sample * {NAME}_CHANNELS;
     for (c = 0; c < {NAME}_CHANNELS; c++) {{
       uint16_t a = {NAME}_READ(from + c), b = {NAME}_READ(from + {NAME}_CHANNELS + c);
-      /* 16 bits of difference times up to 16 bits of time: no overflow in 32 bits. */
-      uint16_t step = (uint16_t)(((uint32_t)(b > a ? b - a : a - b) * part) / {NAME}_PERIOD_US);
+      uint16_t d = b > a ? b - a : a - b;
+{step}
       counts[c] = b > a ? (uint16_t)(a + step) : (uint16_t)(a - step);
     }}
   }}
   return 1;
 }}
 """
+
+# The part of a sample's period that has gone by is part / PERIOD_US in both.
+_WHOLE = """  uint32_t sample = now_us / {NAME}_PERIOD_US;
+  uint32_t part = now_us % {NAME}_PERIOD_US;"""
+_RATIO = """  /* PERIOD_SAMPLES samples take PERIOD_US: whole groups of them, then samples of the last. Exact. */
+  uint32_t group = now_us / {NAME}_PERIOD_US;
+  uint32_t within = (uint32_t)(now_us % {NAME}_PERIOD_US) * {NAME}_PERIOD_SAMPLES;
+  uint32_t sample = group * {NAME}_PERIOD_SAMPLES + within / {NAME}_PERIOD_US;
+  uint32_t part = within % {NAME}_PERIOD_US;"""
+
+_SHORT = """      /* 16 bits of difference times up to 16 bits of time: no overflow in 32 bits. */
+      uint16_t step = (uint16_t)(((uint32_t)d * part) / {NAME}_PERIOD_US);"""
+_LONG = """      /* Up to 23 bits of time: long division, a byte of the difference at a time. */
+      uint32_t high = (uint32_t)(d >> 8) * part, low = (uint32_t)(d & 255u) * part;
+      uint32_t rest = (uint32_t)(high % {NAME}_PERIOD_US) * 256u + low;
+      uint16_t step = (uint16_t)((high / {NAME}_PERIOD_US) * 256u + rest / {NAME}_PERIOD_US);"""
 
 
 def write(track: CommandTrack, path: Path) -> None:
@@ -88,8 +113,8 @@ def dumps(track: CommandTrack, name: str) -> str:
         name: identifier that everything in the header begins with.
 
     Raises:
-        DermisError: no C identifier; fewer than two samples; times that are no regular grid of whole microseconds up
-            to 65535 (15.3 Hz or faster); a channel without a range, or a value outside of it.
+        DermisError: no C identifier; fewer than two samples; times that are no regular grid; a rate or a length that a
+            clock of microseconds in 32 bits cannot keep; a channel without a range, or a value outside of it.
     """
     where = f"track of '{track.meta.get('finger', track.spec.key)}'"
     if identifier(name) != name:
@@ -97,14 +122,13 @@ def dumps(track: CommandTrack, name: str) -> str:
     check_finite(track)
     if len(track.times) < 2:
         raise DermisError("a player needs two samples", where=where, value=len(track.times), limit=">= 2")
-    period = 1e6 / track.spec.rate
     grid = track.times[0] + np.arange(len(track.times)) / track.spec.rate
-    if abs(period - round(period)) > 1e-6 or not 1 <= round(period) <= 65535 or np.abs(grid - track.times).max() > 1e-7:
+    if np.abs(grid - track.times).max() > 1e-7:
         raise DermisError(
-            "the samples are not a whole number of microseconds apart", where=where, value=f"{track.spec.rate:g} Hz",
-            limit="a regular grid of 16 to 1,000,000 Hz with a period of whole microseconds",
-            remedy="Resample it, for example to 1000 or 50 Hz",
+            "the samples are no regular grid", where=where, value=f"{track.spec.rate:g} Hz",
+            limit="times within 0.1 us of the device's rate", remedy="Resample it",
         )  # fmt: skip
+    period = _period(track.spec.rate, len(track.times), where)
     table, columns = counts(track)
     rest = [int(_counts(np.array([track.channels[i].rest]), track, i)[0]) for i in columns]
     upper = name.upper()
@@ -121,13 +145,59 @@ def dumps(track: CommandTrack, name: str) -> str:
         f"#define {upper}_READ(p) pgm_read_word(p)",
         "#else", f"#define {upper}_FLASH", f"#define {upper}_READ(p) (*(p))", "#endif",
         f"#define {upper}_CHANNELS {len(columns)}u", f"#define {upper}_SAMPLES {len(table)}ul",
-        f"#define {upper}_PERIOD_US {round(period)}ul", f"#define {upper}_SPEC_HASH \"{track.spec.hash}\"",
+        f"/* {_rate(period, track.spec.rate)} */",
+        f"#define {upper}_FORMAT {VERSION}u",
+        f"#define {upper}_PERIOD_US {period.numerator}ul", f"#define {upper}_PERIOD_SAMPLES {period.denominator}ul",
+        f"#define {upper}_SPEC_HASH \"{track.spec.hash}\"",
         f"static const uint16_t {name}_rest[] {upper}_FLASH = {{{', '.join(map(str, rest))}}};",
         f"static const uint16_t {name}_values[] {upper}_FLASH = {{",
     ]  # fmt: skip
     flat = table.ravel().tolist()
     lines += [f"  {', '.join(map(str, flat[i : i + _PER_LINE]))}," for i in range(0, len(flat), _PER_LINE)]
-    return "\n".join(lines) + "\n};\n" + _PLAYER.format(name=name, NAME=upper) + "#endif\n"
+    clock = (_WHOLE if period.denominator == 1 else _RATIO).format(NAME=upper)
+    step = (_SHORT if period.numerator <= FULL else _LONG).format(NAME=upper)
+    return "\n".join(lines) + "\n};\n" + _PLAYER.format(name=name, NAME=upper, clock=clock, step=step) + "#endif\n"
+
+
+def _period(rate: float, samples: int, where: str) -> Fraction:
+    """Return the time between samples [us] as a ratio n / d that the player keeps exactly: n * d < 2^32, n <= 2^23.
+
+    Rates such as 240, 1000 or 24000/1001 Hz have one; of others the nearest is taken.
+
+    Raises:
+        DermisError: the nearest is off by more than 0.5 us at the last sample and by more than 1e-8 of the time; or the
+            track lasts longer than a clock of 32 bits counts.
+    """
+    exact = Fraction(10**6) / Fraction(rate)
+    largest = min(math.isqrt(int((_WORD - 1) / exact)), int(_LONGEST / exact)) if exact >= 1 else 0
+    found = None
+    for limit in range(largest, max(largest - 8, 0), -1):  # rounding up may cross a bound: then a little below it
+        near = exact.limit_denominator(limit)
+        if near >= 1 and near.numerator * near.denominator < _WORD and near.numerator <= _LONGEST:
+            found = near
+            break
+    if found is None or abs(found - exact) > max(_DRIFT / (samples - 1), _PART * exact):
+        raise DermisError(
+            "the rate has no period that a clock of microseconds keeps", where=where, value=f"{rate:g} Hz",
+            limit="1 to 1,000,000 Hz", remedy="Resample it, for example to 1000 Hz",
+        )  # fmt: skip
+    if found * (samples - 1) >= _WORD:
+        raise DermisError(
+            "the track is longer than a clock of microseconds in 32 bits counts", where=where,
+            value=f"{float(found) * (samples - 1) * 1e-6:g} s", limit=f"{(_WORD - 1) * 1e-6:.0f} s",
+            remedy="Export a part of it",
+        )  # fmt: skip
+    return found
+
+
+def _rate(period: Fraction, rate: float) -> str:
+    """Return the period in words, for the header's reader."""
+    off = float(abs(period * Fraction(rate) / 10**6 - 1))
+    # the ratio of a rate such as 24000/1001 Hz is exact, its float is not
+    kept = "exactly" if off < 1e-15 else f"right to {off:.1e} of the time"
+    if period.denominator == 1:
+        return f"A sample each {period.numerator} us, {kept}."
+    return f"{period.denominator} samples in {period.numerator} us, {kept}: the player keeps this ratio without drift."
 
 
 def _counts(values: NDArray[np.float64], track: CommandTrack, column: int) -> NDArray[np.uint16]:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import re
 import shutil
 import subprocess
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from core.devices.spec import Channel, DeviceSpec
 from core.errors import DermisError
@@ -43,19 +47,24 @@ int main(void) {
 """
 
 
-def test_the_player_gives_the_track(tmp_path: Path) -> None:
+def play(folder: Path, track: CommandTrack, times: list[int]) -> NDArray[np.int64]:
+    """Compile a track's header; return what its player says at times [us]: running, and the counts of two channels."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         pytest.skip("NO C COMPILER: the player of the C header was not run (install gcc)")
-    track = a_track()
-    c_header.write(track, tmp_path / "clip.h")
-    (tmp_path / "main.c").write_text(MAIN)
+    c_header.write(track, folder / "clip.h")
+    (folder / "main.c").write_text(MAIN)
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-O1"]
-    subprocess.run([compiler, *flags, "main.c", "-o", "main"], cwd=tmp_path, check=True)
-    times = [*range(0, 780_000, 777), 20_000, 779_999, 780_000, 4_000_000_000]
-    done = subprocess.run([tmp_path / "main"], input="\n".join(map(str, times)), text=True, capture_output=True,
+    subprocess.run([compiler, *flags, "main.c", "-o", "main"], cwd=folder, check=True)
+    done = subprocess.run([folder / "main"], input="\n".join(map(str, times)), text=True, capture_output=True,
                           check=True)  # fmt: skip
-    rows = np.array([[int(n) for n in line.split()] for line in done.stdout.splitlines()])
+    return np.array([[int(n) for n in line.split()] for line in done.stdout.splitlines()])
+
+
+def test_the_player_gives_the_track(tmp_path: Path) -> None:
+    track = a_track()
+    times = [*range(0, 780_000, 777), 20_000, 779_999, 780_000, 4_000_000_000]
+    rows = play(tmp_path, track, times)
     inside = np.array(times) < 780_000
     assert rows[:, 0].tolist() == inside.astype(int).tolist()
     assert (rows[~inside, 1:] == [32768, 65535]).all(), "at its end the rest pose"
@@ -65,11 +74,63 @@ def test_the_player_gives_the_track(tmp_path: Path) -> None:
         assert np.abs(rows[inside, 1 + column] - wanted).max() <= 1.5  # half a count of each end, one of the division
 
 
-def test_avr_takes_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("rate", "period", "seconds"),
+    [
+        (240.0, Fraction(12_500, 3), 4290),  # pins; over 71 minutes, all but what micros() counts
+        (1000.0, Fraction(1000), 300),
+        (24000 / 1001, Fraction(125_125, 3), 4290),  # more than 16 bits of time
+        (7.0, Fraction(1_000_000, 7), 4290),
+        (999.0, Fraction(1_000_000, 999), 300),
+    ],
+)
+def test_the_player_keeps_time_over_a_long_track(tmp_path: Path, rate: float, period: Fraction, seconds: float) -> None:
+    """At a clock's whole microseconds the exact position between samples, in integers: not one count of drift."""
+    n = int(seconds * rate)
+    rng = np.random.default_rng(4)
+    values = np.column_stack([np.zeros(n), rng.choice([-1.0, 1.0], n), rng.uniform(0, 2, n)])
+    track = CommandTrack(replace(SPEC, rate=rate), np.arange(n) / rate, values)
+    table, _ = c_header.counts(track)
+    end = math.ceil((n - 1) * period)  # the first microsecond that is not before the last sample
+    samples = [0, 1, 2, 3, n // 2, n // 2 + 1, n - 3, n - 2, *rng.integers(0, n - 1, 200).tolist()]
+    times = [t for k in samples for t in (math.ceil(k * period), math.ceil((k + 1) * period) - 1)]
+    times += [*rng.integers(0, end, 500).tolist(), end - 1, end, end + 1]
+    rows = play(tmp_path, track, times)
+    for t, (on, *got) in zip(times, rows.tolist(), strict=True):
+        assert on == (t < end), t
+        if not on:
+            continue
+        sample, part = divmod(t * period.denominator, period.numerator)
+        for c, count in enumerate(got):
+            before, after = int(table[sample, c]), int(table[sample + 1, c])
+            step = abs(after - before) * part // period.numerator
+            assert count == before + (step if after > before else -step), f"{t} us, sample {sample} of {n}"
+
+
+def test_the_header_tells_its_version_and_period() -> None:
+    text = c_header.dumps(a_track().resampled(240.0), "clip")
+    for line in ("CLIP_FORMAT 2u", "CLIP_PERIOD_US 12500ul", "CLIP_PERIOD_SAMPLES 3ul"):
+        assert f"#define {line}\n" in text
+    assert "3 samples in 12500 us, exactly" in text
+    whole = c_header.dumps(a_track(), "clip")
+    assert "#define CLIP_PERIOD_US 20000ul\n#define CLIP_PERIOD_SAMPLES 1ul\n" in whole
+
+
+@pytest.mark.parametrize("rate", [13.7, 29.97, 59.94, 123.456, 7777.0, 31415.9265])
+def test_a_rate_without_an_exact_period_gets_one_that_is_right_to_a_part_in_10_to_the_8(rate: float) -> None:
+    text = c_header.dumps(a_track().resampled(rate), "clip")
+    number = {k: int(v) for k, v in re.findall(r"#define CLIP_PERIOD_(\w+) (\d+)ul", text)}
+    period = Fraction(number["US"], number["SAMPLES"])
+    assert abs(period * Fraction(rate) / 10**6 - 1) <= Fraction(1, 10**8)
+    assert number["US"] * number["SAMPLES"] < 2**32 and number["US"] <= 2**23, "what 32 bits hold"
+
+
+@pytest.mark.parametrize("rate", [50.0, 240.0, 24000 / 1001])
+def test_avr_takes_it(tmp_path: Path, rate: float) -> None:
     compiler = shutil.which("avr-gcc")
     if compiler is None:
         pytest.skip("NO avr-gcc: the C header was not compiled for a microcontroller (install gcc-avr avr-libc)")
-    c_header.write(a_track(), tmp_path / "clip.h")
+    c_header.write(a_track().resampled(rate), tmp_path / "clip.h")
     (tmp_path / "main.c").write_text('#include "clip.h"\nuint16_t c[2];\nint main(void) { return clip_play(5, c); }\n')
     flags = ["-mmcu=atmega328p", "-Os", "-Wall", "-Wextra", "-Werror"]
     subprocess.run([compiler, *flags, "main.c", "-o", "main.elf"], cwd=tmp_path, check=True)
@@ -82,8 +143,17 @@ def test_counts_by_hand() -> None:
 
 
 def test_what_it_cannot_hold() -> None:
-    with pytest.raises(DermisError, match="microseconds apart"):
-        c_header.dumps(a_track().resampled(30.0), "clip")
+    uneven = a_track()
+    with pytest.raises(DermisError, match="no regular grid"):
+        c_header.dumps(replace(uneven, times=uneven.times + np.r_[np.zeros(39), 1e-3]), "clip")
+    for rate in (0.12, 2e6):
+        odd = replace(a_track(), spec=replace(SPEC, rate=rate), times=np.arange(40) / rate)
+        with pytest.raises(DermisError, match="no period that a clock of microseconds keeps"):
+            c_header.dumps(odd, "clip")
+    hours = CommandTrack(replace(SPEC, rate=1.0), np.arange(4296.0), np.zeros((4296, 3)))
+    with pytest.raises(DermisError, match="longer than a clock"):
+        c_header.dumps(hours, "clip")  # micros() would be back at 0 before its end, and play it again
+    c_header.dumps(replace(hours, times=hours.times[:-1], values=hours.values[:-1]), "clip")
     with pytest.raises(DermisError, match="two samples"):
         c_header.dumps(replace(a_track(), times=np.zeros(1), values=np.zeros((1, 3))), "clip")
     wild = a_track()

@@ -299,7 +299,7 @@ def _body(sample: Any, b: int, turn: Array, place: Array) -> Any:
     return core_module("contact.bodies").ContactBody(
         surface, turn.T @ rotation, turn.T @ (pose[:3, 3] - place),
         friction=_value(sample, b, "friction", 0.6), softness=1.0 / stiffness if stiffness > 0 else 0.0,
-        deforms=shape.deforms,
+        deforms=shape.deforms, carry=shape.carry,
     )  # fmt: skip
 
 

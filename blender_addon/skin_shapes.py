@@ -21,6 +21,8 @@ class Shape:
         self._mesh: Any = None
         self._stretch = np.eye(3)
         self._surface: Any = None
+        self._first: Array | None = None  # its stretch when it was first touched
+        self.carry: Array | None = None  # as in the engine's `ContactBody`
         self._pose: Any = None
         self._placed: Any = None
         self.low, self.high = np.zeros(3), np.zeros(3)
@@ -43,10 +45,17 @@ class Shape:
     def surface(self, stretch: Array) -> Any:
         """Return the surface after scale and shear."""
         if self._surface is None or np.abs(stretch - self._stretch).max() > 1e-5 * np.abs(self._stretch).max():
+            surfaces = core_module("contact.surfaces")
             plain = np.abs(stretch - np.eye(3)).max() <= 1e-5
-            surface_of = core_module("contact.surfaces").surface_of
-            self._surface = surface_of(self._mesh) if plain else surface_of(self._mesh, stretch)
             self._stretch = np.eye(3) if plain else stretch
+            if self._first is None:
+                self._first = self._stretch
+            if plain:
+                self._surface = surfaces.surface_of(self._mesh)
+            else:  # kept with the mesh only once: an animated scale has another at every frame
+                self._surface = (surfaces.carried if self._surface else surfaces.surface_of)(self._mesh, stretch)
+            kept = np.abs(self._stretch - self._first).max() <= 1e-5 * np.abs(self._first).max()
+            self.carry = None if kept else self._stretch @ np.linalg.inv(self._first)
         return self._surface
 
 

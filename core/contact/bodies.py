@@ -26,6 +26,8 @@ class ContactBody:
         friction: Coulomb coefficient against skin.
         softness: compliance of its own surface [m/Pa]: it yields by this times the pressure. 0 is rigid.
         deforms: its surface is another every frame; what sticks to it is then carried by triangles.
+        carry: where its scale changed: the linear map from its first stretch to this one, which what sticks to it
+            follows, shape (3, 3). None where it kept its scale.
         away: it is nowhere near, and only keeps its place in the order.
 
     Raises:
@@ -39,6 +41,7 @@ class ContactBody:
     softness: float = 0.0
     deforms: bool = False
     away: bool = False
+    carry: Array | None = None
 
     def __post_init__(self) -> None:
         if not isfinite(np.vdot(self.rotation, self.rotation) + np.vdot(self.translation, self.translation)):
@@ -144,8 +147,8 @@ def contact_frame(points: Array, bodies: Sequence[ContactBody], reach: float, bo
 def to_material(frame: ContactFrame, nodes: Indices, positions: Array) -> tuple[Array, Indices]:
     """Return the material coordinates on their bodies of positions [m], shape (n, 3), near the given nodes.
 
-    On a rigid body they are its local coordinates; on one that deforms, two affine weights in the plane of a triangle
-    and the height above it. Also returned: that triangle.
+    On a rigid body they are its local coordinates; where its scale changed, those at its first scale; on one that
+    deforms, two affine weights in the plane of a triangle and the height above it. Also returned: that triangle.
     """
     out = np.empty_like(positions)
     triangle = frame.triangle[nodes]
@@ -165,6 +168,8 @@ def to_material(frame: ContactFrame, nodes: Indices, positions: Array) -> tuple[
             d1, d2 = _dot(v, ab), _dot(v, ac)
             det = g11 * g22 - g12 * g12
             local = np.stack([(g22 * d1 - g12 * d2) / det, (g11 * d2 - g12 * d1) / det, _dot(v, normal)], axis=1)
+        elif body.carry is not None:
+            local = local @ np.linalg.inv(body.carry).T
         out[which] = local
     return out, triangle
 
@@ -186,7 +191,7 @@ def from_material(
             u, w, height = material[which].T[:, :, None]
             local = a + u * ab + w * ac + height * normal
         else:
-            local = material[which]
+            local = material[which] if body.carry is None else material[which] @ body.carry.T
         out[which] = local @ body.rotation.T + body.translation
     return out
 

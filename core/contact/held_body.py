@@ -119,6 +119,7 @@ class HeldBody:
         mine = next((r.bodies[r.own] for r in reaches if r is not None), None)
         if mine is not None:
             held_object.friction, held_object.softness, held_object.deforms = mine.friction, mine.softness, mine.deforms
+            held_object.carry = mine.carry
         return held_object.step_among(
             rigid(turn, origin), reaches, self._acceleration[sample], self._spin[sample], self._spin_rate[sample],
             frame_number=frame, only_if_pressed=not self.keyed,

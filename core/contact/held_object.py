@@ -70,6 +70,7 @@ class HeldObject:
         self.gravity = np.asarray(gravity, dtype=np.float64)
         self._rho = float(np.median(np.concatenate([np.diag(f.compliance) for f in fingers])))
         self.softness, self.deforms = 0.0, False
+        self.carry: Array | None = None  # as in `ContactBody`
         self._inverses: dict[int, tuple[bytes, Array, Array]] = {}
         self._histories = [ContactHistory(f.points.shape[0]) for f in fingers]
         self._notes = Notes(name)
@@ -170,7 +171,7 @@ class HeldObject:
         turn = finger_pose[:3, :3].T @ rotation
         origin = middle - rotation @ self.centre
         place = finger_pose[:3, :3].T @ (origin - finger_pose[:3, 3])
-        return ContactBody(self.surface, turn, place, self.friction, self.softness, self.deforms)
+        return ContactBody(self.surface, turn, place, self.friction, self.softness, self.deforms, carry=self.carry)
 
     def _grip(self, index: int, reach: Reach, rotation: Array, middle: Array) -> Grip:
         finger, pose = self.fingers[index], reach.pose

@@ -6,6 +6,8 @@ a body that keeps its scale keeps its surface.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +20,23 @@ from .surfaces import SAME_STRETCH, box_of, carried, surface_of
 Array = NDArray[np.float64]
 
 
+class Posed(NamedTuple):
+    """A body at a sample.
+
+    Attributes:
+        surface: after scale and shear.
+        turn: rotation to the world, shape (3, 3). origin: in the world [m], shape (3,).
+        deforms: its surface is another at every sample.
+        carry: as in `ContactBody`: how its scale changed since it was first asked for; None where it did not.
+    """
+
+    surface: Surface
+    turn: Array
+    origin: Array
+    deforms: bool
+    carry: Array | None
+
+
 class PosedBody:
     """One body of a scene.
 
@@ -27,7 +46,8 @@ class PosedBody:
 
     def __init__(self, body: Body) -> None:
         self._body = body
-        self._surface: tuple[Array, Surface] | None = None
+        self._surface: tuple[Array, Surface, Array | None] | None = None  # stretch, surface, carry
+        self._first = np.eye(3)  # its stretch when it was first asked for
         self._turn: Array | None = None
         self._last: tuple[int, Surface] | None = None
         self._boxes: tuple[Array, Array] | None = None
@@ -58,8 +78,8 @@ class PosedBody:
             self._boxes = middle, (np.abs(linear) @ size[:, :, None])[:, :, 0]
         return self._boxes
 
-    def at(self, b: int, chunk: Chunk, i: int) -> tuple[Surface, Array, Array, bool]:
-        """Return surface, rotation to the world, origin in the world [m], and whether it deforms, at a sample.
+    def at(self, b: int, chunk: Chunk, i: int) -> Posed:
+        """Return the body at a sample.
 
         Raises:
             DermisError: the object has scale 0.
@@ -79,15 +99,19 @@ class PosedBody:
         if b in chunk.surfaces:
             if self._last is None or self._last[0] != i:
                 self._last = i, carried(chunk.surfaces[b][i], stretch)
-            return self._last[1], turn, pose[:3, 3], True
+            return Posed(self._last[1], turn, pose[:3, 3], True, None)
         mesh = self._body.mesh
         assert mesh is not None  # `boxes` refused it
         if self._surface is None or not _alike(stretch, self._surface[0]):
             plain = _alike(stretch, np.eye(3))
+            stretch = np.eye(3) if plain else stretch
             first = self._surface is None
             surface = surface_of(mesh) if plain else surface_of(mesh, stretch) if first else carried(mesh, stretch)
-            self._surface = (np.eye(3) if plain else stretch, surface)
-        return self._surface[1], turn, pose[:3, 3], False
+            if first:
+                self._first = stretch
+            # the material is told by its place at the first stretch, so that it is the same before and after
+            self._surface = stretch, surface, None if first else stretch @ np.linalg.inv(self._first)
+        return Posed(self._surface[1], turn, pose[:3, 3], False, self._surface[2])
 
 
 def _alike(stretch: Array, reference: Array) -> bool:

@@ -181,7 +181,7 @@ class SkinSampler:
     ) -> tuple[HeldStep | None, list[float]]:
         """Balance one body; also return how far the force limits lift the bones."""
         b, frame = body.index, float(stretch.chunk.frames[i])
-        surface, turn, origin, _ = self._bodies[b].at(b, stretch.chunk, i)
+        surface, turn, origin, _, _ = self._bodies[b].at(b, stretch.chunk, i)
         reaches: dict[int, Reach] = {}
         lifts = []
         for f in fingers:
@@ -239,7 +239,7 @@ class SkinSampler:
 
     def _posed(self, b: int, chunk: Chunk, i: int, turn: Array, place: Array) -> ContactBody:
         """Return a body at a sample, in the finger's frame."""
-        surface, rotation, origin, deforms = self._bodies[b].at(b, chunk, i)
+        surface, rotation, origin, deforms, carry = self._bodies[b].at(b, chunk, i)
         parameters = self._scene.bodies[b].parameters
         stiffness = _value(parameters, chunk, b, i, "surface_stiffness", 0.0)
         return ContactBody(
@@ -249,6 +249,7 @@ class SkinSampler:
             friction=_value(parameters, chunk, b, i, "friction", FRICTION),
             softness=1.0 / stiffness if stiffness > 0 else 0.0,
             deforms=deforms,
+            carry=carry,
         )
 
     def _touch(self, f: int, times: Array, frames: Array) -> SkinTouch:

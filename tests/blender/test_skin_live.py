@@ -13,7 +13,7 @@ from core.skin.file import save_mesh
 from core.skin.model import fingertip_skin
 from tests.problems import flat_press
 
-from .build import cube, finger, keys, span
+from .build import cube, empty, finger, keys, span
 
 DEPTH = 0.8e-3
 TOP = 0.02  # height of the plate's face [m]
@@ -72,6 +72,38 @@ def test_stepping_forward_gives_what_a_bake_at_the_same_rate_gives(pressing: bpy
         assert np.abs(stepped[frame].force - baked.force).max() < 2e-3 * scale
         assert stepped[frame].tangential_force == pytest.approx(baked.tangential_force, rel=5e-3, abs=1e-4)
     assert stepped[13].tangential_force > 0.2 * stepped[13].normal_force
+
+
+@pytest.mark.parametrize("how", ["scale", "parent", "shape"])
+def test_what_grows_under_a_resting_finger_drags_its_skin(how: str) -> None:
+    """Scale keys, a scaled parent and a shape key move the plate alike and drag the skin alike, live and baked."""
+    scene = span(1, 12)
+    plate = cube("Plate", 0.06)
+    plate.dermis.material.friction = 0.6
+    hand = finger(location=(0.015, 0.0, 0.03 - 0.001))
+    hand.dermis.finger.skin.shown = True
+    hand.dermis.finger.skin.level = "draft"
+    wide = [(1, 1, 1), (1, 1, 1), (1.2, 1, 1)]
+    if how == "scale":
+        keys(plate, "scale", [1, 4, 12], wide)
+    elif how == "parent":
+        plate.parent = empty("Parent")
+        keys(plate.parent, "scale", [1, 4, 12], wide)
+    else:
+        plate.shape_key_add(name="Basis")
+        for point in plate.shape_key_add(name="wide").data:
+            point.co.x *= 1.2
+        keys(plate.data.shape_keys, 'key_blocks["wide"].value', [1, 4, 12], [0, 0, 1])
+    scene.dermis.sample_rate = 24.0
+    bpy.context.view_layer.update()
+    live = [at(scene, frame) for frame in range(1, 13)]
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    (baked,) = skin_live.states(scene)
+    assert baked.source == "bake" and live[-1].source == "live"
+    for state in (live[-1], baked):  # 3 mm of plate went past: it slips, and Coulomb's law holds
+        assert state.tangential_force == pytest.approx(0.6 * state.normal_force, rel=1e-2)
+        assert state.force.sum(axis=0)[0] > 0.75
+    assert np.abs(live[-1].force - baked.force).max() < 2e-3 * np.abs(baked.force).max()
 
 
 def test_a_jump_starts_from_rest_and_says_so(pressing: bpy.types.Scene) -> None:

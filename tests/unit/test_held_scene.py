@@ -164,6 +164,21 @@ def test_a_block_given_anew_every_sample_is_held_alike(skin):
     assert np.linalg.norm(soft[0].force - rigid[0].force) <= 1e-3 * np.linalg.norm(rigid[0].force)
 
 
+def test_a_held_block_that_is_stretched_drags_the_skin_as_a_mesh_of_that_shape_does(skin):
+    stretch = np.tile(np.eye(3), (COUNT, 1, 1))
+    stretch[:, 0, 0] += 0.3 * np.clip((np.arange(COUNT) - 12) / 17, 0, 1)
+    block, fingers = carried(np.zeros((COUNT, 3)))
+    fingers[:, :, 0, 3] += 0.005
+    block[:, :3, :3] = stretch
+    scaled, _ = run(make(0.03), {0: skin, 1: skin}, block, fingers)
+    scene = replace(make(0.03), bodies=(replace(make(0.03).bodies[0], mesh=None),))
+    meshes = tuple(Mesh(CORNERS @ m.T, TRIANGLES) for m in stretch)
+    deforming, _ = run(scene, {0: skin, 1: skin}, carried(np.zeros((COUNT, 3)))[0], fingers, surfaces=meshes)
+    assert np.linalg.norm(scaled[0].force - deforming[0].force) <= 1e-3 * np.linalg.norm(deforming[0].force)
+    total = on_block(scaled, fingers, COUNT - 1)
+    assert total == pytest.approx(-0.03 * GRAVITY, abs=BALANCE * 0.3)
+
+
 @pytest.mark.parametrize("given", [{"mass": None}, {"mode": "never"}, {"mode": "keyed"}])
 def test_what_is_not_held_is_touched_as_before(skin, given):
     """No mass, never, or never keyed: each finger meets the animated block by itself."""

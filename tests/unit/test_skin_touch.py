@@ -129,6 +129,47 @@ def test_an_objects_scale_equals_scaled_vertices(reference, skin, mirror):
     assert np.linalg.norm(again.force - reference.force) <= 1e-4 * np.linalg.norm(reference.force)
 
 
+@pytest.mark.parametrize("kind", ["stretched", "sheared", "scaled from the start"])
+def test_an_animated_scale_drags_the_skin_as_a_mesh_of_that_shape_does(skin, kind):
+    """A plate at rest under a pressing finger grows along X: it carries the skin with it, up to Coulomb's limit."""
+    n, place = 40, [0.015, 0.0, 0.004]
+    grow = 0.2 * np.clip((np.arange(n) - 10) / (n - 11), 0.0, 1.0)
+    linear = np.tile(np.eye(3), (n, 1, 1))
+    linear[:, 0, 0] += grow
+    if kind == "sheared":  # the pad moves over the plate along Y as well, and the nearest rotation is another each time
+        linear[:, 1, 0] = 0.5 * grow
+    if kind == "scaled from the start":
+        linear[:, 1, 1] = 1.3
+    world = np.eye(4)
+    world[:3, :3] = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))[0]
+    world[:3, :3] *= np.linalg.det(world[:3, :3])
+    fingers = world @ poses(np.tile(place, (n, 1)))
+    meshes = tuple(Mesh(PLATE.vertices @ m.T, FACES) for m in linear)
+    deforming = felt(skin, fingers, np.tile(world, (n, 1, 1)), body=Body("plate", None, {"friction": 0.6}),
+                     surfaces=meshes)  # fmt: skip
+    animated = world @ poses(np.zeros((n, 3)), linear)
+    for cuts in ((), (5, 11, 12, 30)):
+        got = felt(skin, fingers, animated, cuts=cuts)
+        assert np.linalg.norm(got.force - deforming.force) <= 1e-4 * np.linalg.norm(deforming.force)
+    assert got.tangential_force[9] < 0.05  # nothing moved yet
+    assert got.tangential_force[-1] == pytest.approx(0.6 * got.normal_force[-1], rel=1e-2)
+    assert got.force_at(39).sum(axis=0)[0] > 0.6  # the plate under it moves along +X
+
+
+def test_a_scale_that_comes_back_leaves_nothing_behind(skin):
+    """Material keeps its place at the first scale: grown and shrunk again while it sticks, the skin is as before."""
+    n = 41
+    grow = 1.0 + 0.002 * np.sin(np.linspace(0.0, np.pi, n)) ** 2
+    linear = np.tile(np.diag([1.0, 1.0, 1.0]), (n, 1, 1))
+    linear[:, 0, 0] = grow
+    body = Body("plate", PLATE, {"friction": 5.0})
+    got = felt(skin, poses(np.tile([0.015, 0.0, 0.004], (n, 1))), poses(np.zeros((n, 3)), linear), body=body)
+    first, middle, last = (got.force_at(i) for i in (0, n // 2, n - 1))
+    assert not got.slipping.any()
+    assert np.abs(middle - first).max() > 1e-2 * np.abs(first).max()
+    assert np.abs(last - first).max() <= 1e-4 * np.abs(first).max()
+
+
 def test_a_mesh_given_anew_every_sample_equals_a_rigid_one(reference, skin):
     path = press_and_slide()
     surfaces = tuple(Mesh(PLATE.vertices - p, FACES) for p in path)

@@ -145,6 +145,66 @@ def test_deforming_surface_brings_its_own_velocity() -> None:
     assert not pair.surface_velocity[0].any()
 
 
+@pytest.mark.parametrize("size", [97, 1])
+@pytest.mark.parametrize("sheared", [False, True])
+def test_an_animated_scale_brings_the_velocity_of_the_surface(sheared: bool, size: int) -> None:
+    """The point of a growing block below a pad that stands still: material x0 moves along x at x0 times the rate."""
+    t = times()
+    rot = matrices(np.array([[0.9, 0.3, -0.2, 0.1]]))[0]
+    linear = np.tile(np.diag([1.0, 1.0, 1.0]), (len(t), 1, 1))
+    linear[:, 0, 0] += 0.2 * t
+    if sheared:
+        linear[:, 1, 0] = 0.1 * t
+    x = 0.03
+    touch = sampled([poses(np.tile([x, 0, 0.06], (len(t), 1)) @ rot.T, rot)],
+                    [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3)), rot @ linear))],
+                    size=size)  # fmt: skip
+    met = Encounter(touch, 0, 0, t, 0.05)
+    material = x / linear[:, 0, 0]
+    exact = np.stack([-0.2 * material, -(0.1 if sheared else 0.0) * material, 0 * t], axis=1)
+    body = touch.body_motion(0).at(t).rotation
+    velocity = np.einsum("nij,nj->ni", np.broadcast_to(body, (len(t), 3, 3)), met.velocity) @ rot  # in the block's axes
+    # the rate is that since the sample before, half a sample late; the first sample has none before it
+    assert velocity[1:] == pytest.approx(exact[1:], abs=2e-5)
+
+
+def test_growing_towards_the_pad_is_an_onset_of_that_speed() -> None:
+    t = times()
+    linear = np.tile(np.eye(3), (len(t), 1, 1))
+    linear[:, 2, 2] += 0.5 * t
+    touch = sampled([poses(np.tile([0, 0, 0.05], (len(t), 1)))],
+                    [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3)), linear))])  # fmt: skip
+    met = Encounter(touch, 0, 0, COMMANDS, 0.0005)
+    assert met.onsets == pytest.approx([(0.05 - 0.0005 - 0.04) / 0.02], abs=1e-9)
+    assert met.onset_velocities == pytest.approx(np.array([[0, 0, -0.02]]), abs=1e-9)
+
+
+def test_scale_and_shape_add_up() -> None:
+    """A block whose vertices rise at 10 mm/s in its own space, stretched threefold and more so by 0.5 1/s."""
+    t = times()
+    plain = cuboid(0.05, 0.05, 0.02)
+    up = np.array([0, 0, 1.0]) * (plain.vertices[:, 2:] > 0)
+    meshes = tuple(Mesh(plain.vertices + 0.01 * x * up, plain.triangles) for x in t)
+    linear = np.tile(np.eye(3), (len(t), 1, 1))
+    linear[:, 2, 2] = 3.0 + 0.5 * t
+    touch = sampled([poses(np.tile([0, 0, 0.11], (len(t), 1)))],
+                    [(Body("b", None), poses(np.zeros((len(t), 3)), linear))], surfaces={0: meshes})  # fmt: skip
+    velocity = touch.pairs[0, 0].surface_velocity
+    assert velocity is not None
+    exact = 0.01 * (3.0 + 0.5 * t) + 0.5 * (0.02 + 0.01 * t)  # product rule
+    assert velocity[1:, 2] == pytest.approx(exact[1:], abs=1e-4)
+
+
+def test_a_constant_scale_of_a_turning_object_is_no_motion_of_its_own() -> None:
+    t = times()
+    angle = 3.0 * t
+    turn = matrices(np.stack([np.cos(angle / 2), 0 * t, 0 * t, np.sin(angle / 2)], axis=1))
+    rounded = (turn @ np.diag([1.7, 0.6, 1.1])).astype(np.float32).astype(float)
+    touch = sampled([poses(np.tile([0.01, 0, 0.05], (len(t), 1)))],
+                    [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3)), rounded))])  # fmt: skip
+    assert touch.pairs[0, 0].surface_velocity is None
+
+
 def test_scale_zero_is_reported_and_the_rest_is_kept() -> None:
     t = times()
     linear = np.tile(np.eye(3), (len(t), 1, 1))

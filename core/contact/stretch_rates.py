@@ -1,0 +1,57 @@
+"""How fast an object's scale and shear carry its surface along."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..motion import rotations, singular
+from .surfaces import SAME_STRETCH
+from .triangles import Array
+
+
+class StretchRates:
+    """Follows the stretch of a scene's bodies from sample to sample.
+
+    A body counts as stretching from the first sample on at which its stretch is another than where it was first
+    needed: what float32 matrices leave of a constant scale is no motion.
+    """
+
+    def __init__(self) -> None:
+        self._first: dict[int, Array] = {}
+        self._stretching: set[int] = set()
+
+    def of(
+        self, b: int, times: Array, poses: Array, wanted: NDArray[np.intp], stretch: Array,
+        before: tuple[float, Array] | None,
+    ) -> Array | None:  # fmt: skip
+        """Return the velocity gradient of a body's carried space [1/s], shape (n, 3, 3): velocity = gradient @ point.
+
+        It is the change of the stretch since the sample before; zero where there is none. None where the body keeps
+        its scale.
+
+        Args:
+            times: of the chunk's samples [s], shape (n,). poses: object-to-world, shape (n, 4, 4).
+            wanted: the samples it is needed at, rising, shape (k,). stretch: there, shape (k, 3, 3).
+            before: time [s] and pose of the last sample before the chunk.
+        """
+        first = self._first.setdefault(b, np.array(stretch[0]))
+        start = 0
+        if b not in self._stretching:
+            told = stretch[:1] if stretch.strides[0] == 0 else stretch  # one matrix for all samples
+            other = np.abs(told - first).max(axis=(1, 2)) > SAME_STRETCH * np.abs(first).max()
+            if not other.any():
+                return None
+            self._stretching.add(b)
+            start = int(np.argmax(other))
+        moving, now = wanted[start:], stretch[start:]
+        earlier, since = poses[moving - 1, :3, :3].copy(), times[moving] - times[moving - 1]
+        known = moving > 0
+        if not known[0] and before is not None:
+            earlier[0], since[0], known[0] = before[1][:3, :3], times[0] - before[0], True
+        known &= ~singular(earlier)
+        moving, now, earlier, since = moving[known], now[known], earlier[known], since[known]
+        change = now - np.swapaxes(rotations(earlier), 1, 2) @ earlier
+        gradient = np.zeros((len(times), 3, 3))
+        gradient[moving] = change @ np.linalg.inv(now) / since[:, None, None]
+        return gradient

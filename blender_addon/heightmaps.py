@@ -7,10 +7,9 @@ from typing import Any
 
 import bpy
 import numpy as np
-from mathutils.bvhtree import BVHTree
 from numpy.typing import NDArray
 
-from . import properties, sampling_meshes
+from . import properties, relief_cast, sampling_meshes
 from ._core import core
 
 _errors = import_module(".errors", core.__name__)
@@ -66,9 +65,11 @@ def build(
         heights, height_unit, findings = kept[1]
     else:
         heights, height_unit, findings = _relief(obj, depsgraph, unit)
+        if settings.source == "MESH" and not keep and not _felt_as_mesh(obj, depsgraph.scene):
+            findings += relief_cast.frozen(obj, depsgraph.scene)
         if mirrored:
             heights = np.ascontiguousarray(heights[..., ::-1])
-        if keep:
+        if keep and _chosen(settings):
             _kept[obj.session_uid] = (key, (heights, height_unit, findings))
     parameters = {k: v for k, v in properties.parameters(settings).items() if k != "height"}
     if heights.ndim == 3:
@@ -78,33 +79,69 @@ def build(
 
 
 def _relief(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[np.float32], float, tuple[Any, ...]]:
+    settings = obj.dermis.screen
+    if not _chosen(settings) and _felt_as_mesh(obj, depsgraph.scene):
+        return np.zeros((1, 1), np.float32), 1.0, (
+            Finding("info", "no-map", "no relief was chosen, so the screen is flat to devices that read its map",
+                    where=f"screen '{obj.name_full}'"),
+        )  # fmt: skip
+    heights, height_unit, findings = _read(obj, depsgraph, unit)
+    if height_unit == 0.0:  # to the engine 0 is a map without a unit, as high as the screen is wide
+        findings += (
+            Finding("warning", "no-height", "its height is 0 mm, so the relief is flat",
+                    where=f"screen '{obj.name_full}'", remedy="Set Height in the Dermis tab under Screen"),
+        )  # fmt: skip
+        return np.zeros_like(heights), 1.0, findings
+    return heights, height_unit, findings
+
+
+def _chosen(settings: Any) -> bool:
+    if settings.source == "MESH":
+        return settings.mesh_object is not None
+    return settings.image is not None if settings.source == "IMAGE" else bool(settings.filepath.strip())
+
+
+def _felt_as_mesh(screen: bpy.types.Object, scene: bpy.types.Scene) -> bool:
+    """Tell whether a device reads the surfaces that lie over a screen instead of its map."""
+    return any(
+        device.enabled and device.relief == "mesh" and device.screen in (None, screen)
+        for obj in scene.objects
+        if obj.dermis.role == "FINGER"
+        for device in obj.dermis.finger.devices
+    )
+
+
+def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[np.float32], float, tuple[Any, ...]]:
     depth_map = import_module(".effects.depth_map", core.__name__)
     settings = obj.dermis.screen
     where = f"screen '{obj.name_full}'"
     meaning = "depth" if settings.invert else "height"
     full_scale = float(settings.height_mm) * 1e-3
+    hole = 0.0 if settings.zero_is_hole else None
     if settings.source == "MESH":
-        heights, noticed = cast(obj, depsgraph, unit)
+        heights, noticed = relief_cast.cast(obj, depsgraph, unit, *bounds(obj, depsgraph))
         # Steps in a mesh are edges of the model, not of the storage: they stay.
-        made = depth_map.from_array(heights, steps="keep", where=where)
+        made = depth_map.from_array(heights, levels=0, where=where)
         return made.heights, 1.0, noticed + made.findings
     if settings.source == "IMAGE":
-        values, noticed = pixels(settings.image, where)
-        made = depth_map.from_array(values, meaning=meaning, where=where)
+        values, empty, noticed = pixels(settings.image, where)
+        made = depth_map.from_array(values, meaning=meaning, hole=hole, declared=empty,
+                                    levels=0 if settings.image.is_float else 256, where=where)  # fmt: skip
         return made.heights, full_scale, noticed + made.findings
     if not settings.filepath.strip():
         raise DermisError("no image file was chosen", where=where, remedy="Choose one in the Dermis tab under Screen")
     path = bpy.path.abspath(settings.filepath, library=obj.library)
     if settings.source == "SEQUENCE":
         images = import_module(".images", core.__name__)
-        made = depth_map.read(images.sequence(path), meaning=meaning)
-    else:
-        made = depth_map.read(path, meaning=meaning)
+        made = depth_map.read(images.sequence(path), meaning=meaning, hole=hole)
+        gap = images.gap_after(path)
+        return made.heights, full_scale, made.findings + (() if gap is None else (gap,))
+    made = depth_map.read(path, meaning=meaning, hole=hole)
     return made.heights, full_scale, made.findings
 
 
-def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float32], tuple[Any, ...]]:
-    """Return an image's raw brightness, row 0 at the bottom, and what was noticed.
+def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float32], NDArray[np.bool_], tuple[Any, ...]]:
+    """Return an image's raw brightness, row 0 at the bottom, where it is empty (alpha 0), and what was noticed.
 
     Raises:
         DermisError: no image, or one without pixels.
@@ -130,75 +167,9 @@ def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float3
     if image.channels >= 3:
         grey = (planes[:, :, 0] == planes[:, :, 1]) & (planes[:, :, 1] == planes[:, :, 2])
         values = np.where(grey, planes[:, :, 0], values)  # greys stay exactly what was stored
-    return np.ascontiguousarray(values), findings
-
-
-def cast(
-    screen: bpy.types.Object, depsgraph: bpy.types.Depsgraph, unit: float
-) -> tuple[NDArray[np.float64], tuple[Any, ...]]:
-    """Cast rays against the screen's -Z onto its mesh object; return heights over the screen [m], NaN where none hit.
-
-    Row 0 lies at the bottom; rays go through the middle of each pixel, in the current frame.
-
-    Raises:
-        DermisError: no mesh, or nothing of it over the screen.
-    """
-    settings = screen.dermis.screen
-    target = settings.mesh_object
-    where = f"screen '{screen.name_full}'"
-    if target is None:
-        raise DermisError(
-            "no mesh was chosen for its relief", where=where, remedy="Choose an object under Screen > Mesh"
-        )
-    evaluated = target.evaluated_get(depsgraph)
-    with sampling_meshes.evaluated_mesh(evaluated) as mesh:
-        points = np.zeros((0, 3)) if mesh is None else sampling_meshes.positions(mesh).astype(np.float64)
-        faces = np.zeros((0, 3), np.int32) if mesh is None else sampling_meshes.triangles(mesh)
-    if len(faces) == 0:
-        raise DermisError("the mesh has no faces", where=f"object '{target.name_full}'", remedy="Give it faces")
-    matrix = np.array(screen.evaluated_get(depsgraph).matrix_world, np.float64)
-    centre, size = bounds(screen, depsgraph)
-    stretch = np.linalg.norm(matrix[:3, :3], axis=0)
-    axes = matrix[:3, :3] / stretch
-    origin = matrix[:3, :3] @ centre + matrix[:3, 3]
-    to_world = np.array(evaluated.matrix_world, np.float64)
-    local = ((points @ to_world[:3, :3].T + to_world[:3, 3]) - origin) @ np.linalg.inv(axes).T * unit
-    extent = size * stretch[:2] * unit
-    shape = grid(extent, settings.resolution)
-    heights = _ray_grid(local, faces, extent, shape)
-    missed = int(np.isnan(heights).sum())
-    if missed == heights.size:
-        raise DermisError("nothing of the mesh lies over the touch screen", where=where, value=target.name_full,
-                          remedy="Move the mesh in front of the screen, along the screen's own Z")  # fmt: skip
-    return heights, ()
-
-
-def grid(extent: NDArray[np.float64], resolution: int) -> tuple[int, int]:
-    """Return rows and columns with `resolution` points along the longer side and pixels as square as can be."""
-    longer = float(extent.max())
-    columns, rows = (max(1, round(resolution * float(e) / longer)) for e in extent)
-    return rows, columns
-
-
-def _ray_grid(
-    points: NDArray[np.float64], faces: NDArray[np.int32], extent: NDArray[np.float64], shape: tuple[int, int]
-) -> NDArray[np.float64]:
-    rows, columns = shape
-    # The tree works in single precision and has tolerances of its own: put the mesh into a box of size one.
-    size = float(np.abs(points).max()) or 1.0
-    tree = BVHTree.FromPolygons((points / size).tolist(), faces.tolist(), all_triangles=True)
-    top = float(points[:, 2].max()) / size + 1.0
-    xs = ((np.arange(columns) + 0.5) / columns - 0.5) * extent[0] / size
-    ys = ((np.arange(rows) + 0.5) / rows - 0.5) * extent[1] / size
-    heights = np.full(shape, np.nan)
-    down = (0.0, 0.0, -1.0)
-    for r, y in enumerate(ys.tolist()):
-        row = heights[r]
-        for c, x in enumerate(xs.tolist()):
-            distance = tree.ray_cast((x, y, top), down)[3]
-            if distance is not None:
-                row[c] = (top - distance) * size
-    return heights
+    transparent = image.channels in (2, 4) and image.alpha_mode in ("STRAIGHT", "PREMUL")
+    empty = planes[:, :, -1] == 0.0 if transparent else np.zeros((height, width), bool)
+    return np.ascontiguousarray(values), empty, findings
 
 
 def _key(obj: bpy.types.Object) -> Any:
@@ -206,7 +177,7 @@ def _key(obj: bpy.types.Object) -> Any:
     s = obj.dermis.screen
     image, mesh = s.image, s.mesh_object
     return (
-        s.source, s.invert, s.height_mm, s.filepath, s.resolution,
+        s.source, s.invert, s.zero_is_hole, s.height_mm, s.filepath, s.resolution,
         None if image is None else (image.session_uid, tuple(image.size), image.filepath),
         None if mesh is None else (mesh.session_uid, tuple(map(tuple, mesh.matrix_world))),
         tuple(map(tuple, obj.matrix_world)) if s.source == "MESH" else None,

@@ -119,7 +119,15 @@ ATTRIBUTES: dict[type, tuple[Attribute, ...]] = {
     DermisFinger: attributes_of(DermisFinger, "skin", "devices", "active_device"),
     DermisMaterial: attributes_of(DermisMaterial, "preset"),
     DermisScreen: attributes_of(
-        DermisScreen, "source", "image", "filepath", "sequence_start", "mesh_object", "invert", "resolution"
+        DermisScreen,
+        "source",
+        "image",
+        "filepath",
+        "sequence_start",
+        "mesh_object",
+        "invert",
+        "zero_is_hole",
+        "resolution",
     ),
 }
 

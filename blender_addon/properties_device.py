@@ -69,6 +69,21 @@ class DermisDevice(bpy.types.PropertyGroup):
         name="Screen", description="The touch screen that this finger touches; empty: every screen in the scene",
         type=bpy.types.Object, poll=_is_screen, update=touched, override=OVERRIDE,
     )  # fmt: skip
+    relief: choice(
+        "Relief", "Where the slope under the finger is read ([S4])",
+        (("map", "Screen's Map", "The relief that the touch screen was given: an image, or a mesh cast onto it once "
+          "([S4] eq. 3)"),
+         ("mesh", "Mesh", "The surface of the touchable object under the finger itself, which may move and deform; "
+          "profile Slope only ([S4] eq. 6)")),
+        "map",
+    )  # fmt: skip
+    relief_formula: choice(
+        "Formula", "How the normal of a mesh becomes friction ([S4] eq. 6)",
+        (("slope", "Equal to the Map", "-f0 n_xy . v / n_z, the slope of the surface: what a map of it would give"),
+         ("printed", "As Printed", "f0 n . [v, 0], the formula as the paper prints it: its sign is opposite, downhill "
+          "resists, and steep slopes are compressed")),
+        "slope",
+    )  # fmt: skip
     profile: choice(
         "Profile", "What of the relief becomes friction ([S4])",
         (("slope", "Slope", "Friction follows the slope along the movement: the gradient method"),

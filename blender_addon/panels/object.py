@@ -65,6 +65,7 @@ class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
         if screen.source != "MESH":
             column.prop(screen, "height_mm")
             column.prop(screen, "invert")
+            column.prop(screen, "zero_is_hole")
         column.prop(screen, "touch_distance_mm")
 
 
@@ -150,7 +151,14 @@ class DERMIS_PT_device(DermisPanel, bpy.types.Panel):
                 column.prop(device, name)
             properties(layout, device, "auto_range", "projection", "transient_axis", "weight_sign")
         if kind in ("friction_screen", ""):
-            column = properties(layout, device, "screen", "profile")
+            column = properties(layout, device, "screen", "relief")
+            if device.relief == "mesh":
+                column.prop(device, "relief_formula")
+            column.prop(device, "profile")
+            if device.relief == "mesh" and device.profile != "slope":
+                paragraph(layout, context, "The relief of a mesh knows the profile Slope only.", "ERROR")
+                column = layout.column()
+                column.use_property_split = True
             if device.profile == "slope":
                 column.prop(device, "downhill")
                 column.prop(device, "direction_window")

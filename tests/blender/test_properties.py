@@ -13,11 +13,10 @@ from .build import empty, finger, keys, span
 FINGER = {"touch_distance", "pattern", "pattern_play", "pattern_angle", "pattern_frequency", "pattern_amplitude",
           "pattern_repeat"}  # fmt: skip
 DEVICE = {"use_transient", "use_texture", "use_weight", "use_content", "use_pattern", "projection", "transient_axis",
-          "weight_sign", "auto_range", "profile", "downhill", "scale_mode", "scale", "carrier", "direction_window",
-          "threshold", "pin_method", "pin_nodes", "pin_bounded", "pin_lead", "pin_fade_in", "pin_fade_out",
-          "thimble_method", "thimble_surrogate", "thimble_hover",
-          "thimble_calibrated", "thimble_felt_1", "thimble_felt_2", "thimble_felt_3", "table",
-          "table_rows"}  # fmt: skip
+          "weight_sign", "auto_range", "relief", "relief_formula", "profile", "downhill", "scale_mode", "scale",
+          "carrier", "direction_window", "threshold", "pin_method", "pin_nodes", "pin_bounded", "pin_lead",
+          "pin_fade_in", "pin_fade_out", "thimble_method", "thimble_surrogate", "thimble_hover", "thimble_calibrated",
+          "thimble_felt_1", "thimble_felt_2", "thimble_felt_3", "table", "table_rows"}  # fmt: skip
 GROUPS = (properties.DermisDevice, properties.DermisFinger, properties.DermisMaterial, properties.DermisScreen,
           properties.DermisObject, properties.DermisScene)  # fmt: skip
 

@@ -76,7 +76,7 @@ def test_a_sphere_cast_onto_a_turned_screen_has_its_exact_heights():
     np.testing.assert_allclose(screen.height_map, exact, atol=2e-5)
 
 
-def test_holes_of_a_cast_mesh_are_filled_and_counted():
+def test_beside_a_cast_mesh_lies_the_screen_itself_and_is_counted():
     scene = build.span(1, 3)
     obj = build.screen("Screen", 0.2, 0.1)
     plate = build.mesh_object(
@@ -86,10 +86,11 @@ def test_holes_of_a_cast_mesh_are_filled_and_counted():
     build.finger()
     screen, _ = sampled_screen(scene)
     assert screen.height_map.shape == (50, 100)
-    assert np.isfinite(screen.height_map).all()
     np.testing.assert_allclose(screen.height_map[:, :75], 0.01, atol=1e-7)
-    holes = [f for f in screen.findings if f.code == "holes-filled"]
-    assert len(holes) == 1 and holes[0].count == 50 * 25
+    assert (screen.height_map[:, 75:] == 0.0).all()
+    assert [(f.code, f.severity, f.count, f.value) for f in screen.findings] == [
+        ("bare-screen", "info", 50 * 25, "25 % of it")
+    ]
 
 
 def test_of_two_layers_the_one_nearer_the_viewer_is_felt():
@@ -192,6 +193,6 @@ def test_the_live_preview_keeps_a_relief_until_told():
 
     first = now()
     assert now() is first
-    picture.pixels.foreach_set(np.zeros(80, np.float32))
+    picture.pixels.foreach_set(np.tile(np.array([0, 0, 0, 1], np.float32), 20))
     heightmaps.forget()
     assert now().max() == 0.0

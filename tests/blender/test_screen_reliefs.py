@@ -1,0 +1,281 @@
+"""Reliefs of touch screens as an artist meets them: holes, steps, frozen meshes, and the mesh felt without a map."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon import jobs, sampling
+from core.presets import Library
+from tests.blender import build
+from tests.blender.test_sampling_screens import image
+
+SLOPED = 0.2  # rise of the test plane along x
+
+
+def bake():
+    return jobs.drain(jobs.bake(bpy.context.scene, Library(None)))
+
+
+def relief():
+    """Return the first screen's heights [its own unit], its unit [m], and its findings by code."""
+    screen = sampling.sample().screens[0]
+    return screen.height_map, screen.height_unit, {f.code: f for f in screen.findings}
+
+
+def stroke(device="electrovibration", z=0.0, **settings):
+    """Let a finger slide along +x over the screen in 2 s; return it with its device."""
+    build.span(1, 49)
+    tip = build.finger()
+    build.keys(tip, "location", [1, 49], [(-0.09, 0, z), (0.09, 0, z)])
+    use = tip.dermis.finger.devices.add()
+    use.preset = device
+    for name, value in settings.items():
+        setattr(use, name, value)
+    return tip, use
+
+
+def plane(rise=SLOPED):
+    """Add a touchable plane through the origin that climbs along x."""
+    corners = [(x, y, rise * x) for x, y in ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))]
+    made = build.mesh_object("Slope", corners, [(0, 1, 2, 3)])
+    made.dermis.role = "TOUCHABLE"
+    return made
+
+
+def volts(friction):
+    return 10 ** ((math.log10(friction) + 1.05) / 1.24)
+
+
+# --- heights
+
+
+def test_a_height_of_zero_is_flat_and_gives_no_voltage():
+    stroke(scale_mode="manual", scale=1000.0)
+    screen = build.screen()
+    ramp = np.tile((np.arange(64, dtype=np.float32) + 0.5) / 64, (32, 1))
+    screen.dermis.screen.image = image("Ramp", ramp)
+    screen.dermis.screen.height_mm = 2.0
+    (high,) = bake().outputs
+    # 2 mm over 0.2 m: friction 1000 * 0.01 all the way
+    np.testing.assert_allclose(high.track.values[100:-100, 0], volts(10.0), rtol=1e-4)
+    screen.dermis.screen.height_mm = 0.0
+    heights, unit, findings = relief()
+    assert not heights.any() and unit == 1.0 and findings["no-height"].severity == "warning"
+    (flat,) = bake().outputs
+    assert flat.signals["contact"].all() and not flat.track.values[:, 0].any()
+
+
+def test_steps_of_a_float_image_and_of_a_mesh_are_exact_and_those_of_bytes_are_smoothed():
+    build.span(1, 3)
+    build.finger()
+    screen = build.screen()
+    tent = np.tile(np.minimum(np.arange(40), 40 - np.arange(40)).astype(np.float32) / 255, (40, 3))
+    settings = screen.dermis.screen
+    settings.image = image("Float", tent)
+    heights, _, findings = relief()
+    np.testing.assert_array_equal(heights, tent)
+    assert findings == {}
+    settings.image = image("Bytes", tent, is_float=False)
+    heights, _, findings = relief()
+    assert set(findings) == {"staircase-smoothed"} and 0 < np.abs(heights - tent).max() <= 0.5 / 255 * (1 + 1e-4)
+    steps = [(x, y, z) for z in (0.001, 0.002) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    steps[4], steps[7] = (0.0, -1, 0.002), (0.0, 1, 0.002)
+    settings.source, settings.resolution = "MESH", 20
+    settings.mesh_object = build.mesh_object("Steps", steps, [(0, 1, 2, 3), (4, 5, 6, 7)])
+    heights, _, findings = relief()
+    np.testing.assert_allclose(heights, np.tile(np.repeat([0.001, 0.002], 10), (10, 1)), atol=1e-7)
+    assert findings == {}, "two heights of a mesh are meant"
+
+
+# --- holes
+
+
+def test_transparent_pixels_are_holes_alike_in_a_file_and_in_a_blender_image(tmp_path):
+    build.span(1, 3)
+    build.finger()
+    values = np.full((16, 32), 200 / 255, np.float32)
+    rgba = np.stack([values, values, values, np.ones_like(values)], -1)
+    rgba[:, 8:12] = 0.0
+    made = bpy.data.images.new("Holes", 32, 16, alpha=True, is_data=True)
+    made.pixels.foreach_set(rgba.ravel())
+    made.filepath_raw, made.file_format = str(tmp_path / "holes.png"), "PNG"
+    made.save()
+    settings = build.screen().dermis.screen
+    settings.source, settings.filepath = "FILE", str(tmp_path / "holes.png")
+    from_file, _, in_file = relief()
+    settings.source, settings.image = "IMAGE", bpy.data.images.load(str(tmp_path / "holes.png"))
+    from_image, _, in_image = relief()
+    for heights, findings in ((from_file, in_file), (from_image, in_image)):
+        np.testing.assert_allclose(heights, 200 / 255, rtol=1e-6)
+        assert findings["holes-filled"].count == 16 * 4
+    settings.image.alpha_mode = "NONE"
+    heights, _, findings = relief()
+    assert "holes-filled" not in findings and not heights[:, 8:12].any(), "who ignores alpha has no holes"
+
+
+def test_zero_is_a_hole_where_the_artist_says_so(tmp_path):
+    build.span(1, 3)
+    build.finger()
+    depth = np.full((8, 8), 0.5, np.float32)
+    depth[2:4, 2:5] = 0.0
+    np.save(tmp_path / "depth_1.npy", depth[::-1])
+    settings = build.screen().dermis.screen
+    settings.invert, settings.image, settings.filepath = True, image("Depth", depth), str(tmp_path / "depth_1.npy")
+    for source in ("IMAGE", "FILE", "SEQUENCE"):
+        settings.source, settings.zero_is_hole = source, False
+        heights, _, findings = relief()
+        np.testing.assert_array_equal(heights, -depth)
+        assert "holes-filled" not in findings
+        settings.zero_is_hole = True
+        heights, _, findings = relief()
+        np.testing.assert_allclose(heights, -0.5, rtol=1e-6)
+        assert findings["holes-filled"].count == 6
+
+
+def test_a_sequence_begins_at_the_chosen_file_and_tells_of_gaps_and_of_its_end(tmp_path):
+    stroke(profile="height")
+    for k in (1, 2, 3, 4, 6, 7):
+        ramp = np.tile(np.linspace(0, 1, 8, dtype=np.float32) * k, (4, 1))
+        np.save(tmp_path / f"map_{k:03}.npy", ramp)
+    settings = build.screen().dermis.screen
+    settings.source, settings.filepath = "SEQUENCE", str(tmp_path / "map_003.npy")
+    heights, _, findings = relief()
+    np.testing.assert_array_equal(heights[:, 0, -1], [3.0, 4.0])
+    assert findings["sequence-gap"].value == "map_004.npy, then map_006.npy" and findings["sequence-gap"].count == 2
+    codes = {f.code: f for f in bake().all_findings}
+    # Two maps, frames 1 and 2; the second lasts to 2.5 of 49 frames.
+    assert codes["sequence-short"].frame == pytest.approx(2.5, abs=24 / 1000) and "sequence-gap" in codes
+
+
+# --- meshes
+
+
+def test_a_mesh_that_changes_under_a_still_relief_is_reported():
+    def codes():
+        return set(relief()[2])
+
+    scene = build.span(1, 49)
+    build.finger()
+    screen, cube = build.screen(), build.cube("Relief", 0.05)
+    cube.dermis.role = "NONE"
+    settings = screen.dermis.screen
+    settings.source, settings.mesh_object, settings.resolution = "MESH", cube, 32
+    still, _, findings = relief()
+    assert "relief-frozen" not in findings
+    assert still[8, 16] == pytest.approx(0.025) and still[0, 0] == 0.0
+    # It moves only late in the range.
+    build.keys(cube, "location", [1, 40, 49], [(0, 0, 0), (0, 0, 0), (0.1, 0, 0)])
+    heights, _, findings = relief()
+    np.testing.assert_array_equal(heights, still)
+    assert findings["relief-frozen"].severity == "info" and "Relief to Mesh" in findings["relief-frozen"].remedy
+    assert scene.frame_current == 1
+    # A mesh that rides on its screen does not change there.
+    cube.animation_data_clear()
+    cube.parent = screen
+    build.keys(screen, "location", [1, 49], [(0, 0, 0), (0.3, 0.1, 0)])
+    assert "relief-frozen" not in codes()
+    # It deforms.
+    cube.shape_key_add(name="Basis")
+    grown = cube.shape_key_add(name="Grown")
+    for point in grown.data:
+        point.co *= 2
+    build.keys(cube.data.shape_keys, 'key_blocks["Grown"].value', [1, 49], [0.0, 1.0])
+    assert "relief-frozen" in codes()
+    # A device that feels the mesh itself feels it move.
+    use = bpy.data.objects["Finger"].dermis.finger.devices.add()
+    use.preset, use.relief = "electrovibration", "mesh"
+    assert "relief-frozen" not in codes()
+
+
+@pytest.mark.parametrize("scale", [(1, 1, 0), (0, 1, 1)])
+def test_a_screen_scaled_to_nothing_is_refused_in_words(scale):
+    build.span(1, 3)
+    build.finger()
+    build.cube("Other", 0.1, (1, 1, 1))
+    screen, cube = build.screen(), build.cube("Relief", 0.05)
+    settings = screen.dermis.screen
+    settings.source, settings.mesh_object, screen.scale = "MESH", cube, scale
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        tactile = sampling.sample()
+    assert tactile.screens == ()
+    (finding,) = [f for f in tactile.findings if f.code == "screen-unusable"]
+    assert "scaled to nothing" in finding.what and finding.where == "screen 'Screen'"
+
+
+@pytest.mark.parametrize("formula", ["slope", "printed"])
+def test_the_mesh_itself_is_felt_on_a_plane(formula):
+    plane()
+    tip, use = stroke(relief="mesh", relief_formula=formula, scale_mode="manual", scale=100.0, downhill="absolute")
+    build.keys(tip, "location", [1, 49], [(-0.09, 0, -0.09 * SLOPED), (0.09, 0, 0.09 * SLOPED)])
+    screen = build.screen()
+    screen.dermis.screen.touch_distance_mm = 50.0
+    baked = bake()
+    (output,) = baked.outputs
+    # n = (-s, 0, 1) / sqrt(1 + s^2); v = +x
+    exact = 100.0 * (SLOPED if formula == "slope" else SLOPED / math.sqrt(1 + SLOPED**2))
+    felt = output.signals["contact"] > 0
+    assert felt[5:].all()
+    np.testing.assert_allclose(output.signals["friction"][5:], exact, rtol=1e-5)
+    np.testing.assert_allclose(output.track.values[5:, 0], volts(exact), rtol=1e-5)
+    # Uphill eq. 5 resists; the printed form has the other sign.
+    use.downhill = "rectify"
+    (output,) = bake().outputs
+    np.testing.assert_allclose(output.signals["friction"][5:], exact if formula == "slope" else 0.0, rtol=1e-5)
+    assert {f.code for f in baked.all_findings} >= {"no-map"}, "a screen needs no map to be felt as a mesh"
+    assert [f for f in baked.all_findings if f.severity == "error"] == []
+
+
+def test_the_mesh_itself_is_felt_on_a_sphere_that_moves():
+    radius, amount = 0.1, 0.05
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=256, ring_count=128, radius=radius, rotation=(math.pi / 2, 0, 0))
+    ball = bpy.context.object
+    ball.dermis.role = "TOUCHABLE"
+    ball.location = (0, 0, -radius)
+    # The finger rests and the ball runs along below it: [S4]'s direction is the finger's on the screen, which rides on
+    # the ball, so the finger slides over it along -x.
+    build.span(1, 49)
+    screen = build.screen("Screen", 0.4, 0.4)
+    screen.parent = ball
+    screen.matrix_parent_inverse = ball.matrix_world.inverted()
+    screen.dermis.screen.touch_distance_mm = 50.0
+    build.keys(ball, "location", [1, 49], [(-amount, 0, -radius), (amount, 0, -radius)])
+    tip = build.finger("Finger")
+    times = np.linspace(0, 1, 49)
+    off = amount - 2 * amount * times  # of the finger from the ball's middle
+    build.keys(tip, "location", list(range(1, 50)),
+               [(0, 0, math.sqrt(radius**2 - x**2) - radius) for x in off])  # fmt: skip
+    use = tip.dermis.finger.devices.add()
+    use.preset, use.relief, use.scale_mode, use.scale, use.downhill = (
+        "electrovibration", "mesh", "manual", 100.0, "absolute",
+    )  # fmt: skip
+    (output,) = bake().outputs
+    x = amount - 2 * amount * output.track.times / output.track.times[-1]
+    exact = 100.0 * np.abs(x) / np.sqrt(radius**2 - x**2)
+    moved = (output.signals["contact"] > 0) & (np.arange(len(x)) > 5)
+    assert moved.sum() > 0.98 * len(x)
+    # Facets of 1.4 degrees with smooth normals
+    assert np.abs(output.signals["friction"] - exact)[moved].max() < 0.2
+
+
+# --- time
+
+
+@pytest.mark.parametrize("rate", [240, 7])
+def test_a_screens_track_lasts_as_long_as_a_tactors(rate):
+    tip, _ = stroke(device="haptip")
+    tip.dermis.finger.devices.add().preset = "electrovibration"
+    build.cube("Cube", 0.05)
+    screen = build.screen()
+    screen.dermis.screen.image = image("Ramp", np.tile(np.arange(16, dtype=np.float32) / 15, (8, 1)))
+    scene = build.span(1, 31, 30, 1.001)
+    scene.dermis.sample_rate = rate
+    tactor, voltage = bake().outputs
+    assert (tactor.device, voltage.device) == ("haptip", "electrovibration")
+    np.testing.assert_array_equal(voltage.track.times, np.arange(1002) / 1000)  # 30 frames of 1001/30000 s
+    np.testing.assert_array_equal(voltage.track.times, tactor.track.times)

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from .. import handlers, properties, reporting
+from .. import animation_paths, handlers, properties, reporting
 from ..preferences import core_module, library
 
 
@@ -80,10 +80,14 @@ class DERMIS_OT_remove_device(bpy.types.Operator):
         return _finger(context, "") is not None and bool(context.object.dermis.finger.devices)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Remove it."""
+        """Remove it, with its keys and drivers."""
         finger = context.object.dermis.finger
         index = min(finger.active_device, len(finger.devices) - 1)
         finger.devices.remove(index)
+        lost = animation_paths.element_removed(context.object, "dermis.finger.devices", index)
+        if lost:
+            self.report({"WARNING"}, f"Drivers muted, because what they read is gone: {', '.join(lost)}")
+        context.object.update_tag()  # the evaluated copy would keep the device, and with it the numbers
         finger.active_device = max(0, min(index, len(finger.devices) - 1))
         handlers.mark_dirty(context.object.name)
         return {"FINISHED"}

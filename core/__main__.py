@@ -53,6 +53,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def render(options: argparse.Namespace) -> int:
     """Render a sampled scene and write its tracks."""
     from . import outputs, pipeline, scene_file
+    from .formats import export as formats
+    from .formats.file_names import FileNames
     from .presets import Library
 
     scene, library = scene_file.load(options.scene), Library(options.presets)
@@ -62,22 +64,36 @@ def render(options: argparse.Namespace) -> int:
         written += outputs.export_screen_maps(scene, library, options.out)
     for path in written:
         print(path)
-    for form in options.format:
-        for name, output in zip(outputs.file_names(bake), bake.outputs, strict=True):
-            print(_export(output.track, options.out / name, form, options.force))
+    refused, names = 0, FileNames()
+    for form in dict.fromkeys(options.format):
+        for stem, output in zip(outputs.file_names(bake), bake.outputs, strict=True):
+            try:
+                path = options.out / names.take(stem, formats.format_of(form).suffix)
+                print(_export(output.track, path, form, options.force))
+            except DermisError as error:  # one finger's track does not take the others down
+                print(f"error: {output.finger}, {output.device}, {form}: {error}", file=sys.stderr)
+                refused += 1
     for name in sorted(bake.skipped):
         if bake.skipped[name] and not options.quiet:
             print(f"skipped: {bake.skipped[name]} {name}", file=sys.stderr)
-    return _tell(bake.all_findings, sys.stderr)
+    return max(_tell(bake.all_findings, sys.stderr), FAILED if refused else 0)
 
 
 def export(options: argparse.Namespace) -> int:
     """Write tracks in other formats, whole or a range of them."""
     from .formats import export as formats
+    from .formats.file_names import FileNames
 
-    failed = 0
+    failed, names = 0, FileNames()
+    for path in options.tracks:  # a track that is still to be read is none to write over
+        names.reserve(path)
     for path in options.tracks:
+        stem, suffix = path.name.removesuffix(path.suffix), formats.format_of(options.format).suffix
+        folder = options.out or path.parent
         try:
+            if (folder / (stem + suffix)).resolve() == path.resolve():
+                raise DermisError("the file would replace itself", where=str(path), remedy="Choose another folder")
+            target = folder / names.take(stem, suffix, folder)
             track = formats.read(path)
             if options.limit:
                 track = track.within_limits()
@@ -85,21 +101,17 @@ def export(options: argparse.Namespace) -> int:
                 track = track.resampled(options.rate)
             if options.range:
                 track = formats.cut(track, *options.range)
-            stem = (options.out or path.parent) / path.name.removesuffix(path.suffix)
-            if stem.with_name(stem.name + formats.format_of(options.format).suffix).resolve() == path.resolve():
-                raise DermisError("the file would replace itself", where=str(path), remedy="Choose another folder")
-            print(_export(track, stem, options.format, options.force))
+            print(_export(track, target, options.format, options.force))
         except DermisError as error:  # one bad file does not take the others down
             print(f"error: {error}", file=sys.stderr)
             failed += 1
     return REFUSED if failed else 0
 
 
-def _export(track: CommandTrack, stem: Path, form: str, force: bool) -> Path:
+def _export(track: CommandTrack, path: Path, form: str, force: bool) -> Path:
     """Write one track; tell what its check found."""
     from .formats import export as formats
 
-    path = stem.with_name(stem.name + formats.format_of(form).suffix)
     _tell(formats.write(track, path, form, force=force), sys.stderr)
     return path
 

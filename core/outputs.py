@@ -42,6 +42,7 @@ def export_screen_maps(scene: TactileScene, library: Library, folder: Path) -> t
     Raises:
         DermisError: no finger has a screen device, a map cannot be used, or the folder cannot be written.
     """
+    from .formats.file_names import FileNames, safe
     from .matching.perceptual import screen_maps
 
     wanted = []
@@ -58,29 +59,20 @@ def export_screen_maps(scene: TactileScene, library: Library, folder: Path) -> t
             remedy="Add a touch screen, and an electrovibration device to the finger that touches it",
         )
     chunk = next(iter(scene.chunks))
-    written: dict[Path, None] = {}
+    names = FileNames()
+    written: list[Path] = []
     for who, use, spec in wanted:
         for index, screen_map in screen_maps(scene, chunk.screens, use, spec).items():
-            stem = f"{_safe(who)}.{_safe(scene.screens[index].name)}.{use.preset}"
-            path = Path(folder) / f"{stem}.map.npz"
+            stem = f"{safe(who)}.{safe(scene.screens[index].name)}.{safe(use.preset)}"
+            path = Path(folder) / names.take(stem, ".map.npz")
             screen_map.save(path)
-            written[path] = None
+            written.append(path)
     return tuple(written)
-
-
-def _safe(name: str) -> str:
-    """Return a name that every file system takes."""
-    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
 
 
 def file_names(bake: Bake) -> tuple[str, ...]:
     """Return a file stem per output: finger and device, safe on every file system, never the same twice."""
-    names: list[str] = []
-    for output in bake.outputs:
-        stem = name = f"{_safe(output.finger) or 'finger'}.{output.device}"
-        number = 2
-        while name.lower() in {n.lower() for n in names}:
-            name = f"{stem}-{number}"
-            number += 1
-        names.append(name)
-    return tuple(names)
+    from .formats.file_names import FileNames, safe
+
+    names = FileNames()
+    return tuple(names.take(f"{safe(output.finger) or 'finger'}.{safe(output.device)}") for output in bake.outputs)

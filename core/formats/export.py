@@ -42,6 +42,10 @@ FORMATS: Mapping[str, Format] = {
 }
 
 
+class EmptyRange(DermisError):
+    """A range without duration, or one so short that no sample of the track lies in it."""
+
+
 def write(track: CommandTrack, path: Path, form: str = "csv", *, force: bool = False) -> tuple[Finding, ...]:
     """Check a track and write it in one of the `FORMATS`; return what the check found.
 
@@ -105,20 +109,22 @@ def cut(track: CommandTrack, first: float, last: float, *, name: str = "") -> Co
         name: of the range, noted as `range` in the meta data.
 
     Raises:
-        DermisError: the range is empty, or reaches beyond the track by more than half a sample.
+        EmptyRange: the range has no duration, or no sample lies in it.
+        DermisError: the range begins more than half a sample before the track, or ends a sample or more after it.
     """
     where = f"range '{name}'" if name else "range"
-    slack = 0.5 / track.spec.rate
+    rate = track.spec.rate
+    # A sampled sweep ends at its last whole sample, up to one sample before the end of what was sampled.
+    early, late = 0.5 / rate, (1 - 1e-6) / rate
     if not (np.isfinite(first) and np.isfinite(last) and last > first):
-        raise DermisError("the range is empty", where=where, value=f"{first:g} to {last:g} s")
-    if len(track.times) == 0 or first < track.times[0] - slack or last > track.times[-1] + slack:
+        raise EmptyRange("the range is empty", where=where, value=f"{first:g} to {last:g} s")
+    if len(track.times) == 0 or first < track.times[0] - early or last > track.times[-1] + late:
         held = f"{track.times[0]:g} to {track.times[-1]:g} s" if len(track.times) else "nothing"
         raise DermisError("the range reaches beyond the track", where=where, value=f"{first:g} to {last:g} s",
                           limit=held, remedy="Bake the whole range first")  # fmt: skip
-    rate = track.spec.rate
     kept = np.flatnonzero((track.times >= first - 1e-6 / rate) & (track.times <= last + 1e-6 / rate))
     if not len(kept):
-        raise DermisError("no sample lies in the range", where=where, value=f"{first:g} to {last:g} s")
+        raise EmptyRange("no sample lies in the range", where=where, value=f"{first:g} to {last:g} s")
     times = track.times[kept] - track.times[kept[0]]
     even = np.arange(len(kept)) / rate
     if np.abs(even - times).max() < 1e-9:

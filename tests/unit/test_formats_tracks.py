@@ -148,6 +148,26 @@ def test_cut_keeps_both_ends_and_tells_the_frames() -> None:
         export.cut(track, 0.5, 0.5)
 
 
+def test_a_range_may_end_where_the_sampled_frames_end() -> None:
+    """14 frames at 24 fps last 541.67 ms; at 1 kHz the last sample is at 541 ms, at 60 Hz at 533.3 ms."""
+    for rate in (1000.0, 60.0, 240.0, 7.0):
+        for frames in range(2, 60):
+            last = frames / 24
+            n = frames * int(rate) // 24 + 1
+            whole = a_track(n)
+            track = replace(whole, spec=replace(whole.spec, rate=rate), times=np.arange(n) / rate)
+            assert np.array_equal(export.cut(track, 0.0, last).values, track.values)
+            with pytest.raises(DermisError, match="beyond the track"):
+                export.cut(track, 0.0, track.times[-1] + 1 / rate)
+
+
+def test_a_range_between_two_samples_is_empty() -> None:
+    with pytest.raises(export.EmptyRange, match="no sample"):
+        export.cut(a_track(1001), 0.2501, 0.2509)
+    with pytest.raises(export.EmptyRange, match="is empty"):
+        export.cut(a_track(1001), 0.25, 0.25)
+
+
 # -- mutated files: a parser gives a track or a DermisError, and nothing else
 
 

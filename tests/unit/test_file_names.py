@@ -1,0 +1,96 @@
+"""Names of an export's files: no two that any file system takes for one, and the same ones each time."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import core
+from core.bake import Bake, Output
+from core.devices.spec import Channel, DeviceSpec
+from core.formats import c_header, export
+from core.formats.file_names import FileNames, numbered, safe
+from core.outputs import file_names
+from core.track import CommandTrack
+
+SPEC = DeviceSpec("dev", "A device", "test", 100.0, (Channel("x", "m", -1.0, 1.0, actuator="a"),), stated_hash="0")
+ROOT = Path(core.__file__).parents[1]
+
+
+def a_track(level: float) -> CommandTrack:
+    return CommandTrack(SPEC, np.arange(5) / 100, np.full((5, 1), level), {"finger": "F"})
+
+
+def taken(stems: list[str], suffix: str = ".json") -> list[str]:
+    names = FileNames()
+    return [names.take(safe(s), suffix) for s in stems]
+
+
+@pytest.mark.parametrize(
+    ("stems", "wanted"),
+    [
+        (["a b", "a_b", "a/b"], ["a_b", "a_b-2", "a_b-3"]),
+        (["A", "a"], ["A", "a-2"]),
+        (["a b", "a_b", "a_b-2"], ["a_b", "a_b-2", "a_b-2-2"]),
+        (["a b", "a_b-2", "a_b"], ["a_b", "a_b-2", "a_b-3"]),
+        (["Stra\u00dfe", "STRASSE"], ["Stra\u00dfe", "STRASSE-2"]),  # macOS and NTFS differ: both are served
+        (["\ud55c", "\u1112\u1161\u11ab"], ["\ud55c", "\u1112\u1161\u11ab-2"]),  # one syllable, composed or not
+        (["a-b", "a_b"], ["a-b", "a_b"]),
+    ],
+)
+def test_no_two_names_meet(stems: list[str], wanted: list[str]) -> None:
+    assert taken(stems) == [w + ".json" for w in wanted]
+
+
+def test_headers_of_one_folder_differ_in_what_they_define() -> None:
+    """'a-b.h' and 'a_b.h' are two files with one include guard: the second would vanish from a sketch."""
+    names = taken(["a-b", "a_b", "\u00c4", "\u00d6"], ".h")
+    stems = [n.removesuffix(".h") for n in names]
+    assert names[:2] == ["a-b.h", "a_b-2.h"] and len({c_header.identifier(s) for s in stems}) == 4
+    both = FileNames()
+    assert [both.take("t", ".h", Path(folder)) for folder in ("left", "right")] == ["t.h", "t.h"]
+
+
+def test_the_second_of_a_name_is_numbered() -> None:
+    assert numbered(["a", "b", "a", "a"]) == ["a", "b", "a-2", "a-3"]
+    assert numbered(["a", "a", "a-2"]) == ["a", "a-3", "a-2"]
+
+
+def test_a_bake_s_files() -> None:
+    fingers = ("a b", "a_b", "A B", "")
+    bake = Bake(tuple(Output(f, "dev", a_track(0.0), {}, ()) for f in fingers), (), {}, "hash")
+    assert file_names(bake) == ("a_b.dev", "a_b.dev-2", "A_B.dev-3", "finger.dev")
+
+
+def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
+    return subprocess.run([sys.executable, "-m", "core", "export", *arguments], cwd=folder, env=env, timeout=120,
+                          capture_output=True, encoding="utf-8")  # fmt: skip
+
+
+def test_tracks_of_one_name_from_several_folders(tmp_path: Path) -> None:
+    for folder, level in (("da", 0.25), ("db", 0.5), ("dc", 0.75)):
+        export.write(a_track(level), tmp_path / folder / ("T.csv" if folder == "dc" else "t.csv"))
+    for _ in range(2):  # again into the same folder: the same names, nothing added
+        done = run(tmp_path, "da/t.csv", "db/t.csv", "dc/T.csv", "--format", "json", "--out", "o")
+        assert done.returncode == 0, done.stderr
+        names = ["t.json", "t-2.json", "T-3.json"]
+        assert done.stdout.split() == [str(Path("o") / n) for n in names]
+        assert sorted(p.name for p in (tmp_path / "o").iterdir()) == sorted(names)
+        assert [export.read(tmp_path / "o" / n).values[0, 0] for n in names] == [0.25, 0.5, 0.75]
+
+
+def test_a_track_that_is_still_to_be_read_is_not_written_over(tmp_path: Path) -> None:
+    export.write(a_track(0.25), tmp_path / "da/t.csv")
+    export.write(a_track(0.5), tmp_path / "db/t.json", "json")
+    before = (tmp_path / "db/t.json").read_bytes()
+    done = run(tmp_path, "da/t.csv", "db/t.json", "--format", "json", "--out", "db")
+    assert done.returncode == 2 and "replace itself" in done.stderr  # of the second; the first goes on
+    assert (tmp_path / "db/t.json").read_bytes() == before
+    assert done.stdout.split() == [str(Path("db/t-2.json"))]
+    assert export.read(tmp_path / "db/t-2.json").values[0, 0] == 0.25

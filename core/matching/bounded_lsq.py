@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
+from .bounded_input import WHERE, bounds_of, statuses_of
 from .bounded_solution import BoundedSolution
 
 __all__ = ["BoundedLeastSquares", "BoundedSolution", "bounded_least_squares"]
 
 Array = NDArray[np.float64]
 
-WHERE = "bounded least squares"
 SIGN_TOLERANCE = 1e-13  # of the largest gradient or bound: below it a sign counts as right
 MAX_BLOCK_TRIES = 6  # block exchanges without progress before the primal active set takes over
 MAX_PIVOTS = 3000
@@ -63,7 +63,8 @@ class BoundedLeastSquares:
         low, high: bounds, numbers or shape (n,), low <= high, finite.
 
     Raises:
-        DermisError: H is not square, symmetric, finite and positive semi-definite, or the bounds are crossed.
+        DermisError: H is not square, symmetric, finite and positive semi-definite, or the bounds do not fit or are
+            crossed.
     """
 
     def __init__(self, gram: Array, low: Any, high: Any) -> None:
@@ -109,7 +110,7 @@ class BoundedLeastSquares:
             start: active bounds to start from, as in `BoundedSolution.status`.
 
         Raises:
-            DermisError: c has another shape or values that are not finite.
+            DermisError: c, the bounds or the start have another shape or values that are not allowed.
         """
         c = np.asarray(c, dtype=np.float64)
         if c.shape != (self.n,):
@@ -123,7 +124,7 @@ class BoundedLeastSquares:
             self._factors.clear()
             self._latest = None
         if start is not None:
-            self._status, self._latest = np.array(start, dtype=np.int8), None
+            self._status, self._latest = statuses_of(start, self.n), None
         scale = abs(c.item(self._idamax(c))) + self._size * self._span
         if self._proximal:
             return self._proximal_steps(c, scale)
@@ -266,16 +267,7 @@ class BoundedLeastSquares:
         return factor
 
     def _set_bounds(self, low: Any, high: Any) -> None:
-        self.low = np.array(np.broadcast_to(low, (self.n,)), dtype=np.float64)
-        self.high = np.array(np.broadcast_to(high, (self.n,)), dtype=np.float64)
-        bad = np.flatnonzero(~(self.low <= self.high) | ~np.isfinite(self.low) | ~np.isfinite(self.high))
-        if len(bad):
-            i = int(bad[0])
-            raise DermisError(
-                "bounds must be finite and not crossed",
-                where=f"{WHERE}, variable {i}",
-                value=f"{self.low[i]} to {self.high[i]}",
-            )
+        self.low, self.high = bounds_of(low, high, self.n)
         same = self.n > 0 and bool((self.low == self.low[0]).all() and (self.high == self.high[0]).all())
         self._uniform = (float(self.low[0]), float(self.high[0])) if same else None
         self._span = max(float(np.abs(self.low).max(initial=0.0)), float(np.abs(self.high).max(initial=0.0)))

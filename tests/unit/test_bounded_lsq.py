@@ -134,8 +134,32 @@ def test_no_variables():
         (np.eye(2), np.ones(3), 0, 1, "does not fit"),
         (np.eye(2), np.ones(2), 1, 0, "crossed"),
         (np.eye(2), np.ones(2), 0, np.inf, "finite"),
+        (np.eye(2), np.ones(2), [0, np.nan], 1, "variable 1.*nan to 1"),
+        (np.eye(3), np.ones(3), [0, 0], 1, r"lower bounds do not fit.*\(2,\).*\(3,\)"),
+        (np.eye(3), np.ones(3), 0, np.ones((3, 1)), r"upper bounds do not fit.*\(3, 1\).*\(3,\)"),
+        (np.eye(3), np.ones(3), 0, [1.0], r"upper bounds do not fit.*\(1,\).*\(3,\)"),
+        (np.eye(2), np.ones(2), 0, [1, [2, 3]], "upper bounds are no numbers"),
     ],
 )
 def test_bad_input_is_refused(gram, c, low, high, words):
     with pytest.raises(DermisError, match=words):
         bounded_least_squares(gram, c, low, high)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"low": [0.0, 0.0]}, r"lower bounds do not fit.*\(2,\).*\(3,\)"),
+        ({"high": np.ones(4)}, r"upper bounds do not fit.*\(4,\).*\(3,\)"),
+        ({"low": [0.0, 2.0, 0.0]}, "variable 1"),
+        ({"high": np.inf}, "finite"),
+        ({"start": np.array([0, 0])}, r"start does not fit.*\(2,\).*\(3,\)"),
+        ({"start": np.array([0, 5, 0])}, "variable 1.*-1, 0 or 1"),
+        ({"start": np.array([0, np.nan, 0])}, "variable 1.*-1, 0 or 1"),
+    ],
+)
+def test_bad_changes_are_refused_and_change_nothing(given, words):
+    solver, c = BoundedLeastSquares(np.eye(3), 0.0, 1.0), np.array([-1.0, 0.5, 2.0])
+    with pytest.raises(DermisError, match=words):
+        solver.solve(c, **given)
+    np.testing.assert_array_equal(solver.solve(c).x, [0.0, 0.5, 1.0])

@@ -6,6 +6,7 @@ path on the screen -> direction (eq. 4) -> slope (eq. 3) -> friction (eq. 5) -> 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,7 +57,12 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
     settings = Settings(touch, scene, finger, use, spec.rate, where)
     findings: list[Finding] = []
     relevant = screens_of(scene, use)
-    maps = screen_maps(scene, touch.screens, use, spec)
+    scale = settings.series("scale") if settings.constant("scale_mode", "auto") == "manual" else None
+    if scale is not None and scale.any():  # keyed, it may begin at zero
+        largest = float(scale[np.argmax(np.abs(scale))])
+        maps = screen_maps(scene, touch.screens, replace(use, parameters={**use.parameters, "scale": largest}), spec)
+    else:
+        maps = screen_maps(scene, touch.screens, use, spec)
     for index in maps:
         findings += scale_findings(touch.screens[index], scene.screens[index].name)
 
@@ -67,7 +73,6 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
     contact = np.isfinite(distance).any(axis=0)
 
     n = len(settings.times)
-    scale = settings.series("scale") if settings.constant("scale_mode", "auto") == "manual" else None
     threshold = settings.series("threshold")
     window = float(settings.constant("direction_window", DIRECTION_WINDOW))
     signals = {name: np.zeros(n) for name in ("x", "y", "distance", "direction_x", "direction_y", "grad_x", "grad_y",

@@ -292,6 +292,16 @@ def test_animated_settings_override_the_constant_ones():
     np.testing.assert_allclose(result.signals["friction"][up], (100 * times * result.signals["grad_x"])[up], rtol=1e-9)
 
 
+def test_a_keyed_scale_may_begin_at_zero_and_the_largest_is_written_down():
+    t = np.arange(len(ACROSS)) / RATE
+    result = rendered(scene_of(ACROSS, device={"scale_mode": "manual", "scale": 0.0},
+                               channels={"device/0/0/scale": 100 * t}))  # fmt: skip
+    up = (result.signals["x"] < -0.001) & (result.track.times > 0.002)
+    exact = 100 * result.track.times * result.signals["grad_x"]
+    np.testing.assert_allclose(result.signals["friction"][up], exact[up], rtol=1e-9)
+    assert result.signals["friction"].max() > 1.0 and result.track.meta["scale"] == "100"
+
+
 def test_without_a_name_the_finger_feels_every_screen():
     path = np.concatenate([stroke((-0.03, 0), (0.0, 0), 0.25), stroke((0.47, 0), (0.5, 0), 0.25)[1:]])
     result = rendered(scene_of(path, screens=2, use_screen=""))

@@ -96,7 +96,7 @@ def _curves(action: bpy.types.Action, handle: int) -> Iterator[Any]:
 
 
 def _in_targets(owner: bpy.types.ID, pattern: re.Pattern[str], index: int) -> list[str]:
-    """Renumber what drivers of this file read from the owner; mute those whose source is gone, and return where they are."""
+    """Renumber what drivers read from the owner; mute those whose source is gone, and return where they are."""
     lost = []
     for user in _animated():
         for curve in user.animation_data.drivers:

@@ -75,6 +75,11 @@ def muted() -> Iterator[None]:
         _muted -= 1
 
 
+def sweeping() -> bool:
+    """Tell whether a sweep of ours is under way: the scene is then at a frame to which nobody has put it."""
+    return _muted > 0
+
+
 @persistent
 def _on_depsgraph(_scene: bpy.types.Scene, depsgraph: Any = None) -> None:
     global _edits, _ticks

@@ -2,6 +2,7 @@
 
 # mypy: disable-error-code="valid-type"
 
+from contextlib import suppress
 from typing import Any
 
 import bpy
@@ -28,6 +29,16 @@ def _changed(self: Any, context: Any) -> None:
     streaming.changed()
 
 
+def _chosen(self: Any, context: Any) -> None:
+    from . import preferences, streaming, streaming_calibration
+
+    _quiet(self, context)
+    if self.channels:  # they are one finger's: the list follows the choice, connected or not
+        with suppress(preferences.core_module("errors").DermisError):
+            streaming_calibration.fill_channels(self.id_data)
+    streaming.changed()
+
+
 def _outputs(_self: Any, _context: Any, text: str) -> list[str]:
     from . import streaming_tracks
 
@@ -50,6 +61,13 @@ class DermisStreamChannel(bpy.types.PropertyGroup):
                        options=set())  # fmt: skip
     high: FloatProperty(name="High", description="Most that may be driven, in SI", precision=5, update=_changed,
                         options=set())  # fmt: skip
+
+
+class DermisStreamCalibration(bpy.types.PropertyGroup):
+    """The calibration of one finger's device, put by while another's is listed; its name is 'finger: device'."""
+
+    file: StringProperty(subtype="FILE_PATH", options={"HIDDEN"})
+    channels: CollectionProperty(type=DermisStreamChannel)
 
 
 class DermisStream(bpy.types.PropertyGroup):
@@ -79,11 +97,11 @@ class DermisStream(bpy.types.PropertyGroup):
     )  # fmt: skip
     output: StringProperty(
         name="Track", description="Finger and device whose track is played; the first one if empty", search=_outputs,
-        update=_changed, options=set(),
+        update=_chosen, options=set(),
     )  # fmt: skip
     track_file: StringProperty(
         name="Track File", description="A command track from a file, instead of the bake", subtype="FILE_PATH",
-        update=_changed, options=set(),
+        update=_chosen, options=set(),
     )  # fmt: skip
     screen_file: StringProperty(
         name="Screen Map", description="The screen's relief and law, as exported, for the mode Touch",
@@ -122,9 +140,11 @@ class DermisStream(bpy.types.PropertyGroup):
         default=True, update=_quiet, options=set(),
     )  # fmt: skip
     channels: CollectionProperty(type=DermisStreamChannel)
+    channels_of: StringProperty(options={"HIDDEN"})  # 'finger: device' to which they belong; '' for nobody yet
+    shelf: CollectionProperty(type=DermisStreamCalibration)
 
 
-CLASSES = (DermisStreamChannel, DermisStream)
+CLASSES = (DermisStreamChannel, DermisStreamCalibration, DermisStream)
 
 
 def register() -> None:

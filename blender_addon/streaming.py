@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from . import streaming_calibration, streaming_tracks
+from . import streaming_calibration, streaming_hold, streaming_tracks
 from .preferences import core_module, library
 
 BEAT = 0.02  # between two signs of life [s]
@@ -20,6 +20,8 @@ REDRAW = 5  # beats between two redraws of the panel
 _client: Any = None
 _scene = 0  # session uid of the scene that streams
 _status: dict[str, Any] = {}
+_note = ""  # what Blender's side has to say beside the sender
+_published: tuple[float | None, tuple[float, ...]] = (None, ())  # time and values of the last beat
 _beats = 0
 _ports: list[tuple[str, str]] = []
 
@@ -70,7 +72,7 @@ def connect(scene: bpy.types.Scene) -> None:
     settings = scene.dermis_stream
     key = streaming_tracks.device_key(scene)
     preset = library().load("devices", key)
-    streaming_calibration.fill_channels(scene, preset, key)
+    streaming_calibration.fill_channels(scene)
     calibration = streaming_calibration.calibration_of(scene, key)
     _client = core_module("stream.client").SenderClient()
     _scene = scene.session_uid
@@ -83,13 +85,13 @@ def connect(scene: bpy.types.Scene) -> None:
 
 def close() -> None:
     """Stop, disconnect and end the sender. Safe to call at any time."""
-    global _client, _status
+    global _client, _note, _published, _status
     if bpy.app.timers.is_registered(_on_timer):
         bpy.app.timers.unregister(_on_timer)
     client, _client = _client, None
     if client is not None:
         client.close()
-    _status = {}
+    _status, _note, _published = {}, "", (None, ())
     streaming_tracks.forget()
 
 
@@ -97,10 +99,13 @@ def arm(scene: bpy.types.Scene) -> None:
     """Let the device move, because a person asked for it.
 
     Raises:
-        DermisError: nothing is connected, or there is nothing to play.
+        DermisError: nothing is connected, or something steps through the frames.
     """
     if _client is None:
         raise core_module("errors").DermisError("not connected", remedy="Connect first")
+    if streaming_hold.held():
+        raise core_module("errors").DermisError("nothing is armed while something steps through the frames",
+                                                remedy="Let the bake or the render end, or cancel it")  # fmt: skip
     _client.set(**_wish(scene))
     beat()
     _client.arm()
@@ -120,33 +125,53 @@ def stop() -> None:
 
 def changed() -> None:
     """Pass changed settings on to a running sender; a sender that does not run takes them when it starts."""
+    global _note
     scene = _streaming_scene()
     if _client is None or scene is None or streaming_calibration.restoring():
         return
     try:
+        streaming_calibration.fill_channels(scene)
         made = streaming_calibration.calibration_of(scene, streaming_tracks.device_key(scene))
         _client.set(**_wish(scene), calibration=made.dumps())
+        _note = ""
     except core_module("errors").DermisError as error:
-        _status["words"] = str(error)
+        _note = str(error)
 
 
 def beat() -> None:
-    """Give a sign of life with what Blender shows; read the status."""
-    global _status
-    scene = _streaming_scene()
-    if _client is None or scene is None:
-        return
-    settings = scene.dermis_stream
-    playing = any(screen.is_animation_playing for screen in bpy.data.screens)
-    first, fps = streaming_tracks.origin(scene)
-    moment = (float(scene.frame_current_final) - first) / fps
-    values: tuple[float, ...] = ()
-    if settings.mode == "follow":
-        from . import streaming_twin
+    """Give a sign of life with what Blender shows; read the status.
 
-        values = streaming_twin.shown_values(scene)
+    While something steps through the frames, what was published last holds: nobody plays then, and nobody scrubs.
+    """
+    global _published, _status
+    if _client is None:
+        return
+    scene = _streaming_scene()
+    if scene is None:  # removed, or undone
+        close()
+        return
+    playing = False
+    if not streaming_hold.held():
+        if streaming_tracks.outdated(scene):
+            changed()  # before the time is taken: it counts from the start of the track that the sender has
+        playing = any(screen.is_animation_playing for screen in bpy.data.screens)
+        _published = _shown(scene)
+    moment, values = _published
     _client.beat(playing=playing, time=moment, values=values)
     _status = _client.status()
+    if _note:
+        _status["words"] = "; ".join(filter(None, (_note, _status.get("words"))))
+
+
+def _shown(scene: bpy.types.Scene) -> tuple[float, tuple[float, ...]]:
+    """Return the track's time of the frame that is shown, and in the mode 'follow' the values."""
+    first, fps = streaming_tracks.origin(scene)
+    moment = (float(scene.frame_current_final) - first) / fps
+    if scene.dermis_stream.mode != "follow":
+        return moment, ()
+    from . import streaming_twin
+
+    return moment, streaming_twin.shown_values(scene)
 
 
 def _wish(scene: bpy.types.Scene) -> dict[str, Any]:
@@ -168,6 +193,8 @@ def _on_timer() -> float | None:
         return None
     before = _status.get("state")
     beat()
+    if _client is None:
+        return None
     _beats += 1
     if _beats % REDRAW == 0 or before != _status.get("state"):
         for window in bpy.context.window_manager.windows:
@@ -184,13 +211,22 @@ def _on_load(*_: Any) -> None:
     streaming_calibration.forget()
 
 
+@persistent
+def _on_history(*_: Any) -> None:
+    if _client is not None:
+        changed()  # undo brings settings back without a word; the device blends over to what the panel now says
+        beat()
+
+
 _keys: list[tuple[Any, Any]] = []
 
 
 def register() -> None:
-    """Watch for files being opened; put the stop on its key."""
-    if _on_load not in bpy.app.handlers.load_pre:
-        bpy.app.handlers.load_pre.append(_on_load)
+    """Watch for files being opened, undo and renders; put the stop on its key."""
+    for found, function in _table():
+        if function not in found:
+            found.append(function)
+    streaming_hold.register()
     configuration = bpy.context.window_manager.keyconfigs.addon if bpy.context.window_manager else None
     if configuration is not None:
         keymap = configuration.keymaps.new(name="Window", space_type="EMPTY")
@@ -203,5 +239,12 @@ def unregister() -> None:
         keymap, item = _keys.pop()
         keymap.keymap_items.remove(item)
     _on_load()
-    if _on_load in bpy.app.handlers.load_pre:
-        bpy.app.handlers.load_pre.remove(_on_load)
+    streaming_hold.unregister()
+    for found, function in _table():
+        if function in found:
+            found.remove(function)
+
+
+def _table() -> tuple[tuple[list[Any], Any], ...]:
+    on = bpy.app.handlers
+    return (on.load_pre, _on_load), (on.undo_post, _on_history), (on.redo_post, _on_history)

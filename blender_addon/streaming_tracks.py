@@ -4,16 +4,27 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 
 from . import results
 from .preferences import core_module
 
+
+class _Sent(NamedTuple):
+    """The baked track that the sender has: it starts where its own bake did, whatever has been baked since."""
+
+    output: Any  # kept, or its id could be another's tomorrow
+    scene: int  # session uid
+    name: str
+    first: float
+    fps: float
+
+
 _files: list[Path] = []
 _file_track: Any = None  # of `track_file`: (path, CommandTrack)
-_written: tuple[Any, ...] = ()
+_sent: _Sent | None = None
 
 
 def output_names() -> list[str]:
@@ -30,24 +41,44 @@ def chosen_output(scene: bpy.types.Scene) -> Any:
     return next((o for o in outputs if not wanted or f"{o.finger}: {o.device}" == wanted), None)
 
 
+def device_of(scene: bpy.types.Scene) -> tuple[str, str]:
+    """Return the finger and the device preset that the settings speak of; '' for a finger that no one has named.
+
+    Raises:
+        DermisError: there is no device.
+    """
+    if scene.dermis_stream.track_file:
+        track = load_file(scene)
+        return str(track.meta.get("finger", "")), str(track.spec.key)
+    output = chosen_output(scene)
+    if output is not None:
+        return str(output.finger), str(output.device)
+    there = [(obj.name, str(use.preset)) for obj in scene.objects if obj.dermis.role == "FINGER"
+             for use in obj.dermis.finger.devices if use.enabled and use.preset]  # fmt: skip
+    wanted = [pair for pair in there if ": ".join(pair) == scene.dermis_stream.output]
+    if there:
+        return (wanted or there)[0]
+    raise core_module("errors").DermisError("no device to stream to", where=scene.name,
+                                            remedy="Give a finger a device, or choose a track file")  # fmt: skip
+
+
 def device_key(scene: bpy.types.Scene) -> str:
     """Return the device preset that the settings speak of.
 
     Raises:
         DermisError: there is none.
     """
-    if scene.dermis_stream.track_file:
-        return str(load_file(scene).spec.key)
-    output = chosen_output(scene)
-    if output is not None:
-        return str(output.device)
-    for obj in scene.objects:
-        if obj.dermis.role == "FINGER":
-            for use in obj.dermis.finger.devices:
-                if use.enabled and use.preset:
-                    return str(use.preset)
-    raise core_module("errors").DermisError("no device to stream to", where=scene.name,
-                                            remedy="Give a finger a device, or choose a track file")  # fmt: skip
+    return device_of(scene)[1]
+
+
+def device_name(scene: bpy.types.Scene) -> str:
+    """Return 'finger: device' of what the settings speak of.
+
+    Raises:
+        DermisError: there is no device.
+    """
+    finger, key = device_of(scene)
+    return f"{finger}: {key}" if finger else key
 
 
 def load_file(scene: bpy.types.Scene) -> Any:
@@ -66,30 +97,40 @@ def load_file(scene: bpy.types.Scene) -> Any:
 
 def track_path(scene: bpy.types.Scene) -> str:
     """Return a file with the track to be played; the bake's is written anew when it has changed."""
-    global _written
+    global _sent
     if scene.dermis_stream.track_file:
         load_file(scene)
         return str(Path(bpy.path.abspath(scene.dermis_stream.track_file)))
     output = chosen_output(scene)
-    if output is None:
+    result = results.current(scene)
+    if output is None or result is None:
+        _sent = None
         return ""
-    key = (id(output), scene.session_uid)
-    if not _written or _written[0] != key:
+    if _sent is None or _sent.output is not output or _sent.scene != scene.session_uid:
         handle, name = tempfile.mkstemp(prefix="dermis-stream-", suffix=".dtrack")
         with open(handle, "wb") as file:
             file.write(core_module("formats.binary").dumps(output.track))
         _files.append(Path(name))
-        _written = (key, name, output)  # the output too, or its id could be another's tomorrow
-    return str(_written[1])
+        _sent = _Sent(output, scene.session_uid, name, result.first, result.fps)
+    return _sent.name
+
+
+def outdated(scene: bpy.types.Scene) -> bool:
+    """Tell whether the sender has another baked track than the one to be played: one was baked, or forgotten."""
+    if scene.dermis_stream.track_file:
+        return False
+    mine = _sent is not None and _sent.scene == scene.session_uid
+    return chosen_output(scene) is not (_sent.output if _sent is not None and mine else None)
 
 
 def origin(scene: bpy.types.Scene) -> tuple[float, float]:
-    """Return the frame at which tracks start, and frames a second."""
+    """Return the frame at which the track starts that is played, and frames a second."""
     from .sampling import frame_range, frames_per_second
 
-    result = results.current(scene)
-    if result is not None and not scene.dermis_stream.track_file:
-        return result.first, result.fps
+    if not scene.dermis_stream.track_file:
+        started = _sent if _sent is not None and _sent.scene == scene.session_uid else results.current(scene)
+        if started is not None:
+            return started.first, started.fps
     return float(frame_range(scene)[0]), float(frames_per_second(scene))
 
 
@@ -100,8 +141,8 @@ def loaded() -> Any:
 
 def forget(*, files: bool = False) -> None:
     """Remove what was written for the sender; with `files`, what was loaded too."""
-    global _file_track, _written
-    _written = ()
+    global _file_track, _sent
+    _sent = None
     while _files:
         _files.pop().unlink(missing_ok=True)
     if files:

@@ -23,12 +23,17 @@ def preview(scene: bpy.types.Scene) -> Any:
     reported = (status.get("received") or {}).get("values")
     if reported is None and status.get("pose"):
         reported = dict(zip(status.get("names", ()), status["pose"], strict=False))
-    if streaming.streams(scene) and settings.show_received and reported:
-        return _preview_of(scene, reported, "device", "what the device reports")
     track = streaming_tracks.loaded()
-    if settings.track_file and track is not None:
-        return _preview_of_file(scene, track)
-    return None
+    loaded = _preview_of_file(scene, track) if settings.track_file and track is not None else None
+    if streaming.streams(scene) and settings.show_received and reported:
+        from . import live
+
+        found = _reported_in(loaded, reported, "")  # the file's one row is its own, whichever output is chosen
+        if found is None:
+            found = _reported_in(live.computed(scene), reported, settings.output)
+        if found is not None:
+            return found
+    return loaded
 
 
 def shown_values(scene: bpy.types.Scene) -> tuple[float, ...]:
@@ -44,14 +49,12 @@ def shown_values(scene: bpy.types.Scene) -> tuple[float, ...]:
     return ()
 
 
-def _preview_of(scene: bpy.types.Scene, reported: dict[str, float], source: str, note: str) -> Any:
-    """Return a preview with reported values in place of computed ones."""
+def _reported_in(shown: Any, reported: dict[str, float], wanted: str) -> Any:
+    """Return a preview with reported values in place of its own; None where they fit no row of it."""
     from . import live
 
-    shown = live.computed(scene)
     if shown is None:
         return None
-    wanted = scene.dermis_stream.output
     rows = []
     replaced = False
     for row in shown.rows:
@@ -67,7 +70,7 @@ def _preview_of(scene: bpy.types.Scene, reported: dict[str, float], source: str,
             place = tactor.forward([values["pulley_1"], values["pulley_2"]])
             values["tactor_x"], values["tactor_y"] = (float(v) for v in place)
         rows.append(replace(row, values=values))
-    return live.Preview(shown.frame, source, note, tuple(rows)) if replaced else None
+    return live.Preview(shown.frame, "device", "what the device reports", tuple(rows)) if replaced else None
 
 
 def _preview_of_file(scene: bpy.types.Scene, track: Any) -> Any:

@@ -41,7 +41,7 @@ class DERMIS_OT_stream_connect(Streaming, bpy.types.Operator):
     def work(self, context: bpy.types.Context) -> str | None:
         """Start the sender."""
         streaming.connect(context.scene)
-        return None
+        return streaming_calibration.advice(context.scene) or None
 
 
 class DERMIS_OT_stream_disconnect(Streaming, bpy.types.Operator):
@@ -149,7 +149,11 @@ class DERMIS_OT_calibration_save(File, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Write the file."""
-        path = Path(bpy.path.abspath(self.filepath)).with_suffix(".json")
+        path = Path(bpy.path.abspath(self.filepath))
+        if not path.name:
+            raise core_module("errors").DermisError("no name for the file", value=self.filepath)
+        if path.suffix.lower() != ".json":  # appended: what follows the last dot of a name may be a part of it
+            path = path.with_name(f"{path.name}.json")
         streaming_calibration.save_calibration(context.scene, path)
         return f"Wrote {path}"
 

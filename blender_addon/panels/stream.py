@@ -141,7 +141,7 @@ class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
         """Draw one box an actuator."""
         layout, settings = self.layout, context.scene.dermis_stream
         row = layout.row(align=True)
-        if streaming_calibration.calibrating():
+        if streaming_calibration.calibrating(context.scene):
             row.operator("dermis.stream_calibrate", text="Cancel", icon="LOOP_BACK").action = "CANCEL"
             row.operator("dermis.calibration_save", text="Save", icon="CHECKMARK")
         else:
@@ -149,6 +149,10 @@ class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
             row.operator("dermis.calibration_load", text="Load", icon="FILE_FOLDER")
         if not settings.channels:
             paragraph(layout, context, "Connect once: the actuators are then listed here.")
+        if settings.channels_of:
+            layout.label(text=settings.channels_of, icon="ANIM")
+        if advice := streaming_calibration.advice(context.scene):
+            paragraph(layout, context, advice, "INFO")
         for channel in settings.channels:
             box = layout.box().column(align=True)
             box.label(text=f"{channel.name.replace('_', ' ')} [{channel.unit}]")

@@ -111,7 +111,7 @@ def test_jog_and_calibration_and_cancel(scene: Any) -> None:
     settings = scene.dermis_stream
     streaming.connect(scene)
     bpy.ops.dermis.stream_calibrate(action="BEGIN")
-    assert settings.mode == "jog" and streaming_calibration.calibrating()
+    assert settings.mode == "jog" and streaming_calibration.calibrating(scene)
     settings.ramp = 0.1
     wait(state("ready"))
     streaming.arm(scene)
@@ -128,7 +128,7 @@ def test_jog_and_calibration_and_cancel(scene: Any) -> None:
     bpy.ops.dermis.stream_calibrate(action="CANCEL")
     one = settings.channels[0]
     assert (one.zero, one.gain, one.jog, one.use_limits) == (0.0, 1.0, 0.0, False)
-    assert settings.mode == "play" and not streaming_calibration.calibrating()
+    assert settings.mode == "play" and not streaming_calibration.calibrating(scene)
     wanted = a_track().values[0, 2:]  # what the mode before the calibration shows, driven as before
     wait(lambda s: np.allclose(heard(s), wanted, atol=1e-4))
 

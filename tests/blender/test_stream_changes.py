@@ -1,0 +1,178 @@
+"""What changes under a running sender: another bake, undo and redo. Panel, track and device always agree."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon import handlers, live, results, streaming, streaming_tracks
+from blender_addon.preferences import core_module
+
+from . import build
+from .test_stream import HAPTIP, a_bake, a_track, heard, state, wait
+from .test_undo import push, undo
+
+pytestmark = pytest.mark.real_time
+
+
+@pytest.fixture
+def scene() -> Any:
+    """A finger with a HapTip, and a bake for it, at the frame 13 of 49."""
+    build.finger().dermis.finger.devices.add().preset = HAPTIP
+    bpy.context.view_layer.update()
+    made = a_bake(a_track())
+    made.dermis_stream.ramp = 0.1
+    made.frame_set(13)
+    return made
+
+
+def redo() -> None:
+    """Redo one step, as Ctrl+Shift+Z does."""
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+        assert bpy.ops.ed.redo() == {"FINISHED"}
+
+
+def sent() -> Any:
+    """Return the track that the sender was told to play."""
+    return core_module("formats.export").read(Path(streaming._client._wish["track"]))
+
+
+def there(values: Any) -> Any:
+    return lambda status: status["armed"] and np.allclose(heard(status), values, atol=1e-4)
+
+
+def another_bake(scene: Any, first: int) -> Any:
+    """Keep a bake of a smaller circle that starts at another frame; return its track."""
+    pipeline, track = core_module("pipeline"), a_track()
+    track.values[:, 2:] *= 0.25
+    scene.frame_start = first
+    results.keep(scene, pipeline.Bake((pipeline.Output("Finger", HAPTIP, track, {}, ()),), (), {}, "other"))
+    return track
+
+
+def test_another_bake_comes_with_its_own_first_frame(scene: Any) -> None:
+    streaming.connect(scene)
+    wait(state("ready"))
+    streaming.arm(scene)
+    wait(there(a_track().values[500, 2:]))
+    track = another_bake(scene, 7)
+    assert streaming_tracks.origin(scene) == (1.0, 24.0), "the sender has the old track still"
+    streaming.beat()
+    assert np.allclose(sent().values, track.values, atol=1e-7), "it was given the new one without a setting's help"
+    assert streaming._client._board.read_beat().time == pytest.approx(0.25)
+    wait(there(track.values[250, 2:]))
+    number = streaming._client._board.wish_number
+    streaming.beat()
+    assert streaming._client._board.wish_number == number, "once"
+
+
+def test_a_bake_that_is_forgotten_leaves_the_device_safe(scene: Any) -> None:
+    streaming.connect(scene)
+    wait(state("ready"))
+    streaming.arm(scene)
+    wait(there(a_track().values[500, 2:]))
+    results.forget()
+    status = wait(lambda s: not s["armed"] and np.abs(heard(s)).max() < 1e-4)
+    assert "nothing to play" in status["words"] and streaming._client._wish["track"] == ""
+
+
+def test_undo_and_redo_move_the_device_with_the_panel(scene: Any) -> None:
+    scene.dermis_stream.mode = "jog"
+    streaming.connect(scene)
+    wait(state("ready"))
+    push("connected")
+    streaming.arm(scene)
+    scene.dermis_stream.channels[0].jog, scene.dermis_stream.channels[1].zero = 0.2, 0.1
+    push("jogged")
+    wait(there([0.2, 0.1]))
+    undo()
+    channels = bpy.context.scene.dermis_stream.channels
+    assert (channels[0].jog, channels[1].zero) == (0.0, 0.0)
+    wait(there([0.0, 0.0]))
+    redo()
+    channels = bpy.context.scene.dermis_stream.channels
+    assert (channels[0].jog, channels[1].zero) == pytest.approx((0.2, 0.1))
+    wait(there([0.2, 0.1]))
+
+
+def test_undo_across_connecting_leaves_the_actuators_listed(scene: Any) -> None:
+    scene.dermis_stream.mode = "jog"
+    push("ready to connect")
+    streaming.connect(scene)
+    wait(state("ready"))
+    bpy.data.objects["Finger"].location.x = 0.5
+    push("moved")
+    streaming.arm(scene)
+    wait(there([0.0, 0.0]))
+    undo()
+    settings = bpy.context.scene.dermis_stream
+    assert [c.name for c in settings.channels] == ["pulley_1", "pulley_2"]
+    settings.channels[0].jog = 0.1
+    wait(there([0.1, 0.0]))
+
+
+def test_a_scene_that_is_gone_ends_its_stream(scene: Any) -> None:
+    other = bpy.data.scenes.new("Other")
+    other.dermis_stream.mode = "jog"
+    thing = bpy.data.objects.new("There", None)
+    other.collection.objects.link(thing)
+    thing.dermis.role = "FINGER"
+    thing.dermis.finger.devices.add().preset = HAPTIP
+    streaming.connect(other)
+    client = streaming._client
+    wait(state("ready"))
+    bpy.data.scenes.remove(other)
+    streaming.beat()
+    assert not streaming.connected() and not client.alive
+
+
+def test_what_is_refused_stays_to_be_read(scene: Any) -> None:
+    streaming.connect(scene)
+    wait(state("ready"))
+    channel = scene.dermis_stream.channels[0]
+    channel.gain = 0.0
+    for _ in range(3):
+        streaming.beat()
+        assert "gain" in streaming.status()["words"]
+    channel.gain = 1.0
+    streaming.beat()
+    assert streaming.status()["words"] == ""
+
+
+def test_streaming_a_loaded_track_shows_the_device_in_the_twin(tmp_path: Path) -> None:
+    for name in ("Index", "Thumb"):
+        build.finger(name)
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 1, 49
+    path = tmp_path / "edited.csv"
+    core_module("formats.csv").write(a_track(finger_name="Thumb"), path)
+    bpy.ops.dermis.load_track(filepath=str(path))
+    scene.frame_set(13)
+    scene.dermis_stream.ramp = 0.1
+    streaming.connect(scene)
+    wait(state("ready"))
+    streaming.arm(scene)
+    status = wait(there(a_track().values[500, 2:]))
+    shown = live.preview(scene)
+    assert (shown.source, [r.finger for r in shown.rows]) == ("device", ["Thumb"])
+    row = shown.rows[0]
+    assert [row.values[n] for n in ("pulley_1", "pulley_2")] == heard(status).tolist(), "what it reports"
+    assert (row.values["tactor_x"], row.values["tactor_y"]) == pytest.approx((-5e-4, 0.0), abs=2e-6)
+    scene.dermis_stream.show_received = False
+    assert live.preview(scene).source == "file"
+    streaming.close()
+    scene.dermis_stream.show_received = True
+    assert live.preview(scene).source == "file"
+
+
+def test_nothing_of_this_makes_a_bake_out_of_date(scene: Any) -> None:
+    streaming.connect(scene)
+    handlers.clear_dirty()
+    scene.dermis_stream.output = "Finger: haptip"
+    streaming.beat()
+    bpy.context.view_layer.update()
+    assert not handlers.dirty() and results.state(scene) == "fresh"

@@ -9,22 +9,36 @@ import numpy as np
 from .wire import Array, Wire
 
 SLACK = 1e-9
+PERIODS = 2.0  # a step counts as at most so many periods between commands, however long the sender slept
+SLOWEST = 0.1  # between two commands of a link that is slow throughout [s]; longer than this is a sleep
 KINDS = ("range", "disc", "slew", "not_finite")
+
+Ramp = tuple[Array, float, float]  # from where [units], how much of it is through [s], how long it takes [s]
 
 
 class Gate:
     """Turns wanted values into driven ones that can do no harm; every limit applied is counted.
 
+    Time counts only as far as commands leave: after a sleep nobody has moved the device meanwhile, so neither the slew
+    nor the blend gets credit for it. A link that carries commands more slowly than planned gets that pace's credit
+    after a few of them.
+
+    Args:
+        period: between commands as planned [s]; of the device's rate if left out.
+
     Attributes:
         last: what was driven last [units], shape (channels,).
     """
 
-    def __init__(self, wire: Wire) -> None:
+    def __init__(self, wire: Wire, period: float | None = None) -> None:
         self.wire = wire
+        self._period = period or 1.0 / wire.spec.rate
         self._counts = {kind: np.zeros(wire.count, np.int64) for kind in KINDS}
         self.last: Array = self.driven(wire.rest)
         self._time = -np.inf
-        self._ramp: tuple[Array, float, float] | None = None
+        self._step = 0.0  # what the last command's time counted for [s]
+        self._ramp: Ramp | None = None
+        self._before: tuple[Array, float, float, Ramp | None] = (self.last, self._time, self._step, self._ramp)
 
     @property
     def limited(self) -> Counter[str]:
@@ -44,17 +58,31 @@ class Gate:
         A pose outside the limits is left at that speed too, not at once.
         """
         self.last = np.where(np.isfinite(pose), pose, self.driven(self.wire.rest))
-        self._time = time
-        self._ramp = (self.last.copy(), time, seconds) if seconds > 0 else None
+        self._time, self._step = time, 0.0
+        self._ramp = (self.last.copy(), 0.0, seconds) if seconds > 0 else None
+        self._before = (self.last, self._time, self._step, self._ramp)
+
+    def blend(self, time: float, seconds: float) -> None:
+        """Blend over to something else from what was driven last; a blend that has longer to go keeps its time."""
+        left = 0.0 if self._ramp is None else self._ramp[2] - self._ramp[1]
+        self.begin(self.last, time, max(seconds, left))
 
     @property
     def ramping(self) -> bool:
         """Tell whether the blend from the first pose still goes on."""
         return self._ramp is not None
 
+    def undo(self) -> None:
+        """Forget the last step: its command did not leave."""
+        self.last, self._time, self._step, self._ramp = self._before
+
     def step(self, wanted: Array, time: float) -> Array:
         """Return what to drive at a time [s] that never goes back, and remember it."""
         wire = self.wire
+        self._before = (self.last, self._time, self._step, self._ramp)
+        # A pace that has become steady counts in full: twice the step before, then twice that, up to a limit.
+        most_time = max(PERIODS * self._period, min(PERIODS * self._step, SLOWEST))
+        elapsed = self._step = min(max(time - self._time, 0.0), most_time)
         driven = wire.zero + wire.gain * wanted
         finite = np.isfinite(driven)
         if not finite.all():
@@ -68,14 +96,15 @@ class Gate:
             held = self._disc(held, wire.disc)
         ramping = self._ramp is not None
         if self._ramp is not None:
-            start, since, seconds = self._ramp
-            part = (time - since) / seconds
-            if part >= 1:
+            start, through, seconds = self._ramp
+            through += elapsed
+            part = through / seconds
+            if part >= 1 - SLACK:
                 self._ramp, ramping = None, False
             else:
-                part = max(part, 0.0)
+                self._ramp = (start, through, seconds)
                 held = start + (held - start) * (part * part * (3 - 2 * part))
-        most = wire.slew * max(time - self._time, 1e-9)  # not 0: inf * 0 is no number
+        most = wire.slew * max(elapsed, 1e-9)  # not 0: inf * 0 is no number
         change = held - self.last
         allowed = np.minimum(np.maximum(change, -most), most)
         fast = np.abs(change) > most * (1 + 1e-6) + 1e-12

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter, deque
+from enum import Enum
 
 from .adapter import Adapter
 from .transport import Transport
 from .wire import Array
 
 WAITING_MOST = 16  # messages of the protocol's own that wait for room in the link
+
+
+class Fate(Enum):
+    """What became of a command."""
+
+    SENT = "it left"
+    HELD = "the link is full, but there is time: it waits, and others behind it"
+    DROPPED = "the link is full, and its time has come"
 
 
 class Outbox:
@@ -48,8 +57,8 @@ class Outbox:
                 whole = False
         return whole
 
-    def command(self, values: Array, play: float | None, now: float, patience: float) -> bool:
-        """Send one command. False: the link is full, but there is time; the command is held, and others wait behind it.
+    def command(self, values: Array, play: float | None, now: float, patience: float) -> Fate:
+        """Send one command; tell what became of it.
 
         Args:
             play: when it counts [s], or None for at once. patience: a command this close to its time is dropped [s].
@@ -58,14 +67,14 @@ class Outbox:
         free = not self._waiting and not self._adapter.congested
         if free and self.send(self._adapter.command(values, now, play), count=False):
             self._counters["sent"] += 1
-            return True
+            return Fate.SENT
         if free:
             self._adapter.forget()
         if play is not None and play - now > patience:
             self.held = values, play
-            return False
+            return Fate.HELD
         self._counters["dropped"] += 1
-        return True
+        return Fate.DROPPED
 
     def make_safe(self, values: Array, now: float, times: int, *, drive: bool) -> bool:
         """Say the safe state several times, since nobody confirms it; tell whether all of it left.

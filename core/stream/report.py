@@ -30,6 +30,7 @@ def report(streamer: Streamer) -> dict[str, Any]:
         }  # fmt: skip
     if isinstance(streamer.source, Panel):
         out["limited"]["amplitude.law"] = streamer.source.limited
+        out["counters"]["touches grown old"] = streamer.source.aged
     if streamer.link is not None:
         out |= {"link": streamer.link.name, "received": streamer.link.report()}
     return out

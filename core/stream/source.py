@@ -18,6 +18,7 @@ from .wire import Array, Wire
 from .wish import Wish
 
 MODES = ("play", "follow", "jog", "panel")
+TOUCH_OLD = 0.2  # a touch that the panel has not repeated for this long has ended [s]
 
 
 class Answer(Protocol):
@@ -54,10 +55,10 @@ class Play:
                 raise DermisError("a channel has another unit in the track", where=name,
                                   value=track.spec.channel(name).unit, limit=unit)  # fmt: skip
         self.clock = TrackClock(free=free)
+        self.track, self.offset = track, offset
         self._times = track.times
         self._values = np.stack([track.column(n) for n in wire.names], axis=1)
         self._rest = wire.rest
-        self._offset = offset
         step = track.duration / (len(track.times) - 1) if len(track.times) > 1 else 0.0
         even = step > 0 and np.abs(np.diff(track.times) - step).max() < 1e-6 * step
         self._rate = 1.0 / step if even else 0.0
@@ -69,7 +70,7 @@ class Play:
 
     def wanted(self, moment: float, now: float) -> Array:
         """Return values [units] at a moment; before and after the track the device rests."""
-        return self.value(self.clock.at(moment, now) + self._offset)
+        return self.value(self.clock.at(moment, now) + self.offset)
 
     def value(self, time: float) -> Array:
         """Return the track's values at a time of its own."""
@@ -120,6 +121,12 @@ class Jog:
 class Panel:
     """A finger on a touch panel: it reports where, the map answers amplitude and carrier.
 
+    A panel repeats its touch while the finger is down. One that has grown old counts as lifted: the word of the end may
+    have been lost, or the panel has died, and a voltage must not outlast either.
+
+    Attributes:
+        limited: answers that the device's limit cut. aged: touches that ended by their age.
+
     Source: [S4] section 3
     """
 
@@ -127,10 +134,12 @@ class Panel:
     screen: Screen
     window: float = 0.05
     limited: int = 0
+    aged: int = 0
     moving: bool = True
     _trail: list[tuple[float, float, float]] = field(default_factory=list)
     _values: Array | None = None
     _seen: Touch | None = None
+    _heard: float | None = None  # when the finger was said to be down last [s]; None: it is not
 
     def __post_init__(self) -> None:
         for name in ("amplitude", "carrier"):
@@ -140,14 +149,17 @@ class Panel:
 
     def touched(self, touch: Touch | None, now: float) -> None:
         """Take where the finger is now."""
-        assert self._values is not None
         if touch is self._seen:
+            self._age(now)
             return
         self._seen = touch
         rest = self.wire.rest
         if touch is None or not touch.down or not bool(self.screen.on_screen(np.float64(touch.x), np.float64(touch.y))):
-            self._trail.clear()
-            self._values = rest.copy()
+            self._lift()
+            return
+        self._heard = now if touch.at is None else touch.at
+        if now - self._heard > TOUCH_OLD:  # heard before this panel was asked for
+            self._lift()
             return
         self._trail.append((now, touch.x, touch.y))
         while len(self._trail) > 2 and self._trail[1][0] < now - self.window:
@@ -161,9 +173,20 @@ class Panel:
         self._values = values
 
     def wanted(self, moment: float, now: float) -> Array:
-        """Return the answer to the last touch."""
+        """Return the answer to the last touch, while it lasts."""
+        self._age(now)
         assert self._values is not None
         return self._values
+
+    def _age(self, now: float) -> None:
+        if self._heard is not None and now - self._heard > TOUCH_OLD:
+            self.aged += 1
+            self._lift()
+
+    def _lift(self) -> None:
+        self._heard = None
+        self._trail.clear()
+        self._values = self.wire.rest.copy()
 
 
 def follow_values(wire: Wire, values: Sequence[float]) -> Array:
@@ -172,6 +195,14 @@ def follow_values(wire: Wire, values: Sequence[float]) -> Array:
 
 
 Source = Play | Follow | Jog | Panel
+
+
+def goes_on(source: Source | None, old: Source | None) -> bool:
+    """Tell whether a source takes over from another without a blend: the same track, or a hand that is followed."""
+    if isinstance(source, Play) and isinstance(old, Play):
+        return source.track is old.track and source.offset == old.offset
+    return type(source) is type(old) and isinstance(source, Follow | Jog)
+
 
 _read: list[tuple[tuple[str, int, int], CommandTrack]] = []  # the track read last
 

@@ -19,10 +19,10 @@ from . import adapter as adapters
 from .adapter import Adapter
 from .board import Beat
 from .gate import Gate
-from .outbox import Outbox
+from .outbox import Fate, Outbox
 from .pace import Pace
 from .safe_way import SafeWay
-from .source import Follow, Panel, Play, Screen, Source, follow_values, source_of
+from .source import Follow, Panel, Play, Screen, Source, follow_values, goes_on, source_of
 from .transport import Gone, Transport
 from .url import Url
 from .wire import Wire
@@ -33,7 +33,7 @@ RETRY = 1.0  # between two attempts to connect again [s]
 ARMING = 1.0  # a device that is not armed after this long will not be [s]
 REPEAT = 3  # a safe state is written this often where no device confirms it
 STUBBORN = 1.0  # a safe state that the link does not take is tried again for this long [s]
-RECALIBRATING = 0.3  # what a new calibration, or another source, changes is blended in over this long [s]
+RECALIBRATING = 0.3  # what a new calibration, or something else to play, changes is blended in over this long [s]
 
 
 class Streamer:
@@ -200,7 +200,7 @@ class Streamer:
             self.wire = Wire.of(spec, self.wish.calibrated())
             self.rate = self.wish.rate or spec.rate
             self.pace = Pace(self.rate)
-            self.gate = Gate(self.wire)
+            self.gate = Gate(self.wire, self.pace.period)
             self._choose_source(now)
             url = Url(self.wish.url)
             self.link = self._open_link(url, self.wire, self.wish.protocol)
@@ -290,13 +290,20 @@ class Streamer:
         horizon = self._horizon()
         patience = 2 * self.pace.period
         if self._outbox.held is not None:
-            if not self._outbox.command(*self._outbox.held, now, patience):
+            fate = self._outbox.command(*self._outbox.held, now, patience)
+            if fate is Fate.HELD:
                 return
+            if fate is Fate.DROPPED:
+                self.gate.undo()  # nothing was stepped after it
             self.pace.sent(now, horizon)
         for moment in self.pace.due(now, horizon):
             wanted = self.source.wanted(moment if horizon else now + self.wish.look_ahead, now)
-            if not self._outbox.command(self.gate.step(wanted, moment), moment if horizon else None, now, patience):
+            play = moment if horizon else None
+            fate = self._outbox.command(self.gate.step(wanted, moment), play, now, patience)
+            if fate is Fate.HELD:
                 break
+            if fate is Fate.DROPPED:
+                self.gate.undo()
         self.counters["skipped"] = self.pace.skipped
 
     def _to_safe(self, now: float) -> None:
@@ -360,7 +367,7 @@ class Streamer:
         self.wire = Wire.of(self.wire.spec, self.wish.calibrated())
         self.gate.wire = self.wire
         if self._phase == "live":
-            self.gate.begin(self.gate.last, self.pace.next, RECALIBRATING)
+            self.gate.blend(self.pace.next, RECALIBRATING)
 
     def _choose_source(self, now: float) -> None:
         """Make what the mode asks for; what cannot be made leaves the device safe and says why."""
@@ -376,8 +383,8 @@ class Streamer:
             words = self.words
             self._to_safe(now)
             self.words = words
-        elif self._phase == "live" and type(self.source) is not type(old):
-            self.gate.begin(self.gate.last, self.pace.next, min(self.wish.ramp, RECALIBRATING))
+        elif self._phase == "live" and not goes_on(self.source, old):
+            self.gate.blend(self.pace.next, RECALIBRATING)
 
     def _name_state(self) -> None:
         if self.link is None:

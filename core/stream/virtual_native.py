@@ -12,6 +12,7 @@ from .packets import DeviceState, Kind, Nack, Packet, Reach, Welcome
 from .wire import Array, Wire
 
 DEVICE_ID = b"VIRTUAL1"
+TOUCH_EVERY = 0.02  # a finger that stays down is reported again this often [s]
 
 
 class NativeDevice:
@@ -43,6 +44,7 @@ class NativeDevice:
         self.early_least, self.early_most = np.inf, -np.inf
         self.safe_at: float | None = None
         self.touch: tuple[bool, float, float] | None = None
+        self._touched = 0.0
         self._stuck, self._skew, self._most, self._spec_hash = stuck, skew, queue, spec_hash
         self._start: float | None = None
         self._decoder = packets.Decoder()
@@ -79,7 +81,7 @@ class NativeDevice:
         return out
 
     def tick(self, now: float) -> list[bytes]:
-        """Let time pass: play what is due, move, watch for silence."""
+        """Let time pass: play what is due, move, watch for silence, say again that a finger is down."""
         step = 0.0 if self._ticked is None else (now - self._ticked) * 1e3
         self._ticked = now
         if self.state == DeviceState.ARMED and now - self._heard > self._timeout:
@@ -98,11 +100,13 @@ class NativeDevice:
         self.counts = self.counts + move
         if self.state == DeviceState.SAFE and self.safe_at is None and (np.abs(goal - self.counts) < 1).all():
             self.safe_at, self.released = now, self._reach == Reach.RELEASE
+        if self.touch is not None and self.touch[0] and now - self._touched >= TOUCH_EVERY:
+            return [self.touched(*self.touch, now)]
         return []
 
     def touched(self, down: bool, x: float, y: float, now: float) -> bytes:
-        """Return the packet that reports a finger on the panel."""
-        self.touch = (down, x, y)
+        """Return the packet that reports a finger on the panel; `tick` repeats it while the finger is down."""
+        self.touch, self._touched = (down, x, y), now
         return self._pack(self._session, Kind.TOUCH, packets.touch(self.clock_us(now), down, x, y))
 
     def report(self) -> dict[str, object]:

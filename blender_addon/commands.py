@@ -52,10 +52,8 @@ def render(options: argparse.Namespace) -> int:
     names = [s.name for s in bpy.data.scenes if any(o.dermis.role == "FINGER" for o in s.objects)]
     if not names:
         raise DermisError("no scene has a finger", where=options.blend, remedy="Make an object a finger")
-    folders: dict[str, str] = {}
-    for name in names:
-        folder = bpy.path.clean_name(name)
-        folders[name] = folder if folder not in folders.values() else f"{folder}-{len(folders)}"
+    taken = import_module(".formats.file_names", core.__name__).FileNames()
+    folders = {name: taken.take(bpy.path.clean_name(name)) for name in names}
     return max(_render(options, bpy.data.scenes[name], Path(options.out) / folder) for name, folder in folders.items())
 
 
@@ -88,7 +86,7 @@ def _parts(
                           limit=", ".join(dict.fromkeys(o.finger for o in made.outputs)))  # fmt: skip
     written: list[Path] = []
     found: list[Any] = []
-    for form in options.format or ["csv"]:
+    for form in dict.fromkeys(options.format or ["csv"]):
         paths, more = export_ranges.write(scene, result, folder, form, options.part.upper(), active=active,
                                           finger=options.finger or None, force=options.force)  # fmt: skip
         written += paths

@@ -64,13 +64,10 @@ def export(bake: Any, folder: Path) -> list[Path]:
     Raises:
         DermisError: the folder cannot be written.
     """
-    written: list[Path] = []
+    file_names = core_module("formats.file_names")
+    names, written = file_names.FileNames(), []
     for finger, touch in bake.skins.items():
-        safe = "".join(c if c.isalnum() or c in "-_" else "_" for c in finger) or "finger"
-        path, number = Path(folder) / f"{safe}.skin.csv", 2
-        while path in written:
-            path = path.with_name(f"{safe}-{number}.skin.csv")
-            number += 1
+        path = Path(folder) / names.take(file_names.safe(finger) or "finger", ".skin.csv")
         meta = {"finger": finger, "content_hash": bake.content_hash}
         core_module("contact.resultants").write(touch, path, meta)
         written.append(path)

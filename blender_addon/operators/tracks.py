@@ -70,27 +70,38 @@ class DERMIS_OT_export_as(bpy.types.Operator):
         errors = core_module("errors")
         folder = Path(bpy.path.abspath(self.directory))
         finger = (context.object.name if context.object is not None else "") if self.active_only else None
-        written: list[Path] = []
-        found: list[Any] = []
         try:
-            scenes = [s for s in bpy.data.scenes if results.current(s)] if self.all_scenes else [context.scene]
-            for scene in scenes:
-                result = results.current(scene)
-                if result is None:
-                    raise errors.DermisError("nothing has been baked", where=scene.name, remedy="Bake first")
-                paths, more = export_ranges.write(
-                    scene, result, folder, self.form, self.span, active=context.object, finger=finger,
-                    prefix=scene.name if self.all_scenes else "", force=self.force,
-                )  # fmt: skip
-                written += paths
-                found += more
+            parts, found = self._plan(context, folder, finger)
+            written, more = export_ranges.write_parts(parts, self.form, force=self.force)
+            found += more
             if not written:
                 raise errors.DermisError("no track to export", remedy="Select a finger, or export all of them")
         except errors.DermisError as error:
             return reporting.report_error(self, error, "Export")
         text = f"Wrote {len(written)} file{'' if len(written) == 1 else 's'} to {folder}"
-        reporting.report_findings(self, found, "Export", text)
+        reporting.report_findings(self, found, "Export", f"{text}." if found else text)
         return {"FINISHED"}
+
+    def _plan(
+        self, context: bpy.types.Context, folder: Path, finger: str | None
+    ) -> tuple[list[export_ranges.Part], list[Any]]:
+        """Return everything that is to be written, of all scenes: no file is written before all ranges are in order."""
+        file_names = core_module("formats.file_names")
+        scenes = [s for s in bpy.data.scenes if results.current(s)] if self.all_scenes else [context.scene]
+        names, prefixes = file_names.FileNames(), file_names.FileNames()
+        parts: list[export_ranges.Part] = []
+        found: list[Any] = []
+        for scene in scenes:
+            result = results.current(scene)
+            if result is None:
+                raise core_module("errors").DermisError("nothing has been baked", where=scene.name, remedy="Bake first")
+            more, told = export_ranges.plan(
+                scene, result, folder, self.form, self.span, active=context.object, finger=finger, names=names,
+                prefix=prefixes.take(file_names.safe(scene.name)) if self.all_scenes else "",
+            )  # fmt: skip
+            parts += more
+            found += told
+        return parts, found
 
 
 CLASSES: tuple[type, ...] = (DERMIS_OT_load_track, DERMIS_OT_export_as)

@@ -27,7 +27,7 @@ class FileNames:
         number, place = 1, _place(folder)
         while True:
             name = (stem if number == 1 else f"{stem}-{number}") + suffix
-            keys = {(place, folded(name))}
+            keys: set[tuple[str, ...]] = {(place, folded(name))}
             if suffix == ".h":  # headers of one sketch must differ in what everything in them begins with
                 keys.add((place, "identifier", identifier(name.removesuffix(suffix))))
             if not keys & self._taken:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-from blender_addon import preferences, properties_skin, results, skin_live
+from blender_addon import preferences, properties_skin, results, results_skin, skin_live
 from core.skin.model import skin_from_parameters
 
 from .build import cube, finger, keys, span
@@ -66,6 +67,14 @@ def test_export_writes_resultants_that_sum_the_nodes(baked: bpy.types.Scene, tmp
     lowest = touch.model.positions[:, 2].min()
     assert float(rows[-1]["depth[m]"]) == pytest.approx(DEPTH - lowest, rel=1e-4)
     assert float(rows[-1]["force_z[N]"]) > 0.0 > float(rows[-1]["force_y[N]"])  # it slides towards its tip
+
+
+def test_no_two_skins_share_a_file(baked: bpy.types.Scene, tmp_path: Path) -> None:
+    bake = results.current(baked).bake
+    skins = {finger: bake.skins["Finger"] for finger in ("a b", "a_b", "A B")}
+    written = results_skin.export(replace(bake, skins=skins), tmp_path)
+    assert [p.name for p in written] == ["a_b.skin.csv", "a_b-2.skin.csv", "A_B-3.skin.csv"]
+    assert [p.read_text().split("# finger: ")[1].splitlines()[0] for p in written] == list(skins)
 
 
 @pytest.mark.parametrize("key", [e.key for e in preferences.library().list("skins")])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import commands, results
+from blender_addon import commands, reporting, results
 from blender_addon.preferences import core_module
 
 from . import build
@@ -101,3 +102,152 @@ def test_a_batch_names_what_is_missing(blend: Path, tmp_path: Path, capsys: pyte
     assert commands.main([*base, "--finger", "Nobody"]) == 1 and "no such finger" in capsys.readouterr().err
     assert commands.main([*base, "--part", "preview"]) == 1 and "no preview range" in capsys.readouterr().err
     assert not (tmp_path / "out").exists() or not names(tmp_path / "out")
+
+
+def test_a_batch_of_scenes_whose_names_meet(tmp_path: Path) -> None:
+    build.span(1, 3)
+    build.cube("Cube", 0.2)
+    build.finger("Index", (0, 0, 0.3)).dermis.finger.devices.add().preset = HAPTIP
+    first = bpy.context.scene
+    first.name = "S 1"
+    for name in ("S_1", "s 1"):
+        other = bpy.data.scenes.new(name)
+        other.frame_start, other.frame_end = 1, 3
+        for obj in first.objects:
+            other.collection.objects.link(obj)
+    path, out = tmp_path / "three.blend", tmp_path / "out"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    assert commands.main(["render", str(path), "--out", str(out), "--all-scenes"]) == 0
+    folders = sorted(p.name for p in out.iterdir())
+    assert len({f.casefold() for f in folders}) == 3 and all((out / f / "Index.haptip.csv").is_file() for f in folders)
+    read = core_module("formats.export").read
+    assert {read(out / f / "Index.haptip.csv").meta["scene"] for f in folders} == {"S 1", "S_1", "s 1"}
+
+
+def mark(*markers: tuple[str, int]) -> None:
+    every = bpy.context.scene.timeline_markers
+    every.clear()
+    for name, frame in markers:
+        every.new("x", frame=frame).name = name
+
+
+def told() -> list[tuple[str, str]]:
+    return [(f.code, f.where) for f in reporting.findings()]
+
+
+def test_markers_whose_names_meet(two: Any, tmp_path: Path) -> None:
+    """Two names that become one, two that differ by case, one that is empty: each has its file, with its own frames."""
+    for markers, stems in (
+        ((("a b", 1), ("a_b", 13), ("c", 25)), {"a_b": 0.5, "a_b-2": 0.5, "c": 1.0}),
+        ((("A", 1), ("a", 13)), {"A": 0.5, "a-2": 1.5}),
+        ((("", 1), ("b", 13)), {"F_1": 0.5, "b": 1.5}),
+        ((("a", 1), ("a", 13), ("a-2", 37)), {"a": 0.5, "a-3": 1.0, "a-2": 0.5}),
+    ):
+        mark(*markers)
+        folder = tmp_path / "-".join(stems)
+        for _ in range(2):  # deterministic: the same files again
+            bpy.ops.dermis.export_as(form="json", span="MARKERS", directory=str(folder))
+            wanted = {f"{finger}.haptip.{stem}.json": s for finger in ("Index", "Thumb") for stem, s in stems.items()}
+            assert names(folder) == sorted(wanted)
+        read = core_module("formats.export").read
+        assert {n: read(folder / n).duration for n in wanted} == {n: pytest.approx(s) for n, s in wanted.items()}
+        assert len({read(folder / n).meta["range"] for n in wanted}) == len(stems)
+
+
+def test_two_markers_on_one_frame_and_some_outside(two: Any, tmp_path: Path) -> None:
+    mark(("a", 1), ("b", 1), ("c", 25), ("end", 49), ("late", 60), ("early", -5))
+    bpy.ops.dermis.export_as(form="json", span="MARKERS", directory=str(tmp_path))
+    assert names(tmp_path) == [f"{f}.haptip.{part}.json" for f in ("Index", "Thumb") for part in ("b", "c")]
+    assert told() == [("range-empty", "Index.haptip, range 'a'"), ("range-empty", "Thumb.haptip, range 'a'"),
+                      ("marker-outside", "Scene")]  # fmt: skip
+    assert reporting.findings()[-1].count == 2, "a marker at the last frame ends a range"
+
+
+def test_scenes_whose_names_meet(two: Any, tmp_path: Path) -> None:
+    pipeline = core_module("pipeline")
+    for name in ("S 1", "S_1", "s_1"):
+        scene = bpy.data.scenes.new(name)
+        assert scene.name == name
+        scene.frame_start, scene.frame_end = 1, 49
+        track = a_track(finger_name=name)
+        results.keep(scene, pipeline.Bake((pipeline.Output("Index", HAPTIP, track, {}, ()),), (), {}, "hash"))
+    bpy.ops.dermis.export_as(form="json", all_scenes=True, directory=str(tmp_path))
+    made = [n for n in names(tmp_path) if n.lower().startswith("s_1")]
+    assert sorted(made) == sorted(["S_1.Index.haptip.json", "S_1-2.Index.haptip.json", "s_1-3.Index.haptip.json"])
+    read = core_module("formats.export").read
+    assert {read(tmp_path / n).meta["finger"] for n in made} == {"S 1", "S_1", "s_1"}
+
+
+@pytest.mark.parametrize("last", [12, 13, 14])
+def test_a_range_that_is_the_whole_bake(tmp_path: Path, last: int) -> None:
+    """24 frames a second and 1000 samples a second: the last sample lies up to one sample before the last frame."""
+    scene = build.span(1, last)
+    build.cube("Cube", 0.2)
+    tip = build.finger("Index", (0, 0, 0.3))
+    build.keys(tip, "location", [1, 7, last], [(0, 0, 0.2), (0, 0, 0.1), (0.05, 0, 0.1)])
+    tip.dermis.finger.devices.add().preset = HAPTIP
+    scene.use_preview_range, scene.frame_preview_start, scene.frame_preview_end = True, 1, last
+    bpy.ops.dermis.bake()
+    whole = results.current(scene).bake.outputs[0].track
+    bpy.context.view_layer.objects.active = tip
+    mark(("m", 1))
+    read = core_module("formats.export").read
+    for span, name in (("PREVIEW", "preview"), ("ACTION", "IndexAction"), ("MARKERS", "m")):
+        bpy.ops.dermis.export_as(form="json", span=span, directory=str(tmp_path / span))
+        track = read(tmp_path / span / f"Index.haptip.{name}.json")
+        assert np.array_equal(track.values, whole.values) and np.array_equal(track.times, whole.times)
+        assert track.meta["frame_range"] == f"1 {last}"
+
+
+def keep(*tracks: Any) -> None:
+    """Make a bake of the active scene, with a finger for each track."""
+    pipeline, scene = core_module("pipeline"), bpy.context.scene
+    scene.frame_start, scene.frame_end = 1, 49
+    found = tuple(pipeline.Output(t.meta["finger"], t.spec.key, t, {}, ()) for t in tracks)
+    results.keep(scene, pipeline.Bake(found, (), {}, "hash"))
+
+
+def at_rate(track: Any, rate: float, n: int) -> Any:
+    """Return a track's first samples as those of a device of another rate."""
+    return replace(track, spec=replace(track.spec, rate=rate), times=np.arange(n) / rate, values=track.values[:n])
+
+
+def test_devices_of_several_rates(tmp_path: Path) -> None:
+    """Frames 1 to 5 at 24 fps last 166.67 ms: to 166 ms at 1 kHz, to 160 ms at 50 Hz, and both files are whole."""
+    meta = {"frame_range": "1 5", "fps": "24/1"}
+    fast, slow = (replace(at_rate(a_track(), rate, n), meta={**meta, "finger": f})
+                  for f, rate, n in (("Index", 1000.0, 167), ("Thumb", 50.0, 9)))  # fmt: skip
+    keep(fast, slow)
+    mark(("m", 1), ("blip", 5), ("n", 3))
+    bpy.ops.dermis.export_as(form="json", span="MARKERS", directory=str(tmp_path))
+    assert names(tmp_path) == [f"{f}.haptip.{part}.json" for f in ("Index", "Thumb") for part in ("m", "n")]
+    read = core_module("formats.export").read
+    lengths = {n: len(read(tmp_path / n).times) for n in names(tmp_path)}
+    assert list(lengths.values()) == [84, 83, 5, 4]  # to 83.3 ms and from there on
+
+
+def test_nothing_is_written_where_a_range_is_wrong(tmp_path: Path) -> None:
+    """The second device's track is too short: the first one's file is not written before that is known."""
+    meta = {"frame_range": "1 49", "fps": "24/1"}
+    long, short = (replace(at_rate(a_track(), 1000.0, n), meta={**meta, "finger": f})
+                   for f, n in (("Index", 2001), ("Thumb", 1000)))  # fmt: skip
+    keep(long, short)
+    mark(("m", 13))
+    with pytest.raises(RuntimeError, match="beyond the track"):
+        bpy.ops.dermis.export_as(form="json", span="MARKERS", directory=str(tmp_path))
+    assert not names(tmp_path)
+
+
+def test_one_refused_track_leaves_the_others(two: Any, tmp_path: Path) -> None:
+    wild = a_track(finger_name="Middle")
+    wild.values[7, 2] = 9.0
+    keep(a_track(finger_name="Index"), wild, at_rate(a_track(finger_name="Ring"), 240.0, 481))
+    for form, end in (("json", "json"), ("c", "h")):
+        bpy.ops.dermis.export_as(form=form, directory=str(tmp_path / form))
+        assert names(tmp_path / form) == [f"Index.haptip.{end}", f"Ring.haptip.{end}"]
+        [bad] = [f for f in reporting.findings() if f.severity == "error"]
+        assert bad.code == "refused" and bad.where.startswith(f"Middle.haptip.{end}: finger 'Middle'")
+    keep(wild)
+    with pytest.raises(RuntimeError, match="outside the channel's range"):
+        bpy.ops.dermis.export_as(form="json", directory=str(tmp_path / "none"))
+    assert not (tmp_path / "none").exists()

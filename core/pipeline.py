@@ -181,7 +181,7 @@ def _sample(
         if chunk is None:
             break
         with clock.stage("contact"):
-            pads.add(chunk)
+            chunk = pads.add(chunk)
         if skin is not None:
             with clock.stage("skin contact"):
                 skin.add(chunk)

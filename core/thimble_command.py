@@ -199,6 +199,5 @@ def _felt(scene: TactileScene, library: Library, finger: int) -> SkinTouch:
     skin = skin_from_parameters(parameters, level=str(p.get("skin_level", "standard")))
     touch, sampler = TouchSampler(scene), SkinSampler(scene, {finger: skin})
     for chunk in scene.chunks:
-        touch.add(chunk)
-        sampler.add(chunk)
+        sampler.add(touch.add(chunk))
     return sampler.finish(touch.finish())[finger]

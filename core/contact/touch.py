@@ -9,6 +9,7 @@ whose scale changes, and bodies that deform, get a surface per sample, but only 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from .centre import centre_of
 from .deforming import Deforming
 from .gap import GapQuery, Surface
 from .pair import PairRecord
+from .reach import Reach
 from .repairs import Repairs
 from .sampled import SampledTouch
 from .stretch_rates import StretchRates
@@ -29,8 +31,6 @@ from .surfaces import SAME_STRETCH, box_of, carried, surface_of
 
 Array = NDArray[np.float64]
 
-# A pad that comes nearer faster than this [m/s] may be noticed only at the sample in which it arrives.
-FASTEST_APPROACH = 12.0
 # Where a finger's bone is, from the pad along +Z [m]: on that side of an open surface the finger is outside.
 BONE_HEIGHT = 0.006
 
@@ -44,9 +44,7 @@ class TouchSampler:
 
     def __init__(self, scene: TactileScene) -> None:
         self._scene = scene
-        self._distances = [float(f.parameters.get("touch_distance", 0.0)) for f in scene.fingers]
-        self._margin = FASTEST_APPROACH / scene.rate
-        self.reach = max(self._distances, default=0.0) + self._margin
+        self._reach = Reach(scene)
         # fingers with a device that follows the surface's own normals
         self._relief = {
             i for i, f in enumerate(scene.fingers) if any(d.parameters.get("relief") == "mesh" for d in f.devices)
@@ -62,8 +60,8 @@ class TouchSampler:
         self._noted: dict[int, tuple[Finding, ...]] = {}
         self._deforming = Deforming([body.name for body in scene.bodies], self._repairs)
 
-    def add(self, chunk: Chunk) -> None:
-        """Take in the next samples.
+    def add(self, chunk: Chunk) -> Chunk:
+        """Take in the next samples; return them as they were taken, with poses and surfaces mended.
 
         Raises:
             DermisError: shapes that do not fit the header, or a finger of scale 0.
@@ -76,7 +74,7 @@ class TouchSampler:
                 raise DermisError(f"a chunk's {name} do not fit the scene", where=f"scene '{scene.name}'",
                                   value=getattr(chunk, name).shape, limit=f"({size}, {count}, 4, 4)")  # fmt: skip
         if count == 0:
-            return
+            return chunk
         names = [[item.name for item in items] for items in (scene.fingers, scene.bodies, scene.screens)]
         fingers = self._repairs.poses("finger", names[0], chunk.fingers, chunk.frames)
         bodies = self._repairs.poses("object", names[1], chunk.bodies, chunk.frames)
@@ -86,11 +84,11 @@ class TouchSampler:
                 raise DermisError("a finger of scale 0 has no direction", where=f"finger '{name}'",
                                   remedy="Give the finger a scale other than 0")  # fmt: skip
         self._chunks.append(Chunk(chunk.frames, chunk.times, fingers, bodies, screens, {}, chunk.channels))
-        own = self._own_reach(chunk)
-        if own is not None:
-            self.reach = max(self.reach, float(own.max()))
-        self._sweep(chunk, fingers, bodies, own)
+        own = self._reach.over(chunk)
+        chunk, boxes = self._deforming.take(chunk)
+        self._sweep(chunk, fingers, bodies, own, boxes)
         self._count += count
+        return replace(chunk, fingers=fingers, bodies=bodies, screens=screens)
 
     def finish(self) -> SampledTouch:
         """Return everything that was taken in.
@@ -120,29 +118,20 @@ class TouchSampler:
             findings=(*self._repairs.findings(), *(f for b in sorted(noted) for f in noted[b])),
         )
 
-    def _own_reach(self, chunk: Chunk) -> Array | None:
-        """Return each finger's reach at each sample [m], shape (F, n), where a touch distance is animated."""
-        keys = [f"finger/{f}/touch_distance" for f in range(len(self._scene.fingers))]
-        if not any(key in chunk.channels for key in keys):
-            return None
-        own = np.empty((len(keys), len(chunk.times)))
-        for f, key in enumerate(keys):
-            own[f] = chunk.channels.get(key, self._distances[f])
-        # What is no number is held later, at a value that this chunk or an earlier one has.
-        return np.where(np.isfinite(own), own + self._margin, self.reach)
-
     # -- broad phase ---------------------------------------------------------------------------------------------
 
-    def _sweep(self, chunk: Chunk, fingers: Array, bodies: Array, own: Array | None) -> None:
-        chunk, boxes = self._deforming.take(chunk)
+    def _sweep(
+        self, chunk: Chunk, fingers: Array, bodies: Array, own: Array | None, boxes: Mapping[int, Array]
+    ) -> None:
         pads = fingers[:, :, :3, 3]
         total = len(fingers) * len(chunk.times)
         for b, middle, half in self._boxes(chunk, bodies, boxes):
-            low = (middle - half).min(axis=0) - self.reach
-            high = (middle + half).max(axis=0) + self.reach
+            low = (middle - half).min(axis=0) - self._reach.longest
+            high = (middle + half).max(axis=0) + self._reach.longest
             close = np.flatnonzero(((pads.min(axis=1) <= high) & (pads.max(axis=1) >= low)).all(axis=1))
             near = [
-                (int(f), np.flatnonzero((np.abs(pads[f] - middle) <= half + self.reach).all(axis=1))) for f in close
+                (int(f), np.flatnonzero((np.abs(pads[f] - middle) <= half + self._reach.longest).all(axis=1)))
+                for f in close
             ]
             near = [(f, index) for f, index in near if index.size]
             self._skipped["pair_samples_far"] += total - sum(index.size for _, index in near)
@@ -244,7 +233,7 @@ class TouchSampler:
         rates: Array | None,
     ) -> None:  # fmt: skip
         """Ask the surface about all pads at once, and keep the samples at which it is within reach."""
-        low, high = surface.box[0] - self.reach, surface.box[1] + self.reach
+        low, high = surface.box[0] - self._reach.longest, surface.box[1] + self._reach.longest
         samples = np.concatenate([index for _, index in near])
         who = np.repeat([f for f, _ in near], [index.size for _, index in near])
         points = np.concatenate([local[f] for f, _ in near])
@@ -253,7 +242,7 @@ class TouchSampler:
         if not inside.any():
             return
         points, samples, who = points[inside], samples[inside], who[inside]
-        found = surface.query(points, self.reach)
+        found = surface.query(points, self._reach.longest)
         known = np.isfinite(found.gap)
         if own_reach is not None:  # a chunk's longest reach must not lend others what they would not know alone
             known &= (found.gap if surface.closed else np.abs(found.gap)) <= own_reach[who, samples]

@@ -8,8 +8,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from core.contact.reach import FASTEST_APPROACH
 from core.contact.sampled import SampledTouch
-from core.contact.touch import FASTEST_APPROACH, TouchSampler
+from core.contact.touch import TouchSampler
 from core.scene import Body, Chunk, Finger, Mesh, TactileScene
 
 RATE, COUNT = 240.0, 60
@@ -94,3 +95,19 @@ def test_a_touch_gap_that_grows_is_not_cut_at_its_first_value(size: int) -> None
     assert found.gap[0, 0, 30:] == pytest.approx(np.full(30, 0.1), abs=1e-12)
     assert np.isinf(found.gap[0, 0, :30]).all()  # as the same samples would be alone
     assert np.isinf(touch(0.2, size=size).gap).all()
+
+
+def test_the_chunk_comes_back_mended_for_the_skin() -> None:
+    body = Body("box", None)
+    scene = TactileScene("s", Fraction(24), (1, 25), RATE, (Finger("f"),), (body,), (), ())
+    still = np.tile(np.eye(4), (1, COUNT, 1, 1))
+    pad = still.copy()
+    pad[0, :, 2, 3] = 0.12
+    pad[0, 40, 0, 0] = np.nan
+    good, bad = growing(), broken(growing(), range(20, 30))
+    none = np.zeros((0, COUNT, 4, 4))
+    mended = TouchSampler(scene).add(Chunk(1 + 24 * T, T, pad, still, none, {0: tuple(bad)}))
+    assert np.isfinite(mended.fingers).all()
+    expected = [good[19] if 20 <= i < 30 else good[i] for i in range(COUNT)]
+    for mesh, want in zip(mended.surfaces[0], expected, strict=True):
+        np.testing.assert_array_equal(mesh.vertices, want.vertices)

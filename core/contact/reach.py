@@ -1,0 +1,42 @@
+"""Reach: how near a surface must be to a pad to be worth measuring."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene import Chunk, TactileScene
+
+Array = NDArray[np.float64]
+
+# A pad that comes nearer faster than this [m/s] may be noticed only at the sample in which it arrives.
+FASTEST_APPROACH = 12.0
+
+
+class Reach:
+    """The distances at which pads count as touching, and a margin for their approach between two samples.
+
+    Args:
+        scene: its header; animated distances come with the chunks.
+
+    Attributes:
+        longest: of all fingers so far [m].
+    """
+
+    def __init__(self, scene: TactileScene) -> None:
+        self._distances = [float(f.parameters.get("touch_distance", 0.0)) for f in scene.fingers]
+        self._margin = FASTEST_APPROACH / scene.rate
+        self.longest = max(self._distances, default=0.0) + self._margin
+
+    def over(self, chunk: Chunk) -> Array | None:
+        """Return each finger's reach at each sample [m], shape (F, n), or None where no touch distance is animated."""
+        keys = [f"finger/{f}/touch_distance" for f in range(len(self._distances))]
+        if not any(key in chunk.channels for key in keys):
+            return None
+        own = np.empty((len(keys), len(chunk.times)))
+        for f, key in enumerate(keys):
+            own[f] = chunk.channels.get(key, self._distances[f])
+        # What is no number is held later, at a value that this chunk or an earlier one has.
+        reach = np.where(np.isfinite(own), own + self._margin, self.longest)
+        self.longest = max(self.longest, float(reach.max()))
+        return reach

@@ -17,7 +17,7 @@ from .limiter import DIGITS, SLEW_SLACK, Limiter
 Array = NDArray[np.float64]
 
 # What a limiter did: how bad it is, and how it reads.
-_LIMITED: dict[str, tuple[Severity, str]] = {
+LIMITED: dict[str, tuple[Severity, str]] = {
     "not_finite": ("error", "samples that were no finite number were held at the last good value"),
     "range": ("warning", "samples were limited to the channel's range"),
     "disc": ("warning", "samples were pulled back to the rim of the round range"),
@@ -25,6 +25,8 @@ _LIMITED: dict[str, tuple[Severity, str]] = {
     "slew_of_pair": ("warning", "samples were slowed down with the other channel of the round range"),
     "ramp": ("info", "samples were blended with rest at the start or the end"),
 }
+MOST_SAMPLES = 2**27  # of all channels together: 1 GiB
+RATE_SLACK = 0.01  # how far a stated rate may be from that of the samples, as a part of it
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,8 @@ class CommandTrack:
             method: 'linear', or 'pchip' (C1, monotone wherever the samples are); neither overshoots.
 
         Raises:
-            DermisError: the rate is not positive, the method unknown, the track empty or its times not rising.
+            DermisError: the rate is not positive or asks for too many samples, the method unknown, the track empty or
+                its times not rising.
         """
         if len(self.times) == 0:
             raise DermisError("the track is empty", where=self._place())
@@ -87,6 +90,10 @@ class CommandTrack:
             before, after = self.times[stuck[0]], self.times[stuck[0] + 1]
             raise DermisError("times do not rise", where=f"{self._place()}, sample {stuck[0] + 1}",
                               value=f"{after:g} s", limit=f"> {before:g} s")  # fmt: skip
+        if np.isfinite(rate) and self.duration * rate * len(self.channels) > MOST_SAMPLES:
+            raise DermisError("more samples than a track can hold", where=self._place(), value=f"{rate:g} Hz",
+                              limit=f"{MOST_SAMPLES / (self.duration * len(self.channels)):.6g} Hz, "
+                                    f"{MOST_SAMPLES} samples in all")  # fmt: skip
         times = grid(float(self.times[0]), float(self.times[-1]), rate)
         values = interpolate(self.times, self.values, times, method)
         return replace(self, spec=replace(self.spec, rate=float(rate)), times=times, values=values)
@@ -127,8 +134,8 @@ class CommandTrack:
     def check(self) -> tuple[Finding, ...]:
         """Return what a device or its reader would stumble over, and what was limited on the way here.
 
-        Codes: 'empty', 'times-not-rising', 'not-finite', 'out-of-range', 'too-fast', 'duplicate-actuator' (errors),
-        'wire-budget' (warning), 'limited-KIND' for every kind in `limited`.
+        Codes: 'empty', 'times-not-rising', 'not-finite', 'rate', 'out-of-range', 'too-fast', 'duplicate-actuator'
+        (errors), 'wire-budget' (warning), 'limited-KIND' for every kind in `limited`.
         """
         return (
             *self._check_times(), *self._check_values(), *self._check_actuators(), *self._check_wire(),
@@ -150,6 +157,18 @@ class CommandTrack:
                 "error", "times-not-rising", "times do not rise", where=f"{self._place()}, sample {stuck[0] + 1}",
                 value=float(self.times[stuck[0] + 1]), limit=f"> {self.times[stuck[0]]:g} s", count=len(stuck),
             )  # fmt: skip
+
+        elif not len(bad) and len(self.times) > 1:
+            yield from self._check_rate()
+
+    def _check_rate(self) -> Iterator[Finding]:
+        """Compare the stated rate with the samples' own; a gap, or some samples too many, are no contradiction."""
+        found = 1.0 / float(np.median(np.diff(self.times)))
+        mean = (len(self.times) - 1) / self.duration
+        if min(abs(found - self.spec.rate), abs(mean - self.spec.rate)) > RATE_SLACK * self.spec.rate:
+            yield Finding("error", "rate", "the stated rate is not that of the samples", where=self._place(),
+                          value=f"{self.spec.rate:g} Hz", limit=f"{found:.6g} Hz, as the times are apart",
+                          remedy="Correct the rate, or resample the track")  # fmt: skip
 
     def _check_values(self) -> Iterator[Finding]:
         for i, channel in enumerate(self.channels):
@@ -219,7 +238,7 @@ class CommandTrack:
         for key in sorted(self.limited):
             count = self.limited[key]
             name, _, kind = key.rpartition(".")
-            severity, what = _LIMITED.get(kind, ("warning", "samples were changed by a limiter"))
+            severity, what = LIMITED.get(kind, ("warning", "samples were changed by a limiter"))
             if count:
                 yield Finding(severity, f"limited-{kind.replace('_', '-')}", f"{count} of {len(self.times)} {what}",
                               where=self._place(name or key), count=count)  # fmt: skip

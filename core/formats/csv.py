@@ -10,7 +10,8 @@ t_s,tactor_x[m],tactor_y[m]
 ```
 UTF-8, LF, values as `%.9g`, no quoting: no name in it may hold a comma. In values of the header `\\`, line breaks and
 other control characters are escaped. Lines that end in CRLF are read too, since editors and version control change
-them on the way; everything else that version 1 does not know is refused with its line.
+them on the way; everything else that version 1 does not know is refused with its line: keys, kinds of devices, fields
+of a wire, kinds of limiting. Only keys that begin with `x.` are free: other programs' notes, kept and written again.
 """
 
 from __future__ import annotations
@@ -26,7 +27,20 @@ from ..errors import DermisError
 from ..files import read_bytes, write_bytes
 from ..track import Array, CommandTrack
 from ..units import UNITS
-from .csv_header import KEY, MAGIC, VERSION, count, entries_of, escaped, is_own, spec_of, split
+from .csv_header import (
+    KEY,
+    MAGIC,
+    VERSION,
+    check_known,
+    check_limited,
+    check_meta,
+    count,
+    entries_of,
+    escaped,
+    is_own,
+    spec_of,
+    split,
+)
 
 _NOT_NUMERIC = re.compile(r"[^0-9eE+\-.,\n]")
 _ROWS_AT_ONCE = 4096
@@ -81,7 +95,7 @@ def read(path: Path) -> CommandTrack:
 
 
 def loads(text: str, *, where: str = "track") -> CommandTrack:
-    """Read a track from CSV text; the device is rebuilt from the header, unknown keys are kept in `meta`.
+    """Read a track from CSV text; the device is rebuilt from the header; `x.` keys are kept in `meta`.
 
     Where the times are a regular grid at the stated rate to within the nine digits written, they come back exact.
 
@@ -93,6 +107,12 @@ def loads(text: str, *, where: str = "track") -> CommandTrack:
     entries, heading, body = split(text, where)
     fields = {key: value for key, (value, _) in entries.items()}
     spec = spec_of(entries, heading, where)
+    names = [c.name for c in spec.channels]
+    for key, (value, line) in entries.items():
+        if key.startswith("limited."):
+            check_limited(key.removeprefix("limited."), names, f"{where}, line {line}")
+        elif not is_own(key):
+            check_meta(key, value, f"{where}, line {line}")
     first_line = len(entries) + 3
     table = _table(body, 1 + len(spec.channels), where, first_line)
     _check_rising(table[:, 0], where, first_line)
@@ -130,6 +150,7 @@ def _check_writable(track: CommandTrack) -> None:
                               limit="letters, digits, '_', '.', '-', and none of the format's own keys")  # fmt: skip
         if not isinstance(value, str):
             raise DermisError("a header value must be a text", where=f"{where}, {key}", value=value)
+    check_known(track, where)
     for key in (*track.spec.parameters, *track.spec.wire, *track.limited):
         if not KEY.fullmatch(key):
             raise DermisError("a key that the header cannot hold", where=where, value=key,

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import DermisError
-from ..track import Array, CommandTrack
-from .csv_header import KEY, count, is_own, spec_of
+from ..track import MOST_SAMPLES, Array, CommandTrack
+from .csv_header import KEY, check_known, check_limited, check_meta, count, is_own, spec_of
 
 LIMITS = ("low", "high", "slew", "rest", "actuator")
 FIELDS = ("schema", "device", "channels", "times", "meta", "limited")
@@ -18,7 +18,12 @@ DEVICE = ("key", "name", "kind", "rate", "spec_hash", "parameters", "wire")
 
 
 def header_of(track: CommandTrack, schema: str) -> dict[str, Any]:
-    """Return everything but the samples as plain JSON values."""
+    """Return everything but the samples as plain JSON values.
+
+    Raises:
+        DermisError: a kind of device, a key or a limit that the readers would refuse.
+    """
+    check_known(track, f"track of '{track.meta.get('finger', track.spec.key)}'")
     spec = track.spec
     return {
         "schema": schema,
@@ -131,8 +136,12 @@ def track_of(header: Mapping[str, Any], times: Array, values: Array, where: str)
     own = [k for k in meta if is_own(k)]
     if own:
         raise DermisError("a key of the format's own in the meta data", where=where, value=own[0])
+    for key, value in meta.items():
+        check_meta(key, value, f"{where}, meta")
     limited = {_key(k, where): count(json.dumps(v), f"{where}, limited {k}")
                for k, v in _mapping(header["limited"], where).items()}  # fmt: skip
+    for key in limited:
+        check_limited(key, [c.name for c in spec.channels], f"{where}, limited")
     if values.shape != (len(times), len(spec.channels)):
         raise DermisError("the samples do not fit times and channels", where=where, value=values.shape,
                           limit=f"({len(times)}, {len(spec.channels)})")  # fmt: skip
@@ -154,8 +163,8 @@ def grid_of(header: Mapping[str, Any], where: str) -> tuple[int, Array | None]:
     good = isinstance(first, int) and not isinstance(first, bool) and abs(first) < 2**53
     if not good or not isinstance(rate, int | float) or isinstance(rate, bool) or not 0 < rate < 1e12:
         raise DermisError("the times are no grid", where=f"{where}, times", value=str(dict(times))[:80])
-    if number > 2**31:
-        raise DermisError("more samples than a file can hold", where=where, value=number)
+    if number > MOST_SAMPLES:
+        raise DermisError("more samples than a track can hold", where=where, value=number, limit=str(MOST_SAMPLES))
     return number, (first + np.arange(number)) / float(rate)
 
 

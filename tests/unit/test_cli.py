@@ -20,7 +20,7 @@ from core.scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScen
 from core.track import CommandTrack
 
 ROOT = Path(core.__file__).parents[1]
-SPEC = DeviceSpec("dev", "A device", "test", 100.0, (Channel("x", "m", -1.0, 1.0, actuator="a"),), stated_hash="0")
+SPEC = DeviceSpec("dev", "A device", "thimble", 100.0, (Channel("x", "m", -1.0, 1.0, actuator="a"),), stated_hash="0")
 TRACK = CommandTrack(SPEC, np.arange(5) / 100, np.array([[0.0], [0.5], [1.0], [0.5], [0.0]]), {"finger": "F"})
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import subprocess
 import sys
@@ -16,7 +17,7 @@ from hypothesis import strategies as st
 from core.devices.spec import Channel, DeviceSpec
 from core.errors import DermisError
 from core.formats import csv
-from core.formats.csv_header import OWN_GROUPS, OWN_KEYS
+from core.formats.csv_header import EXPORT_META, FIRST_META, METHOD_META
 from core.track import CommandTrack
 
 FIXED = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -30,7 +31,7 @@ SPEC = DeviceSpec(
 TRACK = CommandTrack(
     SPEC, np.arange(3) / 1000, np.array([[0.0, 1.0], [1.25e-6, -0.0], [-0.002, 1 / 3]]),
     {"finger": "Index", "scene": "Tap", "fps": "30000/1001", "frame_range": "1 250", "generator": "dermis 1.0.0",
-     "content_hash": "abc", "zebra": "last"},
+     "content_hash": "abc", "x.zebra": "last"},
     {"tactor_x.slew": 2, "tactor_x.range": 0},
 )  # fmt: skip
 TEXT = """\
@@ -41,7 +42,7 @@ TEXT = """\
 # frame_range: 1 250
 # fps: 30000/1001
 # content_hash: abc
-# zebra: last
+# x.zebra: last
 # device: haptip
 # device_name: HapTip
 # kind: shear_tactor
@@ -100,7 +101,7 @@ NUMBERS = st.floats(allow_nan=False, allow_infinity=False, width=64)
 
 @settings(FIXED, max_examples=150)
 @given(
-    meta=st.dictionaries(st.from_regex(r"[A-Za-z][A-Za-z0-9_-]{0,8}", fullmatch=True), TEXTS, max_size=4),
+    meta=st.dictionaries(st.from_regex(r"x\.[A-Za-z0-9_.-]{1,8}|finger|scene|law", fullmatch=True), TEXTS, max_size=4),
     rows=st.lists(st.tuples(NUMBERS, NUMBERS), max_size=8),
     limits=st.tuples(st.floats(-1e9, 0), st.floats(0, 1e9), st.floats(1e-9, 1e9)),
     name=TEXTS, actuator=TEXTS,
@@ -108,7 +109,6 @@ NUMBERS = st.floats(allow_nan=False, allow_infinity=False, width=64)
 def test_round_trip(
     meta: dict[str, str], rows: list[tuple[float, float]], limits: tuple[float, float, float], name: str, actuator: str
 ) -> None:
-    meta = {k: v for k, v in meta.items() if k not in (*OWN_KEYS, *OWN_GROUPS)}
     text = actuator.encode("utf-8", "replace").decode()
     spec = replace(SPEC, name=name, channels=(Channel("a", "m", *limits, 0.0, text), Channel("b", "V")))
     given_track = CommandTrack(spec, np.arange(len(rows)) / 1000, np.array(rows).reshape(-1, 2), meta)
@@ -143,12 +143,12 @@ def test_crlf_is_read() -> None:
     assert csv.dumps(csv.loads(TEXT.replace("\n", "\r\n"))) == TEXT
 
 
-def test_unknown_keys_are_kept_and_optional_ones_may_be_missing() -> None:
+def test_other_programs_keys_are_kept_and_optional_ones_may_be_missing() -> None:
     lines = [
         x for x in TEXT.splitlines() if not x.startswith(("# samples", "# device_name", "# parameter", "# limited"))
     ]
-    found = csv.loads("\n".join([*lines[:1], "# tool: other: 7", *lines[1:]]) + "\n")
-    assert found.meta["tool"] == "other: 7" and found.spec.name == "haptip" and found.limited == {}
+    found = csv.loads("\n".join([*lines[:1], "# x.tool: other: 7", *lines[1:]]) + "\n")
+    assert found.meta["x.tool"] == "other: 7" and found.spec.name == "haptip" and found.limited == {}
 
 
 def test_edited_elsewhere_with_rows_removed_loads_when_the_count_goes_too() -> None:
@@ -157,6 +157,49 @@ def test_edited_elsewhere_with_rows_removed_loads_when_the_count_goes_too() -> N
 
 
 LINES = TEXT.splitlines()
+
+
+def test_the_missing_line_of_a_channel_is_spelled_out_and_works() -> None:
+    lines = [line for line in LINES if not line.startswith("# channel.contact")]
+    with pytest.raises(DermisError, match=r"'# channel.contact' is missing") as caught:
+        csv.loads("\n".join(lines) + "\n")
+    line = '# channel.contact: {"rest": 0}'
+    assert caught.value.remedy == f"Write '{line}' for a channel without limits"
+    assert csv.loads("\n".join([lines[0], line, *lines[1:]]) + "\n").channels == SPEC.channels
+
+
+def test_a_rate_that_contradicts_the_rows_is_found_by_the_check() -> None:
+    found = csv.loads(TEXT.replace("# rate: 1000.0", "# rate: 50.0"))
+    assert [(f.severity, f.value) for f in found.check() if f.code == "rate"] == [("error", "50 Hz")]
+
+
+def test_all_that_the_methods_say_of_themselves_can_be_read_back() -> None:
+    """The keys of every `meta` in the sources, found in their text: none may be missing on the format's list."""
+    root = Path(csv.__file__).parents[1]
+    found = set()
+    for path in (root / "pipeline.py", root / "thimble_command.py", root / "formats" / "export.py",
+                 *(root / "matching").glob("*.py")):  # fmt: skip
+        if path.name in ("table.py", "screen_map.py"):  # meta of other files
+            continue
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            made: list[ast.expr | None] = []
+            if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id == "meta":
+                made = [node.value]
+            elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Subscript):
+                target = node.targets[0]
+                if isinstance(target.value, ast.Name) and target.value.id == "meta":
+                    found.add(ast.literal_eval(target.slice))
+            elif isinstance(node, ast.FunctionDef) and node.name == "_meta":
+                made = [n.value for n in ast.walk(node) if isinstance(n, ast.Return)]
+            elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "CommandTrack":
+                made = [*node.args[3:4], *(k.value for k in node.keywords if k.arg == "meta")]
+            elif isinstance(node, ast.keyword) and node.arg == "meta":
+                made = [node.value]
+            for value in made:
+                if isinstance(value, ast.Dict):
+                    found |= {ast.literal_eval(k) for k in value.keys if k is not None}
+    assert {"finger", "fps", "forced", "range", "law", "worst_kkt", "sensor", "stimuli", "relief"} <= found
+    assert found <= {*FIRST_META, *METHOD_META, *EXPORT_META}
 
 
 @pytest.mark.parametrize(
@@ -182,8 +225,23 @@ LINES = TEXT.splitlines()
         ('"low": -0.002', '"lowest": 0', "line 16", "not the limits of a channel"),
         ("# limited.tactor_x.slew: 2", "# limited.tactor_x.slew: -2", "line 25", r"not a count \(found '-2'"),
         ("# wire.bandwidth: 115200.0", "# wire.bandwidth: \"x\"", "wire.bandwidth", "not a finite number"),
-        ("# zebra: last", "# channel: 1", "line 8", r"nothing is named \(found 'channel'\)"),
-        ("# zebra: last", "# channel.gone: {}", "line 8", r"a channel without a column \(found 'channel.gone'\)"),
+        ("# x.zebra: last", "# foo: bar", "line 8", r"unknown key \(found 'foo'; .*Begin .* with 'x.'"),
+        ("# x.zebra: last", "# x.: bar", "line 8", "unknown key"),
+        ("# kind: shear_tactor", "# kind: banana", "line 11", r"unknown kind of device \(found 'banana'; .*thimble"),
+        ("# fps: 30000/1001", "# fps: abc", "line 6", r"not a frame rate \(found 'abc'"),
+        ("# fps: 30000/1001", "# fps: 24/0", "line 6", "not a frame rate"),
+        ("# fps: 30000/1001", "# fps: 0/1", "line 6", "not a frame rate"),
+        ("# fps: 30000/1001", "# fps: -24", "line 6", "not a frame rate"),
+        ("# frame_range: 1 250", "# frame_range: x", "line 5", r"not a range of frames \(found 'x'"),
+        ("# frame_range: 1 250", "# frame_range: 250 1", "line 5", "not a range of frames"),
+        ("# frame_range: 1 250", "# frame_range: 1 nan", "line 5", "not a range of frames"),
+        ("# frame_range: 1 250", "# frame_range: 1 2 3", "line 5", "not a range of frames"),
+        ("# wire.bandwidth: 115200.0", "# wire.foo: 3", "line 22", r"unknown field of the wire \(found 'wire.foo'"),
+        ("# limited.tactor_x.slew: 2", "# limited.tactor_x.bogus: 2", "line 25", "unknown kind of limiting"),
+        ("# limited.tactor_x.slew: 2", "# limited.tactor_x: 2", "line 25", "unknown kind of limiting"),
+        ("# limited.tactor_x.slew: 2", "# limited.bogus.range: 4", "line 25", r"without a column .*'bogus.range'"),
+        ("# x.zebra: last", "# channel: 1", "line 8", r"nothing is named \(found 'channel'\)"),
+        ("# x.zebra: last", "# channel.gone: {}", "line 8", r"a channel without a column \(found 'channel.gone'\)"),
         ("t_s,tactor_x[m]", "time,tactor_x[m]", "line 26", r"not the time \(found 'time'; allowed: t_s\)"),
         ("tactor_x[m],", "tactor_x,", "line 26, column 2", r"not a column name \(found 'tactor_x'"),
         ("tactor_x[m],", "tactor_x[mm],", "line 26, column 2", "not a column name"),
@@ -247,6 +305,10 @@ def test_wrong_encoding_names_the_line(tmp_path: Path) -> None:
         ({"times": np.array([1e6, 1e6 + 1e-5, 1e6 + 1])}, "times do not rise in the nine digits"),
         ({"meta": {"two\nlines": "x"}}, r"a key that the header cannot hold \(found 'two\\nlines'"),
         ({"meta": {"rate": "5"}}, r"a key that the header cannot hold \(found 'rate'"),
+        ({"meta": {"foo": "bar"}}, r"unknown key \(found 'foo'"),
+        ({"meta": {"fps": "fast"}}, r"not a frame rate \(found 'fast'"),
+        ({"limited": {"gone.range": 1}}, "a limited channel without a column"),
+        ({"spec": replace(SPEC, kind="banana")}, "unknown kind of device"),
         ({"meta": {"n": 5}}, r"n: a header value must be a text \(found 5\)"),
         ({"spec": replace(SPEC, channels=(Channel("a,b", "m"), Channel("c", "m")))}, r"found 'a,b\[m\]'"),
         ({"spec": replace(SPEC, channels=(Channel("a", "m"), Channel("a", "m")))}, "two channels have one name"),

@@ -8,6 +8,7 @@ import struct
 import zlib
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from core.presets import Library, check
 from core.track import CommandTrack
 
 SPEC = DeviceSpec(
-    "dev", "A dévice", "test", 1000.0,
+    "dev", "A dévice", "pin_array", 1000.0,
     (Channel("x", "m", -2e-3, 2e-3, 0.15, 0.0), Channel("motor", "rad", -0.5, 0.5, None, 0.1, "m1")),
     {"range": 2e-3, "names": ["a", "b"], "on": True}, {"bandwidth": 1e6, "bits_per_sample": 8.0},
 )  # fmt: skip
@@ -70,7 +71,7 @@ def test_binary_comes_back_within_its_stated_error(tmp_path: Path) -> None:
 
 def test_binary_bytes_of_a_track_by_hand() -> None:
     """Three samples of one channel from 0 to 1: counts 0, 2^31 (half, rounded to even) and 2^32 - 1."""
-    one = CommandTrack(DeviceSpec("d", "D", "k", 10.0, (Channel("a", "1"),)), np.arange(3) / 10.0,
+    one = CommandTrack(DeviceSpec("d", "D", "pin_array", 10.0, (Channel("a", "1"),)), np.arange(3) / 10.0,
                        np.array([[0.0], [0.5], [1.0]]))  # fmt: skip
     data = binary.dumps(one)
     assert data[:8] == bytes.fromhex("8944524d540d0a01")
@@ -245,3 +246,42 @@ def test_parsers_survive_mutated_files() -> None:
 @pytest.mark.long
 def test_parsers_survive_a_million_mutated_files() -> None:
     fuzz(1_000_000, 8)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ('"finger":', '"foo": "bar", "finger":', "unknown key"),
+        ('"24/1"', '"abc"', "not a frame rate"),
+        ('"1 25"', '"x"', "not a range of frames"),
+        ('"pin_array"', '"banana"', "unknown kind of device"),
+        ('"wire": {', '"wire": {"foo": 3, ', "unknown field of the wire"),
+        ('"x.slew": 3', '"bogus.range": 4', "a limited channel without a column"),
+        ('"x.slew": 3', '"x.bogus": 4', "unknown kind of limiting"),
+        ('"count": 3, "first": 0', '"count": 2000000000, "first": 0', "more samples than a track can hold"),
+    ],
+)
+def test_json_and_binary_refuse_what_they_do_not_know(old: str, new: str, what: str) -> None:
+    track = a_track(3)
+    text = json_track.dumps(track)
+    assert text.count(old) == 1
+    with pytest.raises(DermisError, match=what):
+        json_track.loads(text.replace(old, new))
+    data = binary.dumps(track)
+    size = struct.unpack_from("<I", data, 8)[0]
+    header = data[12 : 12 + size].decode()
+    assert header.count(old) == 1
+    worse = header.replace(old, new).encode()
+    body = data[:8] + struct.pack("<I", len(worse)) + worse + data[12 + size : -4]
+    with pytest.raises(DermisError, match=what):
+        binary.loads(body + struct.pack("<I", zlib.crc32(body)))
+
+
+@pytest.mark.parametrize("module", [json_track, binary])
+def test_json_and_binary_do_not_write_what_they_would_refuse(module: ModuleType) -> None:
+    for change, what in (
+        ({"meta": {"foo": "bar"}}, "unknown key"), ({"limited": {"gone.range": 1}}, "without a column"),
+        ({"spec": replace(SPEC, kind="banana")}, "unknown kind of device"),
+    ):  # fmt: skip
+        with pytest.raises(DermisError, match=what):
+            module.dumps(replace(a_track(3), **change))

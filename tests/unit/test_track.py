@@ -193,7 +193,7 @@ def test_a_step_of_just_the_limit_is_no_change() -> None:
 
 
 def test_round_range_pulls_back_along_the_radius() -> None:
-    spec = device(Channel("x", "m"), Channel("y", "m"),
+    spec = device(Channel("x", "m"), Channel("y", "m"), rate=1.0,
                   parameters={"range_disc": ["x", "y"], "range_disc_radius": 5.0})  # fmt: skip
     raw = CommandTrack(spec, np.arange(3.0), np.array([[6.0, 8.0], [3.0, 4.0], [0.0, -7.0]]))
     held = raw.within_limits()
@@ -322,3 +322,34 @@ def test_wire_budget_is_exact() -> None:
     loud = track(np.zeros((11, 3)), *channels,
                  wire={"bandwidth": 36000.0, "bits_per_sample": 40.0, "bits_per_channel": 16.0}).check()[0]  # fmt: skip
     assert (loud.value, loud.limit) == ("72000 bit/s", "36000 bit/s") and "500 Hz" in loud.remedy
+
+
+@pytest.mark.parametrize(
+    ("rate", "times", "found"),
+    [
+        (50.0, np.arange(200) / 1000, True),  # twenty times too slow
+        (1000.0, np.arange(200) / 50, True),
+        (1000.0, np.arange(200) / 1020, True),
+        (1000.0, np.arange(200) / 1001, False),
+        (1000.0, np.arange(200) / 1000 + 5.0, False),
+        (1000.0, np.r_[np.arange(100), np.arange(150, 200)] / 1000, False),  # rows taken out
+        (1000.0, np.arange(0, 200, 2) / 1000, True),  # every other one
+        (1000.0, np.array([0.003]), False),
+        (1000.0, np.zeros(0), False),
+    ],
+)
+def test_a_rate_that_the_times_contradict_is_an_error(rate: float, times: np.ndarray, found: bool) -> None:
+    one = CommandTrack(device(Channel("x", "m"), rate=rate), times, np.zeros((len(times), 1)))
+    wrong = [f for f in one.check() if f.code == "rate"]
+    assert bool(wrong) == found
+    for finding in wrong:
+        assert finding.severity == "error" and f"{rate:g} Hz" in str(finding)
+        assert "rate" not in codes(one.resampled(rate))
+
+
+@pytest.mark.parametrize("rate", [1e12, 1e300])
+def test_a_rate_beyond_memory_is_refused_with_the_limit(rate: float) -> None:
+    one = track(np.zeros(101), rate=100.0)
+    with pytest.raises(DermisError, match=r"more samples .*allowed: 1.34218e\+08 Hz, 134217728 samples in all"):
+        one.resampled(rate)
+    assert len(one.resampled(1e5).times) == 100001

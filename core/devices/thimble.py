@@ -14,23 +14,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import DermisError
+from .firmness import LEGS, firmness, posture
+from .forward_kinematics import configuration
+from .servo_limits import servo_bounds, servo_speed
 from .spec import DeviceSpec, number
 
 Array = NDArray[np.float64]
 
 LEG_ANGLES = np.radians([0.0, 120.0, 240.0])
 LEG_DIRECTIONS = np.column_stack([np.cos(LEG_ANGLES), np.sin(LEG_ANGLES), np.zeros(3)])
-FORWARD_TOLERANCE = 1e-13  # [rad] of the servo angles
-FORWARD_STEPS = 50
-
-_LEGS = tuple((math.cos(a), math.sin(a)) for a in (0.0, 2 * math.pi / 3, 4 * math.pi / 3))
+FIRM = 0.03  # least firmness: there a servo's error turns the platform some 15 times as far, and beyond it gives way
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,9 @@ class Thimble:
         disc_radius: of the surface that touches the skin [m].
         mount: base frame in the finger's frame, shape (4, 4).
         pulse_neutral, pulse_gain: pulse width at neutral [s] and its change [s/rad].
+        side: +1 where the level platform hangs on its rods, -1 where it stands on them: the sign of the determinant.
+        bounds: lowest and highest angle from neutral of every servo [rad], shape (2, 3), where its channel is narrower
+            than the range; None where none is.
     """
 
     platform_radius: float
@@ -75,6 +78,15 @@ class Thimble:
     mount: Array
     pulse_neutral: float
     pulse_gain: float
+    side: float = 1.0
+    bounds: Array | None = None
+
+    @property
+    def servo_limits(self) -> tuple[Array, Array]:
+        """Lowest and highest angle of every servo from neutral [rad], shape (3,) each."""
+        if self.bounds is None:
+            return np.full(3, -self.servo_range), np.full(3, self.servo_range)
+        return self.bounds[0], self.bounds[1]
 
     def pose(self, x: ArrayLike) -> PlatformPose:
         """Return the platform's pose at x = (psi, theta, z), with parasitic shift and yaw."""
@@ -116,11 +128,7 @@ class Thimble:
         Raises:
             DermisError: a leg cannot reach.
         """
-        return self.servo_angles_at(self.pose(x))
-
-    def servo_angles_at(self, pose: PlatformPose) -> tuple[Array, Array]:
-        """Return `servo_angles` for a pose that is known already."""
-        turns, slopes = self.servo_turns(pose)
+        turns, slopes = self.servo_turns(self.pose(x))
         return np.array(turns) + self.servo_zero, np.array(slopes)
 
     def servo_turns(self, pose: PlatformPose) -> tuple[list[float], list[list[float]]]:
@@ -153,40 +161,40 @@ class Thimble:
         Raises:
             DermisError: a leg cannot reach.
         """
-        cp, sp, ct, st = math.cos(psi), math.sin(psi), math.cos(theta), math.sin(theta)
-        phi = math.atan2(-sp * st, cp + ct)
-        c, s = math.cos(phi), math.sin(phi)
-        # columns u and v of Rx(psi) Ry(theta) Rz(phi), see `pose`
-        ux, uy, uz = c * ct, c * sp * st + s * cp, s * sp - c * cp * st
-        vx, vy, vz = -s * ct, c * cp - s * sp * st, c * sp + s * cp * st
-        size, crank, rod = self.platform_radius, self.crank, self.rod
-        x, y = size / 2 * (ux - vy), -size * uy
-        angles = []
-        for leg, (ex, ey) in enumerate(_LEGS):
-            r = ex * (x + size * (ux * ex + vx * ey)) + ey * (y + size * (uy * ex + vy * ey)) - self.base_radius
-            h = z + size * (uz * ex + vz * ey)
-            squared = r * r + h * h
-            cosine = (crank * crank + squared - rod * rod) / (2 * crank * math.sqrt(squared))
-            if abs(cosine) >= 1.0:
-                raise DermisError("a leg cannot reach the platform", where=f"thimble, leg {leg + 1}")
-            angles.append(math.atan2(h, r) - self.knee * math.acos(cosine) - self.servo_zero)
-        return angles
+        return posture(self, psi, theta, z)[0]
 
     def constraints(self, x: ArrayLike) -> tuple[Array, Array]:
-        """Return c(x) >= 0, the room left of each servo to either side [rad], shape (6,), and dc/dx, shape (6, 3)."""
-        return self.constraints_at(self.pose(x))
+        """Return c(x) >= 0, shape (7,), and dc/dx, shape (7, 3).
 
-    def constraints_at(self, pose: PlatformPose) -> tuple[Array, Array]:
-        """Return `constraints` for a pose that is known already."""
-        angles, slopes = self.servo_angles_at(pose)
-        turned = angles - self.servo_zero
-        return np.concatenate([self.servo_range - turned, self.servo_range + turned]), np.vstack([-slopes, slopes])
+        The first six are the room left of each servo to either side [rad], the last how far the platform is from the
+        least firmness.
+
+        Raises:
+            DermisError: a leg cannot reach.
+        """
+        return self.constraints_within(x, *self.servo_limits)
+
+    def constraints_within(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
+        """Return `constraints` for other limits of the servos' angles from neutral [rad], shape (3,) each."""
+        at = np.asarray(x, dtype=np.float64)
+        turned, slopes = self.servo_turns(self.pose(at))
+        firm, softer = firmness(self, *at.tolist())
+        angles, by_x = np.array(turned), np.array(slopes)
+        return np.concatenate([high - angles, angles - low, [firm - FIRM]]), np.vstack([-by_x, by_x, softer])
 
     def feasible(self, x: ArrayLike) -> bool:
-        """Tell whether the legs reach and the servos stay within their range."""
-        if not (self.reach(x) > 0).all():
+        """Tell whether the legs reach, the servos stay within their range, and hold the platform firmly."""
+        low, high = self.servo_limits
+        psi, theta, z = np.asarray(x, dtype=np.float64).tolist()
+        return self.within(psi, theta, z, low.tolist(), high.tolist())
+
+    def within(self, psi: float, theta: float, z: float, low: list[float], high: list[float]) -> bool:
+        """Tell the same for limits of the servos' angles from neutral [rad]."""
+        try:
+            turned, firm = posture(self, psi, theta, z)
+        except DermisError:
             return False
-        return bool((self.constraints(x)[0] >= 0).all())
+        return firm >= FIRM and all(a <= t <= b for a, t, b in zip(low, turned, high, strict=True))
 
     def workspace(self, pitch: ArrayLike, roll: ArrayLike, distance: ArrayLike) -> NDArray[np.bool_]:
         """Tell which of a grid of pitches, rolls [rad] and distances [m] are feasible, shape (a, b, c)."""
@@ -194,34 +202,12 @@ class Thimble:
         return np.array([[[self.feasible((p, r, z)) for z in grid[2]] for r in grid[1]] for p in grid[0]])
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
-        """Return the configuration x that servo angles [rad] hold the platform in, nearest to `start`.
+        """Return the configuration that servo angles [rad] hold the platform in; see `configuration`.
 
         Raises:
             DermisError: no such configuration was found.
         """
-        wanted, x = np.asarray(angles, dtype=np.float64), np.array(start, dtype=np.float64)
-        scale = np.array([1.0, 1.0, self.platform_radius])  # keeps tilt and distance alike
-        for _ in range(FORWARD_STEPS):
-            now, slopes = self.servo_angles(x)
-            miss = wanted - now
-            if np.abs(miss).max() <= FORWARD_TOLERANCE:
-                return x
-            step = scale * np.linalg.solve(slopes * scale, miss)
-            length = 1.0
-            while length > 1e-6:
-                trial = x + length * step
-                if (self.reach(trial) > 0).all():
-                    closer = np.abs(wanted - self.servo_angles(trial)[0]).max()
-                    if closer < np.abs(miss).max():
-                        break
-                length /= 2
-            else:
-                break
-            x = trial
-        miss = wanted - self.servo_angles(x)[0]
-        if np.abs(miss).max() <= 100 * FORWARD_TOLERANCE:
-            return x
-        raise DermisError("no pose of the platform has these servo angles", where="thimble", value=wanted.tolist())
+        return configuration(self, angles, start)
 
     def pulse_width(self, angles: ArrayLike) -> Array:
         """Return the servos' pulse widths [s] for angles [rad]."""
@@ -239,7 +225,7 @@ class Thimble:
         x, y, z = pose.centre.tolist()
         shifts, spins = pose.d_centre.tolist(), pose.spin.tolist()
         size, legs = self.platform_radius, []
-        for ex, ey in _LEGS:
+        for ex, ey in LEGS:
             ax, ay, az = size * (ux * ex + vx * ey), size * (uy * ex + vy * ey), size * (uz * ex + vz * ey)
             dr, dh = [], []
             for j, (wx, wy, wz) in enumerate(spins):
@@ -253,11 +239,12 @@ def mechanism(spec: DeviceSpec) -> Thimble:
     """Build the mechanism of a preset; the servos' zero is where the platform is level at `reference_distance`.
 
     Raises:
-        DermisError: a length or limit that is not above zero, or links that cannot close at the reference.
+        DermisError: a length or limit that is not above zero, links that cannot close at the reference or do not hold
+            the platform there, or a channel that leaves its servo no range.
     """
     p, where = spec.parameters, f"device preset '{spec.key}'"
     names = ("platform_radius", "base_radius", "crank", "rod", "servo_range", "servo_speed", "disc_radius")
-    sizes = {name: _positive(p, name, where) for name in names}
+    sizes: dict[str, Any] = {name: _positive(p, name, where) for name in names}
     reference = _positive(p, "reference_distance", where)
     # the base sits above the nail and looks down: its +Z is the finger's -Z, its +Y stays the finger's
     mount = np.diag([-1.0, 1.0, -1.0, 1.0])
@@ -279,9 +266,16 @@ def mechanism(spec: DeviceSpec) -> Thimble:
     )
     try:
         zero = float(device.servo_angles([0.0, 0.0, reference])[0][0])
+        firm = posture(device, 0.0, 0.0, reference)[1]
     except DermisError as error:
         raise DermisError("the links cannot close at the reference distance", where=where, value=str(error)) from error
-    return Thimble(**{**device.__dict__, "servo_zero": zero})
+    if abs(firm) < FIRM:
+        raise DermisError("the rods lie too flat to hold the platform at the reference distance", where=where,
+                          value=f"firmness {abs(firm):.3g}", limit=f">= {FIRM:g}",
+                          remedy="Use other link lengths or another distance")  # fmt: skip
+    sizes["servo_speed"] = servo_speed(spec, sizes["servo_speed"])
+    bounds = servo_bounds(spec, sizes["servo_range"])
+    return replace(device, **sizes, servo_zero=zero, side=math.copysign(1.0, firm), bounds=bounds)
 
 
 def _positive(p: Mapping[str, Any], name: str, where: str) -> float:

@@ -15,7 +15,8 @@ from operator import sub
 import numpy as np
 from numpy.typing import NDArray
 
-from ..devices.thimble import Thimble
+from ..devices.firmness import posture
+from ..devices.thimble import FIRM, Thimble
 from ..errors import DermisError
 from .gauss_newton import (
     ARMIJO,
@@ -50,7 +51,7 @@ def descend(
     low, high = limits.low.tolist(), limits.high.tolist()
     size, radius = len(target), device.platform_radius
     psi, theta, z = start.tolist()
-    if not inside(device, psi, theta, z, low, high):
+    if not device.within(psi, theta, z, low, high):
         return minimise(evaluate, target, start, device, limits)  # which says what is wrong, or holds the limit
     both = np.empty((size, 4))
     x = np.array(start, np.float64)
@@ -81,7 +82,7 @@ def descend(
         share, found = 1.0, False
         while share >= SHORTEST:
             at = (psi + share * step[0], theta + share * step[1], z + share * radius * step[2])
-            if not inside(device, *at, low, high):
+            if not device.within(*at, low, high):
                 more = minimise(evaluate, target, x, device, limits)
                 return _after(more, start_cost, iterations, evaluations)
             trial = np.array(at)
@@ -106,8 +107,8 @@ def descend(
         if moved <= SMALL_STEP or gained <= SMALL_GAIN:
             why = "step" if moved <= SMALL_STEP else "gain"
             break
-    angles = device.turns(psi, theta, z)
-    room = np.array([*map(sub, high, angles), *map(sub, angles, low)])
+    angles, firm = posture(device, psi, theta, z)
+    room = np.array([*map(sub, high, angles), *map(sub, angles, low), firm - FIRM])
     return Minimum(x, stimulus, stimulus - target, start_cost, cost, kkt, (), np.zeros(0), room, iterations,
                    evaluations, why)  # fmt: skip
 
@@ -140,15 +141,6 @@ def _step(gram: list[list[float]]) -> list[float] | None:
     s3 = y3 / l33
     s2 = (y2 - l32 * s3) / l22
     return [(y1 - l21 * s2 - l31 * s3) / l11, s2, s3]
-
-
-def inside(device: Thimble, psi: float, theta: float, z: float, low: list[float], high: list[float]) -> bool:
-    """Tell whether the legs reach a configuration with servo angles from neutral within limits [rad]."""
-    try:
-        turned = device.turns(psi, theta, z)
-    except DermisError:
-        return False
-    return all(a <= t <= b for a, t, b in zip(low, turned, high, strict=True))
 
 
 def _after(more: Minimum, start_cost: float, iterations: int, evaluations: int) -> Minimum:

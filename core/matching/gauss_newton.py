@@ -34,6 +34,7 @@ ARMIJO = 1e-4
 DAMPING = 1e-9  # of the largest diagonal: keeps a step unique where a single node touches
 ON_LIMIT = 1e-9  # rad
 RESTORING = 4
+GIVES_WAY = 6  # the constraint that keeps the platform firm
 
 
 @dataclass(frozen=True)
@@ -46,9 +47,9 @@ class Minimum:
         start_cost, cost: half the squared mismatch at the start and at the end.
         kkt: |S (J'r - A'multipliers)| / (|J S| |r|), with the multipliers of the step that would come next: 0 at
             an exact minimum. S scales distance to tilt.
-        active: servo limits that hold it back, indices into the six constraints.
+        active: limits that hold it back, indices into the seven constraints; `GIVES_WAY` is firmness.
         multipliers: of them, >= 0.
-        room: c(x) of the six constraints [rad], >= 0.
+        room: c(x) of the seven constraints, >= 0.
         iterations, evaluations: steps, and calls of the forward model.
         why: 'optimal', 'exact', 'step' (no longer moving), 'gain' (no longer better), 'stalled' (no descent at a
             kink), 'limit', or 'underway' (the servos cannot reach a better minimum within one frame; start_cost is
@@ -76,7 +77,7 @@ class Minimum:
 
 @dataclass(frozen=True)
 class ServoLimits:
-    """Bounds of the three servo angles from neutral [rad], shape (3,) each: the six constraints c(x) >= 0."""
+    """Bounds of the three servo angles from neutral [rad], shape (3,) each; with firmness, seven constraints c >= 0."""
 
     low: Array
     high: Array
@@ -84,22 +85,19 @@ class ServoLimits:
     @classmethod
     def of(cls, device: Thimble) -> ServoLimits:
         """Return the servos' whole range."""
-        return cls(np.full(3, -device.servo_range), np.full(3, device.servo_range))
+        return cls(*device.servo_limits)
 
     def near(self, angles: Array, change: float) -> ServoLimits:
         """Return what can be reached from given angles from neutral when none may change by more than `change`."""
         return ServoLimits(np.maximum(self.low, angles - change), np.minimum(self.high, angles + change))
 
     def constraints(self, device: Thimble, x: Array) -> tuple[Array, Array]:
-        """Return c(x) [rad], shape (6,), and dc/dx, shape (6, 3).
+        """Return c(x), shape (7,), and dc/dx, shape (7, 3), as `Thimble.constraints` does within these bounds.
 
         Raises:
             DermisError: a leg cannot reach.
         """
-        angles, slopes = device.servo_turns(device.pose(x))
-        room = [h - a for h, a in zip(self.high.tolist(), angles, strict=True)]
-        room += [a - low for low, a in zip(self.low.tolist(), angles, strict=True)]
-        return np.array(room), np.array([[-s for s in row] for row in slopes] + slopes)
+        return device.constraints_within(x, self.low, self.high)
 
 
 def minimise(
@@ -207,7 +205,7 @@ def _restored(x: Array, device: Thimble, limits: ServoLimits, scale: Array) -> t
 def _quadratic_program(
     jacobian: Array, residual: Array, room: Array, slopes: Array, guess: tuple[int, ...]
 ) -> tuple[Array, tuple[int, ...], Array, float]:
-    """Minimise |J d + r| subject to room + slopes d >= 0, exactly: there are at most 26 sets of limits to hold.
+    """Minimise |J d + r| subject to room + slopes d >= 0, exactly: there are at most 45 sets of limits to hold.
 
     Returns:
         d, the limits held, their multipliers, and the norm of J'r - A'multipliers.
@@ -257,4 +255,5 @@ def _working_sets(guess: tuple[int, ...]) -> list[tuple[int, ...]]:
     return [(), guess, *_SETS] if guess else [(), *_SETS]
 
 
-_SETS = [s for k in (1, 2, 3) for s in combinations(range(6), k) if len({c % 3 for c in s}) == k]
+_SETS = [s for k in (1, 2, 3) for s in combinations(range(7), k)
+         if len({c if c == GIVES_WAY else c % 3 for c in s}) == k]  # fmt: skip

@@ -22,8 +22,8 @@ from ..devices.first_contact import first_contact
 from ..devices.thimble import Thimble
 from ..errors import DermisError
 from ..surrogate.forward import DirectModel, ForwardModel
-from .descent import descend, inside
-from .gauss_newton import Minimum, ServoLimits
+from .descent import descend
+from .gauss_newton import GIVES_WAY, Minimum, ServoLimits
 from .start_table import StartTable, start_table
 from .thimble_use import HOVER
 
@@ -47,6 +47,7 @@ class ThimbleFrame:
         solution: contact of the disc with the skin.
         minimum: the search's own account, None where the target is no touch.
         searches: how many starts were tried.
+        rescued: a learned model was wrong, and the direct search took its place.
     """
 
     x: Array
@@ -56,6 +57,7 @@ class ThimbleFrame:
     solution: DiscSolution
     minimum: Minimum | None
     searches: int
+    rescued: bool = False
 
     @property
     def touching(self) -> bool:
@@ -131,7 +133,7 @@ class StressMatcher:
                               value=target.shape, limit=f"({self.model.size},), finite")  # fmt: skip
         limits = self.limits if self.change is None else self.limits.near(self.angles, self.change)
         size = float(np.sqrt(target @ target))
-        minimum, searches, followed = None, 0, self._pressed
+        minimum, searches, followed, rescued = None, 0, self._pressed, False
         if size > NOTHING * float(self.table.strength.max()):
             if search is None:
                 minimum, searches = self._search(target, limits)
@@ -145,14 +147,15 @@ class StressMatcher:
         if minimum is not None and search is None and self.model is not self.direct:
             away = float(np.linalg.norm(stimulus - minimum.stimulus))
             if away > MISTRUST * size:
+                before = self.rescues
                 minimum, x, solution, stimulus = self._rescued(target, limits, minimum, x, solution, stimulus)
-                searches += 1
+                searches, rescued = searches + 1, self.rescues > before
         self._settle(solution)
         miss = stimulus - target
         self._moved = x - self.x if minimum is not None and followed else np.zeros(3)
         self.x, self.angles = x, self._angles(x)
         mismatch = float(np.sqrt(miss @ miss)) / size if minimum is not None else 0.0
-        return ThimbleFrame(x, self.angles, stimulus, mismatch, solution, minimum, searches)
+        return ThimbleFrame(x, self.angles, stimulus, mismatch, solution, minimum, searches, rescued)
 
     def follow(self, targets: Iterable[Array]) -> Iterator[ThimbleFrame]:
         """Take targets one after the other."""
@@ -201,7 +204,7 @@ class StressMatcher:
         residual = stimulus - target
         cost = 0.5 * float(residual @ residual)
         room, _ = limits.constraints(self.device, x)
-        slowest = (int(room.argmin()),)  # it is the servos' speed that decides here, and no optimality
+        slowest = (int(room[:GIVES_WAY].argmin()),)  # it is the servos' speed that decides here, and no optimality
         return Minimum(x, stimulus, residual, cost, cost, 0.0, slowest, np.zeros(1), room, goal.iterations,
                        goal.evaluations + 1, "underway")  # fmt: skip
 
@@ -264,7 +267,7 @@ class StressMatcher:
 
     def _allowed(self, x: Array, limits: ServoLimits) -> bool:
         pitch, roll, distance = x.tolist()
-        return inside(self.device, pitch, roll, distance, limits.low.tolist(), limits.high.tolist())
+        return self.device.within(pitch, roll, distance, limits.low.tolist(), limits.high.tolist())
 
     def _angles(self, x: Array) -> Array:
         return self.device.servo_angles(x)[0] - self.device.servo_zero

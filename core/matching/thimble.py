@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..cache import cache_key
 from ..devices.spec import DeviceSpec
-from ..devices.thimble import Thimble
+from ..devices.thimble import FIRM, Thimble
 from ..errors import DermisError, Finding, Severity
 from ..scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
@@ -24,7 +24,7 @@ from ..track import CommandTrack
 from .baselines import contact_patch, fit_plane, total_force
 from .rendered import Rendered
 from .start_table import StartTable, start_table
-from .stress import StressMatcher, ThimbleFrame
+from .stress import MISTRUST, StressMatcher, ThimbleFrame
 from .thimble_sequence import ThimbleSequence, collect, finish
 from .thimble_use import FRICTION, HOVER, LEARNED, METHODS, ThimbleUse, prepare
 
@@ -36,6 +36,8 @@ Array = NDArray[np.float64]
 
 DESCRIPTOR_MOVEMENTS = 240  # enough for the subspace: more change its size by one component at most
 LATE = 0.05  # of the touched samples: if the disc is not there yet in more, a person should know
+STEEP = 0.05  # of the touched samples: the same for touches that are too steep for the mechanism
+DOUBTFUL = 0.1  # of the touched samples: a surrogate that is replaced more often is not worth its name
 UNFINISHED = 0.05  # a KKT residual above it is worth a finding
 
 _known: OrderedDict[tuple[str, str, float, float], Descriptors] = OrderedDict()
@@ -171,7 +173,8 @@ def render(
     """Render one finger's thimble.
 
     Parameters of the use: see `prepare`.
-    Signals: 'contact' (0 or 1), 'mismatch', 'normal_force' and 'target_force' [N].
+    Signals: 'contact' (0 or 1), 'mismatch', 'normal_force' and 'target_force' [N]; of a learned method also 'rescued'
+    (1 where the direct search took its place).
 
     Raises:
         DermisError: an unknown method, or a device that cannot touch this finger.
@@ -183,7 +186,7 @@ def render(
     times = np.arange(sample_count(scene.fps, scene.frame_range, spec.rate)) / spec.rate
     forces = forces_at(skin, times)
     found = match_touch(used, forces, used.device.servo_speed / spec.rate)
-    findings = [*used.findings, *_findings(found, where)]
+    findings = [*used.findings, *findings_of(found, where)]
     columns = {f"servo_{i + 1}": found.angles[:, i] for i in range(3)}
     columns.update(zip(("pitch", "roll", "distance"), found.x.T, strict=True))
     unknown = [c.name for c in spec.channels if c.name not in columns]
@@ -196,6 +199,8 @@ def render(
         "contact": found.wanted.astype(np.float64), "mismatch": found.mismatch,
         "normal_force": found.force[:, :, 2].sum(axis=1, dtype=np.float64), "target_force": forces[:, :, 2].sum(axis=1),
     }  # fmt: skip
+    if used.method in LEARNED:
+        signals["rescued"] = found.rescued.astype(np.float64)
     return Rendered(track, signals, tuple(findings), {"thimble frames without touch": int((~found.wanted).sum())})
 
 
@@ -214,12 +219,25 @@ def forces_at(skin: SkinTouch, times: Array) -> Array:
     return out
 
 
-def _findings(found: ThimbleSequence, where: str) -> list[Finding]:
-    out = []
-    limited = int(found.held_back.sum())
+def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
+    """Return what a person should know about a sequence."""
+    out, wanted = [], int(found.wanted.sum())
+    limited, steep, rescued = int(found.held_back.sum()), int(found.steep.sum()), int(found.rescued.sum())
     if limited:
         what = "a servo's range or speed holds the match back"
         out.append(Finding("info", "servo-limit", what, where, count=limited))
+    if steep:
+        out.append(Finding("warning" if steep > STEEP * wanted else "info", "singular-pose",
+                           "a better match lies where the platform gives way although its servos are held", where,
+                           limit=f"firmness >= {FIRM:g}", remedy="Touch less steeply, or use other link lengths",
+                           count=steep))  # fmt: skip
+    if rescued:
+        share = f"{rescued} of {wanted} touched samples"
+        out.append(Finding("warning" if rescued > DOUBTFUL * wanted else "info", "rescued",
+                           f"the surrogate was wrong and the direct search took its place in {share}", where,
+                           limit=f"a contact within {100 * MISTRUST:g} % of what the surrogate expected",
+                           remedy="Adapt a surrogate from more movements, or use the direct method",
+                           count=rescued))  # fmt: skip
     rough = int((found.kkt > UNFINISHED).sum())
     if rough:
         out.append(Finding("info", "at-a-kink", "the match ends where nodes begin to slip or to touch", where,
@@ -227,6 +245,6 @@ def _findings(found: ThimbleSequence, where: str) -> list[Finding]:
     lost = int((found.wanted & ~found.pressing).sum())
     if lost:
         # a frame or two at first touch is what any device with a speed needs
-        severity: Severity = "warning" if lost > LATE * int(found.wanted.sum()) else "info"
+        severity: Severity = "warning" if lost > LATE * wanted else "info"
         out.append(Finding(severity, "out-of-reach", "the device does not reach the skin in time", where, count=lost))
     return out

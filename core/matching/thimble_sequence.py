@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .gauss_newton import GIVES_WAY
 from .stress import ThimbleFrame
 
 Array = NDArray[np.float64]
@@ -24,6 +25,8 @@ class ThimbleSequence:
         kkt: optimality of the search, shape (n,). iterations, evaluations: of it, shape (n,).
         pressing: the disc touches, shape (n,). wanted: the target is a touch, shape (n,).
         held_back: a servo limit was active, shape (n,).
+        steep: in a better pose the platform would give way, shape (n,).
+        rescued: the direct search took a learned model's place, shape (n,).
         method: which one.
         predicted: stimulus that the search expected, in its model's components, shape (n, k); zeros without touch. None
             for 'force' and 'geometry', which look for something else.
@@ -39,6 +42,8 @@ class ThimbleSequence:
     pressing: NDArray[np.bool_]
     wanted: NDArray[np.bool_]
     held_back: NDArray[np.bool_]
+    steep: NDArray[np.bool_]
+    rescued: NDArray[np.bool_]
     method: str
     predicted: Array | None = None
 
@@ -56,7 +61,9 @@ def collect(frames: list[ThimbleFrame], nodes: int, method: str) -> ThimbleSeque
         np.array([0 if m is None else m.iterations for m in found]),
         np.array([0 if m is None else m.evaluations for m in found]),
         np.array([f.touching for f in frames]), np.array([m is not None for m in found]),
-        np.array([m is not None and bool(m.active) for m in found]), method, predicted,
+        np.array([m is not None and any(a != GIVES_WAY for a in m.active) for m in found]),
+        np.array([m is not None and GIVES_WAY in m.active for m in found]), np.array([f.rescued for f in frames]),
+        method, predicted,
     )  # fmt: skip
 
 

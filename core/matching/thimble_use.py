@@ -67,10 +67,11 @@ def fitted(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any]) -> 
     if not parameters.get("thimble_calibrated", False):
         return device, friction
     felt = np.array([float(parameters.get(f"thimble_felt_{i}", 0.0)) for i in (1, 2, 3)])
-    if not np.isfinite(felt).all() or np.abs(felt).max() > device.servo_range:
+    low, high = device.servo_limits
+    if not np.isfinite(felt).all() or (felt < low).any() or (felt > high).any():
         raise DermisError("the first contact was felt outside the servos' range", where=f"{spec.key}, calibration",
                           value=", ".join(f"{np.degrees(a):.1f}" for a in felt) + " deg",
-                          limit=f"+-{np.degrees(device.servo_range):.3g} deg")  # fmt: skip
+                          limit=f"{np.degrees(low.max()):.3g} to {np.degrees(high.min()):.3g} deg")  # fmt: skip
     return calibrated(device, contact_of(device, skin, friction), felt), friction
 
 

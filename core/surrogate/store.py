@@ -67,7 +67,10 @@ class Surrogate:
 
 def device_key(device: Thimble) -> str:
     """Return a key for all that decides what a device does to a skin."""
-    return cache_key(json.dumps({k: np.asarray(v).tolist() for k, v in asdict(device).items()}, sort_keys=True))[:32]
+    usual = {"side": 1.0, "bounds": None}  # what most devices have in common is left out
+    parts = {k: None if v is None else np.asarray(v).tolist() for k, v in asdict(device).items()}
+    told = {k: v for k, v in parts.items() if k not in usual or v != usual[k]}
+    return cache_key(json.dumps(told, sort_keys=True))[:32]
 
 
 def place_of(folder: Path, skin: SkinModel, device: Thimble, friction: float) -> Path:

@@ -8,7 +8,7 @@ import pytest
 from core.devices.disc_pose import FrictionState
 from core.devices.thimble import mechanism
 from core.errors import DermisError
-from core.matching.descent import descend, inside
+from core.matching.descent import descend
 from core.matching.gauss_newton import ServoLimits, minimise
 from core.presets import Library
 from core.skin.model import fingertip_skin
@@ -43,9 +43,11 @@ def test_plain_angles_are_the_angles():
 def test_inside_is_what_the_constraints_say():
     limits = ServoLimits.of(DEVICE)
     low, high = limits.low.tolist(), limits.high.tolist()
-    told = [inside(DEVICE, 0.0, 0.0, z, low, high) for z in np.linspace(0.008, 0.03, 60)]
-    assert told == [bool(DEVICE.feasible((0.0, 0.0, z))) for z in np.linspace(0.008, 0.03, 60)]
-    assert any(told) and not all(told)
+    for at in ((0.0, 0.0, 0.0), (0.5, 0.3, 0.0), (-0.2, 0.55, 0.0)):
+        poses = [(*at[:2], z) for z in np.linspace(0.008, 0.03, 60) if (DEVICE.reach((*at[:2], z)) > 0).all()]
+        told = [DEVICE.within(*x, low, high) for x in poses]
+        assert told == [bool(limits.constraints(DEVICE, np.array(x))[0].min() >= 0.0) for x in poses]
+        assert any(told) and not all(told)
 
 
 @pytest.mark.parametrize("goal", [(0.1, -0.2, 0.0172), (-0.3, 0.05, 0.0185)])

@@ -7,7 +7,7 @@ import pytest
 
 from core.devices.thimble import mechanism
 from core.errors import DermisError
-from core.matching.gauss_newton import ServoLimits, _quadratic_program, minimise
+from core.matching.gauss_newton import GIVES_WAY, ServoLimits, _quadratic_program, minimise
 from core.presets import Library
 
 NEUTRAL = np.array([0.0, 0.0, 0.018])
@@ -21,13 +21,15 @@ def device():
 def test_the_quadratic_program_meets_its_optimality_conditions():
     """It is strictly convex, so the conditions hold at one point only: whoever meets them has the answer."""
     rng = np.random.default_rng(0)
-    bound = 0
+    bound = steep = 0
     for _ in range(400):
         jacobian, residual = rng.normal(size=(8, 3)), rng.normal(size=8)
         slopes = rng.normal(size=(3, 3))
         low, high = rng.uniform(0.0, 0.2, 3), rng.uniform(0.0, 0.2, 3)
         low[rng.random(3) < 0.2] = 0.0  # some limits are touched already
-        room, both = np.concatenate([high, low]), np.concatenate([-slopes, slopes])
+        # the servos' six, and one that has no opposite
+        room = np.concatenate([high, low, rng.uniform(0.0, 0.2, 1)])
+        both = np.concatenate([-slopes, slopes, rng.normal(size=(1, 3))])
         step, held, multipliers, _ = _quadratic_program(jacobian, residual, room, both, ())
         after = room + both @ step
         assert after.min() > -1e-11
@@ -37,7 +39,8 @@ def test_the_quadratic_program_meets_its_optimality_conditions():
         push = both[list(held)].T @ multipliers if held else 0.0
         np.testing.assert_allclose(gradient, push, atol=1e-7)
         bound += bool(held)
-    assert 100 < bound < 400
+        steep += 6 in held
+    assert 100 < bound < 400 and 50 < steep
 
 
 def test_a_linear_model_is_solved_in_one_step(device):
@@ -68,6 +71,28 @@ def test_the_minimum_at_a_servo_limit_equals_a_general_solver(device):
         assert found.kkt < 0.02
         assert found.cost <= other.fun * (1 + 2e-3)
         np.testing.assert_allclose(found.x / scale, other.x, atol=0.03)
+
+
+def test_a_target_beyond_a_singular_pose_ends_at_the_least_firmness(device):
+    """The mechanism's seventh limit, against SLSQP; the six of the servos alone would let it pass."""
+    from scipy.optimize import minimize
+
+    scale = np.array([1.0, 1.0, device.platform_radius])
+    for pitch, roll, z in ((36.0, -24.0, 0.0176), (36.5, 2.0, 0.017), (-33.0, -21.0, 0.0165)):
+        goal = np.array([np.radians(pitch), np.radians(roll), z]) / scale
+        assert device.constraints(goal * scale)[0][:6].min() > 0 > device.constraints(goal * scale)[0][6]
+        found = minimise(
+            lambda x: (x / scale, np.diag(1 / scale)), goal, NEUTRAL, device, max_iterations=60, max_evaluations=200
+        )
+        other = minimize(
+            lambda y, to: 0.5 * ((y - to) ** 2).sum(), NEUTRAL / scale, (goal,), jac=lambda y, to: y - to,
+            method="SLSQP", constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale)[0]},
+            options={"ftol": 1e-13, "maxiter": 300},
+        )  # fmt: skip
+        assert found.room.min() >= 0.0 and GIVES_WAY in found.active and found.kkt < 0.02
+        assert found.cost <= other.fun * (1 + 2e-3)
+        turned = device.forward(device.servo_angles(found.x)[0], NEUTRAL)
+        np.testing.assert_allclose(turned, found.x, atol=1e-9)
 
 
 def test_tried_points_keep_the_limits_and_the_cost_falls(device):

@@ -1,0 +1,50 @@
+"""Limits of a thimble's servos: the tighter of what the mechanism and what the servos' own channels allow."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from .spec import DeviceSpec
+
+Array = NDArray[np.float64]
+
+SERVOS = ("servo_1", "servo_2", "servo_3")
+
+
+def servo_bounds(spec: DeviceSpec, reach: float) -> Array | None:
+    """Return the lowest and highest angle of every servo from neutral [rad], shape (2, 3).
+
+    A pose is three angles at once: one that is cut off later, channel by channel, leaves another pose.
+
+    Args:
+        reach: of the mechanism's servos to either side [rad].
+
+    Returns:
+        None where no channel is narrower than that.
+
+    Raises:
+        DermisError: a channel that leaves its servo no range.
+    """
+    low, high = np.full(3, -reach), np.full(3, reach)
+    for channel in spec.channels:
+        if channel.name in SERVOS:
+            i = SERVOS.index(channel.name)
+            low[i] = max(low[i], -reach if channel.low is None else channel.low)
+            high[i] = min(high[i], reach if channel.high is None else channel.high)
+            if not low[i] < high[i]:
+                raise DermisError(
+                    "the channel leaves its servo no range", where=f"device preset '{spec.key}', {channel.name}",
+                    value=f"{np.degrees(low[i]):.3g} to {np.degrees(high[i]):.3g} deg",
+                    limit=f"within +-{np.degrees(reach):.3g} deg of neutral",
+                )  # fmt: skip
+    narrower = (low > -reach * (1 - 1e-12)).any() or (high < reach * (1 - 1e-12)).any()
+    return np.stack([low, high]) if narrower else None
+
+
+def servo_speed(spec: DeviceSpec, speed: float) -> float:
+    """Return the speed that every servo can keep [rad/s], given the mechanism's."""
+    slews = [c.slew for c in spec.channels if c.name in SERVOS and c.slew is not None]
+    slower = [slew for slew in slews if slew < speed * (1 - 1e-12)]
+    return min(slower, default=speed)

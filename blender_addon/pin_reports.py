@@ -12,7 +12,7 @@ from .preferences import core_module, library
 calibrated: dict[str, Any] = {}
 """The last press test of each finger, by its name."""
 
-_reports: dict[str, tuple[str, tuple[Any, ...]]] = {}
+_reports: dict[str, tuple[str, tuple[Any, ...], tuple[Any, ...]]] = {}
 
 
 def device_of(obj: bpy.types.Object) -> Any | None:
@@ -31,15 +31,27 @@ def compare(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
     if device is None or result is None or felt is None:
         raise errors.DermisError("no bake of this finger's skin is at hand", where=f"finger '{obj.name}'",
                                  remedy="Press Bake, then compare")  # fmt: skip
+    engine, spec, where = core_module("matching.pin_report"), library().device(device.preset), f"finger '{obj.name}'"
     with skin_models.one_thread():
-        reports = core_module("matching.pin_report").compare(
-            felt, library().device(device.preset), weighting=device.pin_nodes, bounded=device.pin_bounded
-        )
-    _reports[obj.name] = (result.bake.content_hash, reports)
+        weighting = device.pin_nodes
+        reports = engine.compare(felt, spec, weighting=weighting, bounded=device.pin_bounded, where=where)
+        findings = engine.doubts(felt, spec, weighting=weighting, where=where)
+    _reports[obj.name] = (result.bake.content_hash, reports, findings)
     return reports
 
 
 def shown(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
     """Return the comparison of the bake that is at hand; empty where there is none."""
+    known = _known(scene, obj)
+    return known[1] if known else ()
+
+
+def doubts(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
+    """Return what is to be doubted about that comparison, as findings."""
+    known = _known(scene, obj)
+    return known[2] if known else ()
+
+
+def _known(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[str, tuple[Any, ...], tuple[Any, ...]] | None:
     result, known = results.current(scene), _reports.get(obj.name)
-    return known[1] if result is not None and known is not None and known[0] == result.bake.content_hash else ()
+    return known if result is not None and known is not None and known[0] == result.bake.content_hash else None

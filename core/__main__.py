@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from .errors import SEVERITIES, DermisError, Finding, worst
+from .files import check_folder
 from .version import version
 
 if TYPE_CHECKING:
@@ -31,6 +32,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status: 0, 1 for findings of severity error, 2 for a refusal."""
     options = _parser().parse_args(arguments)
     try:
+        if getattr(options, "presets", None) is not None:  # of whatever verb
+            check_folder(options.presets)
         return int(options.run(options))
     except DermisError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -123,10 +126,11 @@ def compare(options: argparse.Namespace) -> int:
     from .presets import Library
 
     scene, library = scene_file.load(options.scene), Library(options.presets)
-    for name, reports in pin_report.compare_scene(scene, library, finer=options.finer).items():
+    compared = pin_report.compare_scene(scene, library, finer=options.finer)
+    for name, reports in compared.reports.items():
         print(name)
         print(pin_report.table(reports))
-    return 0
+    return _tell(compared.findings, sys.stderr)
 
 
 def check(options: argparse.Namespace) -> int:

@@ -98,6 +98,8 @@ class DERMIS_OT_compare_pins(bpy.types.Operator):
         except errors.DermisError as error:
             return reporting.report_error(self, error, self.bl_label)
         print(core_module("matching.pin_report").table(reports))
+        for finding in pin_reports.doubts(context.scene, context.object):
+            self.report({"WARNING"}, str(finding).removeprefix("warning: "))
         best = min((r for r in reports if not r.method.endswith("0")), key=lambda r: r.displacement_error)
         self.report({"INFO"}, f"{best.method} misses least: {1e3 * best.displacement_error:.2f} mm")
         return {"FINISHED"}

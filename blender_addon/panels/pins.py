@@ -46,6 +46,8 @@ class DERMIS_PT_pins(DermisPanel, bpy.types.Panel):
             grid.label(text=f"{report.shear_ratio:.2f}")
         first = reports[0]
         layout.label(text=f"Wanted: {first.target_normal:.2f} N, shear / N {first.target_ratio:.2f}")
+        for finding in pin_reports.doubts(context.scene, obj):
+            paragraph(layout, context, f"{finding.what}. {finding.remedy}.", "ERROR")
 
 
 CLASSES: tuple[type, ...] = (DERMIS_PT_pins,)

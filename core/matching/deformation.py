@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 Method = Literal["DM0", "DM1", "DM2", "FM0", "FM1", "FM2"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
-RANK_TOLERANCE = 1e-10  # of the largest singular value: below it a direction counts as not controllable
+RANK_TOLERANCE = 1e-10  # of the largest singular value: below it there is only rounding
 
 
 class PinStep(NamedTuple):
@@ -70,13 +70,24 @@ class Matcher:
         influence: G, displacements of the compared nodes for unit forces on the pad [m/N], shape (3n, 3m).
         weights: W, one per compared node (ones as in the paper), shape (n,).
         active: pins that meet the skin, shape (pins,); the others stay at zero.
+        tolerance: patterns of pins whose gain on the pad, a singular value of A, is below this share of the largest
+            are not controllable: DM0, DM1, FM0 and FM1 do without them.
+
+    Attributes:
+        seen: how many patterns of pins are controllable.
 
     Raises:
         DermisError: shapes that do not fit, negative weights, or no active pin.
     """
 
     def __init__(
-        self, spread: Array, influence: Array, weights: Array | None = None, active: NDArray[np.bool_] | None = None
+        self,
+        spread: Array,
+        influence: Array,
+        weights: Array | None = None,
+        active: NDArray[np.bool_] | None = None,
+        *,
+        tolerance: float = RANK_TOLERANCE,
     ) -> None:
         pins = spread.shape[1]
         active = np.ones(pins, dtype=bool) if active is None else np.asarray(active, dtype=bool)
@@ -108,8 +119,15 @@ class Matcher:
         self.target_gram = weighted.T @ weighted  # G'WG
         self.force_gram = a.T @ a
         self.force_rhs = np.asfortranarray(a.T)
-        self.deformation_inverse = np.linalg.pinv(rendered, rcond=RANK_TOLERANCE) @ weighted
-        self.force_inverse = np.linalg.pinv(a, rcond=RANK_TOLERANCE)
+        left, gains, right = np.linalg.svd(a, full_matrices=False)
+        seen = gains > tolerance * gains[0]
+        self.seen = int(seen.sum())
+        patterns = right[seen].T
+        self.force_inverse = (patterns / gains[seen]) @ left[:, seen].T
+        if self.seen == a.shape[1]:
+            self.deformation_inverse = np.linalg.pinv(rendered, rcond=RANK_TOLERANCE) @ weighted
+        else:  # the least squares among what is left
+            self.deformation_inverse = patterns @ (np.linalg.pinv(rendered @ patterns, rcond=RANK_TOLERANCE) @ weighted)
 
     def rhs(self, method: Method, force: Array) -> Array:
         """Return c of min 1/2 x'Hx - c'x for target pad forces [N], shape (3m,)."""

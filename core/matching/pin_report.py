@@ -9,19 +9,22 @@ Source: [S1] eq. 20 and 21
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..cache import Cache
 from ..contact.skin_touch import SkinSampler, SkinTouch
+from ..contact.touch import TouchSampler
 from ..devices.spec import DeviceSpec
-from ..errors import DermisError
+from ..errors import DermisError, Finding
 from ..presets import Library
 from ..scene import TactileScene
-from ..skin.model import skin_from_parameters
+from ..skin.model import SkinModel, skin_from_parameters
+from . import SKIN_KINDS, pin_resolution
 from .deformation import METHODS, Method
 from .pins import Matched, PinSetup, Weighting, make_solver, match, setup
 
@@ -61,6 +64,17 @@ class MethodReport:
     finer_share: float = float("nan")
 
 
+class SceneReports(NamedTuple):
+    """All methods for every finger of a scene that wears a pin array and touches.
+
+    Attributes:
+        reports: by finger's and device's name. findings: which fingers were left out, and what to doubt.
+    """
+
+    reports: dict[str, tuple[MethodReport, ...]]
+    findings: tuple[Finding, ...]
+
+
 def compare(
     skin: SkinTouch,
     spec: DeviceSpec,
@@ -69,20 +83,27 @@ def compare(
     weighting: Weighting = "all",
     bounded: bool = True,
     finer: SkinTouch | None = None,
+    where: str = "",
 ) -> tuple[MethodReport, ...]:
     """Return one report per method for what a finger's skin felt.
 
     Args:
         skin: of the matching mesh.
         finer: the same scene felt by a finer mesh of the same finger.
+        where: whose skin it is, for errors.
 
     Raises:
-        DermisError: nothing was touched, or the finer mesh felt another scene.
+        DermisError: nothing was touched, or the finer mesh is none or felt another scene.
     """
+    where = where or spec.name
     if not len(skin.contact):
-        raise DermisError("nothing was touched, so there is nothing to compare", where=spec.name)
-    if finer is not None and not np.array_equal(finer.times, skin.times):
-        raise DermisError("the finer skin felt another scene", where=spec.name, value=len(finer.times))
+        raise DermisError("nothing was touched, so there is nothing to compare", where=where)
+    if finer is not None:
+        if not np.array_equal(finer.times, skin.times):
+            raise DermisError("the finer skin felt another scene", where=where, value=len(finer.times))
+        if not len(finer.contact):
+            raise DermisError("the finer skin touched nothing, so there is nothing to compare", where=where)
+        _finer(skin.model.mesh.free.size, finer.model.mesh.free.size, where)
     ready = setup(skin.model, spec, weighting)
     size = _target_size(ready, skin)
     fine_ready = None if finer is None else setup(finer.model, spec, weighting)
@@ -99,50 +120,105 @@ def compare(
 
 def compare_scene(
     scene: TactileScene, library: Library, *, finer: str = "", cache: Cache | None = None
-) -> dict[str, tuple[MethodReport, ...]]:
-    """Compare all methods for every finger of a scene that wears a pin array; by finger's and device's name.
+) -> SceneReports:
+    """Compare all methods for every finger of a scene that wears a pin array; those that touch nothing are left out.
 
     Args:
         finer: accuracy of the mesh that the commands are judged on beside their own, such as 'fine'; '' for none.
 
     Raises:
-        DermisError: no finger wears a pin array, or one of them touches nothing.
+        DermisError: no finger wears a pin array, none of them touches anything, or there is no finer mesh of one.
     """
     uses = [(f, use, library.device(use.preset)) for f, finger in enumerate(scene.fingers) for use in finger.devices]
     uses = [(f, use, spec) for f, use, spec in uses if spec.kind == "pin_array"]
     if not uses:
         raise DermisError("no finger wears a pin array", where=f"scene '{scene.name}'")
     wearers = sorted({f for f, _, _ in uses})
-    felt = _felt(scene, library, wearers, "", cache)
-    fine = _felt(scene, library, wearers, finer, cache) if finer else {}
+    for f in wearers if finer else ():
+        if "mesh" in (scene.fingers[f].parameters.get("skin") or {}):
+            raise DermisError(
+                "there is no finer mesh of a skin mesh of your own to judge the commands on",
+                where=_named(scene, f),
+                remedy="Compare without a finer mesh, or with a skin described by its size",
+            )
+    own = _skins(scene, library, wearers, "", cache)
+    others = _skins(scene, library, wearers, finer, cache) if finer else {}
+    for f in wearers if finer else ():
+        _finer(own[f].mesh.free.size, others[f].mesh.free.size, _named(scene, f))
+    felt = _felt(scene, own)
+    fine = _felt(scene, others) if finer else felt
+    idle = [f for f in wearers if not len(felt[f].contact) or not len(fine[f].contact)]
+    if idle == wearers:
+        raise DermisError(
+            "nothing was touched, so there is nothing to compare", where=", ".join(_named(scene, f) for f in idle)
+        )
+    findings = [
+        Finding("info", "idle-finger", "touches nothing, so it is left out of the comparison", _named(scene, f))
+        for f in idle
+    ]
     reports = {}
     for f, use, spec in uses:
-        p = use.parameters
+        if f in idle:
+            continue
+        weighting, where = use.parameters.get("pin_nodes", "all"), _named(scene, f)
+        bounded = bool(use.parameters.get("pin_bounded", True))
         reports[f"{scene.fingers[f].name}, {spec.name}"] = compare(
-            felt[f],
-            spec,
-            weighting=p.get("pin_nodes", "all"),
-            bounded=bool(p.get("pin_bounded", True)),
-            finer=fine.get(f),
+            felt[f], spec, weighting=weighting, bounded=bounded, finer=fine[f] if finer else None, where=where
         )
-    return reports
+        findings += doubts(felt[f], spec, weighting=weighting, where=where)
+    return SceneReports(reports, tuple(findings))
 
 
-def _felt(
-    scene: TactileScene, library: Library, fingers: Sequence[int], level: str, cache: Cache | None
-) -> dict[int, SkinTouch]:
-    """Return what fingers feel, with meshes of their own accuracy or of another."""
+def doubts(skin: SkinTouch, spec: DeviceSpec, *, weighting: Weighting = "all", where: str = "") -> tuple[Finding, ...]:
+    """Return what is to be doubted about a comparison of all methods: a mesh that is coarser than the pins."""
+    ready = setup(skin.model, spec, weighting)
+    return pin_resolution.doubts(ready.matcher, ready.spread, METHODS, where or spec.name)
+
+
+def _named(scene: TactileScene, f: int) -> str:
+    return f"finger '{scene.fingers[f].name}'"
+
+
+def _finer(nodes: int, others: int, where: str) -> None:
+    """Refuse a mesh that is no finer: commands judged on the mesh that they were made with prove nothing."""
+    if others <= nodes:
+        raise DermisError(
+            "the finer mesh is not finer than the one that the commands are made with",
+            where=where,
+            value=f"{others} free nodes",
+            limit=f"> {nodes}",
+            remedy="Choose a finer one to judge by, or a coarser skin for the finger",
+        )
+
+
+def _skins(
+    scene: TactileScene, library: Library, wearers: Sequence[int], level: str, cache: Cache | None
+) -> dict[int, SkinModel]:
+    """Return the skins of wearers, of their own accuracy or another, and of all other fingers that have one.
+
+    What the others feel is not asked for, but they may hold an object together with a wearer.
+    """
     skins = {}
-    for f in fingers:
-        p = scene.fingers[f].parameters
-        parameters = p.get("skin") or library.skin(DEFAULT_SKIN)
-        own = str(p.get("skin_level", "standard"))
-        where = f"finger '{scene.fingers[f].name}', skin"
-        skins[f] = skin_from_parameters(parameters, level=level or own, cache=cache, where=where)
-    sampler = SkinSampler(scene, skins)
+    for f, finger in enumerate(scene.fingers):
+        p = finger.parameters
+        simulated = p.get("skin_shown", False) or any(
+            library.device(d.preset).kind in SKIN_KINDS for d in finger.devices
+        )
+        if f in wearers or simulated:
+            own = str(p.get("skin_level", "standard"))
+            parameters, where = p.get("skin") or library.skin(DEFAULT_SKIN), f"{_named(scene, f)}, skin"
+            chosen = level if level and f in wearers else own
+            skins[f] = skin_from_parameters(parameters, level=chosen, cache=cache, where=where)
+    return skins
+
+
+def _felt(scene: TactileScene, skins: Mapping[int, SkinModel]) -> dict[int, SkinTouch]:
+    """Return what skins feel; the pads' touch tells what is held, and how it is accelerated."""
+    pads, sampler = TouchSampler(scene), SkinSampler(scene, skins)
     for chunk in scene.chunks:
+        pads.add(chunk)
         sampler.add(chunk)
-    return sampler.finish()
+    return sampler.finish(pads.finish())
 
 
 def error_on(ready: PinSetup, skin: SkinTouch, matched: Matched) -> Array:

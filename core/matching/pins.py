@@ -24,6 +24,7 @@ from ..interpolate import interpolate
 from ..scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
 from ..track import CommandTrack
+from . import pin_resolution
 from .deformation import METHODS, Matcher, Method, PinSolver
 from .rendered import Rendered
 
@@ -80,7 +81,8 @@ def setup(skin: SkinModel, spec: DeviceSpec, weighting: Weighting = "all") -> Pi
         chosen = node_weights(skin, weighting)[mesh.free] > 0
         response = skin.unit_response[:, np.repeat(chosen, 3)]
         influence = response.T.astype(np.float64) / skin.material.modulus
-        kept = _SETUPS[key] = PinSetup(pins, met, Matcher(spread, influence, active=met.hits), spread)
+        matcher = Matcher(spread, influence, active=met.hits, tolerance=pin_resolution.tolerance_of(pins, met))
+        kept = _SETUPS[key] = PinSetup(pins, met, matcher, spread)
         while len(_SETUPS) > SETUPS_KEPT:
             _SETUPS.popitem(last=False)
     _SETUPS.move_to_end(key)
@@ -143,7 +145,8 @@ def render(
     values = interpolate(skin.times, forces, np.minimum(times + lead, skin.times[-1]))
     values = values * _fade(times, *fades)[:, None]
     signals = {name: interpolate(skin.times, s[:, None], times)[:, 0] for name, s in series.items()}
-    findings = [*ready.met.findings, *_findings(series, ready, matched.unsolved, skin.frames)]
+    coarse = pin_resolution.doubts(ready.matcher, ready.spread, (method,), "pin array")
+    findings = [*ready.met.findings, *coarse, *_findings(series, ready, matched.unsolved, skin.frames)]
     meta["worst_kkt"] = f"{matched.worst:.2g}"
     return Rendered(CommandTrack(spec, times, values, meta), signals, tuple(findings), skipped)
 

@@ -89,9 +89,18 @@ def test_methods_are_compared_for_the_bake_at_hand(demo) -> None:
     direct = core_module("matching.pin_report").compare(result.bake.skins["Index"], library().device("pin_array_128"))
     assert [r.method for r in shown] == [r.method for r in direct]
     np.testing.assert_allclose([r.displacement_error for r in shown], [r.displacement_error for r in direct])
+    (doubt,) = pin_reports.doubts(demo, finger)
+    assert doubt.code == "coarse-skin" and doubt.where == "finger 'Index'"  # a draft skin under 126 pins
     finger.dermis.finger.devices[0].pin_method = "FM2"
     bake(demo)
-    assert not pin_reports.shown(demo, finger)  # of another bake
+    assert not pin_reports.shown(demo, finger) and not pin_reports.doubts(demo, finger)  # of another bake
+
+
+def test_a_finger_that_touched_nothing_is_refused_by_name(demo) -> None:
+    demo.objects["Index"].location.z += 1.0
+    bake(demo)
+    with pytest.raises(RuntimeError, match="finger 'Index'.*nothing was touched"):
+        bpy.ops.dermis.compare_pins()
 
 
 def test_the_view_shows_the_bakes_pins(demo) -> None:

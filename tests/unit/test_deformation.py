@@ -36,6 +36,24 @@ def test_fm0_uses_the_transpose_of_a_on_forces_not_displacements():
     np.testing.assert_allclose(got.forces, np.linalg.solve(spread.T @ spread, spread.T @ f), rtol=1e-9)
 
 
+def test_patterns_of_pins_that_hardly_press_are_left_out():
+    """With A = U S V', FM0 is the sum over what is seen of v (u'f) / s, and DM0 the least squares among those v."""
+    influence, _, rng = problem(7)
+    left, right = (np.linalg.qr(rng.normal(size=shape))[0] for shape in ((36, 4), (4, 4)))
+    gains, f = np.array([2.0, 0.9, 0.3, 2e-4]), rng.normal(size=36)
+    spread = left @ np.diag(gains) @ right.T
+    matcher = Matcher(spread, influence, tolerance=1e-3)
+    assert matcher.seen == 3
+    expected = sum(right[:, i] * (left[:, i] @ f) / gains[i] for i in range(3))
+    np.testing.assert_allclose(PinSolver(matcher, "FM0").solve(f).forces, expected, rtol=1e-9)
+    patterns = right[:, :3]
+    shares = np.linalg.lstsq(influence @ spread @ patterns, influence @ f, rcond=None)[0]
+    np.testing.assert_allclose(PinSolver(matcher, "DM0").solve(f).forces, patterns @ shares, rtol=1e-9)
+    whole = Matcher(spread, influence, tolerance=5e-5)
+    assert whole.seen == 4
+    np.testing.assert_allclose(PinSolver(whole, "FM0").solve(f).forces, np.linalg.pinv(spread) @ f, rtol=1e-9)
+
+
 @pytest.mark.parametrize("kind", ["DM", "FM"])
 def test_clamped_methods_clamp_and_optimal_ones_are_never_worse(kind):
     influence, spread, rng = problem(2)

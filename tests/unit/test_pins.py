@@ -10,8 +10,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from core import scene_file
-from core.__main__ import main
 from core.contact.skin_touch import SkinSampler, SkinTouch
 from core.devices.spec import from_preset
 from core.errors import DermisError
@@ -288,24 +286,3 @@ def test_a_finer_skin_of_another_scene_is_refused():
     shorter = SkinTouch(**{**other.__dict__, "times": other.times[:-1]})
     with pytest.raises(DermisError, match="another scene"):
         pin_report.compare(felt(), spec(), finer=shorter)
-
-
-def test_a_scene_is_compared_from_the_command_line(tmp_path, capsys):
-    scene = sliding_plane(1e-3, slide=0.1, devices=(DeviceUse("pin_array_128", {"pin_nodes": "surface"}),))
-    finger = replace(scene.fingers[0], parameters={"skin_level": "draft"})
-    path = tmp_path / "scene.npz"
-    scene_file.save(replace(scene, fingers=(finger,)), path)
-    assert main(["compare", str(path)]) == 0
-    said = capsys.readouterr().out
-    direct = pin_report.compare_scene(scene_file.load(path), Library())
-    assert said == f"Index, Pin array 128\n{pin_report.table(direct['Index, Pin array 128'])}\n"
-    sampler = SkinSampler(scene, {0: skin_from_parameters(Library().skin("index_medium"), level="draft")})
-    for chunk in scene.chunks:
-        sampler.add(chunk)
-    own = pin_report.compare(sampler.finish()[0], Library().device("pin_array_128"), weighting="surface")
-    assert pin_report.table(own) == pin_report.table(direct["Index, Pin array 128"])
-
-
-def test_comparing_a_scene_without_pins_is_refused():
-    with pytest.raises(DermisError, match="no finger wears a pin array"):
-        pin_report.compare_scene(sliding_plane(), Library())

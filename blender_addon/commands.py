@@ -7,6 +7,7 @@ command line was not understood.
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 import traceback
 from collections.abc import Sequence
@@ -23,6 +24,7 @@ _errors = import_module(".errors", core.__name__)
 DermisError = _errors.DermisError
 
 COMMAND = "dermis"
+LAST_FRAME = 1048574  # Blender's; its first is the same below zero
 
 _handle: Any = None
 
@@ -30,10 +32,12 @@ _handle: Any = None
 def main(arguments: Sequence[str]) -> int:
     """Run one command line, without the program's name; return the exit status."""
     try:
-        options = _parser().parse_args(list(arguments))
+        options = _parser().parse_args(_joined(arguments))
     except SystemExit as stop:  # argparse has said what was wrong, or printed the help
         return stop.code if isinstance(stop.code, int) else 2
     try:
+        if getattr(options, "presets", None) is not None:
+            import_module(".files", core.__name__).check_folder(options.presets)
         return int(options.run(options))
     except DermisError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -52,8 +56,9 @@ def render(options: argparse.Namespace) -> int:
     names = [s.name for s in bpy.data.scenes if any(o.dermis.role == "FINGER" for o in s.objects)]
     if not names:
         raise DermisError("no scene has a finger", where=options.blend, remedy="Make an object a finger")
-    taken = import_module(".formats.file_names", core.__name__).FileNames()
-    folders = {name: taken.take(bpy.path.clean_name(name)) for name in names}
+    file_names = import_module(".formats.file_names", core.__name__)
+    taken = file_names.FileNames()
+    folders = {name: taken.take(file_names.safe(bpy.path.clean_name(name))) for name in names}
     return max(_render(options, bpy.data.scenes[name], Path(options.out) / folder) for name, folder in folders.items())
 
 
@@ -140,6 +145,17 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _joined(arguments: Sequence[str]) -> list[str]:
+    """Bind a range to its option where it begins with a minus, which the parser would take for another option."""
+    joined: list[str] = []
+    for argument in arguments:
+        if joined and joined[-1] == "--range" and re.fullmatch(r"-\d+:.*", argument):
+            joined[-1] = f"--range={argument}"
+        else:
+            joined.append(argument)
+    return joined
+
+
 def _open(options: argparse.Namespace) -> bpy.types.Scene:
     path = Path(options.blend).absolute()
     if not path.is_file():
@@ -166,6 +182,9 @@ def _span(options: argparse.Namespace) -> tuple[int, int] | None:
     except ValueError:
         raise DermisError("the range is not understood", where="--range", value=options.span,
                           limit="FIRST:LAST, such as 1:250") from None  # fmt: skip
+    if max(abs(first), abs(last)) > LAST_FRAME:
+        raise DermisError("Blender has no such frame", where="--range", value=options.span,
+                          limit=f"{-LAST_FRAME} to {LAST_FRAME}")  # fmt: skip
     return first, last
 
 

@@ -44,6 +44,19 @@ def atomic(path: Path) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
+def check_folder(path: Path) -> Path:
+    """Return a folder that must be there already.
+
+    Raises:
+        DermisError: it is not, or it is a file.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        raise DermisError("not a folder" if path.exists() else "no such folder", where=str(path),
+                          remedy="Check the path")  # fmt: skip
+    return path
+
+
 def write_bytes(path: Path, data: bytes) -> None:
     """Write a whole file or none.
 

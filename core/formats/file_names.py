@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Sequence
 from pathlib import Path
 
 from .c_header import identifier
+
+_DEVICE = re.compile(r"con|prn|aux|nul|(com|lpt)[0-9\u00b9\u00b2\u00b3]", re.IGNORECASE)
 
 
 class FileNames:
@@ -41,8 +44,12 @@ class FileNames:
 
 
 def safe(name: str) -> str:
-    """Return a name that every file system takes: letters and digits of any language, '-' and '_'."""
-    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
+    """Return a name that every file system takes: letters and digits of any language, '-' and '_'.
+
+    Names that Windows keeps for its devices, whatever suffix follows, get a '_'.
+    """
+    plain = "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
+    return f"{plain}_" if _DEVICE.fullmatch(plain) else plain
 
 
 def folded(name: str) -> str:

@@ -51,6 +51,15 @@ def test_range_scene_and_two_runs_give_the_same_bytes(blend, tmp_path):
     assert one == two and b"frame_range: 1 7" in one
 
 
+@pytest.mark.parametrize("given", [["--range", "-5:10"], ["--range=-5:10"]])
+def test_a_range_may_begin_below_zero(blend, tmp_path, given):
+    assert commands.main(["render", str(blend), "--out", str(tmp_path / "a"), *given]) == 0
+    from core.formats import csv
+
+    track = csv.read(tmp_path / "a" / "Finger.haptip.csv")
+    assert track.meta["frame_range"] == "-5 10" and track.times[-1] == pytest.approx(15 / 24, abs=1e-3)
+
+
 def test_a_sampled_scene_renders_to_the_same_track(blend, tmp_path):
     from core import export, load_scene, run
     from core.presets import Library
@@ -81,6 +90,11 @@ def test_findings_of_severity_error_give_status_1_and_the_tracks_all_the_same(bl
         (["render", "gone.blend", "--out", "x"], 1, "no such file"),
         (["render", "BLEND", "--out", "x", "--range", "1-7"], 1, "1-7"),
         (["render", "BLEND", "--out", "x", "--range", "7:1"], 1, "no duration"),
+        (["render", "BLEND", "--out", "x", "--range", "0:99999999999"], 1, "allowed: -1048574 to 1048574"),
+        (["sample", "BLEND", "--out", "x", "--range", "-99999999999:0"], 1, "allowed: -1048574 to 1048574"),
+        (["render", "BLEND", "--out", "x", "--range", "-5:-9"], 1, "no duration"),
+        (["render", "BLEND", "--out", "x", "--range", "--quiet"], 2, "expected one argument"),
+        (["render", "BLEND", "--out", "x", "--presets", "/does/not/exist"], 1, "/does/not/exist: no such folder"),
         (["render", "BLEND", "--out", "x", "--scene", "Nowhere"], 1, "no such scene"),
         (["render", "BROKEN", "--out", "x"], 1, "cannot open"),
     ],

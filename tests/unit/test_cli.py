@@ -128,12 +128,61 @@ def test_render_writes_tracks_and_plots_and_twice_the_same_bytes(tmp_path: Path)
     assert "sampling: " in first.stderr and "sampling: " not in second.stderr
 
 
+@pytest.mark.parametrize("verb", ["render", "compare", "design", "stream", "thimble"])
+def test_presets_from_nowhere_are_refused(tmp_path: Path, verb: str) -> None:
+    (tmp_path / "file").write_text("{}")
+    arguments = {
+        "render": ("render", "s.npz", "--out", "a"), "compare": ("compare", "s.npz"),
+        "design": ("design", "tip", "--out", "a"), "thimble": ("thimble", "reach"),
+        "stream": ("stream", "play", "t.csv", "--url", "virtual:"),
+    }[verb]  # fmt: skip
+    for folder, words in (("none", "no such folder"), ("file", "not a folder")):
+        done = run(*arguments, "--presets", tmp_path / folder, cwd=tmp_path)
+        assert done.returncode == 2 and not done.stdout
+        assert done.stderr == f"error: {tmp_path / folder}: {words}. Check the path.\n"
+
+
+@pytest.mark.parametrize("rate", ["1e12", "1e300"])
+def test_a_rate_beyond_memory_is_refused_with_its_limit(tmp_path: Path, rate: str) -> None:
+    core.write_csv(TRACK, tmp_path / "t.csv")
+    done = run("export", "t.csv", "--format", "json", "--rate", rate, cwd=tmp_path)
+    assert done.returncode == 2 and not (tmp_path / "t.json").exists()
+    assert "more samples than a track can hold" in done.stderr and "allowed: 3.35544e+09 Hz" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_rate_that_is_not_the_rows_fails_the_check(tmp_path: Path) -> None:
+    core.write_csv(TRACK, tmp_path / "t.csv")
+    text = (tmp_path / "t.csv").read_text()
+    (tmp_path / "t.csv").write_text(text.replace("# rate: 100.0", "# rate: 5.0"))
+    done = run("check", "t.csv", cwd=tmp_path)
+    assert done.returncode == 1 and "the stated rate is not that of the samples" in done.stdout
+    assert "found 5 Hz" in done.stdout or "found '5 Hz'" in done.stdout
+
+
 def test_render_goes_on_without_a_device_that_is_gone_and_says_so(tmp_path: Path) -> None:
     uses = (DeviceUse("electrovibration", {}, "Panel"), DeviceUse("no_such_device"))
     core.save_scene(tap((Finger("Index", uses),)), tmp_path / "s.npz")
     done = run("render", tmp_path / "s.npz", "--out", tmp_path / "a")
     assert done.returncode == 1 and (tmp_path / "a" / "Index.electrovibration.csv").is_file()
     assert "error: finger 'Index': " in done.stderr and "no_such_device" in done.stderr
+
+
+def test_render_goes_on_where_one_finger_s_track_is_refused(tmp_path: Path) -> None:
+    preset = json.loads((ROOT / "presets/devices/electrovibration.json").read_text(encoding="utf-8"))
+    for channel in preset["channels"]:
+        channel["actuator"] = ""  # a C header has nothing to write
+    (tmp_path / "own/devices").mkdir(parents=True)
+    (tmp_path / "own/devices/bare.json").write_text(json.dumps(preset), encoding="utf-8")
+    uses = [("Index", "bare"), ("a b", "electrovibration"), ("a_b", "electrovibration")]
+    fingers = tuple(Finger(name, (DeviceUse(key, {}, "Panel"),)) for name, key in uses)
+    core.save_scene(tap(fingers), tmp_path / "s.npz")
+    done = run("render", tmp_path / "s.npz", "--out", tmp_path / "a", "--format", "c", "--format", "json",
+               "--presets", tmp_path / "own")  # fmt: skip
+    stems = ["a_b.electrovibration", "a_b.electrovibration-2"]
+    wanted = [s + end for s in ("Index.bare", *stems) for end in (".csv", ".json")] + [s + ".h" for s in stems]
+    assert sorted(p.name for p in (tmp_path / "a").iterdir()) == sorted(wanted)
+    assert done.returncode == 1 and "error: Index, bare, c: " in done.stderr and "no channel drives" in done.stderr
 
 
 @pytest.mark.parametrize(

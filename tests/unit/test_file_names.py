@@ -18,7 +18,7 @@ from core.formats.file_names import FileNames, numbered, safe
 from core.outputs import file_names
 from core.track import CommandTrack
 
-SPEC = DeviceSpec("dev", "A device", "test", 100.0, (Channel("x", "m", -1.0, 1.0, actuator="a"),), stated_hash="0")
+SPEC = DeviceSpec("dev", "A device", "thimble", 100.0, (Channel("x", "m", -1.0, 1.0, actuator="a"),), stated_hash="0")
 ROOT = Path(core.__file__).parents[1]
 
 
@@ -45,6 +45,20 @@ def taken(stems: list[str], suffix: str = ".json") -> list[str]:
 )
 def test_no_two_names_meet(stems: list[str], wanted: list[str]) -> None:
     assert taken(stems) == [w + ".json" for w in wanted]
+
+
+@pytest.mark.parametrize("name", ["CON", "con", "Aux", "NUL", "prn", "com1", "LPT9", "COM\u00b2"])
+def test_names_that_windows_keeps_for_its_devices(name: str) -> None:
+    """There, 'CON.haptip.csv' is the console: what stands before the first dot counts."""
+    assert safe(name) == f"{name}_"
+    bake = Bake((Output(name, "dev", a_track(0.0), {}, ()),), (), {}, "hash")
+    assert file_names(bake) == (f"{name}_.dev",)
+    assert taken([name, f"{name}_"]) == [f"{name}_.json", f"{name}_-2.json"]
+
+
+@pytest.mark.parametrize("name", ["Control", "com", "com10", "console", "nul_", "xcon"])
+def test_names_that_are_nobodys_stay(name: str) -> None:
+    assert safe(name) == name
 
 
 def test_headers_of_one_folder_differ_in_what_they_define() -> None:

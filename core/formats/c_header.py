@@ -35,7 +35,7 @@ VERSION = 2
 _PER_LINE = 12
 _WORD = 2**32
 _LONGEST = 2**23  # numerator of a period [us] with which the player's interpolation stays within 32 bits
-_DRIFT, _PART = 0.5, 1e-8  # where no such ratio is exact: [us] at the last sample, or a thousandth of a quartz's error
+_DRIFT, _PART = 0.5, 1e-7  # where no such ratio is exact: [us] at the last sample, or a hundredth of a quartz's error
 
 _PLAYER = """
 /* Give the counts of all channels at a time from the start [us]; return 0 from the end on, with the rest pose. */
@@ -165,7 +165,7 @@ def _period(rate: float, samples: int, where: str) -> Fraction:
     Rates such as 240, 1000 or 24000/1001 Hz have one; of others the nearest is taken.
 
     Raises:
-        DermisError: the nearest is off by more than 0.5 us at the last sample and by more than 1e-8 of the time; or the
+        DermisError: the nearest is off by more than 0.5 us at the last sample and by more than 1e-7 of the time; or the
             track lasts longer than a clock of 32 bits counts.
     """
     exact = Fraction(10**6) / Fraction(rate)
@@ -179,7 +179,7 @@ def _period(rate: float, samples: int, where: str) -> Fraction:
     if found is None or abs(found - exact) > max(_DRIFT / (samples - 1), _PART * exact):
         raise DermisError(
             "the rate has no period that a clock of microseconds keeps", where=where, value=f"{rate:g} Hz",
-            limit="1 to 1,000,000 Hz", remedy="Resample it, for example to 1000 Hz",
+            limit="0.12 to 1,000,000 Hz", remedy="Resample it, for example to 1000 Hz",
         )  # fmt: skip
     if found * (samples - 1) >= _WORD:
         raise DermisError(

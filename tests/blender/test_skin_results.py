@@ -71,7 +71,7 @@ def test_export_writes_resultants_that_sum_the_nodes(baked: bpy.types.Scene, tmp
 
 def test_no_two_skins_share_a_file(baked: bpy.types.Scene, tmp_path: Path) -> None:
     bake = results.current(baked).bake
-    skins = {finger: bake.skins["Finger"] for finger in ("a b", "a_b", "A B")}
+    skins = dict.fromkeys(("a b", "a_b", "A B"), bake.skins["Finger"])
     written = results_skin.export(replace(bake, skins=skins), tmp_path)
     assert [p.name for p in written] == ["a_b.skin.csv", "a_b-2.skin.csv", "A_B-3.skin.csv"]
     assert [p.read_text().split("# finger: ")[1].splitlines()[0] for p in written] == list(skins)

@@ -213,17 +213,17 @@ def at_rate(track: Any, rate: float, n: int) -> Any:
 
 
 def test_devices_of_several_rates(tmp_path: Path) -> None:
-    """Frames 1 to 5 at 24 fps last 166.67 ms: to 166 ms at 1 kHz, to 160 ms at 50 Hz, and both files are whole."""
+    """Frames 1 to 5 at 24 fps last 166.67 ms: to 166 ms at 1 kHz, to 160 ms at 100 Hz, and both files are whole."""
     meta = {"frame_range": "1 5", "fps": "24/1"}
     fast, slow = (replace(at_rate(a_track(), rate, n), meta={**meta, "finger": f})
-                  for f, rate, n in (("Index", 1000.0, 167), ("Thumb", 50.0, 9)))  # fmt: skip
+                  for f, rate, n in (("Index", 1000.0, 167), ("Thumb", 100.0, 17)))  # fmt: skip
     keep(fast, slow)
     mark(("m", 1), ("blip", 5), ("n", 3))
     bpy.ops.dermis.export_as(form="json", span="MARKERS", directory=str(tmp_path))
     assert names(tmp_path) == [f"{f}.haptip.{part}.json" for f in ("Index", "Thumb") for part in ("m", "n")]
     read = core_module("formats.export").read
     lengths = {n: len(read(tmp_path / n).times) for n in names(tmp_path)}
-    assert list(lengths.values()) == [84, 83, 5, 4]  # to 83.3 ms and from there on
+    assert list(lengths.values()) == [84, 83, 9, 8]  # to 83.3 ms and from there on
 
 
 def test_nothing_is_written_where_a_range_is_wrong(tmp_path: Path) -> None:

@@ -116,12 +116,13 @@ def test_the_header_tells_its_version_and_period() -> None:
     assert "#define CLIP_PERIOD_US 20000ul\n#define CLIP_PERIOD_SAMPLES 1ul\n" in whole
 
 
-@pytest.mark.parametrize("rate", [13.7, 29.97, 59.94, 123.456, 7777.0, 31415.9265])
-def test_a_rate_without_an_exact_period_gets_one_that_is_right_to_a_part_in_10_to_the_8(rate: float) -> None:
-    text = c_header.dumps(a_track().resampled(rate), "clip")
+@pytest.mark.parametrize("rate", [0.12, 1.1, 13.7, 29.97, 59.94, 123.456, 240.00001, 7777.0])
+def test_a_rate_without_an_exact_period_gets_one_that_is_right_to_a_part_in_10_to_the_7(rate: float) -> None:
+    track = replace(a_track(), spec=replace(SPEC, rate=rate), times=np.arange(40) / rate)
+    text = c_header.dumps(track, "clip")
     number = {k: int(v) for k, v in re.findall(r"#define CLIP_PERIOD_(\w+) (\d+)ul", text)}
     period = Fraction(number["US"], number["SAMPLES"])
-    assert abs(period * Fraction(rate) / 10**6 - 1) <= Fraction(1, 10**8)
+    assert abs(period * Fraction(rate) / 10**6 - 1) <= Fraction(1, 10**7)
     assert number["US"] * number["SAMPLES"] < 2**32 and number["US"] <= 2**23, "what 32 bits hold"
 
 
@@ -146,7 +147,7 @@ def test_what_it_cannot_hold() -> None:
     uneven = a_track()
     with pytest.raises(DermisError, match="no regular grid"):
         c_header.dumps(replace(uneven, times=uneven.times + np.r_[np.zeros(39), 1e-3]), "clip")
-    for rate in (0.12, 2e6):
+    for rate in (0.1, 2e6):
         odd = replace(a_track(), spec=replace(SPEC, rate=rate), times=np.arange(40) / rate)
         with pytest.raises(DermisError, match="no period that a clock of microseconds keeps"):
             c_header.dumps(odd, "clip")

@@ -16,6 +16,7 @@ from typing import Any
 from ..errors import DermisError
 from ..work import command, environment
 from .board import MOST_VALUES, Board
+from .wish import wish_of
 
 GRACE = 1.0  # the sender may take this long to end by itself [s]
 
@@ -66,7 +67,12 @@ class SenderClient:
         self.set(connect=False, arm=0)
 
     def set(self, **fields: Any) -> None:
-        """Change fields of the wish."""
+        """Change fields of the wish.
+
+        Raises:
+            DermisError: a field that there is none of, or that cannot be; nothing is changed then.
+        """
+        wish_of({**self._wish, **fields}).check()
         if any(self._wish.get(k, _NONE) != v for k, v in fields.items()):
             self._wish |= fields
             self._board.wish(self._wish)

@@ -26,8 +26,10 @@ def add_parser(commands: Any, load_screen: LoadScreen) -> None:
     _device_options(play)
     play.add_argument("--url", required=True, help="port or URL of the device, 'virtual:' for the one in the box")
     play.add_argument("--calibration", type=Path, metavar="FILE", help="calibration of this device")
-    play.add_argument("--look-ahead", type=float, default=0.1, metavar="S", help="send this far ahead (0.1 s)")
-    play.add_argument("--ramp", type=float, default=1.0, metavar="S", help="ramp from where the device is (1 s)")
+    play.add_argument("--look-ahead", type=_setting("look_ahead"), default=0.1, metavar="S",
+                      help="send this far ahead (0.1 s)")  # fmt: skip
+    play.add_argument("--ramp", type=_setting("ramp"), default=1.0, metavar="S",
+                      help="ramp from where the device is (1 s)")  # fmt: skip
     play.add_argument("--yes", action="store_true", help="arm without asking")
     play.set_defaults(run=_play)
 
@@ -38,13 +40,42 @@ def add_parser(commands: Any, load_screen: LoadScreen) -> None:
     virtual = verbs.add_parser("virtual", help="run a virtual device until its input ends")
     _device_options(virtual)
     virtual.add_argument("--at", default="pty", choices=("pty", "tcp", "udp"), help="where it can be reached (pty)")
-    virtual.add_argument("--every", type=float, default=0.0, metavar="S", help="print a report this often")
+    virtual.add_argument("--every", type=_seconds, default=0.0, metavar="S", help="print a report this often")
     virtual.add_argument("--fault", action="append", default=[], metavar="NAME=VALUE",
                          help="loss, delay, jitter, corrupt, slow, stuck, skew, seed; more than once")  # fmt: skip
     virtual.set_defaults(run=_virtual)
 
     ports = verbs.add_parser("ports", help="list the serial ports")
     ports.set_defaults(run=_ports)
+
+
+def _setting(name: str) -> Callable[[str], float]:
+    """Return a reader of a setting that has limits."""
+    from .wish import check_number
+
+    def read(text: str) -> float:
+        value = _number(text)
+        try:
+            check_number(name, value)
+        except DermisError as error:
+            raise argparse.ArgumentTypeError(f"{text} is not allowed: {error.limit}") from error
+        return value
+
+    return read
+
+
+def _seconds(text: str) -> float:
+    value = _number(text)
+    if not 0.0 <= value <= 1e6:
+        raise argparse.ArgumentTypeError(f"{text} is not allowed: 0 to 1e6 s")
+    return value
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number") from error
 
 
 def _device_options(parser: argparse.ArgumentParser) -> None:
@@ -73,23 +104,22 @@ def _ports(_options: argparse.Namespace) -> int:
 def _virtual(options: argparse.Namespace) -> int:
     from ..presets import Library
     from .faults import NAMES as FAULTS
+    from .faults import number_of
     from .virtual_program import serve
     from .wire import Wire
 
     faults = {}
     for text in options.fault:
         name, _, value = text.partition("=")
-        try:
-            faults[name] = float(value)
-        except ValueError:
-            name = ""
         if name not in FAULTS:
             raise DermisError("not a fault", where="--fault", value=text, limit=", ".join(FAULTS))
+        faults[name] = number_of(name, value)
     wire = Wire.of(Library(options.presets).device(options.device or "haptip"))
     return serve(options.protocol, wire, options.at, faults, every=options.every)
 
 
 def _play(options: argparse.Namespace) -> int:
+    from ..calibration import Calibration
     from ..formats import export
     from ..presets import Library
     from .board import Beat
@@ -100,10 +130,11 @@ def _play(options: argparse.Namespace) -> int:
     track = export.read(options.track)
     key = options.device or track.spec.key
     preset = Library(options.presets).load("devices", key)
+    calibration = Calibration.load(options.calibration).dumps() if options.calibration else ""
     wish = Wish(
         connect=True, url=options.url, protocol=options.protocol, device={"key": key, "preset": preset},
-        calibration=options.calibration.read_text("utf-8") if options.calibration else "", track=str(options.track),
-        look_ahead=options.look_ahead, ramp=options.ramp, play_on=True,
+        calibration=calibration, track=str(options.track), look_ahead=options.look_ahead,
+        ramp=options.ramp, play_on=True,
     )  # fmt: skip
     streamer, clock = Streamer(open_link), time.perf_counter
     number, started = 0, 0.0

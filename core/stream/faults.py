@@ -12,6 +12,21 @@ from ..errors import DermisError
 NAMES = ("loss", "delay", "jitter", "corrupt", "slow", "stuck", "skew", "seed", "finger")
 
 
+def number_of(name: str, text: str) -> float:
+    """Read the number of a fault.
+
+    Raises:
+        DermisError: it is none, or not finite.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise DermisError("a fault is no number", where=name, value=text, limit="a finite number")
+    return value
+
+
 @dataclass
 class Faults:
     """Faults of one direction.

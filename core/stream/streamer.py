@@ -82,6 +82,7 @@ class Streamer:
 
     def _apply(self, wish: Wish, now: float) -> None:
         old, self.wish = self.wish, wish
+        wish.check()
         if not wish.same_link(old):
             self._disconnect(now, "")
             self.counters.clear()
@@ -196,6 +197,7 @@ class Streamer:
         self.state, self.words = "connecting", ""
         self._retry_at = now + RETRY if self.wish.reconnect else math.inf
         try:
+            self.wish.check()
             spec = self.wish.spec()
             self.wire = Wire.of(spec, self.wish.calibrated())
             self.rate = self.wish.rate or spec.rate

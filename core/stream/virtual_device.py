@@ -66,11 +66,7 @@ def options_of(url: Url) -> dict[str, float]:
     out = {}
     for name in faults_module.NAMES:
         if name in url.options:
-            text = url.take(name)
-            try:
-                out[name] = float(text)
-            except ValueError as error:
-                raise DermisError("a fault is no number", where=name, value=text) from error
+            out[name] = faults_module.number_of(name, url.take(name))
     return out
 
 

@@ -53,6 +53,9 @@ class Wire:
     def of(cls, spec: DeviceSpec, calibration: Calibration | None = None) -> Wire:
         """Read a device preset and its calibration.
 
+        The safe state is the preset's, in the device's own terms: zero and gain do not move it. Limits that do not
+        contain it are refused, since one of the two would have to be broken.
+
         Raises:
             DermisError: no channel drives an actuator, a safe state that is none, a calibration that does not fit.
         """
@@ -76,10 +79,12 @@ class Wire:
         def pick(name: str, missing: float) -> Array:
             return np.array([missing if getattr(c, name) is None else getattr(c, name) for c in channels])
 
+        values = np.array([safe.get(c.name, c.rest) for c in channels])
+        _check_safe(spec, [c.name for c in channels], values, least, most)
         return cls(
             spec, columns, tuple(c.name for c in channels), tuple(c.unit for c in channels), pick("low", -np.inf),
             pick("high", np.inf), pick("slew", np.inf), pick("rest", 0.0),
-            np.array([safe.get(c.name, c.rest) for c in channels]), reach, zero, gain, least, most, disc,
+            values, reach, zero, gain, least, most, disc,
         )  # fmt: skip
 
     @property
@@ -120,6 +125,17 @@ class Wire:
         """Return the largest change in counts a millisecond, at least 1 and at most 65535."""
         part = self.slew / (self.high - self.low) * full / 1000.0
         return np.clip(np.floor(part), 1, 65535).astype(np.uint16)
+
+
+def _check_safe(spec: DeviceSpec, names: list[str], safe: Array, least: Array, most: Array) -> None:
+    """Refuse limits that leave the safe state outside."""
+    slack = 1e-9 * np.maximum(np.abs(safe), 1e-3)  # what a rounding of units does
+    outside = np.flatnonzero((safe < least - slack) | (safe > most + slack))
+    if outside.size:
+        k = int(outside[0])
+        raise DermisError("the safe state lies outside the calibrated limits", where=f"'{spec.key}', {names[k]}",
+                          value=f"{safe[k]:g}", limit=f"{least[k]:g} to {most[k]:g}",
+                          remedy="Widen the limits, or state in a device preset of your own what is safe")  # fmt: skip
 
 
 def _safe(spec: DeviceSpec) -> tuple[Reach, dict[str, float]]:

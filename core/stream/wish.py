@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
@@ -11,6 +12,13 @@ from ..devices.spec import DeviceSpec, from_preset
 from ..errors import DermisError
 
 _LINK = ("connect", "url", "protocol", "device")
+_LIMITS = {  # lowest, highest, unit
+    "offset": (-1e6, 1e6, "s"),
+    "look_ahead": (0.0, 10.0, "s"),
+    "ramp": (0.0, 600.0, "s"),
+    "stall": (0.01, 60.0, "s"),
+    "rate": (0.0, 10_000.0, "Hz"),
+}
 _SOURCE = ("mode", "track", "screen", "offset", "play_on", "jog")
 
 
@@ -54,6 +62,18 @@ class Wish:
         """Tell whether another wish is moved by the same thing."""
         return all(getattr(self, k) == getattr(other, k) for k in _SOURCE)
 
+    def check(self) -> None:
+        """Refuse settings that cannot be.
+
+        Raises:
+            DermisError: a number that is none, not finite or outside its limits; says which, and the limits.
+        """
+        for name in _LIMITS:
+            check_number(name, getattr(self, name))
+        for name, value in self.jog.items():
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+                raise DermisError("not a finite number", where=f"jog, {name}", value=value)
+
     def spec(self) -> DeviceSpec:
         """Return what the device is.
 
@@ -73,13 +93,32 @@ class Wish:
         return Calibration.loads(self.calibration) if self.calibration else None
 
 
+def check_number(name: str, value: object) -> None:
+    """Refuse a number of a wish that cannot be.
+
+    Raises:
+        DermisError: no number, not finite, or outside the limits.
+    """
+    low, high, unit = _LIMITS[name]
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        raise DermisError("a setting of the stream cannot be that", where=name.replace("_", "-"), value=value,
+                          limit=f"{low:g} to {high:g} {unit}")  # fmt: skip
+
+
 def wish_of(plain: Mapping[str, object]) -> Wish:
     """Read a wish; what this version does not know is refused.
 
     Raises:
-        DermisError: an unknown field.
+        DermisError: an unknown field, or one of another kind.
     """
     known = {f.name for f in fields(Wish)}
     if not set(plain) <= known:
         raise DermisError("unknown fields in a wish", value=", ".join(sorted(set(plain) - known)))
-    return Wish(**plain)  # type: ignore[arg-type]
+    wish = Wish()
+    for name, value in plain.items():
+        kind = type(getattr(wish, name))
+        fits = type(value) in (int, float) if kind is float else type(value) is kind
+        if not fits:
+            raise DermisError("a field of a wish is of another kind", where=name, value=value, limit=kind.__name__)
+        setattr(wish, name, value)
+    return wish

@@ -61,3 +61,12 @@ def test_enter_and_yes_play_the_whole_track(track: Path, how: str) -> None:
 def test_a_device_that_is_not_there_is_refused_in_words(track: Path) -> None:
     done = play(track, "--url", "serial:/dev/no-such-port", "--yes")
     assert done.returncode == 2 and "no such port" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_a_calibration_that_is_not_there_is_refused_in_words(track: Path, tmp_path: Path) -> None:
+    done = play(track, "--calibration", str(tmp_path / "nope.json"), "--yes")
+    assert done.returncode == 2 and "nope.json" in done.stderr and "Traceback" not in done.stderr
+    (tmp_path / "bad.json").write_text("{")
+    done = play(track, "--calibration", str(tmp_path / "bad.json"), "--yes")
+    assert done.returncode == 2 and "not JSON" in done.stderr and "bad.json" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -80,11 +80,13 @@ class CommandTrack:
             method: 'linear', or 'pchip' (C1, monotone wherever the samples are); neither overshoots.
 
         Raises:
-            DermisError: the rate is not positive or asks for too many samples, the method unknown, the track empty or
-                its times not rising.
+            DermisError: the rate is not positive or asks for too many samples, the method unknown, the track empty, or
+                its times not finite or not rising.
         """
         if len(self.times) == 0:
             raise DermisError("the track is empty", where=self._place())
+        if not np.isfinite(self.times).all():
+            raise DermisError("a time is not a finite number", where=self._place())
         stuck = self._not_rising()
         if len(stuck):
             before, after = self.times[stuck[0]], self.times[stuck[0] + 1]

@@ -353,3 +353,10 @@ def test_a_rate_beyond_memory_is_refused_with_the_limit(rate: float) -> None:
     with pytest.raises(DermisError, match=r"more samples .*allowed: 1.34218e\+08 Hz, 134217728 samples in all"):
         one.resampled(rate)
     assert len(one.resampled(1e5).times) == 100001
+
+
+@pytest.mark.parametrize("time", [np.nan, np.inf])
+def test_times_that_are_no_numbers_cannot_be_resampled(time: float) -> None:
+    one = CommandTrack(device(Channel("x", "m")), np.array([0.0, 0.01, time]), np.zeros((3, 1)))
+    with pytest.raises(DermisError, match="a time is not a finite number"):
+        one.resampled(50.0)

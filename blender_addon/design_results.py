@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 
-from . import platform_use, properties_skin, results
+from . import platform_use, properties_skin, results, skin_models
 from .preferences import core_module, library, presets_folder, user_folder
 
 IMAGE = "Dermis: How Many Motors?"
@@ -53,14 +53,19 @@ def find(scene: bpy.types.Scene) -> Generator[Any, None, Any]:
     core_module("devices.coupling").refuse_coupled(spec)
     yield progress("touches", 0, 1)
     sensed, skin = touches(scene)
+    model = None
     if settings.table:
         steps = task.table_for(spec, None, platform_use.folder(), file=Path(bpy.path.abspath(settings.table)))
-        _, table = None, (yield from _told(steps))
+        table = yield from _told(steps)
+        if skin is not None:
+            with skin_models.one_thread():
+                model = skin_models.get(skin["skin"], skin["level"], wait=True)
     else:
         if skin is None:
             skin = {"skin": {}, "level": "draft"}
-        _, table = yield from platform_use.swept(spec, skin["skin"], skin["level"], settings.table_rows)
-    return (yield from _told(task.answer(spec, table, sensed, noise=settings.noise)))
+        model, table = yield from platform_use.swept(spec, skin["skin"], skin["level"], settings.table_rows)
+    steps = task.answer(spec, table, sensed, noise=settings.noise, skin=model, spread=not settings.table)
+    return (yield from _told(steps))
 
 
 def touches(scene: bpy.types.Scene) -> tuple[dict[str, Any], dict[str, Any] | None]:
@@ -118,7 +123,7 @@ def keep(scene: bpy.types.Scene, found: Any, preset: str) -> Answer:
     """Draw the picture, load it as an image of the file, and remember what was found."""
     folder = user_folder("designs", create=True)
     picture = folder / f"{re.sub(r'[^A-Za-z0-9_-]+', '_', scene.name)}.png"
-    core_module("design.report").write_picture(found, picture)
+    core_module("design.picture").write_picture(found, picture)
     image = bpy.data.images.get(IMAGE)
     if image is None:
         image = bpy.data.images.load(str(picture))

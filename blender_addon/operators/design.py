@@ -126,7 +126,8 @@ class DERMIS_OT_design(jobs.Job, bpy.types.Operator):
         key = design_results.make_preset(scene, result)
         design_results.keep(scene, result, key)
         found, n = result.by(scene.dermis_design.choice), len(result.spec.channels)
-        self.report({"INFO"}, f"{found.motors} of {n} motors. New device preset: {key}")
+        done = f"{found.motors} of {n} motors. New device preset: {key}"
+        reporting.report_findings(self, result.findings, self.bl_label, done)
         return {"FINISHED"}
 
 

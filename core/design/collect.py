@@ -146,7 +146,7 @@ def _shared(
 def _whole(path: Path) -> bool:
     try:
         with np.load(path, allow_pickle=False) as archive:
-            return {"commands", "readings", "left"} <= set(archive.files)
+            return all(len(archive[name]) >= 0 for name in ("commands", "readings", "left"))  # read, not only listed
     except Exception:  # missing, or damaged by a full disk: pressed again
         return False
 
@@ -162,9 +162,8 @@ def _joined(spec: DeviceSpec, skin: SkinModel, paths: list[Path], asked: int, le
             left += archive["left"]
     rest, unbalanced, saturated = (int(v) for v in left)
     meta = {"asked": asked, "rest_rows": rest, "unbalanced_rows": unbalanced, "saturated_rows": saturated,
-            "skin": skin.key, "level": level, "tetrahedra": len(skin.mesh.tetrahedra)}  # fmt: skip
-    press = press_of(skin, spec)
-    return assemble(spec, readings_of(skin), press.carrier.rest, np.vstack(commands), np.vstack(counts), meta)
+            "level": level, "tetrahedra": len(skin.mesh.tetrahedra)}  # fmt: skip
+    return assemble(spec, skin, readings_of(skin), np.vstack(commands), np.vstack(counts), meta)
 
 
 def _deeper(spec: DeviceSpec) -> DeviceSpec:

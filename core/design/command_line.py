@@ -5,12 +5,15 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ..errors import DermisError
 from .interactions import NAMES, NOISE, interaction
+
+if TYPE_CHECKING:
+    from ..scene import TactileScene
 
 T = TypeVar("T")
 
@@ -29,12 +32,12 @@ def add_parser(commands: Any) -> None:
     one.add_argument("--rows", type=int, metavar="N", help="size of the table to collect; 0 for the preset's own")
     one.add_argument("--save-table", type=Path, metavar="FILE", help="keep the collected table")
     one.add_argument("--workers", type=int, default=0, metavar="N", help="child processes for the collection")
-    one.add_argument("--skin", default="index_medium", metavar="PRESET", help="the skin preset")
+    one.add_argument("--skin", metavar="PRESET", help="the skin preset; as in the scene if left out")
     one.add_argument("--level", default="draft", choices=("draft", "standard"), help="accuracy of the skin")
     one.add_argument("--noise", type=float, default=NOISE, metavar="COUNTS", help="of the virtual sensor")
     one.add_argument("--seed", type=int, default=0, help="of noise and of the six interactions' wobble")
     one.add_argument("--finger", type=int, default=0, metavar="I", help="which finger of a scene")
-    one.add_argument("--choice", default="variance", choices=("variance", "rendered"), help="components of the preset")
+    one.add_argument("--choice", choices=("variance", "rendered"), help="components of the preset")
     one.add_argument("--motors", type=int, metavar="K", help="of the preset; as the rule says if left out")
     one.add_argument("--out", type=Path, metavar="DIR", help="write text, JSON, picture and preset there")
     one.add_argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
@@ -49,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
     """Collect or read the table, sense the touches, and report."""
     from ..devices.coupling import refuse_coupled
     from ..presets import Library
-    from ..skin.model import fingertip_skin, skin_from_parameters
+    from ..skin.model import MATERIAL_PARAMETERS, skin_from_parameters
     from ..skin.shape import shape_from_parameters
     from . import task
     from .report import as_json, as_text
@@ -57,14 +60,17 @@ def run(options: argparse.Namespace) -> int:
     library = Library(options.presets)
     spec = library.device(options.device)
     refuse_coupled(spec)
-    parameters = library.skin(options.skin)
-    material = {k: float(v) for k, v in parameters.items() if k in ("young", "poisson", "alpha")}
-    lengths = {k: v for k, v in parameters.items() if k not in material}
-    shape = shape_from_parameters(lengths, where=f"skin preset '{options.skin}'")
+    _refuse_nonsense(options, len(spec.channels))
+    recordings, scenes = _read(options)
+    parameters = _skin(options, library, scenes)
+    if "mesh" in parameters and options.table is None:
+        raise DermisError("tables are swept on the built-in fingertip, not on a mesh of one's own", where="skin",
+                          remedy="Give a table with --table, or a skin preset of a size with --skin")  # fmt: skip
     rows = task.ROWS if options.rows is None else options.rows or None
     folder = (options.out or Path.cwd()) / "collection"
-    if not options.touches and options.trial is None and options.save_table is None:
-        raise DermisError("nothing to do", where="design", limit="a touch, --trial or --save-table")
+    material = {k: float(v) for k, v in parameters.items() if k in MATERIAL_PARAMETERS}
+    lengths = {k: v for k, v in parameters.items() if k not in material and k != "mesh"}
+    shape = shape_from_parameters(lengths if "mesh" not in parameters else {}, where="skin")
     steps = task.table_for(
         spec, shape, folder, level=options.level, rows=rows, workers=options.workers, file=options.table,
         material=material,
@@ -73,36 +79,101 @@ def run(options: argparse.Namespace) -> int:
     if options.save_table is not None:
         table.save(options.save_table)
         print(options.save_table, file=sys.stderr)  # standard output is the report, which may be JSON
+    simulated = bool(scenes) or options.trial is not None or any(touch in NAMES for touch in options.touches)
+    skin = skin_from_parameters(parameters, level=options.level) if simulated or options.table is None else None
     if options.trial is not None:
-        return _trial(options, table, fingertip_skin(shape, level=options.level))
+        assert skin is not None
+        return _trial(options, table, skin)
     if not options.touches:
         return 0
-    skin = skin_from_parameters(parameters, level=options.level)
     sensed: dict[str, Any] = {}
     for i, touch in enumerate(options.touches):
-        path = Path(touch)
-        if touch in NAMES:
-            scene = interaction(touch, skin.positions, seed=options.seed)
-        elif path.suffix.lower() == ".csv":
-            sensed.update(task.read_sensed([path]))
+        if touch in recordings:
+            sensed.update(recordings[touch])
             continue
-        else:
-            from .. import scene_file
-
-            scene = scene_file.load(path)
-        name = touch if touch in NAMES else path.stem
+        assert skin is not None
+        scene = scenes[touch] if touch in scenes else interaction(touch, skin.positions, seed=options.seed)
+        name = Path(touch).stem if touch in scenes else touch
         if name in sensed:
             raise DermisError("two touches have one name", where="design", value=name)
         seed = 100 * options.seed + i
         reading = task.sense_scene(scene, skin, options.finger, noise=options.noise, seed=seed)
         sensed[name] = _drain(reading, options.quiet)
-    found = _drain(task.answer(spec, table, sensed, noise=options.noise), options.quiet)
-    print(json.dumps(as_json(found), indent=1, ensure_ascii=False) if options.json else as_text(found), end="")
+    answer = task.answer(
+        spec, table, sensed, noise=options.noise, skin=skin, spread=options.table is None and options.out is not None
+    )
+    found = _drain(answer, options.quiet)
+    for finding in found.findings:
+        print(finding, file=sys.stderr)
+    shown = (
+        json.dumps(as_json(found), indent=1, ensure_ascii=False, allow_nan=False) if options.json else as_text(found)
+    )
+    print(shown, end="")
     if options.out is not None:
-        extra = {"reversed_sweep_counts": task.spread(spec, shape, options.level)} if options.table is None else {}
-        for path in task.write(found, options.out, choice=options.choice, motors=options.motors, extra=extra):
+        for path in task.write(found, options.out, choice=options.choice or "variance", motors=options.motors):
             print(path, file=sys.stderr)
     return 0
+
+
+def _refuse_nonsense(options: argparse.Namespace, motors: int) -> None:
+    """Refuse arguments that cannot be meant."""
+    if not options.touches and options.trial is None and options.save_table is None:
+        raise DermisError("nothing to do", where="design", limit="a touch, --trial or --save-table")
+    for name, least in (("rows", 0), ("seed", 0), ("trial", 1), ("finger", 0), ("workers", 0), ("motors", 1)):
+        value = getattr(options, name)
+        if value is not None and value < least:
+            raise DermisError("too small", where=f"--{name}", value=value, limit=f">= {least}")
+    if options.motors is not None and options.motors > motors:
+        raise DermisError("more motors than the device has", where="--motors", value=options.motors,
+                          limit=f"1 to {motors}")  # fmt: skip
+    if not 0.0 <= options.noise < float("inf"):
+        raise DermisError("not a standard deviation", where="--noise", value=options.noise, limit=">= 0 counts")
+    if options.out is None and (options.motors is not None or options.choice is not None):
+        raise DermisError("--motors and --choice are of the preset that --out writes", where="design",
+                          remedy="Give --out, or leave them out")  # fmt: skip
+
+
+def _read(options: argparse.Namespace) -> tuple[dict[str, dict[str, Any]], dict[str, TactileScene]]:
+    """Read the touches that are files, by what the command line calls them: recordings and scenes."""
+    from .. import scene_file
+    from . import task
+
+    recordings: dict[str, dict[str, Any]] = {}
+    scenes: dict[str, TactileScene] = {}
+    for touch in options.touches:
+        path = Path(touch)
+        if touch in NAMES:
+            continue
+        if path.suffix.lower() == ".csv":
+            recordings[touch] = dict(task.read_sensed([path]))
+        else:
+            scenes[touch] = scene_file.load(path)
+    names = [Path(t).stem if t not in NAMES else t for t in options.touches]
+    if len(set(names)) != len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise DermisError("two touches have one name", where="design", value=twice)
+    return recordings, scenes
+
+
+def _skin(options: argparse.Namespace, library: Any, scenes: Mapping[str, TactileScene]) -> dict[str, Any]:
+    """Return the skin's parameters: of --skin, or those that the scenes' finger has.
+
+    Raises:
+        DermisError: fingers of different skins, or another skin than --skin names.
+    """
+    wanted = None if options.skin is None else dict(library.skin(options.skin))
+    chosen, whose = wanted, "--skin"
+    for touch, scene in scenes.items():
+        if not 0 <= options.finger < len(scene.fingers):
+            continue  # told where it is sensed
+        own = scene.fingers[options.finger].parameters.get("skin")
+        if not own:
+            continue
+        if chosen is not None and dict(own) != chosen:
+            raise DermisError(f"its finger has another skin than {whose} says", where=f"scene '{touch}'",
+                              remedy="Leave --skin out, or judge the scenes one by one")  # fmt: skip
+        chosen, whose = dict(own), f"scene '{touch}'"
+    return chosen if chosen is not None else dict(library.skin("index_medium"))
 
 
 def _trial(options: argparse.Namespace, table: Any, skin: Any) -> int:

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from ..errors import DermisError
 from ..files import read_bytes
 from ..matching.nearest import NEIGHBOURS
-from ..matching.readings import CHANNELS, FULL_SCALE
+from ..matching.readings import CHANNELS, FULL_SCALE, SATURATED
 from ..matching.table import SkinTable
 
 Array = NDArray[np.float64]
 
-SATURATED = 0.05  # share of the samples that a channel may spend at an end of its scale
+SLACK = 0.01  # of a motor's range, that a recorded command may lie beyond its ends
 LONGEST = 4_000_000  # lines; a whole day at 100 Hz is about twice that, and no interaction
 
 
@@ -32,11 +32,13 @@ class Recording:
 
     Attributes:
         name: of the file. times: [s], rising, shape (n,). readings: [counts], shape (n, 20).
+        channels: the readings' names, in their order.
     """
 
     name: str
     times: Array
     readings: Array
+    channels: tuple[str, ...]
 
 
 def read_recording(path: Path) -> Recording:
@@ -58,20 +60,36 @@ def read_recording(path: Path) -> Recording:
     if len(late):
         raise DermisError("times do not rise", where=f"{where}, line {late[0] + 3}", value=float(times[late[0] + 1]))
     _channels(readings, names[1:], where)
-    return Recording(path.stem, times, readings)
+    return Recording(path.stem, times, readings, tuple(names[1:]))
 
 
-def read_table(path: Path, scale: Array) -> SkinTable:
+def same_channels(recording: Recording, table: SkinTable) -> None:
+    """Refuse a recording whose channels are not those of a recorded table, by name and order.
+
+    Raises:
+        DermisError: another name, or another order.
+    """
+    known = table.meta.get("channels")
+    if known is None or tuple(known) == recording.channels:
+        return
+    i = next(i for i, (own, other) in enumerate(zip(recording.channels, known, strict=True)) if own != other)
+    what = "the channels stand in another order than in the table" if set(known) == set(recording.channels) else (
+        "a channel is not one of the table's")  # fmt: skip
+    raise DermisError(what, where=f"recording '{recording.name}', channel {i + 1}", value=recording.channels[i],
+                      limit=f"'{known[i]}', as in {table.meta.get('source', 'the table')}")  # fmt: skip
+
+
+def read_table(path: Path, scale: Array, ends: Array | None = None) -> SkinTable:
     """Read a table of motor commands with sensor readings; its rest row is the one that reads most others alike.
 
     The rest row of an outside table is not marked. It is the row whose reading occurs most often, or, where all differ,
     the one with the least pressure; other rows with that reading are dropped.
 
     Args:
-        scale: range of each motor, SI, shape (motors,).
+        scale: range of each motor, SI, shape (motors,). ends: least and greatest command, shape (2, motors).
 
     Raises:
-        DermisError: as in `read_recording`, or fewer rows than neighbours.
+        DermisError: as in `read_recording`, fewer rows than neighbours, or commands that the motors cannot do.
     """
     path = Path(path)
     motors = len(scale)
@@ -82,6 +100,13 @@ def read_table(path: Path, scale: Array) -> SkinTable:
         raise DermisError("too few rows", where=where, value=len(commands), limit=f">= {NEIGHBOURS}",
                           remedy="Record more configurations of the device")  # fmt: skip
     _channels(readings, names[motors:], where)
+    if ends is not None:
+        outside = np.argwhere((commands < ends[0] - SLACK * scale) | (commands > ends[1] + SLACK * scale))
+        if len(outside):
+            i, j = outside[0]
+            raise DermisError("a command is beyond the motor's range", where=f"{where}, line {i + 2}, {names[j]}",
+                              value=float(commands[i, j]), limit=f"{ends[0, j]:.4g} to {ends[1, j]:.4g}, in SI",
+                              remedy="Write rad and m, not degrees and mm, or mend the preset's range")  # fmt: skip
     still = np.flatnonzero(np.ptp(commands, axis=0) == 0.0)
     if len(still):
         raise DermisError("a motor never moves", where=where, value=names[int(still[0])])
@@ -90,7 +115,8 @@ def read_table(path: Path, scale: Array) -> SkinTable:
     rest = int(first[group])
     keep = inverse.ravel() != group
     keep[rest] = True
-    meta = {"source": path.name, "asked": len(commands), "rest_rows": int((~keep).sum()) + 1}
+    meta = {"source": path.name, "asked": len(commands), "rest_rows": int((~keep).sum()) + 1,
+            "channels": names[motors:]}  # fmt: skip
     return SkinTable(commands[keep], readings[keep].astype(np.uint16), int(keep[:rest].sum()), scale, 0.0, meta)
 
 

@@ -6,29 +6,28 @@ Source: [S2] IV and V
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..canvas import Canvas, PngCanvas, SvgCanvas
 from ..devices.coupling import refuse_coupled
 from ..devices.spec import DEVICE_SCHEMA, DeviceSpec, from_preset
-from ..errors import DermisError
+from ..errors import DermisError, Finding
 from ..files import write_bytes
 from ..matching.lookup import commands_of
+from ..matching.readings import FULL_SCALE, SATURATED
 from ..matching.table import SkinTable
 from .synergies import CHOICES, Choice, Reduction, reduce
 
 Array = NDArray[np.float64]
 
+POOR = 0.3  # of what a touch changes in the readings: if all motors leave more, the table does not hold this touch
 LOW_RANK = 0.9  # share of the variance that fewer motors must explain to be called a low rank
 MARGIN = 0.05  # of a new motor's range, left beyond what the interactions need on either side
-INK, FAINT, GRID, PAPER, CHOSEN = "#20262e", "#6b7480", "#e4e7eb", "#ffffff", "#c8503c"
-BARS = {"variance": "#1f6fb2", "rendered": "#12876f"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +42,8 @@ class Design:
         ranges: least and greatest original command in the interactions, SI, shape (2, motors).
         amounts: least and greatest amount of each joint component, by choice, shape (2, motors) each.
         table: where the look-up table comes from.
+        findings: what makes the answer doubtful.
+        reversed_sweep: spread of rows reached from deeper in, see `collect.reversed_spread`; empty where not made.
     """
 
     spec: DeviceSpec
@@ -54,6 +55,8 @@ class Design:
     ranges: Array
     amounts: Mapping[str, Array]
     table: Mapping[str, Any]
+    findings: tuple[Finding, ...] = ()
+    reversed_sweep: Mapping[str, float] = field(default_factory=dict)
 
     def by(self, choice: Choice) -> Reduction:
         """Return the joint result of one way to choose components."""
@@ -87,7 +90,8 @@ def design(spec: DeviceSpec, table: SkinTable, sensed: Mapping[str, Array]) -> D
         sensed: target readings [counts] by the interaction's name, each (n, channels).
 
     Raises:
-        DermisError: coupled motors, nothing given, an interaction that never touches, or one shorter than two samples.
+        DermisError: coupled motors, nothing given, an interaction that never touches, one shorter than two samples, or
+            one in which the sensor is at the end of its scale for long.
     """
     refuse_coupled(spec)
     if not sensed:
@@ -96,6 +100,11 @@ def design(spec: DeviceSpec, table: SkinTable, sensed: Mapping[str, Array]) -> D
     for name, values in targets.items():
         if len(values) < 2:
             raise DermisError("too few samples", where=f"interaction '{name}'", value=len(values), limit=">= 2")
+        full = ((values <= 0) | (values >= FULL_SCALE)).mean(axis=0)
+        if full.max() > SATURATED:
+            raise DermisError("the sensor is at the end of its scale", where=f"interaction '{name}', channel "
+                              f"{full.argmax() + 1}", value=f"{100 * full.max():.0f} % of the time",
+                              limit=f"{100 * SATURATED:.0f} %", remedy="Touch less deeply")  # fmt: skip
         if (table.from_rest(values) <= max(table.hush, 0.0)).all():
             raise DermisError("nothing is ever touched", where=f"interaction '{name}'",
                               remedy="Choose a scene in which the finger touches something")  # fmt: skip
@@ -112,7 +121,22 @@ def design(spec: DeviceSpec, table: SkinTable, sensed: Mapping[str, Array]) -> D
         amounts[found.choice] = np.stack([values.min(axis=0), values.max(axis=0)])
     return Design(spec, tuple(targets), tuple(len(v) for v in targets.values()), knee, joint, alone,
                   np.stack([every.min(axis=0), every.max(axis=0)]), amounts,
-                  {"rows": len(table.commands), **table.meta})  # fmt: skip
+                  {"rows": len(table.commands), **table.meta}, _doubts(table, targets, joint[0]))  # fmt: skip
+
+
+def _doubts(table: SkinTable, targets: Mapping[str, Array], found: Reduction) -> tuple[Finding, ...]:
+    """Find touches that the device does not render even with all its motors: fewer are then soon as good as all."""
+    doubts = []
+    for (name, values), error in zip(targets.items(), found.error[:, -1], strict=True):
+        away = table.from_rest(values)
+        signal = float(np.sqrt((away[away > table.hush] ** 2).mean()))
+        if error > POOR * signal:
+            doubts.append(Finding(
+                "warning", "poorly-rendered", "all motors together leave much of this touch, so the number says little",
+                f"interaction '{name}'", f"{error:.0f} of {signal:.0f} counts", f"{100 * POOR:g} %",
+                "Check that recording and table are of one sensor, or use a table that reaches this touch",
+            ))  # fmt: skip
+    return tuple(doubts)
 
 
 def preset(found: Design, choice: Choice = "variance", motors: int | None = None, name: str = "") -> dict[str, Any]:
@@ -140,8 +164,9 @@ def preset(found: Design, choice: Choice = "variance", motors: int | None = None
     nearest = np.linalg.lstsq(matrix / parts.scale[:, None], (rest - offset) / parts.scale, rcond=None)[0]
     nearest = np.clip(nearest, 0.0, 1.0)
     unit = spec.channels[0].unit
+    # each new motor crosses its range in one time, so short that no original motor goes faster than it could
     slews = [(i, c.slew) for i, c in enumerate(spec.channels) if c.slew]
-    slew = [min((s / max(abs(float(matrix[i, j])), 1e-12) for i, s in slews), default=None) for j in range(k)]
+    slew = min((s / max(float(np.abs(matrix[i]).sum()), 1e-12) for i, s in slews), default=None)
     why = f"design: {', '.join(found.names)}; components by {choice}"
     source = {key: value for key, value in spec.source.items() if key not in ("channels", "parameters", "name")}
     own = f"the original motor's range [{unit}]"
@@ -153,10 +178,9 @@ def preset(found: Design, choice: Choice = "variance", motors: int | None = None
             "rest": {"value": float(nearest[j]), "unit": "1", "source": "nearest to the original device at rest"},
         }  # fmt: skip
         channels.append(channel)
-        fastest = slew[j]
-        if fastest is not None:
-            why_slow = "so that no original motor goes faster than it could"
-            channel["slew"] = {"value": float(fastest), "unit": "1/s", "source": why_slow}
+        if slew is not None:
+            why_slow = "so that no original motor goes faster than it could, all moving"
+            channel["slew"] = {"value": float(slew), "unit": "1/s", "source": why_slow}
     made = {
         **source, "schema": DEVICE_SCHEMA,
         "name": name or f"{_plain(spec.name)}, {k} motor{'s' if k > 1 else ''} for {', '.join(found.names)}"[:80],
@@ -208,6 +232,7 @@ def as_json(found: Design) -> dict[str, Any]:
         "alone": {name: {r.choice: one(r) for r in each} for name, each in zip(found.names, found.alone, strict=True)},
         "sensor": "virtual: 19 electrodes and pressure, 12 bits", "percentage": "mean of percentages",
         "scaling": "commands centred, each over its motor's range",
+        "findings": [f.as_dict() for f in found.findings], "reversed_sweep_counts": dict(found.reversed_sweep),
     }  # fmt: skip
 
 
@@ -237,63 +262,10 @@ def as_text(found: Design) -> str:
     if not found.low_rank:
         lines.append("The commands are not of low rank: no fewer motors both stay within the rule and explain "
                      f"{100 * LOW_RANK:g} % of the movement.")  # fmt: skip
+    if found.reversed_sweep:
+        apart = found.reversed_sweep
+        lines.append(f"Rows reached from deeper in instead of from rest read {apart['rms']:.1f} counts differently, at "
+                     f"worst {apart['worst']:.1f}: friction's doing.")  # fmt: skip
+    lines += [str(finding) for finding in found.findings]
     lines.append("Sensed by a virtual sensor in a linear skin; percentages are the mean over interactions.")
     return "\n".join(lines) + "\n"
-
-
-def write_picture(found: Design, path: Path) -> None:
-    """Write error against number of motors as PNG or SVG, by the path's ending.
-
-    Raises:
-        DermisError: another ending, or the file cannot be written.
-    """
-    width, height = 640.0, 360.0
-    suffix = Path(path).suffix.lower()
-    if suffix not in (".png", ".svg"):
-        raise DermisError("unknown kind of picture", where=str(path), value=suffix, limit=".png, .svg")
-    canvas: PngCanvas | SvgCanvas = PngCanvas(width, height, 2.0) if suffix == ".png" else SvgCanvas(width, height)
-    _draw(found, canvas, width, height)
-    write_bytes(Path(path), canvas.to_bytes())
-
-
-def _draw(found: Design, canvas: Canvas, width: float, height: float) -> None:
-    left, right, top, bottom = 64.0, 20.0, 86.0, 46.0
-    canvas.rectangle(0, 0, width, height, PAPER)
-    n = len(found.spec.channels)
-    motors = found.by("variance").motors
-    canvas.text(left, 22, f"How many motors? {found.spec.name}", 10, INK)
-    said = f"{motors} of {n}" if motors < n else f"all {n}"
-    canvas.text(left, 42, f"{said}, for {', '.join(found.names)}"[:80], 8.5, FAINT)
-    # beyond 160 % a bar says no more: it is cut, and its number stands on it
-    most = min(max(float(np.max([r.mean_percent for r in found.joint])), 150.0 * found.knee), 160.0)
-    base, tall = height - bottom, height - bottom - top
-
-    def y(percent: float) -> float:
-        return base - tall * min(max(percent, 0.0), most) / most
-
-    for tick in np.linspace(0.0, most, 5):
-        canvas.line(left, y(tick), width - right, y(tick), GRID, 0.75)
-        canvas.text(left - 6, y(tick) + 3, f"{tick:.0f}", 7.5, FAINT, "end")
-    step = (width - left - right) / n
-    for k in range(n):
-        for i, reduction in enumerate(found.joint):
-            value = float(reduction.mean_percent[k])
-            x = left + k * step + step * (0.16 + 0.34 * i)
-            canvas.rectangle(x, y(value), step * 0.3, max(base - y(value), 0.75), BARS[reduction.choice])
-            canvas.text(x + step * 0.15, y(value) - 4, f"{value:.0f}", 7, INK, "middle")
-        own = k + 1 == motors
-        canvas.text(left + (k + 0.5) * step, base + 15, str(k + 1), 9 if own else 8, CHOSEN if own else INK, "middle")
-    canvas.line(left, y(100 * found.knee), width - right, y(100 * found.knee), CHOSEN, 1.5, 6.0)
-    canvas.text(width - right, y(100 * found.knee) - 4, "rule", 7.5, CHOSEN, "end")
-    canvas.line(left, base, width - right, base, INK, 1.0)
-    canvas.text(left + (width - left - right) / 2, base + 32, "motors", 8, INK, "middle")
-    for i, choice in enumerate(CHOICES):
-        x = width - right - 220 + 110 * i
-        canvas.rectangle(x, 53, 9, 9, BARS[choice])
-        canvas.text(x + 14, 61, f"by {choice}", 7.5, FAINT)
-    canvas.text(left, 61, "error above all motors [%]", 7.5, FAINT)
-
-
-def kept(paths: Sequence[Path]) -> str:
-    """Return written paths, a line each."""
-    return "\n".join(str(path) for path in paths)

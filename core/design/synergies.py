@@ -26,6 +26,7 @@ Choice = Literal["variance", "rendered"]
 CHOICES: tuple[Choice, ...] = get_args(Choice)
 
 STILL = 1e-9  # of a motor's range: commands that move less are at rest
+ROUNDED = 1.0 / 12.0  # [counts^2] a channel's mean square when read in whole counts: errors below say nothing
 FLOOR = 1e-6  # of the largest weight: directions that change nothing sensed keep this much
 
 
@@ -69,7 +70,8 @@ class Reduction:
     Attributes:
         choice: 'variance' or 'rendered'. components: of all interactions together.
         error: root mean square of the sensed difference for k = 1..n [counts], one row an interaction, (i, n).
-        percent: error over that of all motors, minus 1, in percent, (i, n). Source: [S2] eq. 12.
+        percent: error over that of all motors, minus 1, in percent, (i, n). Where all motors leave less than whole
+            counts can tell, over that. Source: [S2] eq. 12.
         motors: the fewest within the knee, for the mean of the percentages.
         motors_each: the same for each interaction by itself, with the components of all.
     """
@@ -177,7 +179,7 @@ def reduce(
             for target, m in zip(sensed, given, strict=True)
         ])  # fmt: skip
         best = error[:, -1:]
-        percent = 100.0 * (error - best) / np.where(best > 0.0, best, np.finfo(float).tiny)
+        percent = 100.0 * (error - best) / np.maximum(best, np.sqrt(ROUNDED * table.readings.shape[1]))
         each = tuple(knee(row, limit) for row in percent)
         found.append(Reduction(choice, parts, error, percent, knee(percent.mean(axis=0), limit), each))
     return tuple(found)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,23 +13,24 @@ from numpy.typing import NDArray
 
 from ..contact.skin_touch import SkinSampler, SkinTouch
 from ..devices.spec import DeviceSpec
-from ..errors import DermisError
+from ..errors import DermisError, Finding
 from ..files import write_bytes
 from ..interpolate import interpolate
-from ..matching.platforms import original_key, scale_of
-from ..matching.table import SkinTable
+from ..matching.platforms import ends_of, original_channels, scale_of
+from ..matching.table import SkinTable, belongs
 from ..scene import TactileScene
-from ..skin.model import SkinModel, fingertip_skin
+from ..skin.model import SkinModel
 from ..skin.shape import FingertipShape
 from .collect import collect, reversed_spread
 from .interactions import NOISE, RATE
-from .recordings import read_recording, read_table
-from .report import Design, as_json, as_text, design, preset, write_picture, write_preset
+from .picture import write_picture
+from .recordings import Recording, read_recording, read_table, same_channels
+from .report import Design, as_json, as_text, design, preset, write_preset
 from .synergies import Choice
 from .trial import sense
 
 ROWS = 9261  # of the table where nobody says: 21 steps a motor, a few seconds
-Sensed = Mapping[str, NDArray[Any]]
+Sensed = Mapping[str, NDArray[Any] | Recording]
 
 
 @dataclass(frozen=True)
@@ -82,11 +83,12 @@ def table_for(
         DermisError: a file that cannot be read, a table of another device, or a sweep that fails.
     """
     if file is not None:
-        scale = scale_of(spec)
-        table = read_table(file, scale) if Path(file).suffix.lower() == ".csv" else SkinTable.load(Path(file))
-        if table.commands.shape[1] != len(scale):
-            raise DermisError("the table is of another device", where=str(file),
-                              value=f"{table.commands.shape[1]} motors", limit=f"{len(scale)} motors")  # fmt: skip
+        if Path(file).suffix.lower() == ".csv":
+            ends = np.array([ends_of(channel) for channel in original_channels(spec)]).T
+            table = read_table(file, scale_of(spec), ends)
+        else:
+            table = SkinTable.load(Path(file))
+        belongs(table, spec, where=str(file))
         yield Step("table", 1, 1)
         return table
     steps = collect(spec, shape, folder, level=level, rows=rows, workers=workers, material=material)
@@ -100,34 +102,47 @@ def table_for(
 
 
 def answer(
-    spec: DeviceSpec, table: SkinTable, sensed: Sensed, *, noise: float = NOISE
-) -> Generator[Step, None, Design]:
-    """Return how many motors the sensed interactions need."""
+    spec: DeviceSpec, table: SkinTable, sensed: Sensed, *, noise: float = NOISE, skin: SkinModel | None = None,
+    spread: bool = False,
+) -> Generator[Step, None, Design]:  # fmt: skip
+    """Return how many motors the sensed interactions need.
+
+    Args:
+        skin: what the interactions were sensed with, where they are simulated: tells a table of another skin.
+        spread: tell the spread of the reversed sweep on that skin too; a second.
+
+    Raises:
+        DermisError: see `report.design`; or a recording whose channels are not those of a recorded table.
+    """
     yield Step("components", 0, 1)
-    found = design(spec, table.heard_with(noise), {k: np.asarray(v, np.float64) for k, v in sensed.items()})
+    targets = {}
+    for name, given in sensed.items():
+        if isinstance(given, Recording):
+            same_channels(given, table)
+        targets[name] = np.asarray(given.readings if isinstance(given, Recording) else given, np.float64)
+    found = design(spec, table.heard_with(noise), targets)
+    doubts: tuple[Finding, ...] = belongs(table, spec, skin) + found.findings
+    reversed_sweep = reversed_spread(spec, skin) if spread and skin is not None else {}
     yield Step("components", 1, 1)
-    return found
+    return replace(found, findings=doubts, reversed_sweep=reversed_sweep)
 
 
-def read_sensed(paths: Sequence[Path]) -> dict[str, NDArray[Any]]:
+def read_sensed(paths: Sequence[Path]) -> dict[str, Recording]:
     """Read recordings, by the names of their files.
 
     Raises:
         DermisError: one that cannot be used, or two of one name.
     """
-    found: dict[str, NDArray[Any]] = {}
+    found: dict[str, Recording] = {}
     for path in paths:
         recording = read_recording(path)
         if recording.name in found:
             raise DermisError("two recordings have one name", where=str(path), value=recording.name)
-        found[recording.name] = recording.readings
+        found[recording.name] = recording
     return found
 
 
-def write(
-    found: Design, folder: Path, *, choice: Choice = "variance", motors: int | None = None,
-    extra: Mapping[str, Any] | None = None,
-) -> tuple[Path, ...]:  # fmt: skip
+def write(found: Design, folder: Path, *, choice: Choice = "variance", motors: int | None = None) -> tuple[Path, ...]:
     """Write report.txt, report.json, report.png and the new preset into a folder; return their paths.
 
     Raises:
@@ -139,18 +154,8 @@ def write(
     paths = tuple(folder / name for name in ("report.txt", "report.json", "report.png",
                                              f"{found.spec.key}_{count}_motors.json"))  # fmt: skip
     write_bytes(paths[0], as_text(found).encode())
-    text = json.dumps({**as_json(found), **(extra or {})}, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    text = json.dumps(as_json(found), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     write_bytes(paths[1], text.encode())
     write_picture(found, paths[2])
     write_preset(made, paths[3])
     return paths
-
-
-def spread(spec: DeviceSpec, shape: FingertipShape, level: str = "draft") -> dict[str, float]:
-    """Return the spread of the reversed sweep on a fingertip, see `collect.reversed_spread`."""
-    return reversed_spread(spec, fingertip_skin(shape, level=level))
-
-
-def identity(spec: DeviceSpec, skin: SkinModel, rows: int) -> str:
-    """Return what a table of this device, skin and size is kept by."""
-    return f"{original_key(spec)[:12]}-{skin.key[:12]}-{rows}"

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cache import cache_key
-from ..devices.coupling import coupling_of
+from ..devices.coupling import Coupling, coupling_of
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..interpolate import interpolate
@@ -27,10 +27,10 @@ from ..scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
 from ..track import CommandTrack
 from .nearest import NEIGHBOURS
-from .platforms import mechanism, original_key
+from .platforms import original_key
 from .readings import readings_of, saturated
 from .rendered import Rendered
-from .table import SkinTable, build
+from .table import SkinTable, belongs, build
 
 if TYPE_CHECKING:
     from ..contact.sampled import SampledTouch
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+SLACK = 0.01  # of an original motor's range, that a coupling may drive it beyond unsaid
 ROWS = 3375  # of the table that is swept when a scene is rendered without one: a few seconds, once a skin and device
 
 
@@ -140,17 +141,13 @@ def render(
     rest = table.commands[table.rest]
     commands = np.tile(rest, (count, 1))
     series = {name: np.zeros(count) for name in ("contact", "sensed_error", "target_force", "clipped")}
-    findings: list[Finding] = []
+    findings = list(belongs(table, spec, skin.model, str(p.get("table", ""))))
     touched = skin.contact
+    sensed = sensor.sense(skin.force) if len(touched) else np.empty((0, table.readings.shape[1]), np.uint16)
     if len(touched):
-        sensed = sensor.sense(skin.force)
         commands[touched] = commands_of(table, sensed)
         series["contact"][touched] = 1.0
         series["target_force"][touched] = skin.force[:, :, 2].sum(axis=1)
-        if coupling is not None:
-            commands = coupling.original(coupling.reduced(commands))
-        expected = readings_for(table, commands[touched])
-        series["sensed_error"][touched] = np.linalg.norm(expected - sensed, axis=1)
         full = saturated(sensed)
         if full:
             findings.append(Finding("warning", "sensor-saturated", "the virtual sensor is at the end of its scale",
@@ -169,6 +166,12 @@ def render(
         findings.append(Finding("warning", "motor-range", "a motor would leave its range and stays at its end",
                                 f"device '{spec.key}'", f"by up to {worst:.3g} {spec.channels[0].unit}",
                                 frame=float(skin.frames[beyond.argmax()]), count=int(beyond.sum())))  # fmt: skip
+    driven = limited if coupling is None else coupling.original(limited)
+    if len(touched):
+        expected = readings_for(table, driven[touched])
+        series["sensed_error"][touched] = np.linalg.norm(expected - sensed, axis=1)
+    if coupling is not None:
+        findings += _overdriven(coupling, driven, spec, skin.frames)
     times = np.arange(sample_count(scene.fps, scene.frame_range, spec.rate)) / spec.rate
     if count > 1:
         at = np.minimum(times, skin.times[-1])
@@ -191,6 +194,23 @@ def commands_now(table: SkinTable, spec: DeviceSpec, skin: SkinModel, force: Arr
     if len(force):
         original = commands_of(table, readings_of(skin).sense(force))[-1]
     return np.clip(original if coupling is None else coupling.reduced(original), *_ends(spec))
+
+
+def _overdriven(coupling: Coupling, driven: Array, spec: DeviceSpec, frames: Array) -> list[Finding]:
+    """Find motors that a coupling would drive beyond the range they had of their own."""
+    low, high = np.array([(c.low or 0.0, c.high or 0.0) for c in coupling.channels]).T
+    beyond = np.maximum(low - driven, driven - high)
+    wrong = (beyond > SLACK * (high - low)).any(axis=1)
+    if not wrong.any():
+        return []
+    i, j = np.unravel_index(int(beyond.argmax()), beyond.shape)
+    unit = coupling.channels[j].unit
+    return [Finding(
+        "warning", "original-range", "a coupling drives an original motor beyond its range", f"device '{spec.key}', "
+        f"motor {j + 1}", f"{driven[i, j]:.3g} {unit}", f"{low[j]:.3g} to {high[j]:.3g} {unit}",
+        "Use more motors, or check that the mechanism allows it", frame=float(frames[wrong.argmax()]),
+        count=int(wrong.sum()),
+    )]  # fmt: skip
 
 
 def _ends(spec: DeviceSpec) -> tuple[Array, Array]:
@@ -255,10 +275,7 @@ def _from_file(path: Path, spec: DeviceSpec) -> SkinTable:
         _FILES.clear()
         _FILES[stamp] = table
     table = _FILES[stamp]
-    motors = len(mechanism(spec).rest)
-    if table.commands.shape[1] != motors:
-        raise DermisError("the table is of another device", where=str(path), value=f"{table.commands.shape[1]} motors",
-                          limit=f"{motors} motors")  # fmt: skip
+    belongs(table, spec, where=str(path))
     return table
 
 

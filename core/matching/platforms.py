@@ -47,6 +47,12 @@ def original_key(spec: DeviceSpec) -> str:
     return hashlib.sha256(json.dumps([spec.kind, parts, ends], sort_keys=True, default=str).encode()).hexdigest()
 
 
+def mechanism_key(spec: DeviceSpec) -> str:
+    """Return what a row of a table depends on of a device: its mechanism, not how far or finely it was swept."""
+    plain = {k: v for k, v in spec.parameters.items() if not k.startswith(("coupling", "sweep")) and k != "knee_error"}
+    return hashlib.sha256(json.dumps([spec.kind, plain], sort_keys=True, default=str).encode()).hexdigest()
+
+
 def scale_of(spec: DeviceSpec) -> Array:
     """Return the range of each original motor, SI, shape (motors,).
 

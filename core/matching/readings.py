@@ -19,6 +19,7 @@ Counts = NDArray[np.uint16]
 
 CHANNELS = 20
 FULL_SCALE = 4095
+SATURATED = 0.05  # share of the samples that a channel may spend at an end of its scale
 # Chosen so that a platform pressed in by 2.4 mm at any tilt stays within the scale, and bulging skin does too.
 ELECTRODE_REST, ELECTRODE_GAIN = 1000.0, 6000.0  # counts, counts for tissue that is pressed to nothing
 PRESSURE_REST, PRESSURE_GAIN = 500.0, 0.12  # counts, counts a Pa of mean pressure on the pad

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from ..devices.press import Press, Pressed
 from ..devices.spec import DeviceSpec
-from ..errors import DermisError
+from ..errors import DermisError, Finding
 from ..files import write_npz
 from ..skin.model import SkinModel
 from .nearest import NEIGHBOURS, NearestPoints
-from .platforms import mechanism, scale_of
+from .platforms import mechanism, mechanism_key, scale_of
 from .readings import Counts, Readings, quantised, saturated
 from .sweep import sweep
 
@@ -135,6 +135,9 @@ class SkinTable:
             DermisError: it cannot be read, or is none.
         """
         where = str(path)
+        if Path(path).suffix.lower() == ".csv":
+            raise DermisError("a recorded table is not one to render with yet", where=where, limit=".npz",
+                              remedy="Convert it: core design --table FILE.csv --save-table FILE.npz")  # fmt: skip
         try:
             with np.load(path, allow_pickle=False) as archive:
                 meta = json.loads(archive["header"].tobytes())
@@ -169,13 +172,36 @@ def build(spec: DeviceSpec, skin: SkinModel, readings: Readings, rows: int) -> S
     press = press_of(skin, spec)
     commands = sweep(spec, skin.positions, rows)
     kept, counts, left = tabulate(readings, commands, press.press(commands))
-    return assemble(spec, readings, press.carrier.rest, kept, counts, {"asked": len(commands), **left})
+    return assemble(spec, skin, readings, kept, counts, {"asked": len(commands), **left})
 
 
 def assemble(
-    spec: DeviceSpec, sensor: Readings, rest_command: Array, commands: Array, counts: Counts, meta: Mapping[str, Any]
+    spec: DeviceSpec, skin: SkinModel, sensor: Readings, commands: Array, counts: Counts, meta: Mapping[str, Any]
 ) -> SkinTable:
-    """Put the rest row before the rows that touch."""
+    """Put the rest row before the rows that touch, and say whose table it is."""
+    rest_command = mechanism(spec).rest
     readings = np.vstack([quantised(sensor.rest[None]), counts])
-    about = {"device": spec.key, "device_hash": spec.hash, **meta}
+    about = {"device": spec.key, "device_hash": spec.hash, "mechanism": mechanism_key(spec), "skin": skin.key,
+             "material": repr(skin.material), **meta}  # fmt: skip
     return SkinTable(np.vstack([rest_command, commands]), readings, 0, scale_of(spec), 0.0, about)
+
+
+def belongs(table: SkinTable, spec: DeviceSpec, skin: SkinModel | None = None, where: str = "") -> tuple[Finding, ...]:
+    """Refuse a table of another device; find fault with one of another skin. Recorded tables do not say whose they are.
+
+    Raises:
+        DermisError: another number of motors, or a mechanism of other dimensions.
+    """
+    where, motors = where or "look-up table", len(mechanism(spec).rest)
+    if table.commands.shape[1] != motors:
+        raise DermisError("the table is of another device", where=where, value=f"{table.commands.shape[1]} motors",
+                          limit=f"{motors} motors")  # fmt: skip
+    if table.meta.get("mechanism", mechanism_key(spec)) != mechanism_key(spec):
+        raise DermisError("the table is of another device, or of one with other dimensions", where=where,
+                          value=table.meta.get("device"), limit=f"device preset '{spec.key}' as it is now",
+                          remedy="Collect a table for this preset")  # fmt: skip
+    own = None if skin is None else (skin.key, repr(skin.material))
+    if own is None or own == (table.meta.get("skin", own[0]), table.meta.get("material", own[1])):
+        return ()
+    return (Finding("warning", "other-skin", "the table was made for another skin, so commands are off", where,
+                    remedy="Collect a table for this finger's size, accuracy and stiffness"),)  # fmt: skip

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.design import report
+from core.design import picture, report
 from core.design.report import Design, design
 from core.design.synergies import components, knee, reduce, rendering_error, sensed_metric
 from core.devices.coupling import coupling_of
@@ -178,11 +178,11 @@ def test_the_report_says_it_in_words_numbers_and_a_picture(answered, tmp_path):
     directions = answered.by("variance").components.directions[:, 0]
     np.testing.assert_allclose(radii[:, 0] / 0.007, directions / np.abs(directions).max())
     for name in ("a.png", "a.svg"):
-        report.write_picture(answered, tmp_path / name)
+        picture.write_picture(answered, tmp_path / name)
     assert (tmp_path / "a.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     assert b"how" in (tmp_path / "a.svg").read_bytes().lower()
     with pytest.raises(DermisError, match="kind of picture"):
-        report.write_picture(answered, tmp_path / "a.gif")
+        picture.write_picture(answered, tmp_path / "a.gif")
 
 
 def test_the_new_preset_drives_the_original_motors_through_its_coupling(answered):

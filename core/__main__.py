@@ -62,7 +62,11 @@ def render(options: argparse.Namespace) -> int:
 
     scene, library = scene_file.load(options.scene), Library(options.presets)
     bake = _drain(pipeline.render(scene, library), quiet=options.quiet)
-    written = outputs.export(bake, options.out, plots=options.plots)
+    try:
+        written = outputs.export(bake, options.out, plots=options.plots)
+    except DermisError:
+        _tell(bake.all_findings, sys.stderr)  # why there is nothing to write
+        raise
     if options.maps:
         written += outputs.export_screen_maps(scene, library, options.out)
     for path in written:

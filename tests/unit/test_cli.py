@@ -168,6 +168,13 @@ def test_render_goes_on_without_a_device_that_is_gone_and_says_so(tmp_path: Path
     assert "error: finger 'Index': " in done.stderr and "no_such_device" in done.stderr
 
 
+def test_render_says_why_the_only_device_gave_nothing(tmp_path: Path) -> None:
+    core.save_scene(tap((Finger("Index", (DeviceUse("no_such_device"),)),)), tmp_path / "s.npz")
+    done = run("render", tmp_path / "s.npz", "--out", tmp_path / "a")
+    assert done.returncode == 2 and "no tracks to export" in done.stderr
+    assert "error: finger 'Index': " in done.stderr and "no_such_device" in done.stderr
+
+
 def test_render_goes_on_where_one_finger_s_track_is_refused(tmp_path: Path) -> None:
     preset = json.loads((ROOT / "presets/devices/electrovibration.json").read_text(encoding="utf-8"))
     for channel in preset["channels"]:

@@ -157,8 +157,7 @@ class DERMIS_PT_device(DermisPanel, bpy.types.Panel):
             column.prop(device, "profile")
             if device.relief == "mesh" and device.profile != "slope":
                 paragraph(layout, context, "The relief of a mesh knows the profile Slope only.", "ERROR")
-                column = layout.column()
-                column.use_property_split = True
+                column = properties(layout, device)
             if device.profile == "slope":
                 column.prop(device, "downhill")
                 column.prop(device, "direction_window")

@@ -14,12 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..devices.first_contact import calibrated
+from ..devices.disc import DiscContact
+from ..devices.first_contact import calibrated, first_contact
 from ..devices.spec import DeviceSpec
 from ..devices.thimble import Thimble, mechanism
 from ..errors import DermisError, Finding
 from ..skin.model import SkinModel
 from ..surrogate.forward import ForwardModel
+from ..surrogate.soundness import try_out
 from ..surrogate.store import contact_of, load, place_of
 
 Array = NDArray[np.float64]
@@ -28,6 +30,7 @@ METHODS = ("stress", "network", "ridge", "force", "geometry")
 LEARNED = ("network", "ridge")
 FRICTION = 0.6  # between disc and skin, of a preset that does not say
 HOVER = 0.4e-3  # [m] between disc and skin while nothing is touched
+TRIED_TILT, TRIED_DEPTH = 0.2, 0.5e-3  # [rad], [m]: where a surrogate must be able to answer
 LARGEST_HOVER = 5e-3  # [m] more would be out of reach of most mechanisms
 
 
@@ -99,11 +102,18 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
     try:
         made = load(surrogate_path(parameters, skin, device, friction), skin, device, friction)
         readout, learned = made.descriptors.readout, made.model(skin, method)
+        try_out(learned, _poses(device, contact_of(device, skin, friction)), where)
     except DermisError as error:
         finding = Finding("warning", "surrogate", f"the direct method was used: {error.what}", where, error.value,
                           error.limit, error.remedy)  # fmt: skip
         return ThimbleUse(device, skin, friction, hover, "stress", None, None, (finding,))
     return ThimbleUse(device, skin, friction, hover, method, readout, learned, ())
+
+
+def _poses(device: Thimble, contact: DiscContact) -> list[Array]:
+    """Return a few poses that press on the skin, level and tilted."""
+    tilts = ((0.0, 0.0), (TRIED_TILT, 0.0), (0.0, -TRIED_TILT))
+    return [np.array([p, r, first_contact(device, contact, p, r) - TRIED_DEPTH]) for p, r in tilts]
 
 
 def surrogate_path(parameters: Mapping[str, Any], skin: SkinModel, device: Thimble, friction: float) -> Path:

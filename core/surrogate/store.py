@@ -27,6 +27,7 @@ from .dataset import Dataset, record, split
 from .learned import Descriptors, LearnedModel, descriptors
 from .network import HIDDEN, ITERATIONS, Network, train
 from .ridge import QuadraticRidge, fit_ridge
+from .soundness import check_parts
 from .subspace import TOLERANCE, Subspace
 from .table import Fit, SampleTable, relative_rms
 
@@ -158,7 +159,8 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
     """Read a surrogate for a skin and device.
 
     Raises:
-        DermisError: a file is missing, damaged or foreign, or was made for another skin, device or friction.
+        DermisError: a file is missing, damaged or foreign, was made for another skin, device or friction, or its parts
+            do not fit together.
     """
     tables, graph = Path(path).with_suffix(".npz"), Path(path).with_suffix(".onnx")
     where = str(tables)
@@ -169,7 +171,7 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
     try:
         with np.load(tables, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
-        meta = json.loads(arrays["meta"].tobytes().decode())
+        meta = dict(json.loads(arrays["meta"].tobytes().decode()))
         spaces = {n: Subspace(arrays[f"{n}_mean"], arrays[f"{n}_basis"], arrays[f"{n}_curve"])
                   for n in ("stress", "friction")}  # fmt: skip
         ridge = QuadraticRidge(*(arrays[f"ridge_{n}"] for n in _RIDGE))
@@ -181,7 +183,9 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
     for name, wanted in expected.items():
         _same(meta, name, wanted, where)
     network = onnx.OnnxFit(graph, {n: expected[n] for n in ("skin", "device", "friction")})
-    return Surrogate(Descriptors(spaces["stress"], readout, spaces["friction"]), ridge, network, meta)
+    made = Surrogate(Descriptors(spaces["stress"], readout, spaces["friction"]), ridge, network, meta)
+    check_parts(made, skin.pad_count, where)
+    return made
 
 
 def _same(meta: Mapping[str, Any], name: str, wanted: Any, where: str) -> None:

@@ -12,12 +12,15 @@ from core.contact.skin_touch import SkinTouch
 from core.devices.spec import from_preset
 from core.devices.thimble import mechanism
 from core.errors import DermisError
+from core.files import write_npz
+from core.matching.replay import configurations
 from core.matching.thimble import finish, match_sequence, match_touch, render
 from core.matching.thimble_use import prepare
 from core.presets import Library
 from core.scene import DeviceUse, Finger, TactileScene
 from core.skin.model import fingertip_skin
 from core.surrogate import onnx
+from core.surrogate.network import Network
 from core.surrogate.store import adapt, save
 from tests import touches
 
@@ -78,6 +81,117 @@ def test_a_bad_file_is_a_finding_and_the_direct_method_does_the_work(
     (finding,) = used.findings
     assert finding.code == "surrogate" and finding.severity == "warning" and finding.where == "finger 'i'"
     assert "the direct method was used" in finding.what and words in str(finding)
+
+
+def rewritten(path, **changes):
+    """Write a surrogate's tables again with some of them changed."""
+    with np.load(path) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    write_npz(path, {**arrays, **{name: change(arrays[name]) for name, change in changes.items()}})
+
+
+def nowhere(values):
+    return values * np.nan
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("friction_basis", lambda a: a[:, :-3], "'friction_basis' has another shape"),
+        ("friction_basis", lambda a: a[:-1], "has another shape"),
+        ("friction_mean", lambda a: a[:-3], "'friction_mean' has another shape"),
+        ("ridge_constant", lambda a: a[:-1], "'ridge_constant' has another shape"),
+        ("ridge_linear", nowhere, "'ridge_linear' is not finite"),
+        ("ridge_scale", lambda a: 0.0 * a, "'ridge_scale' has zeros"),
+        ("readout", lambda a: a[:, :-3], "'readout' has another shape"),
+        ("readout", nowhere, "'readout' is not finite"),
+        ("stress_basis", lambda a: a.astype("U8"), "not finite"),
+        ("stress_basis", lambda a: a[0], "has another shape"),
+        ("meta", lambda a: np.frombuffer(a.tobytes().replace(b'"modulus"', b'"modulos"'), np.uint8), "no stiffness"),
+        ("meta", lambda a: np.frombuffer(b"[1, 2]", np.uint8), "cannot be read"),
+    ],
+)
+@pytest.mark.parametrize("method", ["network", "ridge"])
+def test_tables_that_do_not_fit_together_are_a_finding(tmp_path, skin, spec, made, name, change, words, method):
+    pytest.importorskip("onnxruntime")
+    save(tmp_path / "mine", made)
+    rewritten(tmp_path / "mine.npz", **{name: change})
+    used = prepare(spec, skin, {"thimble_method": method, "thimble_surrogate": str(tmp_path / "mine.npz")})
+    assert used.method == "stress" and used.learned is None and used.readout is None
+    (finding,) = used.findings
+    assert finding.code == "surrogate" and words in str(finding)
+
+
+@pytest.mark.parametrize(("more", "spoil", "words"), [(2, 1.0, "other sizes"), (0, np.nan, "answers are not finite")])
+def test_a_network_of_other_size_or_without_numbers_is_a_finding(tmp_path, skin, spec, made, more, spoil, words):
+    """The metadata is right, and only what the file computes is not."""
+    pytest.importorskip("onnxruntime")
+    save(tmp_path / "mine", made)
+    p, c, rng = made.network.inputs, made.network.outputs + more, np.random.default_rng(0)
+    other = Network(np.zeros(p), np.ones(p), rng.normal(size=(8, p)), np.zeros(8), spoil * rng.normal(size=(c, 8)),
+                    np.zeros(c))  # fmt: skip
+    onnx.write(tmp_path / "mine.onnx", other, dict(made.meta))
+    use = {"thimble_method": "network", "thimble_surrogate": str(tmp_path / "mine.npz")}
+    used = prepare(spec, skin, use)
+    assert used.method == "stress" and words in str(used.findings[0])
+    forces = touches.flat_press(12).forces(skin)
+    found = match_touch(used, forces)
+    assert np.median(found.mismatch[found.wanted]) < 0.3 and found.pressing.any() and not found.rescued.any()
+    # the polynomial beside it is what it was, as long as the network is none of another size
+    assert prepare(spec, skin, {**use, "thimble_method": "ridge"}).method == ("stress" if more else "ridge")
+
+
+def test_a_wrong_surrogate_says_in_how_many_frames_it_was_replaced(tmp_path, skin, spec, made):
+    """A network of random numbers, in a file that is right in every other way."""
+    pytest.importorskip("onnxruntime")
+    save(tmp_path / "mine", made)
+    p, c, rng = made.network.inputs, made.network.outputs, np.random.default_rng(0)
+    other = Network(np.zeros(p), np.ones(p), rng.normal(size=(8, p)), np.zeros(8), rng.normal(size=(c, 8)), np.zeros(c))
+    onnx.write(tmp_path / "mine.onnx", other, dict(made.meta))
+    scene = TactileScene("s", Fraction(30), (0, 30), 30.0, (Finger("index"),), (), (), ())
+    felt = felt_of(skin, touches.flat_press(31).forces(skin))
+    use = {"thimble_surrogate": str(tmp_path / "mine.npz")}
+    out = render(None, scene, 0, DeviceUse("thimble_3rrs", {**use, "thimble_method": "network"}), spec, felt)  # type: ignore[arg-type]
+    replaced, touched = int(out.signals["rescued"].sum()), int(out.signals["contact"].sum())
+    (finding,) = [f for f in out.findings if f.code == "rescued"]
+    assert out.track.meta["method"] == "network"
+    assert finding.severity == "warning" and finding.count == replaced > 0.5 * touched
+    assert f"{replaced} of {touched} touched samples" in finding.what
+    assert set(np.unique(out.signals["rescued"])) <= {0.0, 1.0}
+    assert not (out.signals["rescued"] * (1 - out.signals["contact"])).any()
+    direct = render(None, scene, 0, DeviceUse("thimble_3rrs", use), spec, felt)  # type: ignore[arg-type]
+    assert "rescued" not in direct.signals and not [f for f in direct.findings if f.code == "rescued"]
+
+
+def narrowed(spec, **changes):
+    """Return a preset whose servo channels say something of their own."""
+    own = json.loads(json.dumps(dict(spec.source)))
+    for channel in own["channels"][:3]:
+        channel.update({n: {"value": v, "unit": "deg/s" if n == "slew" else "deg"} for n, v in changes.items()})
+    return from_preset("narrow", own)
+
+
+def test_a_channels_narrower_limits_are_the_servos(skin, spec):
+    """The pose in the track is the one that the angles in the track hold, whichever of both limits is the tighter."""
+    scene = TactileScene("s", Fraction(30), (0, 30), 30.0, (Finger("index"),), (), (), ())
+    felt = felt_of(skin, touches.edge_press(31).forces(skin))
+    for changes in ({"low": -12.0, "high": 15.0}, {"slew": 90.0}, {"low": -60.0, "high": 70.0, "slew": 9000.0}):
+        own = narrowed(spec, **changes)
+        device = mechanism(own)
+        assert device.servo_speed == pytest.approx(np.radians(min(changes.get("slew", 600.0), 600.0)))
+        low, high = np.degrees(device.servo_limits)
+        np.testing.assert_allclose([low, high], [[max(changes.get("low", -40.0), -40.0)] * 3,
+                                                 [min(changes.get("high", 40.0), 40.0)] * 3])  # fmt: skip
+        track = render(None, scene, 0, DeviceUse("narrow"), own, felt).track  # type: ignore[arg-type]
+        assert not track.check() and not any(track.within_limits().limited.values())  # nothing is left to cut off
+        told = np.stack([track.column(n) for n in ("pitch", "roll", "distance")], axis=1)
+        np.testing.assert_allclose(configurations(track, device), told, atol=1e-8)
+        assert np.abs(np.degrees(track.column("pitch"))).max() > 3.0
+
+
+def test_a_channel_without_any_range_is_refused(spec):
+    with pytest.raises(DermisError, match="servo_1: the channel leaves its servo no range.*50 to 40 deg"):
+        mechanism(narrowed(spec, low=50.0, high=60.0, rest=55.0))
 
 
 def test_of_another_skin_friction_or_device(tmp_path, skin, spec, made):

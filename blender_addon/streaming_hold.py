@@ -13,9 +13,10 @@ from bpy.app.handlers import persistent
 
 from . import handlers
 
-# Modal operators of Blender that step through the frames; of these only the render is a job that Python can ask for.
+# Modal operators of Blender that step through the frames, since Python can ask for few of their jobs. They end with the
+# first event after their work; until then the last frame holds, which is the one that they came back to.
 STEPPING = frozenset({
-    "RENDER_OT_render", "RENDER_OT_opengl", "PTCACHE_OT_bake", "PTCACHE_OT_bake_all", "FLUID_OT_bake_all",
+    "RENDER_OT_opengl", "PTCACHE_OT_bake", "PTCACHE_OT_bake_all", "FLUID_OT_bake_all",
     "FLUID_OT_bake_data", "FLUID_OT_bake_noise", "FLUID_OT_bake_mesh", "FLUID_OT_bake_particles",
     "FLUID_OT_bake_guides", "OBJECT_OT_simulation_nodes_cache_bake",
     "OBJECT_OT_simulation_nodes_cache_calculate_to_frame", "OBJECT_OT_geometry_node_bake_single", "DPAINT_OT_bake",

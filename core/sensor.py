@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DermisError
+from .number_rows import read_rows
 from .skin.model import SkinModel
 
 Array = NDArray[np.float64]
@@ -28,6 +29,8 @@ _MIDDLE = [(0.0, y) for y in (-0.95, -0.6, -0.3, 0.0, 0.3, 0.55, 0.75)]
 _SIDES = [(s * x, y) for s in (1.0, -1.0) for x, y in
           ((0.35, -0.75), (0.6, -0.4), (0.35, -0.1), (0.6, 0.15), (0.35, 0.4), (0.45, 0.65))]  # fmt: skip
 LAYOUT = np.array([*_MIDDLE, *_SIDES])
+MIN_SAMPLES = 16  # to tell noise from touch
+RARE = 4.0  # standard deviations of a normal distribution: 1 in 30,000
 SPREAD = 2.0e-3  # [m] radius of the skin that an electrode sees (standard deviation of its weights)
 
 
@@ -97,23 +100,50 @@ def read_stimuli(path: Path, channels: int) -> tuple[Array, Array]:
     path, where = Path(path), str(path)
     try:
         if path.suffix.lower() == ".csv":
-            values = np.atleast_2d(np.genfromtxt(path, delimiter=",", comments="#"))
-            if len(values) and np.isnan(values[0]).all():  # a line of names
-                values = values[1:]
+            values = read_rows(path)
             times, stimuli = values[:, 0], values[:, 1:]
         else:
             with np.load(path, allow_pickle=False) as archive:
                 times, stimuli = archive["times"], archive["stimuli"]
+        times, stimuli = np.asarray(times, np.float64), np.asarray(stimuli, np.float64)
+    except DermisError:
+        raise
     except Exception as error:  # every reader has its own class for a damaged file
         raise DermisError("the stimuli cannot be read", where=where, value=f"{type(error).__name__}: {error}"[:200],
                           limit="times and stimuli") from error  # fmt: skip
-    times, stimuli = np.asarray(times, np.float64), np.asarray(stimuli, np.float64)
-    if stimuli.ndim != 2 or stimuli.shape != (len(times), channels) or len(times) == 0:
+    if times.ndim != 1 or stimuli.ndim != 2 or stimuli.shape != (len(times), channels) or len(times) == 0:
         raise DermisError("the stimuli have another shape", where=where, value=stimuli.shape,
-                          limit=f"(n, {channels})")  # fmt: skip
+                          limit=f"(n, {channels}) after the times, separated by commas")  # fmt: skip
     bad = np.flatnonzero(~np.isfinite(stimuli).all(axis=1) | ~np.isfinite(times))
     if len(bad):
         raise DermisError("a stimulus is not finite", where=f"{where}, row {bad[0] + 1}")
     if (np.diff(times) <= 0).any():
         raise DermisError("times do not rise", where=f"{where}, row {int(np.argmax(np.diff(times) <= 0)) + 2}")
     return times, stimuli
+
+
+def noise_of(stimuli: Array) -> float:
+    """Return the standard deviation of one channel's noise in a sequence of readings, shape (n, c), in their unit.
+
+    Measured on the second differences, which a touch hardly has and noise has most of; the median over samples leaves
+    out the few in which a touch begins or ends. 0 for sequences too short to tell.
+    """
+    if len(stimuli) < MIN_SAMPLES:
+        return 0.0
+    bends = np.sqrt(((stimuli[2:] - 2.0 * stimuli[1:-1] + stimuli[:-2]) ** 2).sum(axis=1) / 6.0)
+    return float(np.median(bends)) / _chi(stimuli.shape[1], 0.0)
+
+
+def hush_of(noise: float, channels: int) -> float:
+    """Return the strength that readings of an untouched sensor stay below, but for 1 in 30,000.
+
+    Args:
+        noise: standard deviation of one channel.
+    """
+    return noise * _chi(channels, RARE)
+
+
+def _chi(channels: int, deviations: float) -> float:
+    """Quantile of the norm of independent normal numbers. Source: Wilson and Hilferty 1931"""
+    share = 2.0 / (9.0 * channels)
+    return float(np.sqrt(channels * (1.0 - share + deviations * np.sqrt(share)) ** 3))

@@ -10,14 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import DermisError
+from .errors import DermisError, Finding
 
 if TYPE_CHECKING:
     from .contact.skin_touch import SkinTouch
     from .devices.spec import DeviceSpec
+    from .devices.thimble import Thimble
+    from .matching.stress import StressMatcher
     from .matching.thimble_use import ThimbleUse
     from .presets import Library
     from .scene import TactileScene
+    from .skin.model import SkinModel
 
 Array = NDArray[np.float64]
 
@@ -46,7 +49,14 @@ def add_parser(commands: Any) -> None:
         "--table",
         type=Path,
         metavar="FILE",
-        help="recorded configurations and channels to learn from; the virtual 19 electrodes if left out",
+        help="recorded x (pitch, roll [rad], distance [m]) and channels to learn from, in any unit of their own: .npz, "
+        "or .csv with x in the first three columns; the virtual 19 electrodes if left out",
+    )
+    one.add_argument(
+        "--noise",
+        type=float,
+        metavar="SIGMA",
+        help="standard deviation of one channel's noise, in the recording's unit; measured on it if left out",
     )
     one.add_argument("--out", type=Path, required=True, metavar="FILE.csv", help="the command track to write")
     one.set_defaults(run=follow)
@@ -88,42 +98,76 @@ def adapt(options: argparse.Namespace) -> int:
 def follow(options: argparse.Namespace) -> int:
     """Render a recorded sequence of readings and write the track."""
     from .formats import csv
-    from .matching.thimble import match_stimuli, matcher
+    from .matching.thimble import findings_of, match_stimuli
     from .matching.thimble_use import fitted
     from .presets import Library
-    from .sensor import electrode_sensor, read_stimuli
+    from .sensor import hush_of, noise_of, read_stimuli
     from .skin.model import skin_from_parameters
-    from .surrogate.learned import LearnedModel
-    from .surrogate.ridge import fit_ridge
-    from .surrogate.table import read_table
     from .track import CommandTrack
 
+    if options.noise is not None and not 0.0 <= options.noise < float("inf"):
+        raise DermisError("noise is a standard deviation", where="--noise", value=options.noise, limit=">= 0")
     library = Library(options.presets)
     spec = _thimble(library, options.device)
     skin = skin_from_parameters(library.skin(options.skin), level=options.level)
     device, friction = fitted(spec, skin, {})
-    readout, model = electrode_sensor(skin).matrix, None
-    if options.table:
-        model = LearnedModel(fit_ridge(read_table(options.table).without_memory()))
-        if model.size != len(readout):
-            raise DermisError("the table's channels are not those of the virtual sensor", where=str(options.table),
-                              value=model.size, limit=str(len(readout)))  # fmt: skip
-    recorded, stimuli = read_stimuli(options.stimuli, len(readout))
+    change = device.servo_speed / spec.rate
+    made = _virtual(skin, device, friction, change) if options.table is None else _recorded(
+        options.table, skin, device, friction, change)  # fmt: skip
+    channels = made.model.size
+    recorded, stimuli = read_stimuli(options.stimuli, channels)
+    noise = noise_of(stimuli) if options.noise is None else options.noise
+    made.hush = hush_of(noise, channels)
     times = np.arange(int(np.floor((recorded[-1] - recorded[0]) * spec.rate + 1e-9)) + 1) / spec.rate
     wanted = np.stack([np.interp(times, recorded - recorded[0], column) for column in stimuli.T], axis=1)
-    found = match_stimuli(
-        matcher(device, skin, "stress" if model is None else "ridge", friction=friction, readout=readout, model=model,
-                change=device.servo_speed / spec.rate), wanted,
-    )  # fmt: skip
+    found = match_stimuli(made, wanted)
     columns = {f"servo_{i + 1}": found.angles[:, i] for i in range(3)}
     columns.update(zip(("pitch", "roll", "distance"), found.x.T, strict=True))
     values = np.stack([columns[c.name] for c in spec.channels], axis=1)
     track = CommandTrack(spec, times, values, {"method": "electrodes", "stimuli": options.stimuli.name}).within_limits()
     csv.write(track, options.out)
+    for finding in (*findings_of(found, str(options.stimuli)), *_beyond(made, str(options.stimuli)), *track.check()):
+        print(finding, file=sys.stderr)
     touched = found.wanted
     off = float(np.median(found.mismatch[touched])) if touched.any() else 0.0
-    print(f"{options.out}: {len(times)} samples, {int(touched.sum())} touched, median mismatch {100 * off:.1f} %")
+    print(f"{options.out}: {len(times)} samples, {int(touched.sum())} touched, median mismatch {100 * off:.1f} %; "
+          f"noise {noise:.3g} a channel, readings up to {made.hush:.3g} are no touch")  # fmt: skip
     return 0
+
+
+def _virtual(skin: SkinModel, device: Thimble, friction: float, change: float) -> StressMatcher:
+    """Return what follows readings of the virtual electrodes."""
+    from .matching.thimble import matcher
+    from .sensor import electrode_sensor
+
+    return matcher(device, skin, friction=friction, readout=electrode_sensor(skin).matrix, change=change)
+
+
+def _recorded(path: Path, skin: SkinModel, device: Thimble, friction: float, change: float) -> StressMatcher:
+    """Return what follows readings of the sensor that a table was recorded with."""
+    from .matching.recorded import RecordedMatcher, check_recording
+    from .surrogate.learned import LearnedModel
+    from .surrogate.ridge import fit_ridge
+    from .surrogate.store import contact_of
+    from .surrogate.table import read_table, relative_rms
+
+    table = read_table(path).without_memory()
+    check_recording(table, device, str(path))
+    fit = fit_ridge(table)
+    if np.ptp(table.channels, axis=0).any():
+        print(f"{path}: {len(table.x)} rows, {fit.outputs} channels; the polynomial leaves "
+              f"{100 * relative_rms(fit, table):.1f} % of them")  # fmt: skip
+    return RecordedMatcher(device, contact_of(device, skin, friction), LearnedModel(fit), table, change=change)
+
+
+def _beyond(made: StressMatcher, where: str) -> list[Finding]:
+    """Return what is to be said of readings that a recording has nothing like."""
+    outside: int = getattr(made, "outside", 0)
+    if not outside:
+        return []
+    what = f"in {outside} samples the best pose is beyond the recorded ones, and was held at their edge"
+    return [Finding("warning", "outside-recording", what, where, remedy="Record steeper and deeper poses",
+                    count=outside)]  # fmt: skip
 
 
 def plot(options: argparse.Namespace) -> int:

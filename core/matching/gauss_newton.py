@@ -52,8 +52,8 @@ class Minimum:
         room: c(x) of the seven constraints, >= 0.
         iterations, evaluations: steps, and calls of the forward model.
         why: 'optimal', 'exact', 'step' (no longer moving), 'gain' (no longer better), 'stalled' (no descent at a
-            kink), 'limit', or 'underway' (the servos cannot reach a better minimum within one frame; start_cost is
-            cost and kkt is 0, for speed decides).
+            kink), 'limit', 'underway' (the servos cannot reach a better minimum within one frame; start_cost is cost
+            and kkt is 0, for speed decides), or 'edge' (the same where a recording ends).
     """
 
     x: Array

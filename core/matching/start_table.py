@@ -42,6 +42,31 @@ class StartTable:
         return x
 
 
+RECORDED_ROWS = 300  # of a recording, evenly chosen: more starts cost more in every frame
+
+
+def recorded_table(device: Thimble, contact: DiscContact, model: ForwardModel, x: Array) -> StartTable:
+    """Return the table of a model that was learned from recorded configurations, shape (n, 3).
+
+    Raises:
+        DermisError: no recorded pose within the servo limits makes the channels change.
+    """
+    rows, depths, stimuli = [], [], []
+    chosen = x[np.unique(np.linspace(0, len(x) - 1, RECORDED_ROWS).round().astype(int))]
+    for at in chosen:
+        if device.feasible(at):
+            stimulus, slope = model.evaluate(at)
+            if stimulus.any() and slope.any():
+                rows.append(at)
+                depths.append(max(first_contact(device, contact, at[0], at[1]) - at[2], TABLE_DEPTHS[0]))
+                stimuli.append(stimulus)
+    if not rows:
+        raise DermisError("no recorded pose within the servo limits makes the channels change", where="thimble")
+    table = np.array(stimuli)
+    strength = np.sqrt((table**2).sum(axis=1))
+    return StartTable(np.array(rows), np.array(depths), table / strength[:, None], strength)
+
+
 def start_table(device: Thimble, contact: DiscContact, model: ForwardModel) -> StartTable:
     """Return the table of a forward model.
 

@@ -74,6 +74,7 @@ class StressMatcher:
         model: what the search evaluates; the contact itself where None.
         change: largest change of a servo angle from frame to frame [rad]; None: not limited here.
         hover: distance kept from the skin while nothing is touched [m].
+        hush: targets no stronger than this cannot be told from a sensor's noise and are no touch.
         table: to start from; made where None.
 
     Attributes:
@@ -85,9 +86,9 @@ class StressMatcher:
 
     def __init__(
         self, device: Thimble, contact: DiscContact, readout: Array, model: ForwardModel | None = None, *,
-        change: float | None = None, hover: float = HOVER, table: StartTable | None = None,
+        change: float | None = None, hover: float = HOVER, hush: float = 0.0, table: StartTable | None = None,
     ) -> None:  # fmt: skip
-        self.device, self.contact, self.hover, self.change = device, contact, hover, change
+        self.device, self.contact, self.hover, self.change, self.hush = device, contact, hover, change, hush
         self.direct = DirectModel(device, contact, readout)
         self.model: ForwardModel = self.direct if model is None else model
         if self.model.size != self.direct.size:
@@ -134,7 +135,7 @@ class StressMatcher:
         limits = self.limits if self.change is None else self.limits.near(self.angles, self.change)
         size = float(np.sqrt(target @ target))
         minimum, searches, followed, rescued = None, 0, self._pressed, False
-        if size > NOTHING * float(self.table.strength.max()):
+        if size > max(self.hush, NOTHING * float(self.table.strength.max())):
             if search is None:
                 minimum, searches = self._search(target, limits)
             else:
@@ -143,13 +144,12 @@ class StressMatcher:
         else:
             x, self._goal = self._retracted(limits), None
         solution = self._contact_at(x, searched=minimum is not None and search is None)
-        stimulus = self._stimulus(solution)
-        if minimum is not None and search is None and self.model is not self.direct:
-            away = float(np.linalg.norm(stimulus - minimum.stimulus))
-            if away > MISTRUST * size:
-                before = self.rescues
-                minimum, x, solution, stimulus = self._rescued(target, limits, minimum, x, solution, stimulus)
-                searches, rescued = searches + 1, self.rescues > before
+        stimulus = self._felt(solution, minimum)
+        learned = minimum is not None and search is None and self.model is not self.direct
+        if learned and minimum is not None and self._mistrusted(stimulus, minimum, size):
+            before = self.rescues
+            minimum, x, solution, stimulus = self._rescued(target, limits, minimum, x, solution, stimulus)
+            searches, rescued = searches + 1, self.rescues > before
         self._settle(solution)
         miss = stimulus - target
         self._moved = x - self.x if minimum is not None and followed else np.zeros(3)
@@ -227,6 +227,14 @@ class StressMatcher:
             return minimum, x, solution, stimulus
         self.rescues += 1
         return other, other.x, found, self._stimulus(found)
+
+    def _felt(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
+        """Return what is felt at the pose chosen."""
+        return self._stimulus(solution)
+
+    def _mistrusted(self, stimulus: Array, minimum: Minimum, size: float) -> bool:
+        """Tell whether a learned model was far from the contact that its pose made."""
+        return float(np.linalg.norm(stimulus - minimum.stimulus)) > MISTRUST * size
 
     def _stimulus(self, solution: DiscSolution) -> Array:
         out: Array = self.direct.readout @ solution.spread(self.contact.count).ravel()

@@ -59,7 +59,7 @@ def describe(device: Thimble, skin: SkinModel, friction: float, tolerance: float
 def matcher(
     device: Thimble, skin: SkinModel, method: str = "stress", *, friction: float = FRICTION,
     readout: Array | None = None, model: ForwardModel | None = None, change: float | None = None,
-    hover: float = HOVER,
+    hover: float = HOVER, hush: float = 0.0,
 ) -> StressMatcher:  # fmt: skip
     """Return what follows targets by a method.
 
@@ -68,6 +68,7 @@ def matcher(
         model: learned model for 'network' and 'ridge'.
         change: largest change of a servo angle from frame to frame [rad].
         hover: distance kept while nothing is touched [m].
+        hush: strength of a target that cannot be told from noise.
 
     Raises:
         DermisError: an unknown method, a learned method without its model, or servo limits that exclude contact.
@@ -90,7 +91,7 @@ def matcher(
             table = _tables[key] = start_table(device, contact, DirectModel(device, contact, readout))
             while len(_tables) > 8:
                 _tables.popitem(last=False)
-    return StressMatcher(device, contact, readout, learned, change=change, hover=hover, table=table)
+    return StressMatcher(device, contact, readout, learned, change=change, hover=hover, hush=hush, table=table)
 
 
 class Follower:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
 from ..files import write_npz
+from ..number_rows import read_rows
 
 Array = NDArray[np.float64]
 
@@ -112,23 +113,35 @@ def read_table(path: Path) -> SampleTable:
     path, where = Path(path), str(path)
     try:
         if path.suffix.lower() == ".csv":
-            values = np.atleast_2d(np.genfromtxt(path, delimiter=",", comments="#"))
-            if np.isnan(values[0]).all():  # a line of names
-                values = values[1:]
+            values = read_rows(path)
             found = {"x": values[:, :3], "channels": values[:, 3:]}
         else:
             with np.load(path, allow_pickle=False) as archive:
                 names = ("x", "channels", "memory", "trajectory")
                 found = {name: archive[name] for name in names if name in archive}
-    except (OSError, ValueError, KeyError, EOFError, IndexError) as error:
-        raise DermisError("the table cannot be read", where=where, value=str(error)) from error
+    except DermisError:
+        raise
     except Exception as error:  # zipfile.BadZipFile and its kin
-        raise DermisError("the table cannot be read", where=where, value=str(error)) from error
+        raise DermisError("the table cannot be read", where=where, value=str(error)[:200]) from error
     for name in ("x", "channels"):
         if name not in found:
             raise DermisError(f"'{name}' is missing", where=where, limit="x (n, 3) and channels (n, c)")
-    n = len(found["x"])
-    return SampleTable(
-        np.asarray(found["x"], np.float64), np.asarray(found.get("memory", np.zeros((n, 0))), np.float64),
-        np.asarray(found["channels"], np.float64), np.asarray(found.get("trajectory", np.zeros(n)), np.int64),
-    )  # fmt: skip
+    arrays = {name: _numbers(value, name, where) for name, value in found.items()}
+    for name in ("x", "channels", "memory"):
+        if name in arrays and arrays[name].ndim != 2:
+            raise DermisError(f"'{name}' is not one row a sample", where=where, value=arrays[name].shape,
+                              limit="(n, 3): pitch, roll [rad], distance [m]" if name == "x" else "(n, c)")  # fmt: skip
+    n = len(arrays["x"])
+    owner = arrays.get("trajectory", np.zeros(n))
+    if owner.shape != (n,) or not np.isfinite(owner).all():
+        raise DermisError("'trajectory' is not one number a sample", where=where, value=owner.shape, limit=f"({n},)")
+    return SampleTable(arrays["x"], arrays.get("memory", np.zeros((n, 0))), arrays["channels"], owner.astype(np.int64))
+
+
+def _numbers(value: NDArray[Any], name: str, where: str) -> Array:
+    try:
+        if np.issubdtype(value.dtype, np.complexfloating) or np.issubdtype(value.dtype, np.str_):
+            raise ValueError(f"values of type {value.dtype}")
+        return np.asarray(value, np.float64)
+    except (TypeError, ValueError) as error:
+        raise DermisError(f"'{name}' is not made of numbers", where=where, value=str(error)[:200]) from error

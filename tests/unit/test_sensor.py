@@ -7,7 +7,7 @@ import pytest
 
 from core.errors import DermisError
 from core.files import write_npz
-from core.sensor import LAYOUT, electrode_sensor, read_stimuli
+from core.sensor import LAYOUT, electrode_sensor, hush_of, noise_of, read_stimuli
 from core.skin.model import fingertip_skin
 
 
@@ -97,3 +97,27 @@ def test_electrodes_need_places_and_a_size(skin):
         electrode_sensor(skin, spread=0.0)
     with pytest.raises(DermisError, match="electrodes need"):
         electrode_sensor(skin, np.zeros((3, 3)))
+
+
+def test_noise_is_measured_beside_a_touch():
+    """A known noise, on a press that is a hundred times as strong."""
+    rng, times = np.random.default_rng(0), np.arange(400) / 100.0
+    press = np.outer(np.maximum(np.sin(2.0 * times), 0.0), rng.uniform(0.2, 1.0, 19))
+    for sigma in (0.01, 5.0):
+        noisy = 100 * sigma * press + rng.normal(0.0, sigma, press.shape)
+        assert noise_of(noisy) == pytest.approx(sigma, rel=0.05)
+    assert noise_of(press) < 1e-3 and noise_of(noisy[:10]) == 0.0
+
+
+@pytest.mark.parametrize("channels", [1, 3, 19])
+def test_untouched_readings_stay_below_the_hush(channels):
+    """The quantile of the chi distribution at four deviations, within the error of its approximation."""
+    stats = pytest.importorskip("scipy.stats")
+    assert hush_of(2.0, channels) == pytest.approx(2.0 * stats.chi.ppf(stats.norm.cdf(4.0), channels), rel=0.05)
+    assert hush_of(0.0, channels) == 0.0
+
+
+def test_a_first_sample_of_missing_values_is_no_line_of_names(tmp_path):
+    (tmp_path / "a.csv").write_text("nan" + ",nan" * 19 + "\n0.1" + ",1" * 19 + "\n")
+    with pytest.raises(DermisError, match="row 1: a stimulus is not finite"):
+        read_stimuli(tmp_path / "a.csv", 19)

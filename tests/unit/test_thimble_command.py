@@ -59,6 +59,38 @@ def test_a_recorded_sequence_becomes_a_track(tmp_path, recorded, capsys):
     assert main(["check", str(out)]) == 0
 
 
+def test_noise_of_an_untouched_sensor_is_no_touch(tmp_path, recorded, capsys):
+    """Rest, one press, rest: the device waits still, follows, and waits again."""
+    rng, (_, _, channels) = np.random.default_rng(2), recorded
+    rest = np.zeros((60, channels.shape[1]))
+    readings = np.concatenate([rest, channels, rest])
+    sigma = 0.004 * np.abs(channels).max()
+    write_npz(tmp_path / "felt.npz", {"times": np.arange(len(readings)) / 100.0,
+                                      "stimuli": readings + rng.normal(0.0, sigma, readings.shape)})  # fmt: skip
+    arguments = ["thimble", "follow", str(tmp_path / "felt.npz"), "--out", str(tmp_path / "t.csv")]
+    assert main(arguments) == 0
+    track = csv.read(tmp_path / "t.csv")
+    servos = np.degrees(np.stack([track.column(f"servo_{i}") for i in (1, 2, 3)], axis=1))
+    assert np.ptp(servos[:58], axis=0).max() == 0.0 and np.ptp(servos[-40:], axis=0).max() == 0.0
+    assert np.ptp(servos[60:120], axis=0).max() > 3.0
+    assert 30 < int(capsys.readouterr().out.split(" touched")[0].split()[-1]) < 62
+    # who says that there is no noise has all of it followed
+    assert main([*arguments, "--noise", "0"]) == 0
+    assert f"{len(readings)} touched" in capsys.readouterr().out
+    assert main([*arguments, "--noise", "-1"]) == 2
+
+
+def test_findings_are_told(tmp_path, recorded, capsys):
+    """A press within two samples is faster than the servos: that is said, and the track still keeps the limits."""
+    _, _, channels = recorded
+    strong = channels[np.abs(channels).max(axis=1).argmax()]
+    readings = np.concatenate([np.zeros((20, len(strong))), np.tile(6 * strong, (20, 1)), np.zeros((20, len(strong)))])
+    write_npz(tmp_path / "felt.npz", {"times": np.arange(60) / 100.0, "stimuli": readings})
+    assert main(["thimble", "follow", str(tmp_path / "felt.npz"), "--out", str(tmp_path / "t.csv")]) == 0
+    assert "speed holds the match back" in capsys.readouterr().err
+    assert main(["check", str(tmp_path / "t.csv")]) == 0
+
+
 def test_a_recorded_table_takes_the_place_of_the_model(tmp_path, recorded, device):
     times, x, channels = recorded
     touched = np.abs(channels).max(axis=1) > 0

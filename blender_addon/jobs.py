@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from . import reporting, sampling
+from . import reporting, sampling, streaming
 from ._core import core
 
 _errors = import_module(".errors", core.__name__)
@@ -127,6 +127,8 @@ class Job:
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Work for a while at each timer event; everything else waits, but Esc ends it."""
         if event.type == "ESC" and event.value == "PRESS":
+            if event.shift:  # the key that stops a device, which this operator takes before anybody else hears it
+                streaming.stop()
             self._end(context)
             self.cancelled(context)
             self.report({"INFO"}, f"{self.job_title} was cancelled; nothing was changed")

@@ -219,7 +219,11 @@ def reach(options: argparse.Namespace) -> int:
     spec = _thimble(Library(options.presets), options.device)
     device = mechanism(spec)
     found = measured(device, reference_of(spec, device))
-    print(f"{spec.name}: servos within {np.degrees(device.servo_range):.3g} deg")
+    low, high = (np.degrees(end) for end in device.servo_limits)
+    alike = np.ptp(low) == np.ptp(high) == 0.0 and -low[0] == high[0]
+    ends = f"{high[0]:.3g} deg" if alike else ", ".join(
+        f"{a:.3g} to {b:.3g}" for a, b in zip(low, high, strict=True)) + " deg"  # fmt: skip
+    print(f"{spec.name}: servos within {ends}")
     print("distance [mm]   smallest tilt limit [deg]   largest")
     for distance, tilt in zip(found.distance, np.degrees(found.tilt), strict=True):
         print(f"{1e3 * distance:13.2f}   {tilt.min():25.1f}   {tilt.max():7.1f}")

@@ -137,6 +137,28 @@ def test_the_reach_is_told(capsys, device):
     assert all(device.feasible((tilt * np.cos(a), tilt * np.sin(a), 1e-3 * distance)) for a in np.arange(0, 6.3, 0.3))
 
 
+def test_the_reach_is_that_of_the_channels(tmp_path, capsys):
+    """A servo whose channel ends earlier ends the level platform's way too, where its crank is at that angle."""
+    import json
+
+    own = json.loads(json.dumps(dict(Library().device("thimble_3rrs").source)))
+    own["channels"][1]["high"] = {"value": 15, "unit": "deg", "source": "stop"}
+    (tmp_path / "devices").mkdir()
+    (tmp_path / "devices" / "mine.json").write_text(json.dumps(own))
+    assert main(["thimble", "reach", "--presets", str(tmp_path), "--device", "mine"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "-40 to 40, -40 to 15, -40 to 40 deg" in lines[0]
+    device = mechanism(Library(tmp_path).device("mine"))
+    ends = []
+    for turn in (-40.0, 15.0):
+        q = device.servo_zero + np.radians(turn)
+        across = device.platform_radius - device.base_radius - device.crank * np.cos(q)
+        ends.append(device.crank * np.sin(q) + np.sqrt(device.rod**2 - across**2))
+    told, margin = [float(line.split()[0]) for line in lines[2:]], 0.02 * (ends[1] - ends[0])
+    assert told[0] == pytest.approx(1e3 * (ends[0] + margin), abs=0.01)
+    assert told[-1] == pytest.approx(1e3 * (ends[1] - margin), abs=0.01)
+
+
 def test_links_that_cannot_close_are_refused_by_name(tmp_path, capsys):
     import json
 

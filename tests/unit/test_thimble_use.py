@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from core.contact.skin_touch import SkinTouch
+from core.devices.disc_pose import FrictionState, placed
+from core.devices.first_contact import first_contact
 from core.devices.spec import from_preset
 from core.devices.thimble import mechanism
 from core.errors import DermisError
@@ -21,7 +23,7 @@ from core.scene import DeviceUse, Finger, TactileScene
 from core.skin.model import fingertip_skin
 from core.surrogate import onnx
 from core.surrogate.network import Network
-from core.surrogate.store import adapt, save
+from core.surrogate.store import adapt, contact_of, save
 from tests import touches
 
 
@@ -161,6 +163,31 @@ def test_a_wrong_surrogate_says_in_how_many_frames_it_was_replaced(tmp_path, ski
     assert not (out.signals["rescued"] * (1 - out.signals["contact"])).any()
     direct = render(None, scene, 0, DeviceUse("thimble_3rrs", use), spec, felt)  # type: ignore[arg-type]
     assert "rescued" not in direct.signals and not [f for f in direct.findings if f.code == "rescued"]
+
+
+def test_a_touch_too_steep_for_the_mechanism_ends_before_it_gives_way(skin, spec):
+    """What the disc itself would press at poses beyond the singular ones, were they held: the track's angles still
+    hold the poses that stand beside them, and it is said how often a better match lay beyond."""
+    device, contact = mechanism(spec), contact_of(mechanism(spec), skin, 0.6)
+    forces = []
+    for share in np.linspace(0.0, 1.0, 31):
+        pitch, roll = 0.0, np.radians(36.0) * share
+        x = np.array([pitch, roll, first_contact(device, contact, pitch, roll) - 1.2e-3 * min(4 * share, 1.0)])
+        contact.hold(FrictionState.rest(contact.count))
+        forces.append(contact.solve(placed(device, device.pose(x))).spread(contact.count))
+    assert np.linalg.det(device.servo_angles(x)[1]) < 0  # the last is beyond
+    assert np.abs(device.servo_angles(x)[0] - device.servo_zero).max() < device.servo_range
+    scene = TactileScene("s", Fraction(30), (0, 30), 30.0, (Finger("index"),), (), (), ())
+    out = render(None, scene, 0, DeviceUse("thimble_3rrs"), spec, felt_of(skin, np.array(forces)))  # type: ignore[arg-type]
+    told = np.stack([out.track.column(n) for n in ("pitch", "roll", "distance")], axis=1)
+    np.testing.assert_allclose(configurations(out.track, device), told, atol=1e-9)
+    steepest = np.degrees(np.hypot(told[:, 0], told[:, 1])).max()
+    assert 20.0 < steepest < 36.0 and all(device.constraints(x)[0].min() >= -1e-9 for x in told)
+    (finding,) = [f for f in out.findings if f.code == "singular-pose"]
+    assert 5 <= finding.count <= int(out.signals["contact"].sum()) and "gives way" in finding.what
+    # where nothing is steep nothing is said
+    level = render(None, scene, 0, DeviceUse("thimble_3rrs"), spec, felt_of(skin, np.array(forces[:8] * 4)[:31]))  # type: ignore[arg-type]
+    assert not [f for f in level.findings if f.code == "singular-pose"]
 
 
 def narrowed(spec, **changes):

@@ -20,7 +20,7 @@ def ours(package: str) -> Counter[str]:
         if isinstance(handlers, list):
             for function in handlers:
                 if function.__module__.startswith(package):
-                    counts[f"handler {name} {function.__qualname__}"] += 1
+                    counts[f"handler {name} {function.__module__}.{function.__qualname__}"] += 1
     for name in ("VIEW3D_MT_add", "TOPBAR_MT_file_export", "VIEW3D_MT_object"):
         draw = getattr(getattr(bpy.types, name), "draw", None)
         for function in getattr(draw, "_draw_funcs", ()):

@@ -38,6 +38,7 @@ class Adapter:
         touch: the last touch of a panel. counters: what went wrong or was changed, by name.
         round_trip: the last one [s], or NaN. congested: answers stay away, so the link holds more than it carries.
         queue: commands that the device can hold for later; 0: not known.
+        output_hz: how often the actuators can take a new value [Hz]; 0: not known, or at every command.
     """
 
     name = ""
@@ -65,6 +66,7 @@ class Adapter:
         self.round_trip = float("nan")
         self.device = ""
         self.queue = 0
+        self.output_hz = 0.0
         self.congested = False
 
     def opened(self, now: float) -> None:

@@ -24,7 +24,7 @@ SAFE_TIMES = 4  # one may be lost
 
 
 class Native(Adapter):
-    """Dermis native, version 1."""
+    """Dermis native, versions 1 and 2."""
 
     name, title = "native", "Dermis native"
     watchdog = own_safe = timed = True
@@ -158,8 +158,9 @@ class Native(Adapter):
 
     def _welcome(self, welcome: packets.Welcome, now: float) -> None:
         self.device = welcome.device.hex()
-        if welcome.version != packets.VERSION:
-            self.fault = f"the device speaks version {welcome.version} of the protocol, this sender {packets.VERSION}"
+        if welcome.version not in packets.READS:
+            self.fault = (f"the device speaks version {welcome.version} of the protocol, this sender "
+                          f"{' and '.join(map(str, packets.READS))}")  # fmt: skip
         elif welcome.channels != self.wire.count:
             self.fault = (f"wrong device: it has {welcome.channels} channels, '{self.wire.spec.name}' has "
                           f"{self.wire.count} on the wire")  # fmt: skip
@@ -167,7 +168,8 @@ class Native(Adapter):
             self.fault = (f"wrong device: it was made for the preset {welcome.spec_hash.hex()}, "
                           f"'{self.wire.spec.name}' is {self.wire.hash.hex()}")  # fmt: skip
         else:
-            self.ready, self.fault, self.queue = True, "", welcome.queue
+            self.ready, self.fault = True, ""
+            self.queue, self.output_hz = welcome.queue, float(welcome.output_hz)
             self.pose = None if welcome.pose is None else self.wire.values(welcome.pose)
             self._device_state(welcome.state)
 

@@ -1,4 +1,4 @@
-"""Packets of the native protocol, version 1: framing, check sum, bodies. presets/streaming.md specifies them."""
+"""Packets of the native protocol, version 2: framing, check sum, bodies. presets/streaming.md specifies them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ..errors import DermisError
 from . import cobs
 
-VERSION = 1
+VERSION = 2
+READS = (1, 2)  # versions of a device that this sender understands
 LARGEST = 4096  # bytes between two delimiters; more is rubbish and is not kept
 FULL = 65535
 TIMED = 1  # flag of COMMAND
@@ -22,7 +23,7 @@ _HEAD = struct.Struct("<BBH")
 _CRC = struct.Struct("<I")
 _COMMAND = struct.Struct("<IB")
 _HELLO = struct.Struct("<BB8s")
-_WELCOME = struct.Struct("<BB8s8sIBBB")
+_WELCOME = {1: struct.Struct("<BB8s8sIBBB"), 2: struct.Struct("<BB8s8sIBBHB")}
 _CONFIGURE = struct.Struct("<HBB")
 _SYNCED = struct.Struct("<IIBBHHHHH")
 _TOUCH = struct.Struct("<IBff")
@@ -135,6 +136,8 @@ class Welcome:
         version: of the protocol. channels: that it has. device: its id, 8 bytes. spec_hash: zeros: any preset.
         device_us: its clock. state: `DeviceState`. queue: commands that it can hold for later.
         pose: where it is, counts; None where it does not know.
+        output_hz: how often its actuators can take a new value, 50 for hobby servos [Hz]; 0: at every command, or a
+            device of version 1, which does not say.
     """
 
     version: int
@@ -145,23 +148,31 @@ class Welcome:
     state: int
     queue: int
     pose: NDArray[np.uint16] | None
+    output_hz: int = 0
 
     def body(self) -> bytes:
-        """Return the body of WELCOME."""
+        """Return the body of WELCOME, in the layout of its version."""
         known = self.pose is not None
-        head = _WELCOME.pack(self.version, self.channels, self.device, self.spec_hash, self.device_us & 0xFFFFFFFF,
-                             self.state, self.queue, int(known))  # fmt: skip
+        rate = (self.output_hz,) if self.version >= 2 else ()
+        head = _WELCOME[self.version].pack(
+            self.version, self.channels, self.device, self.spec_hash, self.device_us & 0xFFFFFFFF,
+            self.state, self.queue, *rate, int(known),
+        )  # fmt: skip
         return head + (self.pose.astype("<u2").tobytes() if self.pose is not None else b"")
 
     @classmethod
     def read(cls, body: bytes) -> Welcome:
-        """Read the body of WELCOME."""
-        _length(body, _WELCOME.size, 2)
-        version, channels, device, spec_hash, device_us, state, queue, known = _WELCOME.unpack_from(body)
-        pose = np.frombuffer(body, "<u2", offset=_WELCOME.size)
+        """Read the body of WELCOME; of a version that is not known, nothing but version and channels."""
+        _length(body, 2, 1)
+        layout = _WELCOME.get(body[0])
+        if layout is None:
+            return cls(body[0], body[1], bytes(8), bytes(8), 0, 0, 0, None)
+        _length(body, layout.size, 2)
+        version, channels, device, spec_hash, device_us, state, queue, *rate, known = layout.unpack_from(body)
+        pose = np.frombuffer(body, "<u2", offset=layout.size)
         if len(pose) != (channels if known else 0):
             raise DermisError("the pose does not fit the channels", value=len(pose))
-        return cls(version, channels, device, spec_hash, device_us, state, queue, pose if known else None)
+        return cls(version, channels, device, spec_hash, device_us, state, queue, pose if known else None, *rate)
 
 
 def configure(watchdog_ms: int, reach: int, safe: NDArray[np.uint16], slew: NDArray[np.uint16]) -> bytes:

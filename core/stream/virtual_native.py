@@ -22,6 +22,7 @@ class NativeDevice:
         stuck: number of an actuator that does not move; -1: none.
         skew: how much faster its clock runs than the host's [1].
         queue: how many commands it can hold for later.
+        output_hz: what it says of how often its actuators take a new value [Hz]; 0: at every command.
 
     Attributes:
         counts: where the actuators are, shape (channels,). state: `DeviceState`.
@@ -33,8 +34,9 @@ class NativeDevice:
     datagrams = False
 
     def __init__(
-        self, wire: Wire, *, stuck: int = -1, skew: float = 0.0, queue: int = 255, spec_hash: bytes = bytes(8)
-    ) -> None:
+        self, wire: Wire, *, stuck: int = -1, skew: float = 0.0, queue: int = 255, spec_hash: bytes = bytes(8),
+        output_hz: int = 0,
+    ) -> None:  # fmt: skip
         self.wire = wire
         count = wire.count
         self.counts = wire.counts(wire.rest).astype(np.float64)
@@ -46,6 +48,7 @@ class NativeDevice:
         self.touch: tuple[bool, float, float] | None = None
         self._touched = 0.0
         self._stuck, self._skew, self._most, self._spec_hash = stuck, skew, queue, spec_hash
+        self._output_hz = output_hz
         self._start: float | None = None
         self._decoder = packets.Decoder()
         self._session = -1
@@ -159,7 +162,7 @@ class NativeDevice:
         self._last, self._heard = packet.sequence, now
         pose = np.rint(self.counts).astype(np.uint16)
         welcome = Welcome(packets.VERSION, self.wire.count, DEVICE_ID, self._spec_hash, self.clock_us(now) & 0xFFFFFFFF,
-                          self.state, min(self._most, 255), pose)  # fmt: skip
+                          self.state, min(self._most, 255), pose, self._output_hz)  # fmt: skip
         return [self._pack(self._session, Kind.WELCOME, welcome.body())]
 
     def _configure(self, body: bytes) -> None:

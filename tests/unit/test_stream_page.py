@@ -38,7 +38,7 @@ def by_adapter(name: str) -> bytes:
 MADE = {
     "HELLO": framed(Kind.HELLO, 1, packets.hello(2, bytes(range(1, 9)))),
     "WELCOME": framed(Kind.WELCOME, 1,
-                      packets.Welcome(1, 2, b"VIRTUAL1", bytes(8), 1000, 0, 255, u16(32768, 32768)).body()),
+                      packets.Welcome(2, 2, b"VIRTUAL1", bytes(8), 1000, 0, 255, u16(32768, 32768), 50).body()),
     "CONFIGURE": framed(Kind.CONFIGURE, 2, packets.configure(70, Reach.RAMP, u16(32768, 32768), u16(262, 262))),
     "ARM": framed(Kind.ARM, 3),
     "STATE": framed(Kind.STATE, 2, packets.state(DeviceState.ARMED, Kind.ARM)),

@@ -1,6 +1,6 @@
 /* Dermis: eight hobby servos on an Arduino Uno (or any board with an ATmega328P at 16 MHz).
 
-   Speaks the native protocol, version 1 (presets/streaming.md), at 115200 baud. Built with
+   Speaks the native protocol, version 2 (presets/streaming.md), at 115200 baud. Built with
    -DDERMIS_SERVO_ANIMATION it receives Blender Servo Animation's live mode instead, positions in microseconds.
 
    Pins 2 to 9 are channels 0 to 7; wiring in README.md beside this file. A pulse is 1000 us for count 0 and 2000 us
@@ -128,7 +128,7 @@ static uint16_t ticks_of(uint16_t count) {
   return SHORTEST + (uint16_t)(((uint32_t)count * SPAN + 32767u) / 65535u);
 }
 
-static const uint8_t VERSION = 1;
+static const uint8_t VERSION = 2;
 static const uint8_t LARGEST = 96; /* a CONFIGURE of eight channels has 44 bytes with its stuffing */
 
 static uint8_t frame[LARGEST];
@@ -231,6 +231,7 @@ static void hello(uint8_t from, uint16_t sequence, uint8_t size) {
   put32(micros());
   put8(state);
   put8(QUEUE);
+  put16(50); /* pulses a second */
   put8(pose_known);
   if (pose_known) for (uint8_t c = 0; c < CHANNELS; c++) put16(counts[c]);
   end_packet();

@@ -15,6 +15,7 @@ from ..units import UNITS, quantity
 
 DEVICE_SCHEMA = "dermis-device 1"
 KINDS = ("shear_tactor", "friction_screen", "pin_array", "thimble", "cable_platform", "hexapod")
+WORN = tuple(kind for kind in KINDS if kind != "friction_screen")  # a finger is in it, and must be let go
 MAX_REPEAT = 4096  # channels that one entry may stand for
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")  # what stands in file headers as it is
 WIRE = ("bandwidth", "bits_per_sample", "bits_per_channel")
@@ -29,7 +30,7 @@ class Channel:
         unit: SI unit of the values.
         low, high: allowed range [unit]; None where there is no limit.
         slew: largest change a second [unit/s]; None where there is no limit.
-        rest: the value at which the device is at rest and safe.
+        rest: the value at which the device is at rest; what is safe is stated apart.
         actuator: which physical actuator it drives (two channels of one track may not share one);
             '' for a channel that only informs, such as a tactor position.
     """
@@ -68,6 +69,11 @@ class DeviceSpec:
     wire: Mapping[str, float] = field(default_factory=dict)
     source: Mapping[str, Any] = field(default_factory=dict)
     stated_hash: str = ""
+
+    @property
+    def worn(self) -> bool:
+        """Tell whether a finger is in the device: it must state how it lets go, and 'at rest' does not say so."""
+        return self.kind in WORN
 
     @property
     def hash(self) -> str:
@@ -124,6 +130,12 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
     )
     range_disc(spec)
     return spec
+
+
+def repeated_names(spec: DeviceSpec) -> dict[str, tuple[str, ...]]:
+    """Return the channels that one entry stands for, by its name with {}: 'pin_{}' to 'pin_001', 'pin_002' ..."""
+    entries = [e for e in spec.source.get("channels", ()) if "repeat" in e]
+    return {e["name"]: tuple(one["name"] for one in _repeated(e, spec.key)) for e in entries}
 
 
 def positive(value: float, where: str) -> float:

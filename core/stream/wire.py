@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration import Calibration
-from ..devices.spec import DeviceSpec, range_disc
+from ..devices.spec import Channel, DeviceSpec, range_disc, repeated_names
 from ..errors import DermisError
 from ..units import UNITS, quantity
 from .packets import FULL, Reach
@@ -18,6 +18,8 @@ from .packets import FULL, Reach
 Array = NDArray[np.float64]
 
 REACH = {"at_once": Reach.AT_ONCE, "ramp": Reach.RAMP, "release": Reach.RELEASE}
+SAFE_SWEEP = 0.5  # a channel that states no speed is ramped to its safe value at its range over this [s]
+POSES = ("m", "rad", "1")  # units of poses, which a calibration moves; no force and no voltage stays none
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class Wire:
         spec: the device. columns: of its tracks. names, units: of the channels.
         low, high: range that counts stand for [unit]; -inf and inf where there is none.
         slew: largest change a second, inf where there is no limit. rest: the neutral pose.
-        safe: values of the safe state. reach: how it is reached.
+        safe: values of the safe state as they are driven, calibrated. reach: how it is reached.
         zero, gain: of the calibration. least, most: what may be driven: the tighter ones of preset and calibration.
         disc: two entries that share a round range, and its radius.
     """
@@ -53,11 +55,13 @@ class Wire:
     def of(cls, spec: DeviceSpec, calibration: Calibration | None = None) -> Wire:
         """Read a device preset and its calibration.
 
-        The safe state is the preset's, in the device's own terms: zero and gain do not move it. Limits that do not
-        contain it are refused, since one of the two would have to be broken.
+        A worn device's safe pose is moved by zero and gain as every other pose is, so that the platform comes to stand
+        where the preset says. A screen's voltage and a pin's force are not: none is none. Limits that do not contain
+        the safe state are refused, since one of the two would have to be broken.
 
         Raises:
-            DermisError: no channel drives an actuator, a safe state that is none, a calibration that does not fit.
+            DermisError: no channel drives an actuator, a worn device without a safe value or a speed for each that
+                does, a safe state that is none, a calibration that does not fit.
         """
         columns = tuple(i for i, c in enumerate(spec.channels) if c.actuator)
         if not columns:
@@ -79,7 +83,10 @@ class Wire:
         def pick(name: str, missing: float) -> Array:
             return np.array([missing if getattr(c, name) is None else getattr(c, name) for c in channels])
 
+        _check_worn(spec, channels, safe, reach)
         values = np.array([safe.get(c.name, c.rest) for c in channels])
+        if spec.worn:
+            values = np.where([c.unit in POSES for c in channels], zero + gain * values, values)
         _check_safe(spec, [c.name for c in channels], values, least, most)
         return cls(
             spec, columns, tuple(c.name for c in channels), tuple(c.unit for c in channels), pick("low", -np.inf),
@@ -91,6 +98,23 @@ class Wire:
     def count(self) -> int:
         """Number of channels on the wire."""
         return len(self.columns)
+
+    @property
+    def safe_slew(self) -> Array:
+        """Speed at which the safe state is ramped to [units/s], shape (channels,); inf where nothing tells one."""
+        return np.where(np.isfinite(self.slew), self.slew, (self.high - self.low) / SAFE_SWEEP)
+
+    @property
+    def safe_seconds(self) -> float:
+        """How long the way to the safe state takes from the far end of every channel [s]; inf where there is no end.
+
+        It counts from when the way begins. What is reached at once, or let go, takes none.
+        """
+        if self.reach != Reach.RAMP:
+            return 0.0
+        far = np.maximum(self.most - self.safe, self.safe - self.least)
+        with np.errstate(invalid="ignore"):
+            return float(np.where(np.isfinite(far), far / self.safe_slew, np.inf).max())
 
     @property
     def hash(self) -> bytes:
@@ -127,6 +151,23 @@ class Wire:
         return np.clip(np.floor(part), 1, 65535).astype(np.uint16)
 
 
+def _check_worn(spec: DeviceSpec, channels: list[Channel], safe: Mapping[str, float], reach: Reach) -> None:
+    """Refuse a worn device that does not say where, and how fast, it lets a finger go."""
+    if not spec.worn:
+        return
+    bare = [c.name for c in channels if c.name not in safe]
+    if bare:
+        raise DermisError("a worn device states no safe pose, and at rest it may press the finger that is in it",
+                          where=f"device preset '{spec.key}', safe", value=f"none for {', '.join(bare[:6])}",
+                          limit="a value for every channel with an actuator",
+                          remedy="Add 'safe' with a retracted pose, clear of your thickest finger, to the preset")  # fmt: skip
+    free = [c.name for c in channels if c.slew is None]
+    if free and reach == Reach.RAMP:
+        raise DermisError("the way to the safe pose is a ramp, and a channel states no speed for it",
+                          where=f"device preset '{spec.key}'", value=", ".join(free[:6]),
+                          remedy="Give it 'slew', or let 'safe' be reached 'at_once'")  # fmt: skip
+
+
 def _check_safe(spec: DeviceSpec, names: list[str], safe: Array, least: Array, most: Array) -> None:
     """Refuse limits that leave the safe state outside."""
     slack = 1e-9 * np.maximum(np.abs(safe), 1e-3)  # what a rounding of units does
@@ -139,7 +180,10 @@ def _check_safe(spec: DeviceSpec, names: list[str], safe: Array, least: Array, m
 
 
 def _safe(spec: DeviceSpec) -> tuple[Reach, dict[str, float]]:
-    """Read `safe` of a device preset: {"reach": "ramp", "values": {channel: quantity}}; without it, ramp to rest."""
+    """Read `safe` of a device preset: {"reach": "ramp", "values": {channel: quantity}}; without it, ramp to rest.
+
+    The name of channels that are one entry, such as 'pin_{}', stands for all of them.
+    """
     where = f"device preset '{spec.key}', safe"
     field: Any = spec.source.get("safe", {"reach": "ramp"})
     if not isinstance(field, Mapping) or not set(field) <= {"reach", "values", "source"}:
@@ -151,7 +195,7 @@ def _safe(spec: DeviceSpec) -> tuple[Reach, dict[str, float]]:
     if not isinstance(given, Mapping):
         raise DermisError("'values' must name channels", where=where, value=given)
     values = {}
-    for name, entry in given.items():
+    for name, entry in _spelled_out(spec, given):
         channel = spec.channel(name)
         value = quantity(entry, where=f"{where}, {name}")
         unit = entry["unit"] if isinstance(entry, Mapping) else channel.unit
@@ -163,3 +207,9 @@ def _safe(spec: DeviceSpec) -> tuple[Reach, dict[str, float]]:
             raise DermisError("the safe value is outside the range", where=f"{where}, {name}", value=value)
         values[name] = float(value)
     return REACH[reach], values
+
+
+def _spelled_out(spec: DeviceSpec, given: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """Return values by channel; one for a repeated entry counts for each of its channels."""
+    repeated = repeated_names(spec)
+    return [(name, entry) for key, entry in given.items() for name in repeated.get(key, (key,))]

@@ -1,17 +1,90 @@
-"""Retraction: what a safe pose of a worn device must keep, whichever finger is in it.
+"""Retraction: the safe pose of a worn device, clear of whichever finger is in it.
 
 The rules were set before any pose was looked at:
 
 * CLEAR: in the safe pose the platform stands at least this far below the pad of the thickest finger among the skins
   that ship. Devices sit on the nail, so a finger thicker than the one that a preset was made for hangs lower by the
   difference.
-* DEEPENING: on the way there, each channel at its own speed, the platform never presses deeper than where it started
-  by more than this.
+* DEEPENING: on the way there, all channels together, the platform never presses deeper than where it started by more
+  than this.
+
+A servo's end of range is not used up: a horn fits every 15 degrees (a spline of 24 teeth), so a calibration moves a
+pose by up to 7.5, and the safe pose with it.
 """
 
 from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from . import cable_platform, hexapod, thimble
+from .coupling import coupling_of
+from .poses import Poses
+from .spec import DeviceSpec
+
+Array = NDArray[np.float64]
 
 FITTED = 13.0e-3  # [m] thickness of the finger that the platforms' presets were made for, nail to pad
 THICKEST = 18.0e-3  # [m] of the skins that ship: a large thumb
 CLEAR = 2.0e-3  # [m]
 DEEPENING = 0.05e-3  # [m]
+SPARED = float(np.radians(8.0))  # [rad] of a servo's range, left to calibration
+DROP = 15.0e-3  # [m] below the pad: how far six legs let the platform down
+
+
+def retracted(spec: DeviceSpec) -> Array:
+    """Return the safe pose of a device that ships: a value for every channel with an actuator [SI].
+
+    A thimble's servos turn away from the finger, all alike; cables are let out; six legs stand level, DROP below the
+    pad. A tactor returns to its middle, which stretches the skin least, and pins give no force.
+    """
+    if spec.kind == "thimble":
+        return np.asarray(thimble.mechanism(spec).servo_limits[1] - SPARED)
+    if spec.kind == "cable_platform":
+        return cable_platform.mechanism(spec).rest + SPARED
+    if spec.kind == "hexapod":
+        return hexapod.mechanism(spec).commands(Poses(np.eye(3)[None], np.array([[0.0, 0.0, -DROP]])))[0]
+    return np.zeros(sum(bool(c.actuator) for c in spec.channels))
+
+
+def clearance(spec: DeviceSpec, commands: Array) -> float:
+    """Return how far the platform stays below the thickest finger [m]; inf for devices that have none.
+
+    Args:
+        commands: of every channel with an actuator, shape (channels,), [SI]; of the new motors where they are coupled.
+
+    Raises:
+        DermisError: no pose of the platform has these commands.
+    """
+    if spec.kind == "thimble":
+        device = thimble.mechanism(spec)
+        x = device.forward(commands + device.servo_zero, (0.0, 0.0, float(spec.parameters["reference_distance"])))
+        place = device.in_finger(device.pose(x))
+        return _below(place[:3, 2], place[:3, 3], device.disc_radius)
+    if spec.kind not in ("cable_platform", "hexapod"):
+        return np.inf
+    platform = (cable_platform if spec.kind == "cable_platform" else hexapod).mechanism(spec)
+    coupling = coupling_of(spec)
+    original = commands if coupling is None else coupling.original(commands)
+    pose = platform.carry(original[None], platform.rest_poses(1))
+    return _below(pose.rotation[0, :, 2], pose.centre[0], platform.disc_radius)
+
+
+def check_clear(spec: DeviceSpec, commands: Array) -> None:
+    """Refuse a safe pose that is not clear.
+
+    Raises:
+        DermisError: the platform stands nearer than CLEAR to the thickest finger.
+    """
+    room = clearance(spec, commands)
+    if not room >= CLEAR:
+        raise DermisError("the safe pose is not clear of a finger", where=f"device '{spec.name}'",
+                          value=f"{1e3 * room:.2f} mm below one of {1e3 * THICKEST:g} mm",
+                          limit=f">= {1e3 * CLEAR:g} mm")  # fmt: skip
+
+
+def _below(normal: Array, centre: Array, radius: float) -> float:
+    """Return how far the highest point of a disc lies below the lowest of the thickest finger [m]."""
+    highest = centre[2] + radius * float(np.hypot(normal[0], normal[1]))
+    return float(-(THICKEST - FITTED) - highest)

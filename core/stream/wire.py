@@ -18,7 +18,7 @@ from .packets import FULL, Reach
 Array = NDArray[np.float64]
 
 REACH = {"at_once": Reach.AT_ONCE, "ramp": Reach.RAMP, "release": Reach.RELEASE}
-SAFE_SWEEP = 0.5  # a channel that states no speed is ramped to its safe value at its range over this [s]
+SAFE_SWEEP = 1.0  # a channel that states no speed is ramped to its safe value at its range over this [s]
 POSES = ("m", "rad", "1")  # units of poses, which a calibration moves; no force and no voltage stays none
 
 

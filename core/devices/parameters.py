@@ -15,6 +15,7 @@ import numpy as np
 
 from ..errors import DermisError
 from ..units import UNITS
+from .safe_state import safe_state
 from .spec import KINDS, DeviceSpec
 
 SWITCH, TEXT, NAMES = "true or false", "a text", "a list of texts"
@@ -122,8 +123,8 @@ def check_device(spec: DeviceSpec) -> None:
     """Refuse a device preset that its kind cannot be made from.
 
     Raises:
-        DermisError: an unknown kind or parameter, one that is missing, of another form, unit or sign, or channels or
-            quantities that the kind's own reading refuses.
+        DermisError: an unknown kind or parameter, one that is missing, of another form, unit or sign, or channels, a
+            safe state or quantities that the kind's own reading refuses.
     """
     where = f"device preset '{spec.key}'"
     if spec.kind not in KINDS:
@@ -143,6 +144,7 @@ def check_device(spec: DeviceSpec) -> None:
             continue  # in the unit of the channels that share it, and checked with them
         check_value(name, value, unit, found, where)
     _check_channels(spec, where)
+    safe_state(spec)
     try:
         _read(spec)
     except (ArithmeticError, np.linalg.LinAlgError) as error:

@@ -21,6 +21,7 @@ def report(streamer: Streamer) -> dict[str, Any]:
         "counters": dict(streamer.counters), "limited": dict(gate.limited) if gate else {},
         "names": list(wire.names) if wire else [], "units": list(wire.units) if wire else [],
         "values": gate.last.tolist() if gate else [],
+        "safe_s": _plain(wire.safe_seconds) if wire else None,
     }  # fmt: skip
     if adapter is not None:
         out |= {

@@ -368,6 +368,8 @@ class Streamer:
         assert self.wire is not None and self.gate is not None
         self.wire = Wire.of(self.wire.spec, self.wish.calibrated())
         self.gate.wire = self.wire
+        if self.adapter is not None:
+            self.adapter.wire = self.wire  # its safe pose may be another one
         if self._phase == "live":
             self.gate.blend(self.pace.next, RECALIBRATING)
 

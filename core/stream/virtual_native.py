@@ -95,9 +95,7 @@ class NativeDevice:
             when, self._target = self._queue.popleft()
             self.play_error = max(self.play_error, (clock - when) * 1e-6)
         goal = self._safe if self.state == DeviceState.SAFE else self._target
-        at_once = self.state == DeviceState.SAFE and self._reach == Reach.AT_ONCE
-        most = np.inf if at_once else self._slew * step
-        move = np.minimum(np.maximum(goal - self.counts, -most), most)
+        move = self._moved(goal - self.counts, step)
         if self._stuck >= 0:
             move[self._stuck] = 0.0
         self.counts = self.counts + move
@@ -200,6 +198,17 @@ class NativeDevice:
             return [self._pack(self._session, Kind.NACK, packets.nack(packet.sequence, Nack.QUEUE_FULL))]
         self._queue.append((clock + early, target))
         return []
+
+    def _moved(self, way: Array, milliseconds: float) -> Array:
+        """Return how far to go on a way [counts] within a time.
+
+        To the safe state all channels begin and arrive together: those of a platform that arrive one by one tilt it.
+        """
+        most = self._slew * milliseconds
+        if self.state != DeviceState.SAFE:
+            return np.minimum(np.maximum(way, -most), most)
+        longest = float((np.abs(way) / self._slew).max())
+        return way if self._reach == Reach.AT_ONCE or longest <= milliseconds else way * (milliseconds / longest)
 
     def _synced(self, host_us: int, now: float) -> bytes:
         reply = packets.Synced(host_us, self.clock_us(now), self.state, min(len(self._queue), 255), self.received,

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration import Calibration
-from ..devices.spec import Channel, DeviceSpec, range_disc, repeated_names
+from ..devices.safe_state import safe_state
+from ..devices.spec import Channel, DeviceSpec, range_disc
 from ..errors import DermisError
-from ..units import UNITS, quantity
 from .packets import FULL, Reach
 
 Array = NDArray[np.float64]
@@ -75,7 +74,8 @@ class Wire:
         channels = [spec.channels[i] for i in columns]
         zero, gain, least, most = ((calibration or Calibration.of(spec)).for_spec(spec)[k][list(columns)]
                                    for k in range(4))  # fmt: skip
-        reach, safe = _safe(spec)
+        way, safe = safe_state(spec)
+        reach = REACH[way]
         disc = range_disc(spec)
         if disc is not None:
             disc = (columns.index(disc[0]), columns.index(disc[1]), disc[2]) if {*disc[:2]} <= {*columns} else None
@@ -160,7 +160,7 @@ def _check_worn(spec: DeviceSpec, channels: list[Channel], safe: Mapping[str, fl
         raise DermisError("a worn device states no safe pose, and at rest it may press the finger that is in it",
                           where=f"device preset '{spec.key}', safe", value=f"none for {', '.join(bare[:6])}",
                           limit="a value for every channel with an actuator",
-                          remedy="Add 'safe' with a retracted pose, clear of your thickest finger, to the preset")  # fmt: skip
+                          remedy="Add 'safe' to the preset: a retracted pose, clear of your finger")  # fmt: skip
     free = [c.name for c in channels if c.slew is None]
     if free and reach == Reach.RAMP:
         raise DermisError("the way to the safe pose is a ramp, and a channel states no speed for it",
@@ -177,39 +177,3 @@ def _check_safe(spec: DeviceSpec, names: list[str], safe: Array, least: Array, m
         raise DermisError("the safe state lies outside the calibrated limits", where=f"'{spec.key}', {names[k]}",
                           value=f"{safe[k]:g}", limit=f"{least[k]:g} to {most[k]:g}",
                           remedy="Widen the limits, or state in a device preset of your own what is safe")  # fmt: skip
-
-
-def _safe(spec: DeviceSpec) -> tuple[Reach, dict[str, float]]:
-    """Read `safe` of a device preset: {"reach": "ramp", "values": {channel: quantity}}; without it, ramp to rest.
-
-    The name of channels that are one entry, such as 'pin_{}', stands for all of them.
-    """
-    where = f"device preset '{spec.key}', safe"
-    field: Any = spec.source.get("safe", {"reach": "ramp"})
-    if not isinstance(field, Mapping) or not set(field) <= {"reach", "values", "source"}:
-        raise DermisError("unknown fields", where=where, limit="reach, values, source")
-    reach = field.get("reach", "ramp")
-    if reach not in REACH:
-        raise DermisError("unknown way to the safe state", where=where, value=reach, limit=", ".join(REACH))
-    given = field.get("values", {})
-    if not isinstance(given, Mapping):
-        raise DermisError("'values' must name channels", where=where, value=given)
-    values = {}
-    for name, entry in _spelled_out(spec, given):
-        channel = spec.channel(name)
-        value = quantity(entry, where=f"{where}, {name}")
-        unit = entry["unit"] if isinstance(entry, Mapping) else channel.unit
-        if isinstance(value, list) or UNITS[unit][0] != channel.unit:
-            raise DermisError("not one value in the channel's unit", where=f"{where}, {name}", value=value)
-        low = -np.inf if channel.low is None else channel.low
-        high = np.inf if channel.high is None else channel.high
-        if not low <= value <= high:
-            raise DermisError("the safe value is outside the range", where=f"{where}, {name}", value=value)
-        values[name] = float(value)
-    return REACH[reach], values
-
-
-def _spelled_out(spec: DeviceSpec, given: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """Return values by channel; one for a repeated entry counts for each of its channels."""
-    repeated = repeated_names(spec)
-    return [(name, entry) for key, entry in given.items() for name in repeated.get(key, (key,))]

@@ -79,7 +79,7 @@ def module_name(path: Path) -> tuple[str, ...]:
 
 def unit_of(name: tuple[str, ...]) -> str:
     """Return the row of the table that a module belongs to."""
-    if name[:2] == ("devices", "spec"):
+    if name[:2] in (("devices", "spec"), ("devices", "safe_state")):
         return "devices.spec"
     if name[:1] == ("devices",) and name[1:2] and name[1] in MECHANISMS:
         return "devices.mechanisms"

@@ -44,7 +44,7 @@ def test_limits_that_end_at_the_safe_state_are_taken() -> None:
 
 
 @pytest.mark.parametrize("protocol", ["native", "maestro"])
-def test_zero_and_gain_do_not_move_the_safe_state(protocol: str) -> None:
+def test_zero_and_gain_move_the_safe_pose_of_a_worn_device(protocol: str) -> None:
     made = Calibration.of(HAPTIP).with_entry("pulley_1", zero=0.2, gain=-1.0)
     lab = Lab(protocol, mode="jog", jog={"pulley_1": -0.1}, ramp=0.0, calibration=made.dumps())
     lab.run(0.1)
@@ -53,7 +53,27 @@ def test_zero_and_gain_do_not_move_the_safe_state(protocol: str) -> None:
     assert lab.at[0] == pytest.approx(0.3, abs=1e-3)
     lab.stops += 1
     lab.run(0.1)
-    assert np.abs(lab.at).max() < 1e-3, "the preset's angle, not the calibrated one of a command of 0"
+    assert np.abs(lab.at - [0.2, 0.0]).max() < 1e-3, "where the preset's 0 is on this device"
+
+
+@pytest.mark.parametrize(("protocol", "there"), [("maestro", 0.2), ("native", 0.0)])
+def test_a_calibration_under_way_moves_it_where_the_sender_drives_and_elsewhere_from_the_next_arming(
+    protocol: str, there: float
+) -> None:
+    """Nobody changes under way what a board takes for safe."""
+    lab = Lab(protocol, mode="jog", jog={"pulley_1": 0.1}, ramp=0.0)
+    lab.run(0.1)
+    lab.arm()
+    lab.run(0.3)
+    lab.set(calibration=Calibration.of(HAPTIP).with_entry("pulley_1", zero=0.2).dumps())
+    lab.run(0.4)
+    assert lab.at[0] == pytest.approx(0.3, abs=1e-3)
+    for where in (there, 0.2):
+        lab.stops += 1
+        lab.run(0.1)
+        assert lab.at[0] == pytest.approx(where, abs=1e-3)
+        lab.arm()
+        lab.run(0.4)
 
 
 @pytest.mark.parametrize("protocol", ["native", "maestro"])

@@ -119,6 +119,11 @@ def make_preset(scene: bpy.types.Scene, found: Any) -> str:
     return key
 
 
+def preset_findings(key: str) -> tuple[Any, ...]:
+    """Return what makes a device preset unfit for streaming."""
+    return tuple(core_module("devices.safe_state").safe_findings(library().device(key)))
+
+
 def keep(scene: bpy.types.Scene, found: Any, preset: str) -> Answer:
     """Draw the picture, load it as an image of the file, and remember what was found."""
     folder = user_folder("designs", create=True)

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from .bake import Bake, Output, Progress
 from .content_hash import ContentHash
+from .devices.safe_state import safe_findings
 from .devices.spec import DeviceSpec
 from .errors import DermisError, Finding
 from .matching import SKIN_KINDS
@@ -228,7 +229,7 @@ def _finish(rendered: Rendered, scene: TactileScene, finger: int, use: DeviceUse
         **limited.meta,
     }
     track = replace(limited, meta=meta)
-    findings = tuple(rendered.findings) + tuple(track.check())
+    findings = tuple(rendered.findings) + tuple(track.check()) + safe_findings(track.spec)
     return Output(name, use.preset, track, rendered.signals, findings)
 
 

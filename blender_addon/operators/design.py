@@ -127,7 +127,8 @@ class DERMIS_OT_design(jobs.Job, bpy.types.Operator):
         design_results.keep(scene, result, key)
         found, n = result.by(scene.dermis_design.choice), len(result.spec.channels)
         done = f"{found.motors} of {n} motors. New device preset: {key}"
-        reporting.report_findings(self, result.findings, self.bl_label, done)
+        findings = (*result.findings, *design_results.preset_findings(key))
+        reporting.report_findings(self, findings, self.bl_label, done)
         return {"FINISHED"}
 
 
@@ -153,7 +154,8 @@ class DERMIS_OT_design_preset(bpy.types.Operator):
         except core_module("errors").DermisError as error:
             return reporting.report_error(self, error, self.bl_label)
         design_results.keep(context.scene, answer.design, key)
-        self.report({"INFO"}, f"New device preset: {key}")
+        findings = design_results.preset_findings(key)
+        reporting.report_findings(self, findings, self.bl_label, f"New device preset: {key}")
         return {"FINISHED"}
 
 

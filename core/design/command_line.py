@@ -51,6 +51,8 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Collect or read the table, sense the touches, and report."""
     from ..devices.coupling import refuse_coupled
+    from ..devices.safe_state import safe_findings
+    from ..devices.spec import from_preset
     from ..presets import Library
     from ..skin.model import MATERIAL_PARAMETERS, skin_from_parameters
     from ..skin.shape import shape_from_parameters
@@ -110,8 +112,10 @@ def run(options: argparse.Namespace) -> int:
     )
     print(shown, end="")
     if options.out is not None:
-        for path in task.write(found, options.out, choice=options.choice or "variance", motors=options.motors):
-            print(path, file=sys.stderr)
+        paths = task.write(found, options.out, choice=options.choice or "variance", motors=options.motors)
+        made = from_preset(paths[-1].stem, json.loads(paths[-1].read_text(encoding="utf-8")))
+        for line in (*paths, *safe_findings(made)):
+            print(line, file=sys.stderr)
     return 0
 
 

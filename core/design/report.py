@@ -21,6 +21,7 @@ from ..files import write_bytes
 from ..matching.lookup import commands_of
 from ..matching.readings import FULL_SCALE, SATURATED
 from ..matching.table import SkinTable
+from .letting_go import coupled_safe, safe_commands
 from .synergies import CHOICES, Choice, Reduction, reduce
 
 Array = NDArray[np.float64]
@@ -142,9 +143,10 @@ def _doubts(table: SkinTable, targets: Mapping[str, Array], found: Reduction) ->
 def preset(found: Design, choice: Choice = "variance", motors: int | None = None, name: str = "") -> dict[str, Any]:
     """Return a device preset with fewer motors and the couplings found, as JSON values.
 
-    A new motor's command runs from 0 to 1 over what the interactions need, with a margin. Each original command is the
-    coupling times the new commands plus an offset, so that the pulley radius of motor j on cable i is the original
-    pulley's times `coupling[i][j]` over the new motor's travel.
+    A new motor's command runs from 0 to 1 over what the interactions and letting go need, with a margin. Each original
+    command is the coupling times the new commands plus an offset, so that the pulley radius of motor j on cable i is
+    the original pulley's times `coupling[i][j]` over the new motor's travel. `safe` is missing where motors so coupled
+    cannot let a finger go; `safe_findings` says so of what was written.
 
     Raises:
         DermisError: more motors than the device has, or fewer than one.
@@ -154,28 +156,35 @@ def preset(found: Design, choice: Choice = "variance", motors: int | None = None
     k = reduction.motors if motors is None else motors
     if not 1 <= k <= n:
         raise DermisError("as many motors as the device has", where="design", value=k, limit=f"1 to {n}")
-    low, high = found.amounts[choice][:, :k]
+    needed = found.amounts[choice][:, :k]
+    safe = safe_commands(spec)
+    if safe is not None:
+        needed = np.vstack([needed, parts.amounts(safe[None], k)])
+    low, high = needed.min(axis=0), needed.max(axis=0)
     span = np.maximum(high - low, 1e-9)
     low, span = low - MARGIN * span, (1.0 + 2.0 * MARGIN) * span
     matrix = parts.scale[:, None] * parts.directions[:, :k] * span
     offset = parts.mean + parts.scale * (parts.directions[:, :k] @ low)
-    # the command at rest: what comes nearest to the original device's
-    rest = np.array([c.rest for c in spec.channels])
-    nearest = np.linalg.lstsq(matrix / parts.scale[:, None], (rest - offset) / parts.scale, rcond=None)[0]
-    nearest = np.clip(nearest, 0.0, 1.0)
+
+    def nearest(original: Array) -> Array:
+        """Return the new command that comes nearest to an original one."""
+        found = np.linalg.lstsq(matrix / parts.scale[:, None], (original - offset) / parts.scale, rcond=None)[0]
+        return np.clip(found, 0.0, 1.0)
+
+    rest = nearest(np.array([c.rest for c in spec.channels]))
     unit = spec.channels[0].unit
     # each new motor crosses its range in one time, so short that no original motor goes faster than it could
     slews = [(i, c.slew) for i, c in enumerate(spec.channels) if c.slew]
     slew = min((s / max(float(np.abs(matrix[i]).sum()), 1e-12) for i, s in slews), default=None)
     why = f"design: {', '.join(found.names)}; components by {choice}"
-    source = {key: value for key, value in spec.source.items() if key not in ("channels", "parameters", "name")}
+    source = {key: value for key, value in spec.source.items() if key not in ("channels", "parameters", "name", "safe")}
     own = f"the original motor's range [{unit}]"
     channels = []
     for j in range(k):
         channel: dict[str, Any] = {
             "name": f"motor_{j + 1}", "unit": "1", "actuator": f"motor_{j + 1}",
             "low": {"value": 0.0, "unit": "1", "source": why}, "high": {"value": 1.0, "unit": "1", "source": why},
-            "rest": {"value": float(nearest[j]), "unit": "1", "source": "nearest to the original device at rest"},
+            "rest": {"value": float(rest[j]), "unit": "1", "source": "nearest to the original device at rest"},
         }  # fmt: skip
         channels.append(channel)
         if slew is not None:
@@ -194,8 +203,9 @@ def preset(found: Design, choice: Choice = "variance", motors: int | None = None
             "coupling_unit": unit,
         },
     }  # fmt: skip
-    from_preset("design", made)  # a preset that cannot be read must not be written
-    return made
+    spec_made = from_preset("design", made)  # a preset that cannot be read must not be written
+    letting_go = None if safe is None else coupled_safe(spec_made, spec, nearest(safe))
+    return made if letting_go is None else {**made, "safe": letting_go}
 
 
 def _plain(name: str) -> str:

@@ -17,7 +17,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DermisError
 from . import cable_platform, hexapod, thimble
 from .coupling import coupling_of
 from .poses import Poses
@@ -69,19 +68,6 @@ def clearance(spec: DeviceSpec, commands: Array) -> float:
     original = commands if coupling is None else coupling.original(commands)
     pose = platform.carry(original[None], platform.rest_poses(1))
     return _below(pose.rotation[0, :, 2], pose.centre[0], platform.disc_radius)
-
-
-def check_clear(spec: DeviceSpec, commands: Array) -> None:
-    """Refuse a safe pose that is not clear.
-
-    Raises:
-        DermisError: the platform stands nearer than CLEAR to the thickest finger.
-    """
-    room = clearance(spec, commands)
-    if not room >= CLEAR:
-        raise DermisError("the safe pose is not clear of a finger", where=f"device '{spec.name}'",
-                          value=f"{1e3 * room:.2f} mm below one of {1e3 * THICKEST:g} mm",
-                          limit=f">= {1e3 * CLEAR:g} mm")  # fmt: skip
 
 
 def _below(normal: Array, centre: Array, radius: float) -> float:

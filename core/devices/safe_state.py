@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from ..errors import DermisError
+from ..errors import DermisError, Finding
 from ..units import UNITS, quantity
 from .spec import DeviceSpec, repeated_names
 
@@ -39,6 +39,22 @@ def safe_state(spec: DeviceSpec) -> SafeState:
     repeated = repeated_names(spec)
     return SafeState(reach, {name: _value(spec, name, entry, f"{where}, {name}")
                              for key, entry in given.items() for name in repeated.get(key, (key,))})  # fmt: skip
+
+
+def bare_channels(spec: DeviceSpec) -> tuple[str, ...]:
+    """Return the channels with an actuator for which a worn device states no safe value; () where it need not."""
+    values = safe_state(spec).values
+    return tuple(c.name for c in spec.channels if spec.worn and c.actuator and c.name not in values)
+
+
+def safe_findings(spec: DeviceSpec) -> tuple[Finding, ...]:
+    """Return what a person should know before this device is meant to be streamed to."""
+    bare = bare_channels(spec)
+    if not bare:
+        return ()
+    return (Finding("warning", "no-safe-pose", "a worn device states no safe pose, so it will not be streamed to",
+                    where=f"device preset '{spec.key}'", value=f"none for {', '.join(bare[:6])}",
+                    remedy="Add 'safe' to the preset: a retracted pose, clear of your finger"),)  # fmt: skip
 
 
 def _value(spec: DeviceSpec, name: str, entry: Any, where: str) -> float:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration import Calibration
-from ..devices.safe_state import safe_state
-from ..devices.spec import Channel, DeviceSpec, range_disc
+from ..devices.safe_state import bare_channels, safe_state
+from ..devices.spec import DeviceSpec, range_disc
 from ..errors import DermisError
 from .packets import FULL, Reach
 
@@ -76,6 +75,7 @@ class Wire:
                                    for k in range(4))  # fmt: skip
         way, safe = safe_state(spec)
         reach = REACH[way]
+        _check_worn(spec, reach)
         disc = range_disc(spec)
         if disc is not None:
             disc = (columns.index(disc[0]), columns.index(disc[1]), disc[2]) if {*disc[:2]} <= {*columns} else None
@@ -83,7 +83,6 @@ class Wire:
         def pick(name: str, missing: float) -> Array:
             return np.array([missing if getattr(c, name) is None else getattr(c, name) for c in channels])
 
-        _check_worn(spec, channels, safe, reach)
         values = np.array([safe.get(c.name, c.rest) for c in channels])
         if spec.worn:
             values = np.where([c.unit in POSES for c in channels], zero + gain * values, values)
@@ -151,17 +150,14 @@ class Wire:
         return np.clip(np.floor(part), 1, 65535).astype(np.uint16)
 
 
-def _check_worn(spec: DeviceSpec, channels: list[Channel], safe: Mapping[str, float], reach: Reach) -> None:
+def _check_worn(spec: DeviceSpec, reach: Reach) -> None:
     """Refuse a worn device that does not say where, and how fast, it lets a finger go."""
-    if not spec.worn:
-        return
-    bare = [c.name for c in channels if c.name not in safe]
-    if bare:
+    if bare := bare_channels(spec):
         raise DermisError("a worn device states no safe pose, and at rest it may press the finger that is in it",
                           where=f"device preset '{spec.key}', safe", value=f"none for {', '.join(bare[:6])}",
                           limit="a value for every channel with an actuator",
                           remedy="Add 'safe' to the preset: a retracted pose, clear of your finger")  # fmt: skip
-    free = [c.name for c in channels if c.slew is None]
+    free = [c.name for c in spec.channels if spec.worn and c.actuator and c.slew is None]
     if free and reach == Reach.RAMP:
         raise DermisError("the way to the safe pose is a ramp, and a channel states no speed for it",
                           where=f"device preset '{spec.key}'", value=", ".join(free[:6]),

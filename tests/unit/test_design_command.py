@@ -15,6 +15,7 @@ import core
 from core.design.interactions import NAMES, NOISE, interaction
 from core.design.trial import felt, sense
 from core.devices.coupling import coupling_of
+from core.devices.retraction import CLEAR, clearance
 from core.matching.lookup import commands_of, readings_for
 from core.matching.platforms import mechanism
 from core.matching.readings import FULL_SCALE, readings_of
@@ -22,6 +23,7 @@ from core.matching.sweep import sweep
 from core.matching.table import SkinTable, build, press_of
 from core.presets import Library
 from core.skin.model import fingertip_skin
+from core.stream.wire import Wire
 
 ROOT = Path(core.__file__).parents[1]
 
@@ -62,7 +64,9 @@ def test_the_report_comes_as_text_json_picture_and_preset(reported):
     preset = json.loads((out / "cable_platform_2_motors.json").read_text(encoding="utf-8"))
     from core.devices.spec import from_preset
 
-    assert coupling_of(from_preset("new", preset)).matrix.shape == (3, 2)
+    spec = from_preset("new", preset)
+    assert coupling_of(spec).matrix.shape == (3, 2)
+    assert clearance(spec, Wire.of(spec).safe) >= CLEAR, "it lets a finger go"
 
 
 def test_a_saved_table_gives_the_same_answer_as_json(reported):

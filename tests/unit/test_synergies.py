@@ -18,6 +18,7 @@ from core.matching.lookup import commands_of, readings_for
 from core.matching.sweep import halton
 from core.matching.table import SkinTable
 from core.presets import Library
+from core.stream.wire import Wire
 
 
 def planted(seed=0, count=800, noise=0.001):
@@ -198,6 +199,20 @@ def test_the_new_preset_drives_the_original_motors_through_its_coupling(answered
     ends = coupling.original(np.array([[0.0], [1.0]]))
     direction = (ends[1] - ends[0]) / parts.scale
     np.testing.assert_allclose(np.abs(direction / np.linalg.norm(direction)), np.abs(parts.directions[:, 0]), rtol=1e-9)
+
+
+def test_a_coupled_preset_lets_a_finger_go_as_the_original_does_or_says_that_it_cannot(answered):
+    from core.devices.retraction import CLEAR, clearance
+    from core.devices.safe_state import safe_findings
+
+    all_motors = from_preset("all", report.preset(answered, motors=3))
+    wire = Wire.of(all_motors)
+    np.testing.assert_allclose(coupling_of(all_motors).original(wire.safe), Wire.of(answered.spec).safe, atol=1e-9)
+    assert clearance(all_motors, wire.safe) > CLEAR and not safe_findings(all_motors)
+    held = from_preset("held", report.preset(answered, motors=1))  # these touches never let go
+    assert [f.code for f in safe_findings(held)] == ["no-safe-pose"]
+    with pytest.raises(DermisError, match="states no safe pose"):
+        Wire.of(held)
 
 
 def test_a_preset_with_as_many_motors_as_the_device_changes_nothing(answered):

@@ -29,7 +29,7 @@ QUIET = 0.1  # nothing more comes after such a silence [s]
 
 
 def device_for(protocol: str) -> str:
-    """Return a device that takes a while to its safe state: 160 degrees at 600 degrees/s; a torque board has its own."""
+    """Return a device that takes a while to its safe state: 160 degrees at 600 degrees/s."""
     return "haptip" if protocol == "torque" else "cable_platform"
 
 

@@ -75,8 +75,8 @@ def play(options: argparse.Namespace) -> int:
         DermisError: the device could not be reached, disarmed itself, or its safe state could not be made sure of.
     """
     signals = Signals()
+    player = _Player(options, signals)
     with signals.caught():
-        player = _Player(options, signals)
         try:
             player.run()
         except Interrupted:
@@ -141,8 +141,8 @@ class _Player:
         streamer = self._streamer
         before = dict(streamer.counters)
         streamer.shut(time.perf_counter())
-        if self._signals.number or "." in streamer.going:
-            _say(streamer.going or "stopped")
+        if streamer.going:
+            _say(streamer.going)
         while not streamer.finished:
             due = streamer.tick(time.perf_counter())
             time.sleep(max(due - time.perf_counter(), 0.0))

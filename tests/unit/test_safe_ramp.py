@@ -81,7 +81,7 @@ def elsewhere(lab: Lab) -> None:
 @pytest.mark.parametrize("protocol", DRIVEN)
 @pytest.mark.parametrize("end", [stop, disconnect, elsewhere, shut, refuse, stall])
 def test_no_way_to_end_a_stream_is_a_jump(protocol: str, end: Any) -> None:
-    """160 degrees at 600 degrees/s take 0.27 s, however the stream ends; cut at 0.06 s that was a jump of 125 degrees."""
+    """160 degrees at 600 degrees/s take 0.27 s, however it ends; cut at 0.06 s that was a jump of 125 degrees."""
     lab = far_lab(protocol, stall=0.05)
     path: list[np.ndarray] = []
     end(lab)

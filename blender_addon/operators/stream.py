@@ -51,9 +51,9 @@ class DERMIS_OT_stream_disconnect(Streaming, bpy.types.Operator):
     bl_label = "Disconnect"
 
     def work(self, context: bpy.types.Context) -> str | None:
-        """End the sender."""
+        """End the sender; a ramp to the safe state goes on by itself."""
         streaming.close()
-        return None
+        return core_module("stream.client").leaving() or None
 
 
 class DERMIS_OT_stream_arm(Streaming, bpy.types.Operator):

@@ -10,7 +10,7 @@ from .text import paragraph, quantity
 
 ICONS = {
     "disconnected": "UNLINKED", "connecting": "SORTTIME", "ready": "LINKED", "armed": "PAUSE", "streaming": "PLAY",
-    "stalled": "ERROR", "fault": "CANCEL", "dead": "CANCEL",
+    "stopping": "SORTTIME", "stalled": "ERROR", "fault": "CANCEL", "dead": "CANCEL",
 }  # fmt: skip
 
 

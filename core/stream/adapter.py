@@ -96,6 +96,11 @@ class Adapter:
         self.armed = False
         return []
 
+    @property
+    def settled(self) -> bool:
+        """Tell whether the device has confirmed the last `safe`; True where its protocol confirms nothing."""
+        return True
+
     def number(self, name: str, default: float) -> float:
         """Read an option as a number.
 

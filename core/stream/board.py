@@ -6,6 +6,7 @@ number and a CRC-32; the newest whole one counts, so a reader never sees half a 
 
 from __future__ import annotations
 
+import contextlib
 import json
 import mmap
 import os
@@ -156,6 +157,11 @@ class Board:
         """Pin how things stand."""
         self._status.put(json.dumps(status).encode())
 
+    @property
+    def status_number(self) -> int:
+        """Number of the newest word on how things stand."""
+        return self._status.number()
+
     def read_status(self) -> dict[str, Any]:
         """Return how things stand, empty before the first word."""
         found = self._status.get()
@@ -166,6 +172,7 @@ class Board:
         self._memory.close()
 
     def remove(self) -> None:
-        """Close, and remove the file. Safe to call twice."""
+        """Close, and remove the file. Safe to call twice, and by both sides: the last one can."""
         self.close()
-        self.path.unlink(missing_ok=True)
+        with contextlib.suppress(PermissionError):  # Windows
+            self.path.unlink(missing_ok=True)

@@ -1,16 +1,18 @@
-"""Blender's side of the sender: starts the process, pins wishes and signs of life, reads the status. Never waits."""
+"""Blender's side of the sender: starts the process, pins wishes and signs of life, reads the status. Never waits.
+
+A sender that is closed brings its device to the safe state at the device's own speed, which may take longer than
+anybody's patience: it goes on by itself then, and removes what is its own. Who wants its port meanwhile is told so.
+"""
 
 from __future__ import annotations
 
 import atexit
 import contextlib
-import os
 import subprocess
 import tempfile
 import time
 import weakref
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from ..errors import DermisError
@@ -18,13 +20,15 @@ from ..work import command, environment
 from .board import MOST_VALUES, Board
 from .wish import wish_of
 
-GRACE = 1.0  # the sender may take this long to end by itself [s]
+GRACE = 0.2  # closing waits this long for the sender [s]; then that finishes by itself
+HUNG = 5.0  # a sender that ends and has said nothing for this long hangs [s]
 
 _open: weakref.WeakSet[SenderClient] = weakref.WeakSet()
+_ending: list[SenderClient] = []  # closed, and still on the way to the safe state
 
 
 class SenderClient:
-    """A sender process of this one; it dies with it.
+    """A sender process of this one; it ends with it, the device safe.
 
     Raises:
         DermisError: the process cannot be started.
@@ -35,16 +39,19 @@ class SenderClient:
         self._wish: dict[str, Any] = {}
         self._stops = 0
         self._ticket = 0
-        self._log = Path(tempfile.mkstemp(prefix="dermis-sender-", suffix=".log")[1])
+        self._heard, self._closed = 0, 0.0  # last status of a closed one, and when
+        self._before: SenderClient | None = None  # has the same port, and is still ending
+        self._log = tempfile.TemporaryFile(prefix="dermis-sender-")  # without a name: it goes with its last user
+        _reap()
         try:
-            with self._log.open("wb") as log:
-                self._process = subprocess.Popen(
-                    command(*verb, "--board", str(self._board.path)), env=environment(), stdin=subprocess.PIPE,
-                    stdout=subprocess.DEVNULL, stderr=log, creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-                    cwd=tempfile.gettempdir(),
-                )  # fmt: skip
+            self._process = subprocess.Popen(
+                command(*verb, "--board", str(self._board.path)), env=environment(), stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL, stderr=self._log, creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+                cwd=tempfile.gettempdir(),
+            )  # fmt: skip
         except OSError as error:
             self._board.remove()
+            self._log.close()
             raise DermisError("the sender cannot be started", value=error.strerror) from error
         _open.add(self)
 
@@ -59,7 +66,12 @@ class SenderClient:
         return self._process.poll() is None
 
     def connect(self, url: str, protocol: str, device: str, preset: Mapping[str, Any], **more: Any) -> None:
-        """Hold a link; `more` are other fields of `wish.Wish`. Nothing is armed by this."""
+        """Hold a link; `more` are other fields of `wish.Wish`. Nothing is armed by this.
+
+        A port that an earlier sender of this process still needs for its safe state is taken when it lets go.
+        """
+        _reap()
+        self._before = next((one for one in _ending if one._wish.get("url") == url), None)
         self.set(connect=True, url=url, protocol=protocol, device={"key": device, "preset": dict(preset)}, **more)
 
     def disconnect(self) -> None:
@@ -75,7 +87,7 @@ class SenderClient:
         wish_of({**self._wish, **fields}).check()
         if any(self._wish.get(k, _NONE) != v for k, v in fields.items()):
             self._wish |= fields
-            self._board.wish(self._wish)
+            self._pin()
 
     def arm(self) -> None:
         """Let the device move, once; call it because a person asked for it."""
@@ -100,13 +112,19 @@ class SenderClient:
     def status(self) -> dict[str, Any]:
         """Return how things stand; `state` is 'dead' where the sender has died."""
         status = self._board.read_status()
+        if self._before is not None:
+            words = self._before._board.read_status().get("words", "")
+            self._pin()
+            if self._before is not None:
+                return {**status, "state": "connecting", "armed": False,
+                        "words": f"waiting for the port: its sender of before still has it ({words})"}  # fmt: skip
         if not self.alive:
             words = self._said() or f"status {self._process.returncode}"
             return {**status, "state": "dead", "armed": False, "words": f"The sender has ended: {words}"}
         return status or {"state": "disconnected", "words": "", "armed": False}
 
     def close(self) -> None:
-        """End the sender, the device safe first. Safe to call twice."""
+        """End the sender, the device safe first, and wait a moment for it. Safe to call twice."""
         if self not in _open:
             return
         _open.discard(self)
@@ -115,14 +133,32 @@ class SenderClient:
         with contextlib.suppress(OSError):
             if self._process.stdin is not None:
                 self._process.stdin.close()
-        try:
+        with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(GRACE)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self._board.remove()
-        with contextlib.suppress(OSError):
-            os.unlink(self._log)
+        self._closed = time.monotonic()
+        _ending.append(self)
+        _reap()
+
+    def _gone(self) -> bool:
+        """Tell whether a closed sender has ended; one that hangs is killed."""
+        if self.alive:
+            number = self._board.status_number
+            if number != self._heard:
+                self._heard, self._closed = number, time.monotonic()
+            elif time.monotonic() - self._closed > HUNG:
+                self._process.kill()
+                self._process.wait()
+        if not self.alive:
+            self._board.remove()
+            self._log.close()
+        return not self.alive
+
+    def _pin(self) -> None:
+        """Pin the wish, unless an earlier sender has the port."""
+        _reap()
+        if self._before not in _ending:
+            self._before = None
+            self._board.wish(self._wish)
 
     def wait(self, state: str, seconds: float = 5.0) -> dict[str, Any]:
         """Wait for a state, giving signs of life meanwhile; for scripts and tests, never for a user interface.
@@ -147,16 +183,29 @@ class SenderClient:
 
     def _said(self) -> str:
         try:
-            return self._log.read_bytes().decode("utf-8", "replace").strip()[-300:]
-        except OSError:
+            self._log.seek(0)
+            return self._log.read().decode("utf-8", "replace").strip()[-300:]
+        except (OSError, ValueError):  # closed
             return ""
 
 
 _NONE = object()
 
 
+def _reap() -> None:
+    """Forget closed senders that have ended."""
+    _ending[:] = [client for client in _ending if not client._gone()]
+
+
+def leaving() -> str:
+    """Return what closed senders of this process still do, in words; '' where all have ended."""
+    _reap()
+    found = ((str(one._wish.get("url", "")), str(one._board.read_status().get("words", ""))) for one in _ending)
+    return "; ".join(f"{url}: {words or 'going to the safe state'}" for url, words in found)
+
+
 def close_all() -> None:
-    """End every sender that is still open."""
+    """End every sender that is still open; one whose device needs longer finishes by itself."""
     for client in list(_open):
         client.close()
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -30,7 +29,7 @@ def add_parser(commands: Any, load_screen: LoadScreen) -> None:
                       help="send this far ahead (0.1 s)")  # fmt: skip
     play.add_argument("--ramp", type=_setting("ramp"), default=1.0, metavar="S",
                       help="ramp from where the device is (1 s)")  # fmt: skip
-    play.add_argument("--yes", action="store_true", help="arm without asking")
+    play.add_argument("--yes", action="store_true", help="arm without asking; its warnings are printed")
     play.set_defaults(run=_play)
 
     send = verbs.add_parser("send", help="serve a notice board (not for people)")
@@ -119,64 +118,6 @@ def _virtual(options: argparse.Namespace) -> int:
 
 
 def _play(options: argparse.Namespace) -> int:
-    from ..calibration import Calibration
-    from ..formats import export
-    from ..presets import Library
-    from .board import Beat
-    from .streamer import Streamer
-    from .virtual_link import open_link
-    from .wish import Wish
+    from .play import play
 
-    track = export.read(options.track)
-    key = options.device or track.spec.key
-    preset = Library(options.presets).load("devices", key)
-    calibration = Calibration.load(options.calibration).dumps() if options.calibration else ""
-    wish = Wish(
-        connect=True, url=options.url, protocol=options.protocol, device={"key": key, "preset": preset},
-        calibration=calibration, track=str(options.track), look_ahead=options.look_ahead,
-        ramp=options.ramp, play_on=True,
-    )  # fmt: skip
-    streamer, clock = Streamer(open_link), time.perf_counter
-    number, started = 0, 0.0
-
-    def run(until: Callable[[], bool], playing: bool) -> None:
-        nonlocal number
-        while not until():
-            now = clock()
-            number += 1
-            streamer.beat(Beat(number, 0, playing, now - started if playing else 0.0, ()), now)
-            due = streamer.tick(now)
-            time.sleep(max(due - clock(), 0.0))
-
-    try:
-        streamer.apply(wish, clock())
-        run(lambda: streamer.state in ("ready", "fault") or (streamer.link is None and bool(streamer.words)), False)
-        if streamer.state != "ready":
-            raise DermisError(streamer.words.rstrip(".") or "the device cannot be reached", where=options.url)
-        if streamer.adapter is not None and streamer.adapter.caution:
-            print(streamer.adapter.caution, file=sys.stderr)
-        if not options.yes:
-            print(f"{track.spec.name} at {options.url} is about to move. Enter: arm; Ctrl-C: stop.", file=sys.stderr)
-            if not sys.stdin.readline():  # an end of input is nobody's finger on a key
-                raise DermisError("not armed: standard input ended before anybody pressed Enter", where=options.url,
-                                  remedy="Run it in a terminal, or pass --yes")  # fmt: skip
-            run(lambda: True, False)
-        wish.arm = 1
-        streamer.beat(Beat(number + 1, 0, False, 0.0, ()), clock())
-        streamer.apply(wish, clock())
-        end = clock() + options.ramp + 0.2 + options.look_ahead
-        run(lambda: clock() > end or not streamer.armed, False)
-        if streamer.armed:
-            started = clock()
-            run(lambda: clock() > started + track.duration + options.look_ahead or not streamer.armed, True)
-        if not streamer.armed:
-            raise DermisError(streamer.words.rstrip(".") or "the device disarmed itself", where=options.url)
-    finally:
-        streamer.shut(clock())
-        end = clock() + 0.2
-        while not streamer.finished and clock() < end:
-            streamer.tick(clock())
-            time.sleep(0.001)
-    counters = {k: v for k, v in {**streamer.counters, **(streamer.gate.limited if streamer.gate else {})}.items() if v}
-    print(", ".join(f"{name} {count}" for name, count in sorted(counters.items())))
-    return 0
+    return play(options)

@@ -54,6 +54,10 @@ class Faults:
                 raise DermisError("impossible fault", where=name, value=value)
         self._random = random.Random(self.seed)
 
+    def __len__(self) -> int:
+        """Return how many messages are under way."""
+        return len(self._queue)
+
     def put(self, message: bytes, now: float) -> None:
         """Send a message into the faults."""
         if self.loss and self._random.random() < self.loss:

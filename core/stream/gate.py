@@ -79,10 +79,7 @@ class Gate:
     def step(self, wanted: Array, time: float) -> Array:
         """Return what to drive at a time [s] that never goes back, and remember it."""
         wire = self.wire
-        self._before = (self.last, self._time, self._step, self._ramp)
-        # A pace that has become steady counts in full: twice the step before, then twice that, up to a limit.
-        most_time = max(PERIODS * self._period, min(PERIODS * self._step, SLOWEST))
-        elapsed = self._step = min(max(time - self._time, 0.0), most_time)
+        elapsed = self._credit(time)
         driven = wire.zero + wire.gain * wanted
         finite = np.isfinite(driven)
         if not finite.all():
@@ -112,8 +109,27 @@ class Gate:
             if not ramping:
                 self._counts["slew"] += fast
             held = np.where(fast, self.last + allowed, held)
-        self.last, self._time = held, time
+        self.last = held
         return held
+
+    def approach(self, goal: Array, slew: Array, time: float) -> Array:
+        """Go straight towards driven values [units], no channel faster than `slew` [units/s], and remember it.
+
+        All channels arrive together: a straight line leaves no range and no round range that holds both its ends.
+        """
+        elapsed, self._ramp = self._credit(time), None
+        seconds = way_seconds(goal - self.last, slew)
+        self.last = goal.copy() if seconds <= elapsed else self.last + (goal - self.last) * (elapsed / seconds)
+        return self.last
+
+    def _credit(self, time: float) -> float:
+        """Return for how long a step may count that is taken at a time [s], and remember what was before it."""
+        self._before = (self.last, self._time, self._step, self._ramp)
+        # A pace that has become steady counts in full: twice the step before, then twice that, up to a limit.
+        most = max(PERIODS * self._period, min(PERIODS * self._step, SLOWEST))
+        elapsed = self._step = min(max(time - self._time, 0.0), most)
+        self._time = time
+        return elapsed
 
     def _disc(self, values: Array, disc: tuple[int, int, float]) -> Array:
         i, j, radius = disc
@@ -124,3 +140,8 @@ class Gate:
         values[[i, j]] *= radius / reach
         self._counts["disc"][i] += 1
         return values
+
+
+def way_seconds(way: Array, slew: Array) -> float:
+    """Return how long a way [units] takes [s] if no channel goes faster than `slew` [units/s]."""
+    return float(np.max(np.abs(way) / slew, initial=0.0))

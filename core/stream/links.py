@@ -58,6 +58,9 @@ class Spy(Transport):
             self._note("RX", message)
         return out
 
+    def pending(self) -> int:
+        return self._inner.pending()
+
     def close(self) -> None:
         self._inner.close()
         if self._file is not sys.stderr:

@@ -20,7 +20,7 @@ SILENCE_ARMED = 0.08  # ... and while it is armed for this long: the sender's ow
 BEHIND = 0.015  # an answer this much beyond two round trips lies behind commands that the link does not carry [s]
 OVERDUE = 0.03  # an answer this late is asked for more often: one lost packet must not end a stream [s]
 ABSENT = 0.03  # when this sender did not listen for so long, that time says nothing about the device [s]
-SAFE_TIMES = 4  # one may be lost
+SAFE_TIMES = 200  # said until the device confirms it, for a second at most: any of them may be lost
 
 
 class Native(Adapter):
@@ -48,6 +48,7 @@ class Native(Adapter):
         self._heard = self._polled = 0.0
         self._wants_arms = self._wants_pose = False
         self._safes = 0
+        self._unconfirmed = False
 
     def opened(self, now: float) -> None:
         """Begin a session of its own number, so that packets of an earlier one mean nothing."""
@@ -109,7 +110,7 @@ class Native(Adapter):
     def arm(self) -> None:
         """Configure the device, then arm it; repeated until it says that it is."""
         self._wants_arms = self._wants_pose = True
-        self._safes = 0
+        self._unconfirmed, self._safes = False, 0
         self._due.pop("arm", None)
 
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
@@ -123,18 +124,27 @@ class Native(Adapter):
         self._sequence = (self._sequence - 1) & 0xFFFF
 
     def safe(self) -> list[bytes]:
-        """Return SAFE, now and a few times more."""
+        """Return SAFE, now and again until the device confirms it."""
         self._wants_arms = self.armed = False
-        self._safes = SAFE_TIMES - 1
+        self._unconfirmed = self.ready
+        self._safes = SAFE_TIMES
         self._due.pop("safe", None)
         return [self._pack(Kind.SAFE)] if self.ready else []
+
+    @property
+    def settled(self) -> bool:
+        """Tell whether the device has answered SAFE, or was never there to be told."""
+        return not self._unconfirmed
 
     def _take(self, packet: Packet, now: float) -> None:
         self._heard = now
         if packet.kind == Kind.WELCOME:
             self._welcome(packets.Welcome.read(packet.body), now)
         elif packet.kind == Kind.STATE:
-            self._device_state(packets.read_state(packet.body)[0])
+            state, answered = packets.read_state(packet.body)
+            self._device_state(state)
+            if answered == Kind.SAFE:
+                self._unconfirmed, self._safes = False, 0
         elif packet.kind == Kind.SYNCED:
             reply = packets.Synced.read(packet.body)
             asked = self._asked.pop(reply.host_us, None)

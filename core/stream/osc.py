@@ -38,6 +38,8 @@ class Osc(Adapter):
         self._heads = [message_head(f"{prefix}/{wire.spec.key}/{name}") for name in wire.names]
         self._touch = f"{prefix}/touch"
         self._state = message_head(f"{prefix}/{wire.spec.key}/armed")
+        if wire.reach == Reach.RELEASE:
+            self.caution += f" To let go it is told {prefix}/{wire.spec.key}/armed 0; it is up to it to do so."
 
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
         """Return one bundle, which counts as it arrives, whatever `play` says."""

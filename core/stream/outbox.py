@@ -37,6 +37,11 @@ class Outbox:
         """Tell whether something waits for room."""
         return self.held is not None or bool(self._waiting)
 
+    @property
+    def waiting(self) -> int:
+        """Number of bytes of the protocol's own messages that wait for room."""
+        return sum(map(len, self._waiting))
+
     def poll(self, now: float) -> None:
         """Send what the protocol itself has to say, in its order; what finds no room waits, the oldest not for ever."""
         self._waiting += self._adapter.poll(now)
@@ -75,17 +80,3 @@ class Outbox:
             return Fate.HELD
         self._counters["dropped"] += 1
         return Fate.DROPPED
-
-    def make_safe(self, values: Array, now: float, times: int, *, drive: bool) -> bool:
-        """Say the safe state several times, since nobody confirms it; tell whether all of it left.
-
-        Args:
-            drive: the board has no safe state of its own, so it is driven to `values` as well.
-        """
-        whole = True
-        for _ in range(times):
-            if drive:
-                self._adapter.forget()  # said again in full
-                whole = self.send(self._adapter.command(values, now, None)) and whole
-            whole = self.send(self._adapter.safe()) and whole
-        return whole

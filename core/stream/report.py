@@ -15,8 +15,10 @@ def report(streamer: Streamer) -> dict[str, Any]:
     """Return state, words, rate, lateness, counters and what is driven, as JSON values."""
     p50, p99 = streamer.pace.lateness.percentiles()
     adapter, gate, wire = streamer.adapter, streamer.gate, streamer.wire
+    words = "; ".join(filter(None, (streamer.words.rstrip("."), streamer.going))) if streamer.going else streamer.words
     out: dict[str, Any] = {
-        "state": streamer.state, "words": streamer.words, "armed": streamer.armed, "ticket": streamer.ticket,
+        "state": streamer.state, "words": words,
+        "armed": streamer.armed, "ticket": streamer.ticket, "pose_known": streamer.pose_known,
         "rate": streamer.rate, "jitter_p50_us": _plain(p50 * 1e6), "jitter_p99_us": _plain(p99 * 1e6),
         "counters": dict(streamer.counters), "limited": dict(gate.limited) if gate else {},
         "names": list(wire.names) if wire else [], "units": list(wire.units) if wire else [],

@@ -1,6 +1,8 @@
 """The sender's process: reads the notice board, ticks the streamer on a monotonic clock, pins the status.
 
-Its standard input is a lifeline: when that ends, Blender is gone, and the device goes to its safe state.
+Its standard input is a lifeline: when that ends, Blender is gone, and the device goes to its safe state, at its own
+speed. The process outlives Blender until it is there and all that waits in the link has left; a signal that asks it to
+end asks for the same, and a second one changes nothing.
 """
 
 from __future__ import annotations
@@ -36,13 +38,7 @@ def run(path: Path, load_screen: Callable[[Path], Screen] | None = None) -> int:
     try:
         _loop(board, streamer, ended)
     finally:  # a defect must not leave a device under voltage either
-        end = time.perf_counter() + 0.09
-        streamer.shut(time.perf_counter())
-        while not streamer.finished and time.perf_counter() < end:
-            streamer.tick(time.perf_counter())
-            time.sleep(0.001)
-        board.status({**streamer.status(), "state": "disconnected", "ended": True})
-        board.remove()  # its owner may be gone without having done so
+        _finish(board, streamer)
     return 0
 
 
@@ -71,6 +67,21 @@ def _loop(board: Board, streamer: Streamer, ended: threading.Event) -> None:
             now = clock()
         if due > now:
             time.sleep(due - now)
+
+
+def _finish(board: Board, streamer: Streamer) -> None:
+    """Bring the device to its safe state however long its ramp takes, let the link go, and remove the board."""
+    clock = time.perf_counter
+    streamer.shut(clock())
+    status_at = 0.0
+    while not streamer.finished:
+        due, now = streamer.tick(clock()), clock()
+        if now >= status_at:
+            status_at = now + STATUS_EVERY
+            board.status(streamer.status())
+        time.sleep(max(due - clock(), 0.0))
+    board.status({**streamer.status(), "state": "disconnected", "ended": True})
+    board.remove()  # its owner may be gone without having done so
 
 
 def _lifeline(ended: threading.Event) -> None:

@@ -36,9 +36,12 @@ class Serial(Stream):
             self._poll.register(self._fd, select.POLLIN)
 
     def _has_room(self, size: int) -> bool:
-        with contextlib.suppress(OSError, AttributeError):
-            return bool(self._port.out_waiting <= self._budget)
-        return True
+        return self._queued() <= self._budget
+
+    def _queued(self) -> int:
+        with contextlib.suppress(OSError, AttributeError):  # not every driver tells
+            return int(self._port.out_waiting)
+        return 0
 
     def _write(self, data: bytes) -> int:
         try:
@@ -68,10 +71,14 @@ class Serial(Stream):
         return [data]
 
     def close(self) -> None:
-        """Close the port without waiting for what was not sent."""
-        with contextlib.suppress(Exception):
-            self._port.reset_output_buffer()
-        with contextlib.suppress(Exception):
+        """Close the port; what the driver still holds is thrown away, or the system would wait for it, up to 30 s.
+
+        Who has something to lose asks `pending` first: a pseudo terminal does not tell, and loses it by a reset.
+        """
+        with contextlib.suppress(OSError, AttributeError):
+            if self._queued():
+                self._port.reset_output_buffer()
+        with contextlib.suppress(OSError):
             self._port.close()
 
 

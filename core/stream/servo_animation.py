@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import DermisError
 from .adapter import Adapter
+from .packets import Reach
 from .wire import Array, Wire
 
 START, END, TRAP = 0x3C, 0x3E, 0x3C
@@ -40,6 +41,8 @@ class ServoAnimation(Adapter):
         if not (0 <= min(self.low, self.high) and max(self.low, self.high) <= MOST and self.low != self.high):
             raise DermisError("impossible positions", where=self.title, value=f"{self.low:g} to {self.high:g}",
                               limit=f"0 to {MOST}")  # fmt: skip
+        if wire.reach == Reach.RELEASE:
+            self.caution += " Its protocol has no word for letting go, so the safe pose is held, not released."
         self._sent = np.full(wire.count, -1)
         self._when = -1.0
 

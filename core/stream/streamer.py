@@ -1,13 +1,13 @@
 """The sender's mind: connecting, arming, stopping, and what goes out when. It knows no process and no real time.
 
-Life of a link: disconnected -> connecting -> ready -> armed or streaming -> (stalled | fault) -> disconnected.
-Arming takes a ticket that rises; one ticket arms once. After a stop, a stall, a fault or a lost link nothing moves
-until a person arms again.
+Life of a link: disconnected -> connecting -> ready -> armed or streaming -> (stalled | fault) -> stopping -> closed.
+Whatever ends it, the device goes to its safe state first, at its own speed, and what waits in the link leaves; only
+then is it closed. Arming takes a ticket that rises; one ticket arms once. After a stop, a stall, a fault or a lost
+link nothing moves until a person arms again.
 """
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections import Counter
 from collections.abc import Callable
@@ -18,10 +18,11 @@ from ..errors import DermisError
 from . import adapter as adapters
 from .adapter import Adapter
 from .board import Beat
+from .drain import Drain
 from .gate import Gate
 from .outbox import Fate, Outbox
 from .pace import Pace
-from .safe_way import SafeWay
+from .safe_ramp import SafeRamp
 from .source import Follow, Panel, Play, Screen, Source, follow_values, goes_on, source_of
 from .transport import Gone, Transport
 from .url import Url
@@ -32,7 +33,6 @@ HANDSHAKE = 3.0  # a device that has not said who it is after this long is none 
 RETRY = 1.0  # between two attempts to connect again [s]
 ARMING = 1.0  # a device that is not armed after this long will not be [s]
 REPEAT = 3  # a safe state is written this often where no device confirms it
-STUBBORN = 1.0  # a safe state that the link does not take is tried again for this long [s]
 RECALIBRATING = 0.3  # what a new calibration, or something else to play, changes is blended in over this long [s]
 
 
@@ -63,16 +63,18 @@ class Streamer:
         self.link: Transport | None = None
         self.source: Source | None = None
         self.rate = 0.0
-        self._phase = "idle"  # 'arming', 'live', 'safing'
+        self._phase = "idle"  # 'arming', 'live', 'safing', 'draining'
         self._since = 0.0
         self.ticket = 0
         self._stops = 0
         self._beat: Beat | None = None
         self._beat_at = -math.inf
         self._retry_at = 0.0
-        self._way: SafeWay | None = None
+        self._ramp: SafeRamp | None = None
+        self._drain: Drain | None = None
         self._outbox: Outbox | None = None
-        self._closing = False
+        self._driven = False  # whether this link has brought the device where the gate believes it
+        self._leaving = self._closing = False
 
     # -- what comes from outside
 
@@ -84,12 +86,12 @@ class Streamer:
         old, self.wish = self.wish, wish
         wish.check()
         if not wish.same_link(old):
-            self._disconnect(now, "")
             self.counters.clear()
+            self._leave(now, "")
             self._retry_at = now
-        if self.link is not None and wish.calibration != old.calibration:
+        if self.link is not None and not self._leaving and wish.calibration != old.calibration:
             self._recalibrate(now)
-        if self.wire is not None and not wish.same_source(old):
+        if self.wire is not None and not self._leaving and not wish.same_source(old):
             self._choose_source(now)
         if wish.arm == 0 or wish.arm < self.ticket:
             if self._phase in ("arming", "live"):
@@ -118,15 +120,13 @@ class Streamer:
         if self._phase in ("arming", "live"):
             self.words = words
             self._to_safe(now)
-        elif self.adapter is not None and self.adapter.ready and self.adapter.own_safe:
+        elif self._phase == "idle" and self.adapter is not None and self.adapter.ready and self.adapter.own_safe:
             self._send(self.adapter.safe())
 
     def shut(self, now: float) -> None:
-        """Begin to end: safe state, then nothing more. `finished` tells when."""
+        """Begin to end: safe state, then nothing more. `finished` tells when; it needs ticks until then."""
         self._closing = True
-        self.stop(now, "the sender ends")
-        if self._phase != "safing":
-            self._disconnect(now, "")
+        self._guarded(now, lambda: self._leave(now, self.words))
 
     @property
     def finished(self) -> bool:
@@ -137,6 +137,18 @@ class Streamer:
     def armed(self) -> bool:
         """Tell whether the device moves, or may at any moment."""
         return self._phase in ("arming", "live")
+
+    @property
+    def pose_known(self) -> bool:
+        """Tell whether it is known where the device is: it says so, or this link has driven it there."""
+        return self._driven or (self.adapter is not None and self.adapter.pose is not None)
+
+    @property
+    def going(self) -> str:
+        """Say what still happens before the device is safe or the link closed, '' for nothing."""
+        if self._phase == "safing" and self._ramp is not None:
+            return f"going to the safe state, {self._ramp.seconds:.1f} s"
+        return "making sure of the safe state" if self._phase == "draining" else ""
 
     # -- time passes
 
@@ -155,10 +167,19 @@ class Streamer:
             work()
         except Gone as error:
             self.counters["links lost"] += 1
-            self._disconnect(now, str(error))
+            on_the_way = self._phase in ("safing", "draining")
+            lost = " The link was lost before the safe state was sure. Switch the device's supply off"
+            self._close(f"{error}{lost if on_the_way else ''}")
             self._retry_at = now + RETRY if self.wish.reconnect else math.inf
         except DermisError as error:
-            self._fail(now, str(error))
+            words = str(error)
+            self.counters["faults"] += 1
+            self._retry_at = now + RETRY if self.wish.reconnect else math.inf
+            if self._leaving:  # nothing more can be done with it
+                self._close(words)
+            else:
+                self._guarded(now, lambda: self._leave(now, words))
+            self.state = "fault"
 
     def status(self) -> dict[str, Any]:
         """Return how things stand as plain JSON values."""
@@ -176,6 +197,11 @@ class Streamer:
         assert self.adapter is not None
         for data in self.link.receive():
             self.adapter.receive(data, now)
+        if self._phase == "draining":
+            assert self._drain is not None
+            if self._drain.done(now):
+                self._close("; ".join(filter(None, (self.words, self._drain.words))))
+            return
         if self.adapter.fault:
             fault, self.adapter.fault = self.adapter.fault, ""
             raise DermisError(fault, where=self.link.name)
@@ -208,7 +234,7 @@ class Streamer:
             self.link = self._open_link(url, self.wire, self.wish.protocol)
             self.adapter = adapters.make(self.wish.protocol, self.wire, url.options)
         except DermisError:
-            self._disconnect(now, "")
+            self._close("")
             raise
         if self.adapter.datagrams and not self.link.datagrams:
             raise DermisError(f"{self.adapter.title} goes over udp://", where=self.wish.url)
@@ -216,41 +242,40 @@ class Streamer:
         self._outbox = Outbox(self.link, self.adapter, self.counters)
         self.adapter.opened(now)
 
-    def _disconnect(self, now: float, words: str) -> None:
-        """Close the link; a last stop is sent where it still can be."""
-        if self.link is not None:
-            if self.adapter is not None and (self._phase != "idle" or self.adapter.armed):
-                with contextlib.suppress(DermisError):
-                    self._make_safe(now)
-            self.link.close()
-        self.link = self.adapter = self._outbox = None
-        self._phase, self.words = "idle", words
-        self.ticket = max(self.ticket, self.wish.arm)
+    def _leave(self, now: float, words: str) -> None:
+        """Begin to let the link go: the safe state first, then whatever waits, and then it is closed."""
+        self.words, self._leaving = words, self.link is not None
+        if self._phase in ("arming", "live"):
+            self._to_safe(now)
+        elif self._phase == "idle":
+            self._begin_draining(now)
 
-    def _fail(self, now: float, words: str) -> None:
-        self.counters["faults"] += 1
-        self._disconnect(now, words)
-        self._retry_at = now + RETRY if self.wish.reconnect else math.inf
-        self.state = "fault"
+    def _begin_draining(self, now: float) -> None:
+        if self.link is None or self.adapter is None or self._outbox is None:
+            self._close(self.words)
+            return
+        self._phase, self._drain = "draining", Drain(self.link, self.adapter, self._outbox, self.counters, now)
+
+    def _close(self, words: str) -> None:
+        if self.link is not None:
+            self.link.close()
+        self.link = self.adapter = self._outbox = self._ramp = self._drain = None
+        self._phase, self.words = "idle", words
+        self._leaving = self._driven = False
+        self.ticket = max(self.ticket, self.wish.arm)
 
     def _send(self, messages: list[bytes]) -> bool:
         return self._outbox is None or self._outbox.send(messages)
 
-    def _make_safe(self, now: float) -> bool:
-        """Say the safe state, and drive a board to it that knows none; tell whether all of that left."""
-        if self._outbox is None or self.adapter is None or self.wire is None:
-            return True
-        drive = not self.adapter.own_safe and self._phase != "arming"
-        return self._outbox.make_safe(self.wire.safe, now, REPEAT, drive=drive)
-
     # -- arming, streaming, safe state
 
     def _begin_arming(self, now: float) -> None:
-        if self.adapter is None or not self.adapter.ready or self._closing:
+        if self.adapter is None or not self.adapter.ready or self._leaving or self._closing:
             self.words = "not connected, so nothing was armed"
             return
         if self._phase == "safing":
-            self._finish_safing(now)
+            self.words = "not armed before the safe state is reached; arm again then"
+            return
         if self.source is None:
             self._choose_source(now)
             if self.source is None:
@@ -268,7 +293,9 @@ class Streamer:
                 self._to_safe(now)
                 self.words = "the device did not arm"
             return
-        pose = self.adapter.pose if self.adapter.pose is not None else self.gate.driven(self.wire.rest)
+        pose = self.adapter.pose
+        if pose is None:  # where it is nobody knows; where it may be without harm, the preset does
+            pose = self.gate.last if self._driven else self.wire.safe
         horizon = self._horizon()
         self.gate.begin(pose, now + horizon - 1.0 / self.rate, self.wish.ramp)
         self.pace.start(now + horizon, horizon)
@@ -297,6 +324,7 @@ class Streamer:
                 return
             if fate is Fate.DROPPED:
                 self.gate.undo()  # nothing was stepped after it
+            self._driven |= fate is Fate.SENT
             self.pace.sent(now, horizon)
         for moment in self.pace.due(now, horizon):
             wanted = self.source.wanted(moment if horizon else now + self.wish.look_ahead, now)
@@ -306,6 +334,7 @@ class Streamer:
                 break
             if fate is Fate.DROPPED:
                 self.gate.undo()
+            self._driven |= fate is Fate.SENT
         self.counters["skipped"] = self.pace.skipped
 
     def _to_safe(self, now: float) -> None:
@@ -320,28 +349,34 @@ class Streamer:
             self.gate.last = self.wire.safe.copy()
             self._finish_safing(now)
             return
-        self._way = SafeWay(self.gate, now)
+        self._ramp = SafeRamp(self.gate, self.pace.period, now)
         self._safing(now)
 
     def _safing(self, now: float) -> None:
-        assert self.adapter is not None and self.gate is not None and self._way is not None
-        values, there = self._way.step(now)
-        self.gate.last = values
-        if not self._send(self.adapter.command(values, now, None)):
-            self.adapter.forget()
-            there = False
-        there = there and self._make_safe(now)
-        if there:
+        assert self.adapter is not None and self.wire is not None and self._ramp is not None
+        if self._ramp.due(now):
+            if self._send(self.adapter.command(self._ramp.step(now), now, None)):
+                self._ramp.sent(now)
+            else:
+                self.adapter.forget()
+                self._ramp.undo()
+        while self._ramp.there and self._ramp.said < REPEAT:
+            self.adapter.forget()  # said again in full
+            if not self._send(self.adapter.safe() or self.adapter.command(self.wire.safe, now, None)):
+                break
+            self._ramp.said += 1
+        if self._ramp.said == REPEAT:
             self._finish_safing(now)
-        elif now - self._since > STUBBORN:
+        elif self._ramp.stuck(now):
+            self._driven = False
             self.words = "The device takes nothing, so its safe state could not be sent. Switch its supply off"
             self._finish_safing(now)
 
     def _finish_safing(self, now: float) -> None:
-        self._phase = "idle"
+        self._phase, self._ramp = "idle", None
         self.ticket = max(self.ticket, self.wish.arm)
-        if self._closing:
-            self._disconnect(now, self.words)
+        if self._leaving:
+            self._begin_draining(now)
 
     # -- helpers
 
@@ -372,6 +407,8 @@ class Streamer:
             self.adapter.wire = self.wire  # its safe pose may be another one
         if self._phase == "live":
             self.gate.blend(self.pace.next, RECALIBRATING)
+        elif self._phase == "safing":  # what is safe may have moved
+            self._ramp = SafeRamp(self.gate, self.pace.period, now)
 
     def _choose_source(self, now: float) -> None:
         """Make what the mode asks for; what cannot be made leaves the device safe and says why."""
@@ -394,6 +431,9 @@ class Streamer:
         if self.link is None:
             if self.state not in ("fault",) or not self.wish.connect:
                 self.state = "disconnected"
+        elif self._phase in ("safing", "draining"):
+            if self.state not in ("fault", "stalled"):
+                self.state = "stopping"
         elif self.adapter is not None and not self.adapter.ready:
             self.state = "connecting"
         elif self._phase in ("arming", "live"):

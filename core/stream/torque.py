@@ -60,6 +60,7 @@ class Torque(Adapter):
         self._heard = self._alive = self._stepped = -math.inf
         self._due = self._polled = -1.0
         self._asked: dict[int, float] = {}
+        self._let_go: int | None = None  # first datagram of a safe state that the board has not answered
 
     def opened(self, now: float) -> None:
         """Begin: nothing is known of the board before it has reported its angles."""
@@ -95,6 +96,8 @@ class Torque(Adapter):
             self.counters["out of order"] += 1
             return
         self.round_trip = now - asked
+        if self._let_go is not None and (sequence - self._let_go) & 0xFFFF < 0x8000:
+            self._let_go = None
         step = now - self._heard
         if self._angle is not None and 1e-4 < step < FRESH:
             # One pole over about three samples: an encoder's step is not a speed.
@@ -110,6 +113,7 @@ class Torque(Adapter):
         """Start the loop without what it summed up before."""
         self._sum[:] = 0
         self._stepped = -math.inf
+        self._let_go = None
         super().arm()
 
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
@@ -135,7 +139,14 @@ class Torque(Adapter):
     def safe(self) -> list[bytes]:
         """Return no torque at all."""
         super().safe()
+        if self.ready:
+            self._let_go = (self._sequence + 1) & 0xFFFF
         return [self._pack(np.zeros(self.wire.count), self._heard) for _ in range(3)]
+
+    @property
+    def settled(self) -> bool:
+        """Tell whether the board has answered a datagram without torque."""
+        return self._let_go is None
 
     def _pack(self, torque: Array, now: float) -> bytes:
         self._sequence = (self._sequence + 1) & 0xFFFF

@@ -40,8 +40,16 @@ class Transport:
         """
         raise NotImplementedError
 
+    def pending(self) -> int:
+        """Send on the end of a message that was cut; return how many bytes still wait on this computer.
+
+        Raises:
+            Gone: the link is closed.
+        """
+        return 0
+
     def close(self) -> None:
-        """Close the link; safe to call twice."""
+        """Close the link, without waiting; what is still `pending` may be lost. Safe to call twice."""
 
     def report(self) -> dict[str, Any]:
         """Return what the transport itself knows of the other side."""
@@ -56,17 +64,26 @@ class Stream(Transport):
         self._rest = b""
 
     def send(self, message: bytes) -> bool:
-        if self._rest:  # the end of a message that was cut: it must come first
-            self._rest = self._rest[self._write(self._rest) :]
-            if self._rest:
-                return False
-        if not self._has_room(len(message)):
+        if self._push_rest() or not self._has_room(len(message)):
             return False
         done = self._write(message)
         if not done:
             return False
         self._rest = message[done:]
         return True
+
+    def pending(self) -> int:
+        return self._push_rest() + self._queued()
+
+    def _push_rest(self) -> int:
+        """Send on the end of a message that was cut, which must come before all else; return what is left of it."""
+        if self._rest:
+            self._rest = self._rest[self._write(self._rest) :]
+        return len(self._rest)
+
+    def _queued(self) -> int:
+        """Return how many bytes the system still holds, 0 where it does not say."""
+        return 0
 
     def _has_room(self, size: int) -> bool:
         return True

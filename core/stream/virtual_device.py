@@ -128,6 +128,11 @@ class Server:
             self._write(answer)
 
     @property
+    def delayed(self) -> int:
+        """Number of messages that are still on their way to the device."""
+        return len(self._in)
+
+    @property
     def read_most(self) -> int:
         """Most bytes to read at once: few where the reader is slow."""
         return max(int(self._credit), 1) if self._slow else 65536

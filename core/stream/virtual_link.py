@@ -9,17 +9,17 @@ import threading
 from typing import Any
 
 from .links import open_link as open_real
-from .transport import Gone, Transport
+from .transport import Gone, Stream, Transport
 from .url import Url
 from .virtual_device import Server, make, options_of
 from .wire import Wire
 
 
-class VirtualLink(Transport):
+class VirtualLink(Stream):
     """A link to a virtual device on a thread of this process."""
 
     def __init__(self, protocol: str, wire: Wire, url: Url) -> None:
-        self.name = url.text.rstrip(":")
+        super().__init__(url.text.rstrip(":"))
         options = options_of(url)
         device = make(protocol, wire, options)
         self.datagrams = device.datagrams
@@ -29,26 +29,22 @@ class VirtualLink(Transport):
             self._mine, self._theirs = socket.socketpair()
             self._mine.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 8192)
         self._mine.setblocking(False)
-        self._server = Server(device, self._read, self._write, options)
-        self._rest = b""
+        self._server = Server(device, self._read, self._answer, options)
         self._open = True
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    def send(self, message: bytes) -> bool:
-        """Send a message whole or not at all."""
+    def _write(self, data: bytes) -> int:
         try:
-            if self._rest:
-                self._rest = self._rest[self._mine.send(self._rest) :]
-                if self._rest:
-                    return False
-            done = self._mine.send(message)
+            return self._mine.send(data)
         except BlockingIOError:
-            return False
+            return 0
         except OSError as error:
             raise Gone("the virtual device is gone", where=self.name) from error
-        self._rest = message[done:]
-        return True
+
+    def _queued(self) -> int:
+        """Return what the device's thread has not taken: whether there is anything, not how much of it."""
+        return len(select.select([self._theirs], [], [], 0)[0]) + self._server.delayed
 
     def receive(self) -> list[bytes]:
         """Return what has arrived."""
@@ -89,7 +85,7 @@ class VirtualLink(Transport):
             return []
         return [data] if data or self.datagrams else None
 
-    def _write(self, message: bytes) -> None:
+    def _answer(self, message: bytes) -> None:
         with contextlib.suppress(OSError):
             self._theirs.send(message)
 

@@ -29,17 +29,18 @@ TIMES = 12  # stops and kills of each kind
 
 
 class Receiver:
-    """The receiving process."""
+    """The receiving process, with one device or several of a kind."""
 
-    def __init__(self) -> None:
+    def __init__(self, key: str = "haptip", count: int = 1) -> None:
         from core.work import environment
 
         self._out = Path(tempfile.mkdtemp(prefix="dermis-bench-")) / "arrived.npz"
         self.process = subprocess.Popen(
-            [sys.executable, str(Path(__file__).with_name("stream_receiver.py")), str(self._out)], env=environment(),
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+            [sys.executable, str(Path(__file__).with_name("stream_receiver.py")), str(self._out), key, str(count)],
+            env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         )  # fmt: skip
-        self.url = str(self.line()["url"])
+        self.urls = list(map(str, self.line()["urls"]))
+        self.url = self.urls[0]
 
     def line(self) -> dict[str, Any]:
         """Return the next thing that it says."""
@@ -48,9 +49,13 @@ class Receiver:
 
     def safe_since(self, moment: float) -> float:
         """Wait until the device reaches its safe state after a moment; return when [s]."""
-        while (at := float(self.line()["safe_at"])) < moment:
+        return self.way_since(moment)[1]
+
+    def way_since(self, moment: float) -> tuple[float, float]:
+        """Wait until the device reaches its safe state after a moment; return when it began and when it was there."""
+        while float((line := self.line())["safe_at"]) < moment:
             pass
-        return at
+        return float(line["began"]), float(line["safe_at"])
 
     def end(self) -> tuple[Any, list[int]]:
         """End it; return arrival times [s], and received, lost, damaged, late."""
@@ -84,17 +89,24 @@ def track(seconds: float) -> str:
 
 
 @contextmanager
-def armed(receiver: Any, **wish: Any) -> Iterator[Any]:
-    """Connect and arm a sender."""
+def streaming_to(url: str, key: str, **wish: Any) -> Iterator[Any]:
+    """Connect a sender to a device in the box and let it arm."""
     from core.presets import Library
     from core.stream.client import SenderClient
 
     with SenderClient() as client:
-        client.connect(receiver.url, "native", "haptip", Library().load("devices", "haptip"), ramp=0.0, **wish)
+        client.connect(url, "native", key, Library().load("devices", key), **wish)
         client.beat()
         client.wait("ready", 20)
         client.beat()
         client.arm()
+        yield client
+
+
+@contextmanager
+def armed(receiver: Any, **wish: Any) -> Iterator[Any]:
+    """Connect and arm a sender."""
+    with streaming_to(receiver.url, "haptip", ramp=0.0, **wish) as client:
         beats(client, 0.3, time.sleep)
         if not client.status()["armed"]:
             raise RuntimeError(client.status()["words"])
@@ -243,7 +255,9 @@ def stop() -> Result:
 
 @benchmark("kill_safe_ms", limit=100.0)
 def kill() -> Result:
-    """Time from kill -9 of sender or receiver to the safe state: the device's own, or the sender's; the worst."""
+    """Time from kill -9 of sender or receiver until the device begins to go to its safe state by itself, or until the
+    sender gives it up; the worst. How long the way takes is `kill_pose_ms`.
+    """
     path, sender, receiver_gone, receiver_stopped = track(30), [], [], []
     for k in range(TIMES):
         receiver = Receiver()
@@ -251,7 +265,7 @@ def kill() -> Result:
             beats(client, 0.4 + 0.013 * k, time.sleep, playing=True)
             killed = time.perf_counter()
             os.kill(client.pid, signal.SIGKILL)
-            sender.append(1e3 * (receiver.safe_since(killed) - killed))
+            sender.append(1e3 * (receiver.way_since(killed)[0] - killed))
         receiver.kill()
         for how, list_ in ((signal.SIGKILL, receiver_gone), (signal.SIGSTOP, receiver_stopped)):
             receiver = Receiver()

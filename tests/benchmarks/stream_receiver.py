@@ -1,7 +1,9 @@
-"""A virtual device on a pty that notes when every command arrived: the receiving end of the stream's benchmarks.
+"""Virtual devices on ptys that note when every command arrived: the receiving end of the stream's benchmarks.
 
-`python stream_receiver.py FILE` prints the port's name, runs until its standard input ends, and then writes the arrival
-times [s of the monotonic clock] and its counters to FILE. A process of its own: the sender's neighbour, as a board is.
+`python stream_receiver.py FILE [DEVICE [COUNT]]` prints the ports' names, runs until its standard input ends, and then
+writes the arrival times [s of the monotonic clock] of the first and the counters of all to FILE. Whenever a device has
+reached its safe state it prints when that was, and when it began to go there. A process of its own: the sender's
+neighbour, as a board is.
 """
 
 from __future__ import annotations
@@ -9,15 +11,15 @@ from __future__ import annotations
 import array
 import gc
 import json
+import select
 import sys
 import threading
-import time
-from typing import Any
 
 import numpy as np
 
 from core.presets import Library
 from core.stream import packets
+from core.stream.packets import DeviceState
 from core.stream.virtual_device import Server
 from core.stream.virtual_native import NativeDevice
 from core.stream.virtual_program import Endpoint
@@ -30,17 +32,35 @@ class Noting(NativeDevice):
     def __init__(self, wire: Wire) -> None:
         super().__init__(wire)
         self.arrived = array.array("d")
+        self.began: float | None = None
+        self.said: float | None = None
 
     def _command(self, packet: packets.Packet, now: float) -> list[bytes]:
         self.arrived.append(now)
         return super()._command(packet, now)
 
+    def tick(self, now: float) -> list[bytes]:
+        """Let time pass, and note the first moment of the way to the safe state."""
+        out = super().tick(now)
+        if self.state != DeviceState.SAFE:
+            self.began = None
+        elif self.began is None:
+            self.began = now
+        return out
 
-def main(path: str) -> None:
+    def say(self) -> None:
+        """Print what is new about the safe state."""
+        if self.safe_at is not None and self.safe_at != self.said:
+            print(json.dumps({"safe_at": self.safe_at, "began": self.began}), flush=True)
+        self.said = self.safe_at
+
+
+def main(path: str, key: str = "haptip", count: str = "1") -> None:
     """Serve until standard input ends."""
-    device = Noting(Wire.of(Library().device("haptip")))
-    link = Endpoint("pty")
-    server = Server(device, lambda wait: link.read(wait, 65536), link.write, {})
+    wire = Wire.of(Library().device(key))
+    devices, links = [Noting(wire) for _ in range(int(count))], [Endpoint("pty") for _ in range(int(count))]
+    servers = [Server(d, lambda _, link=link: link.read(0.0, 65536), link.write, {})
+               for d, link in zip(devices, links, strict=True)]  # fmt: skip
     ended = threading.Event()
 
     def watch() -> None:
@@ -49,17 +69,17 @@ def main(path: str) -> None:
         ended.set()
 
     threading.Thread(target=watch, daemon=True).start()
-    print(json.dumps({"url": link.url}), flush=True)
+    print(json.dumps({"url": links[0].url, "urls": [link.url for link in links]}), flush=True)
     gc.collect()
     gc.freeze()
-    safe: Any = None
-    while not ended.is_set() and server.step():
-        if device.safe_at is not None and device.safe_at != safe:
-            print(json.dumps({"safe_at": device.safe_at, "now": time.perf_counter()}), flush=True)
-        safe = device.safe_at
-    counts = np.array([device.received, device.lost, device.damaged, device.late])
-    np.savez(path, arrived=np.array(device.arrived), counts=counts)
+    while not ended.is_set():
+        select.select([link._fd for link in links], [], [], 0.001)
+        for server, device in zip(servers, devices, strict=True):
+            server.step()
+            device.say()
+    counts = np.array([[d.received, d.lost, d.damaged, d.late] for d in devices]).sum(axis=0)
+    np.savez(path, arrived=np.array(devices[0].arrived), counts=counts)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(*sys.argv[1:])

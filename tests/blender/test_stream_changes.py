@@ -13,7 +13,7 @@ from blender_addon import handlers, live, results, streaming, streaming_tracks
 from blender_addon.preferences import core_module
 
 from . import build
-from .test_stream import HAPTIP, a_bake, a_track, heard, state, wait
+from .test_stream import HAPTIP, a_bake, a_track, ended, heard, state, wait
 from .test_undo import push, undo
 
 pytestmark = pytest.mark.real_time
@@ -127,7 +127,7 @@ def test_a_scene_that_is_gone_ends_its_stream(scene: Any) -> None:
     wait(state("ready"))
     bpy.data.scenes.remove(other)
     streaming.beat()
-    assert not streaming.connected() and not client.alive
+    assert not streaming.connected() and ended(client)
 
 
 def test_what_is_refused_stays_to_be_read(scene: Any) -> None:

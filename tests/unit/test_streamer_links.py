@@ -125,9 +125,11 @@ def test_a_board_without_a_safe_state_of_its_own_is_left_in_it(protocol: str) ->
         lab.arm()
         lab.run(0.3)
         assert lab.at[0] == pytest.approx(0.4, abs=2e-3)
-        device = lab.device
+        device, path = lab.device, [0.4]
         lab.set(**change)
-        assert abs(list(device.report()["values"].values())[0]) < 1e-3
+        lab.run(0.05, lambda d=device, p=path: p.append(list(d.report()["values"].values())[0]))
+        assert np.abs(np.diff(path)).max() <= np.radians(2300) * 2 * TICK + 1e-3, "never a jump"
+        assert abs(path[-1]) < 1e-3
 
 
 def test_what_a_full_link_refused_is_said_again() -> None:

@@ -1,0 +1,46 @@
+"""The last moments of a link: what waits has to leave, and the device to confirm its safe state where it can."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from .adapter import Adapter
+from .outbox import Outbox
+from .transport import Transport
+
+DRAIN = 1.0  # what has not left after this long is thrown away, and that is said [s]
+
+
+class Drain:
+    """Empties a link before it is closed, without ever waiting.
+
+    Attributes:
+        words: what could not be done, '' if nothing.
+    """
+
+    def __init__(self, link: Transport, adapter: Adapter, outbox: Outbox, counters: Counter[str], now: float) -> None:
+        self._link, self._adapter, self._outbox, self._counters = link, adapter, outbox, counters
+        self._until = now + DRAIN
+        self.words = ""
+
+    def done(self, now: float) -> bool:
+        """Send on what waits; tell whether the link may be closed.
+
+        Raises:
+            Gone: the link is closed already.
+        """
+        if not self._adapter.settled:
+            self._outbox.poll(now)  # says it again
+        waiting = self._link.pending() + (0 if self._adapter.settled else self._outbox.waiting)
+        if self._adapter.settled and not waiting:
+            return True
+        if now < self._until:
+            return False
+        if waiting:
+            self._counters["bytes thrown away at the end"] += waiting
+            self.words = f"{waiting} bytes did not leave within {DRAIN:g} s and were thrown away"
+        else:
+            self.words = f"the device did not confirm its safe state within {DRAIN:g} s"
+        self._counters["safe states not confirmed"] += 1
+        self.words = f"{self.words.capitalize()}. Switch its supply off"
+        return True

@@ -1,0 +1,75 @@
+"""The way to the safe state of a board that does not know one: the sender drives it there, at the declared speed.
+
+It takes as long as that takes. Only what is declared `at_once`, as a screen's voltage, goes there in one step.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .gate import Gate, way_seconds
+from .packets import Reach
+from .wire import Array, Wire
+
+UNLIMITED = 1.0  # a channel without a speed limit crosses its range in this time [s]
+STUBBORN = 1.0  # a link that takes nothing for this long will not [s]
+
+
+class SafeRamp:
+    """From where a device was driven last to its safe values, in a straight line, a command a period.
+
+    Calibration has no say in the way, only in where it ends. What a link did not take is stepped again, so a link that
+    was full does not make up for it by a jump.
+
+    Args:
+        period: between two commands [s].
+
+    Attributes:
+        said: how often the safe state was said, once it was reached.
+    """
+
+    def __init__(self, gate: Gate, period: float, now: float) -> None:
+        self._gate, self._period = gate, period
+        self._slew = speeds(gate.wire, gate.last)
+        self._next = self._left = now
+        self.said = 0
+
+    @property
+    def seconds(self) -> float:
+        """How long the rest of the way takes [s]."""
+        gate = self._gate
+        return 0.0 if gate.wire.reach == Reach.AT_ONCE else way_seconds(gate.wire.safe - gate.last, self._slew)
+
+    @property
+    def there(self) -> bool:
+        """Tell whether what was driven last is the safe state."""
+        return bool((np.abs(self._gate.last - self._gate.wire.safe) < 1e-9).all())
+
+    def due(self, now: float) -> bool:
+        """Tell whether the next command has to leave."""
+        return now >= self._next
+
+    def step(self, now: float) -> Array:
+        """Return what to drive now [units]; the gate remembers it."""
+        goal = self._gate.wire.safe
+        slew = np.full(goal.shape, np.inf) if self._gate.wire.reach == Reach.AT_ONCE else self._slew
+        return self._gate.approach(goal, slew, now)
+
+    def sent(self, now: float) -> None:
+        """Note that the last step left."""
+        self._left = now
+        self._next = max(self._next + self._period, now)
+
+    def undo(self) -> None:
+        """Forget the last step: its command did not leave."""
+        self._gate.undo()
+
+    def stuck(self, now: float) -> bool:
+        """Tell whether the link has taken nothing for too long."""
+        return now - self._left > STUBBORN
+
+
+def speeds(wire: Wire, start: Array) -> Array:
+    """Return how fast each channel may go [units/s]: as declared; without that, its range or its way in a second."""
+    span = np.where(np.isfinite(wire.high - wire.low), wire.high - wire.low, np.abs(wire.safe - start))
+    return np.where(np.isfinite(wire.slew), wire.slew, np.maximum(span, 1e-12) / UNLIMITED)

@@ -1,0 +1,124 @@
+"""A receiver that judges how a stream ended: whether the last command is the safe state, and how fast it came there.
+
+`python exit_receiver.py PROTOCOL DEVICE BAUD` prints its port, reads at the line's real pace (datagrams as they come),
+and answers lines on its standard input with JSON: `mark` forgets what came before, `pose` says where it was told to
+be, `judge` also how far any step was ahead of the declared speed.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import time
+from queue import Empty, SimpleQueue
+from typing import Any
+
+import numpy as np
+
+from core.presets import Library
+from core.stream.packets import DeviceState
+from core.stream.virtual_device import Server, make
+from core.stream.virtual_program import Endpoint
+from core.stream.wire import Array, Wire
+
+QUANTUM = 2e-3  # of a channel's range: what the coarsest protocol can tell apart
+
+
+class Judged:
+    """A virtual device, with a memory of what it was told and when.
+
+    Attributes:
+        ahead: the most that a step was ahead of the declared speed [s]. heard: when the last byte came [s].
+    """
+
+    def __init__(self, protocol: str, wire: Wire) -> None:
+        self.wire, self._protocol = wire, protocol
+        self.device: Any = make(protocol, wire, {})
+        self.datagrams = self.device.datagrams
+        self.heard = time.perf_counter()
+        self.mark()
+
+    def mark(self) -> None:
+        """Forget how it came here."""
+        self.ahead, self.steps = 0.0, 0
+        self._last, self._at = self.told(), time.perf_counter()
+
+    def feed(self, data: bytes, now: float) -> list[bytes]:
+        """Take what arrived, byte by byte where several commands may come at once."""
+        self.heard, out = now, []
+        whole = self.datagrams or self._protocol == "native"
+        for part in [data] if whole else [bytes((byte,)) for byte in data]:
+            out += self.device.feed(part, now)
+            self._look(now)
+        return out
+
+    def tick(self, now: float) -> list[bytes]:
+        """Let time pass."""
+        return list(self.device.tick(now))
+
+    def report(self) -> dict[str, object]:
+        """Return what the device says."""
+        return dict(self.device.report())
+
+    def told(self) -> Array:
+        """Return what the last command asked for [units]; of a torque board the torques."""
+        if self._protocol == "native":
+            return self.wire.values(self.device._target)
+        if self._protocol == "torque":
+            return np.array(self.device.torque)
+        return np.array(list(self.device.report()["values"].values()))
+
+    @property
+    def safe(self) -> bool:
+        """Tell whether the last thing that it was told is its safe state."""
+        if self._protocol == "native":
+            return bool(self.device.state == DeviceState.SAFE)
+        if self._protocol == "torque":
+            return not self.told().any()
+        span = np.maximum(self.wire.high - self.wire.low, 1e-9)
+        return bool((np.abs(self.told() - self.wire.safe) <= QUANTUM * span).all())
+
+    def _look(self, now: float) -> None:
+        """Hold a command against the one before."""
+        told = self.told()
+        if (told == self._last).all():
+            return
+        self.steps += 1
+        if self._protocol != "torque" and not (self._protocol == "native" and self.safe):
+            step = np.maximum(np.abs(told - self._last) - QUANTUM * (self.wire.high - self.wire.low), 0.0)
+            self.ahead = max(self.ahead, float(np.max(step / self.wire.slew)) - (now - self._at))
+        self._last, self._at = told, now
+
+
+def main(protocol: str, key: str, baud: str) -> None:
+    """Serve until standard input ends."""
+    judged = Judged(protocol, Wire.of(Library().device(key)))
+    link = Endpoint("udp" if judged.datagrams else "pty")
+    pace = {} if judged.datagrams else {"slow": float(baud) / 10}
+    server = Server(judged, lambda wait: link.read(wait, server.read_most), link.write, pace)
+    asked: SimpleQueue[str] = SimpleQueue()
+
+    def ask() -> None:
+        for line in sys.stdin:
+            asked.put(line.strip())
+        asked.put("end")
+
+    threading.Thread(target=ask, daemon=True).start()
+    print(json.dumps({"url": link.url}), flush=True)
+    while server.step():
+        try:
+            question = asked.get_nowait()
+        except Empty:
+            continue
+        if question == "end":
+            return
+        if question == "mark":
+            judged.mark()
+        answer = {"safe": judged.safe, "told": judged.told().tolist(), "ahead": judged.ahead, "steps": judged.steps,
+                  "quiet": time.perf_counter() - judged.heard}  # fmt: skip
+        print(json.dumps(answer), flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

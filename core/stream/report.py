@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from .source import Panel
+from .source import Panel, Play
 
 if TYPE_CHECKING:
     from .streamer import Streamer
@@ -21,10 +21,12 @@ def report(streamer: Streamer) -> dict[str, Any]:
         "counters": dict(streamer.counters), "limited": dict(gate.limited) if gate else {},
         "names": list(wire.names) if wire else [], "units": list(wire.units) if wire else [],
         "values": gate.last.tolist() if gate else [],
+        "not_rendered": str(streamer.source.loss or "") if isinstance(streamer.source, Play) else "",
     }  # fmt: skip
     if adapter is not None:
         out |= {
             "device": adapter.device, "watchdog": adapter.watchdog, "caution": adapter.caution,
+            "output_hz": adapter.output_hz,
             "round_trip_ms": _plain(adapter.round_trip * 1e3), "protocol": dict(adapter.counters),
             "pose": None if adapter.pose is None else adapter.pose.tolist(),
         }  # fmt: skip

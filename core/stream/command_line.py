@@ -30,6 +30,8 @@ def add_parser(commands: Any, load_screen: LoadScreen) -> None:
                       help="send this far ahead (0.1 s)")  # fmt: skip
     play.add_argument("--ramp", type=_setting("ramp"), default=1.0, metavar="S",
                       help="ramp from where the device is (1 s)")  # fmt: skip
+    play.add_argument("--rate", type=_setting("rate"), default=0.0, metavar="HZ",
+                      help="commands a second; the device's own if left out")  # fmt: skip
     play.add_argument("--yes", action="store_true", help="arm without asking")
     play.set_defaults(run=_play)
 
@@ -134,7 +136,7 @@ def _play(options: argparse.Namespace) -> int:
     wish = Wish(
         connect=True, url=options.url, protocol=options.protocol, device={"key": key, "preset": preset},
         calibration=calibration, track=str(options.track), look_ahead=options.look_ahead,
-        ramp=options.ramp, play_on=True,
+        ramp=options.ramp, rate=options.rate, play_on=True,
     )  # fmt: skip
     streamer, clock = Streamer(open_link), time.perf_counter
     number, started = 0, 0.0
@@ -153,8 +155,9 @@ def _play(options: argparse.Namespace) -> int:
         run(lambda: streamer.state in ("ready", "fault") or (streamer.link is None and bool(streamer.words)), False)
         if streamer.state != "ready":
             raise DermisError(streamer.words.rstrip(".") or "the device cannot be reached", where=options.url)
-        if streamer.adapter is not None and streamer.adapter.caution:
-            print(streamer.adapter.caution, file=sys.stderr)
+        if streamer.adapter is not None:
+            for said in filter(None, (streamer.adapter.caution, streamer.adapter.notice)):
+                print(said, file=sys.stderr)
         if not options.yes:
             print(f"{track.spec.name} at {options.url} is about to move. Enter: arm; Ctrl-C: stop.", file=sys.stderr)
             if not sys.stdin.readline():  # an end of input is nobody's finger on a key
@@ -179,4 +182,6 @@ def _play(options: argparse.Namespace) -> int:
             time.sleep(0.001)
     counters = {k: v for k, v in {**streamer.counters, **(streamer.gate.limited if streamer.gate else {})}.items() if v}
     print(", ".join(f"{name} {count}" for name, count in sorted(counters.items())))
+    if lost := streamer.status()["not_rendered"]:
+        print(lost)
     return 0

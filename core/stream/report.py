@@ -26,7 +26,7 @@ def report(streamer: Streamer) -> dict[str, Any]:
     if adapter is not None:
         out |= {
             "device": adapter.device, "watchdog": adapter.watchdog, "caution": adapter.caution,
-            "output_hz": adapter.output_hz,
+            "output_hz": adapter.output_hz, "notice": adapter.notice,
             "round_trip_ms": _plain(adapter.round_trip * 1e3), "protocol": dict(adapter.counters),
             "pose": None if adapter.pose is None else adapter.pose.tolist(),
         }  # fmt: skip

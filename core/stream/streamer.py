@@ -16,6 +16,7 @@ from typing import Any
 
 from ..errors import DermisError
 from . import adapter as adapters
+from . import capacity
 from .adapter import Adapter
 from .board import Beat
 from .gate import Gate
@@ -184,7 +185,7 @@ class Streamer:
         if not self.adapter.ready:
             if now - self._since > HANDSHAKE:
                 raise DermisError(f"nobody answered within {HANDSHAKE:g} s", where=self.link.name,
-                                  remedy="Check port, protocol, baud rate and power")  # fmt: skip
+                                  remedy=self.adapter.silence)  # fmt: skip
             return
         if isinstance(self.source, Play) and self.source.output_hz != self._output_hz:
             self._choose_source(now)  # the device has said by now what it can show
@@ -215,7 +216,9 @@ class Streamer:
         if self.adapter.datagrams and not self.link.datagrams:
             raise DermisError(f"{self.adapter.title} goes over udp://", where=self.wish.url)
         self._phase, self._since = "idle", now
-        self._outbox = Outbox(self.link, self.adapter, self.counters)
+        capacity.check(self.adapter, self.link, self.rate)
+        bucket = capacity.bucket(self.adapter, self.link, self.rate)
+        self._outbox = Outbox(self.link, self.adapter, self.counters, bucket)
         self.adapter.opened(now)
 
     def _disconnect(self, now: float, words: str) -> None:

@@ -119,6 +119,11 @@ class DermisStream(bpy.types.PropertyGroup):
         name="Look-Ahead", description="Commands leave this much before they count; makes up for the device's delay",
         default=0.1, min=0.0, max=1.0, unit="TIME_ABSOLUTE", update=_changed, options=set(),
     )  # fmt: skip
+    rate: FloatProperty(
+        name="Rate",
+        description="Commands a second; 0: the device's own rate. A slow link carries fewer; taken when connecting",
+        default=0.0, min=0.0, soft_max=1000.0, max=10_000.0, precision=0, step=1000, update=_quiet, options=set(),
+    )  # fmt: skip
     ramp: FloatProperty(
         name="Ramp", description="Time from the device's own pose to the track after arming", default=1.0, min=0.1,
         max=10.0, unit="TIME_ABSOLUTE", update=_changed, options=set(),

@@ -178,7 +178,7 @@ def _wish(scene: bpy.types.Scene) -> dict[str, Any]:
     """Return the fields of the sender's wish that the settings decide."""
     s = scene.dermis_stream
     jog = {c.name: c.jog for c in s.channels} if s.mode == "jog" else {}
-    names = ("mode", "offset", "look_ahead", "ramp", "stall", "play_on", "reconnect")
+    names = ("mode", "offset", "look_ahead", "ramp", "stall", "play_on", "reconnect", "rate")
     return {**{name: getattr(s, name) for name in names}, "jog": jog, "track": streaming_tracks.track_path(scene),
             "screen": bpy.path.abspath(s.screen_file) if s.screen_file else ""}  # fmt: skip
 

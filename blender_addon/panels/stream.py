@@ -78,6 +78,9 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, now["words"], "ERROR" if now["state"] != "ready" else "INFO")
         if caution := streaming.caution(context.scene.dermis_stream.protocol):
             paragraph(layout, context, caution, "ERROR")
+        for key in ("notice", "not_rendered"):
+            if now.get(key):
+                paragraph(layout, context, now[key], "INFO")
         if now.get("rate"):
             box = layout.box().column(align=True)
             box.scale_y = 0.85
@@ -126,6 +129,7 @@ class DERMIS_PT_stream_settings(DermisPanel, bpy.types.Panel):
         column = layout.column(align=True)
         for name in ("offset", "look_ahead", "ramp", "stall"):
             column.prop(settings, name)
+        column.prop(settings, "rate", text="Rate (Hz)")
         for name in ("play_on", "reconnect", "show_received"):
             layout.prop(settings, name)
         layout.operator("dermis.export_as", icon="EXPORT")

@@ -30,15 +30,20 @@ class Adapter:
         own_safe: one message makes the receiver go to its safe state; otherwise the sender moves it there.
         timed: commands may carry their play-out time.
         datagrams: messages go as datagrams, never as a stream.
+        baud: of a serial port whose URL names none.
         caution: what a person has to know before a finger goes in.
+        silence: what to look for where nobody answers.
 
     Attributes:
         ready: the device has been recognised. armed: it takes commands. fault: why it cannot be used, in words.
         pose: where the device says it is [units], or None.
         touch: the last touch of a panel. counters: what went wrong or was changed, by name.
         round_trip: the last one [s], or NaN. congested: answers stay away, so the link holds more than it carries.
+        prompt: the last answer came as soon as any, or there are none: nothing waits on the way.
         queue: commands that the device can hold for later; 0: not known.
         output_hz: how often the actuators can take a new value [Hz]; 0: not known, or at every command.
+        notice: what a person should know of the device that has been recognised, in words.
+        command_bytes: the most that one command takes. other_bytes: the most that goes beside commands, a second.
     """
 
     name = ""
@@ -47,7 +52,11 @@ class Adapter:
     own_safe = False
     timed = False
     datagrams = False
+    baud = 115_200
     caution = ""
+    silence = "Check port, protocol, baud rate and power"
+    command_bytes = 0
+    other_bytes = 0.0
     OPTIONS: tuple[str, ...] = ()
 
     def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
@@ -67,7 +76,9 @@ class Adapter:
         self.device = ""
         self.queue = 0
         self.output_hz = 0.0
+        self.notice = ""
         self.congested = False
+        self.prompt = True
 
     def opened(self, now: float) -> None:
         """Begin: the link has just been opened."""
@@ -116,6 +127,19 @@ class Adapter:
                               value=self.options.get(name, default), limit="a finite number")  # fmt: skip
         return number
 
+    def whole(self, name: str, default: int, least: int, most: int) -> int:
+        """Read an option as a whole number within its limits.
+
+        Raises:
+            DermisError: it is none, or outside of them.
+        """
+        text = self.options.get(name, str(default))
+        number = int(text) if text.strip().isdecimal() else -1
+        if not least <= number <= most:
+            raise DermisError("an option is no whole number within its limits", where=f"protocol '{self.name}', {name}",
+                              value=text, limit=f"{least} to {most}")  # fmt: skip
+        return number
+
 
 NAMES: Mapping[str, tuple[str, str, str]] = {
     "native": ("native", "Native", "Dermis native"),
@@ -126,16 +150,25 @@ NAMES: Mapping[str, tuple[str, str, str]] = {
 }
 
 
+def kind(protocol: str) -> type[Adapter]:
+    """Return the class of a protocol's adapters.
+
+    Raises:
+        DermisError: no such protocol.
+    """
+    from importlib import import_module
+
+    if protocol not in NAMES:
+        raise DermisError("no such protocol", value=protocol, limit=", ".join(NAMES))
+    module, name, _ = NAMES[protocol]
+    found: type[Adapter] = getattr(import_module(f".{module}", __package__), name)
+    return found
+
+
 def make(protocol: str, wire: Wire, options: Mapping[str, str]) -> Adapter:
     """Return the adapter of a protocol for a device.
 
     Raises:
         DermisError: no such protocol, an unknown option, or a device that the protocol cannot carry.
     """
-    from importlib import import_module
-
-    if protocol not in NAMES:
-        raise DermisError("no such protocol", value=protocol, limit=", ".join(NAMES))
-    module, cls, _ = NAMES[protocol]
-    adapter: Adapter = getattr(import_module(f".{module}", __package__), cls)(wire, options)
-    return adapter
+    return kind(protocol)(wire, options)

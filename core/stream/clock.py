@@ -68,11 +68,6 @@ class DeviceClock:
         """The last round trip [s]; NaN before the first."""
         return self._samples[-1][0] if self._samples else float("nan")
 
-    @property
-    def shortest(self) -> float:
-        """The shortest round trip of the last few [s]; 0 before the first."""
-        return min(self._samples)[0] if self._samples else 0.0
-
     def reply(self, sent: float, received: float, device_us: int) -> None:
         """Take a reply: when it was asked and received [s of the host], and the device's counter."""
         if self._last is None:
@@ -87,6 +82,32 @@ class DeviceClock:
         # The shortest round trip of the last second or so says most about the offset.
         offset = min(self._samples)[1]
         return round((moment + offset) * 1e6) % 2**32
+
+
+class RoundTrips:
+    """How long answers take by themselves, so that what lies before them in a queue can be told from it.
+
+    Only an idle link shows that; a queue that lasts would be taken for the way itself.
+
+    Attributes:
+        shortest: of all [s]; 0 before the first.
+        usual: all but the longest of the last idle ones [s]: an adapter may hold answers back for some milliseconds.
+    """
+
+    MEMORY = 48
+    SPREAD = 0.02  # answers that vary by more than this vary for another reason [s]
+
+    def __init__(self) -> None:
+        self._idle: deque[float] = deque(maxlen=self.MEMORY)
+        self.shortest = self.usual = 0.0
+
+    def add(self, seconds: float, *, idle: bool) -> None:
+        """Take one; `idle`: nothing else was sent."""
+        self.shortest = min(self.shortest, seconds) if self.shortest else seconds
+        if idle:
+            self._idle.append(seconds)
+        longest = sorted(self._idle)[-2:]
+        self.usual = min(max(longest[0] if longest else 0.0, self.shortest), self.shortest + self.SPREAD)
 
 
 class Lateness:

@@ -29,6 +29,8 @@ def add_parser(commands: Any, load_screen: LoadScreen) -> None:
                       help="send this far ahead (0.1 s)")  # fmt: skip
     play.add_argument("--ramp", type=_setting("ramp"), default=1.0, metavar="S",
                       help="ramp from where the device is (1 s)")  # fmt: skip
+    play.add_argument("--rate", type=_setting("rate"), default=0.0, metavar="HZ",
+                      help="commands a second; the device's own if left out")  # fmt: skip
     play.add_argument("--yes", action="store_true", help="arm without asking; its warnings are printed")
     play.set_defaults(run=_play)
 

@@ -14,8 +14,6 @@ from .sockets import Tcp, Udp
 from .transport import Transport
 from .url import Url
 
-BAUD = 115200
-
 
 class Loop(Transport):
     """What is sent comes back."""
@@ -40,7 +38,8 @@ class Spy(Transport):
     """Another link, with every byte written down: time, direction, hexadecimal."""
 
     def __init__(self, inner: Transport, path: str) -> None:
-        self._inner, self.name, self.datagrams = inner, f"spy://{inner.name}", inner.datagrams
+        self._inner, self.name = inner, f"spy://{inner.name}"
+        self.datagrams, self.carries = inner.datagrams, inner.carries
         try:
             self._file = Path(path).open("w", encoding="ascii") if path else sys.stderr
         except OSError as error:
@@ -74,11 +73,11 @@ class Spy(Transport):
         self._file.write(f"{time.perf_counter() - self._start:012.6f} {way} {data.hex(' ')}\n")
 
 
-def open_link(url: Url, virtual: Callable[[Url], Transport]) -> Transport:
+def open_link(url: Url, virtual: Callable[[Url], Transport], baud: int) -> Transport:
     """Open a link; the URL loses the options that the link takes.
 
     Args:
-        virtual: opens the device in the box.
+        virtual: opens the device in the box. baud: of a serial port whose URL names none.
 
     Raises:
         DermisError: it cannot be opened; says why, and who has it where that can be known.
@@ -87,12 +86,12 @@ def open_link(url: Url, virtual: Callable[[Url], Transport]) -> Transport:
         path = url.take("file")
         inner = Url(url.place)
         inner.options = url.options
-        return Spy(open_link(inner, virtual), path)
+        return Spy(open_link(inner, virtual, baud), path)
     if url.scheme == "serial":
-        baud = url.take("baud", str(BAUD))
-        if not baud.isdigit() or int(baud) < 300:
-            raise DermisError("not a baud rate", where=url.text, value=baud)
-        return Serial(url.place, int(baud))
+        given = url.take("baud", str(baud))
+        if not given.isdecimal() or int(given) < 300:
+            raise DermisError("not a baud rate", where=url.text, value=given, limit="a whole number from 300 on")
+        return Serial(url.place, int(given))
     if url.scheme == "socket":
         return Tcp(url)
     if url.scheme == "udp":

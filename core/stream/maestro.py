@@ -15,6 +15,7 @@ from .packets import Reach
 from .wire import Array, Wire
 
 SET_TARGET = 0x84
+CHANNELS = 24  # of the largest one
 REFRESH = 0.1  # targets that do not change are repeated this often: a reset board must not stay behind [s]
 
 
@@ -29,10 +30,12 @@ class Maestro(Adapter):
     def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
         super().__init__(wire, options)
         wire.need_ranges(self.title)
-        self.first = int(self.number("first", 0))
+        if wire.count > CHANNELS:
+            raise DermisError("more channels than a Maestro has", where=wire.spec.name, value=wire.count,
+                              limit=str(CHANNELS))  # fmt: skip
+        self.first = self.whole("first", 0, 0, CHANNELS - wire.count)
+        self.command_bytes = wire.count * len(target(0, 0))  # where all of them change
         self.low, self.high = (4 * self.number(f"pulse_{n}_us", d) for n, d in (("low", 1000), ("high", 2000)))
-        if not 0 <= self.first <= 24 - wire.count:
-            raise DermisError("more channels than a Maestro has", where=wire.spec.name, value=wire.count, limit="24")
         if not 4 * 64 <= self.low < self.high <= 4 * 4080:
             raise DermisError("impossible pulses", where=self.title, value=f"{self.low / 4:g} to {self.high / 4:g} us",
                               limit="64 to 4080 us, low below high")  # fmt: skip

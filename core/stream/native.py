@@ -6,37 +6,43 @@ import math
 import os
 from collections.abc import Mapping
 
+import numpy as np
+
 from ..errors import DermisError
 from . import packets
 from .adapter import Adapter, Touch
-from .clock import DeviceClock
-from .packets import DeviceState, Kind, Nack, Packet
-from .wire import Array, Wire
+from .clock import DeviceClock, RoundTrips
+from .packets import DeviceState, Kind, Nack, Packet, Reach
+from .wire import REACH, Array, Wire
 
-WATCHDOG_MS = 70  # silence after which the device goes to its safe state
+WATCHDOG_MS = 50  # silence after which the device goes to its safe state: with 30 ms of backlog and a pulse's 20, 100
 HELLO_EVERY, SYNC_EVERY, ARM_EVERY, SAFE_EVERY = 0.1, 0.01, 0.03, 0.005
 SILENCE = 1.0  # a device that has not answered for this long is gone [s] ...
 SILENCE_ARMED = 0.08  # ... and while it is armed for this long: the sender's own dead man's switch
-BEHIND = 0.015  # an answer this much beyond two round trips lies behind commands that the link does not carry [s]
+BEHIND = 0.01  # an answer this much later than the soonest lies behind commands that the link does not carry [s]
+PROMPT = 0.004  # one no later than this beyond the usual found nothing before it on its way [s]
 OVERDUE = 0.03  # an answer this late is asked for more often: one lost packet must not end a stream [s]
 ABSENT = 0.03  # when this sender did not listen for so long, that time says nothing about the device [s]
 SAFE_TIMES = 200  # said until the device confirms it, for a second at most: any of them may be lost
 
 
 class Native(Adapter):
-    """Dermis native, versions 1 and 2."""
+    """Dermis native, versions 1 and 2. Options: `watchdog_ms`; `reach`, 'ramp' or 'release' instead of the preset's."""
 
     name, title = "native", "Dermis native"
     watchdog = own_safe = timed = True
-    OPTIONS = ("watchdog_ms",)
+    baud = 500_000
+    silence = "Check port, protocol, power and baud rate: boards flashed before version 2 need ?baud=115200"
+    OPTIONS = ("reach", "watchdog_ms")
 
     def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
         super().__init__(wire, options)
         wire.need_ranges(self.title)
-        self.watchdog_ms = int(self.number("watchdog_ms", WATCHDOG_MS))
-        if not 10 <= self.watchdog_ms <= 80:
-            raise DermisError("the watchdog must allow for a safe state within 100 ms", where="watchdog_ms",
-                              value=self.watchdog_ms, limit="10 to 80 ms")  # fmt: skip
+        self.watchdog_ms = self.whole("watchdog_ms", WATCHDOG_MS, 10, 80)  # [ms]; more, and 100 ms are not kept
+        self.reach = self._reach(options.get("reach", ""))
+        full = packets.command(0xFFFFFFFF, np.full(wire.count, packets.FULL, np.uint16), timed=True)
+        self.command_bytes = len(packets.pack(Kind.COMMAND, 0xFF, 0xFFFF, full))
+        self.other_bytes = len(packets.pack(Kind.SYNC, 0xFF, 0xFFFF, b"\xff" * 4)) / SYNC_EVERY
         self.clock = DeviceClock()
         self.decoder = packets.Decoder()
         self.state = DeviceState.IDLE
@@ -45,6 +51,7 @@ class Native(Adapter):
         self._due: dict[str, float] = {}
         self._asked: dict[int, float] = {}
         self._oldest = math.inf  # question without an answer
+        self._trips = RoundTrips()
         self._heard = self._polled = 0.0
         self._wants_arms = self._wants_pose = False
         self._safes = 0
@@ -93,11 +100,12 @@ class Native(Adapter):
             if self.state == DeviceState.CONFIGURED:
                 out.append(self._pack(Kind.ARM))
             else:
-                body = packets.configure(self.watchdog_ms, self.wire.reach, self.wire.counts(self.wire.safe),
+                body = packets.configure(self.watchdog_ms, self.reach, self.wire.counts(self.wire.safe),
                                          self.wire.slew_counts())  # fmt: skip
                 out.append(self._pack(Kind.CONFIGURE, body))
-        self.congested = now - self._oldest > BEHIND + 2 * self.clock.shortest
-        if self._is_due("sync", SYNC_EVERY if now - self._heard < OVERDUE else SAFE_EVERY, now):
+        self._judge_link(now)
+        well = self.prompt and not self.congested and now - self._heard < OVERDUE
+        if self._is_due("sync", SYNC_EVERY if well else SAFE_EVERY, now):
             token = round(now * 1e6) & 0xFFFFFFFF
             if len(self._asked) > 100:  # answers that never came
                 self._asked.clear()
@@ -153,6 +161,7 @@ class Native(Adapter):
                 self._oldest = min(self._asked.values(), default=math.inf)
                 self.clock.reply(asked, now, reply.device_us)
                 self.round_trip = now - asked
+                self._trips.add(self.round_trip, idle=not self.armed)
             self._device_state(reply.state)
             for name, count in (("lost", reply.lost), ("damaged", reply.damaged), ("late", reply.late)):
                 self.counters[f"{name} at the device"] = count
@@ -179,9 +188,31 @@ class Native(Adapter):
                           f"'{self.wire.spec.name}' is {self.wire.hash.hex()}")  # fmt: skip
         else:
             self.ready, self.fault = True, ""
+            if welcome.version < packets.VERSION:
+                self.notice = (
+                    f"The device's firmware speaks version {welcome.version} of the protocol. Flash it anew: "
+                    "rubbish on the line can keep an older one from its safe state"
+                )
             self.queue, self.output_hz = welcome.queue, float(welcome.output_hz)
             self.pose = None if welcome.pose is None else self.wire.values(welcome.pose)
             self._device_state(welcome.state)
+
+    def _judge_link(self, now: float) -> None:
+        """Tell by answers that stay away what waits in a driver that does not tell."""
+        self.congested = now - self._oldest > max(self._trips.shortest + BEHIND, self._trips.usual + PROMPT)
+        self.prompt = self.round_trip < self._trips.usual + PROMPT
+
+    def _reach(self, given: str) -> Reach:
+        """Read how the device gets to its safe state: the preset's way, or a gentler one that the URL asks for."""
+        gentle = {name: reach for name, reach in REACH.items() if reach != Reach.AT_ONCE}
+        if not given:
+            return self.wire.reach
+        if self.wire.reach == Reach.AT_ONCE:
+            raise DermisError("the preset goes to its safe state at once, and no option delays that",
+                              where="reach", value=given, remedy="Leave the option out")  # fmt: skip
+        if given not in gentle:
+            raise DermisError("no such way to the safe state", where="reach", value=given, limit=", ".join(gentle))
+        return gentle[given]
 
     def _device_state(self, state: int) -> None:
         was = self.armed

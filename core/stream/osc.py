@@ -36,6 +36,7 @@ class Osc(Adapter):
         if not prefix.startswith("/") or not prefix.isascii() or set(prefix) & set(" #*,?[]{}"):
             raise DermisError("not an OSC address", where="prefix", value=prefix)
         self._heads = [message_head(f"{prefix}/{wire.spec.key}/{name}") for name in wire.names]
+        self.command_bytes = len(bundle(IMMEDIATELY, [head + bytes(4) for head in self._heads]))
         self._touch = f"{prefix}/touch"
         self._state = message_head(f"{prefix}/{wire.spec.key}/armed")
         if wire.reach == Reach.RELEASE:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, deque
 from enum import Enum
 
 from .adapter import Adapter
+from .token_bucket import TokenBucket
 from .transport import Transport
 from .wire import Array
 
+MEMORY = 0.5  # a link that was congested without a word is not hurried for this long [s]
 WAITING_MOST = 16  # messages of the protocol's own that wait for room in the link
 
 
@@ -23,13 +26,20 @@ class Fate(Enum):
 class Outbox:
     """Messages of an adapter on their way into a link that never waits; what becomes of them is counted.
 
+    Commands leave no faster than the link carries them, even one that takes more: what a driver hides arrives when its
+    sender is dead, and keeps the device's watchdog quiet until then.
+
+    Args:
+        bucket: how fast commands may leave.
+
     Attributes:
         held: values and play-out time of a command that found no room and still has time; None: there is none.
     """
 
-    def __init__(self, link: Transport, adapter: Adapter, counters: Counter[str]) -> None:
-        self._link, self._adapter, self._counters = link, adapter, counters
+    def __init__(self, link: Transport, adapter: Adapter, counters: Counter[str], bucket: TokenBucket) -> None:
+        self._link, self._adapter, self._counters, self._bucket = link, adapter, counters, bucket
         self._waiting: deque[bytes] = deque()
+        self._refused = self._crowded = -math.inf  # when the link had no room last; when it said so too late [s]
         self.held: tuple[Array, float] | None = None
 
     @property
@@ -49,14 +59,16 @@ class Outbox:
             self._waiting.popleft()
             self._counters["dropped"] += 1
         while self._waiting and self._link.send(self._waiting[0]):
-            self._counters["bytes"] += len(self._waiting.popleft())
+            self._left(self._waiting.popleft())
+        if self._waiting:
+            self._refused = now
 
     def send(self, messages: list[bytes], *, count: bool = True) -> bool:
         """Send messages; tell whether all of them left. Those that did not are counted as dropped, if that is meant."""
         whole = True
         for message in messages:
             if self._link.send(message):
-                self._counters["bytes"] += len(message)
+                self._left(message)
             else:
                 self._counters["dropped"] += count
                 whole = False
@@ -69,14 +81,28 @@ class Outbox:
             play: when it counts [s], or None for at once. patience: a command this close to its time is dropped [s].
         """
         self.held = None
-        free = not self._waiting and not self._adapter.congested
+        free = not self._waiting and self._may_leave(now)
         if free and self.send(self._adapter.command(values, now, play), count=False):
             self._counters["sent"] += 1
             return Fate.SENT
         if free:
             self._adapter.forget()
+            self._refused = now
         if play is not None and play - now > patience:
             self.held = values, play
             return Fate.HELD
         self._counters["dropped"] += 1
         return Fate.DROPPED
+
+    def _may_leave(self, now: float) -> bool:
+        """Tell whether the link is through with what has left, as far as its pace and the answers tell."""
+        if self._adapter.congested:
+            self._bucket.empty(now)
+            if now - self._refused > MEMORY:
+                self._crowded = now
+            return False
+        return self._bucket.open(now, prompt=self._adapter.prompt and now - self._crowded > MEMORY)
+
+    def _left(self, message: bytes) -> None:
+        self._counters["bytes"] += len(message)
+        self._bucket.take(len(message))

@@ -103,7 +103,7 @@ class _Player:
         self._wish = Wish(
             connect=True, url=options.url, protocol=options.protocol, device={"key": key, "preset": preset},
             calibration=calibration, track=str(options.track), look_ahead=options.look_ahead,
-            ramp=options.ramp, play_on=True,
+            ramp=options.ramp, rate=options.rate, play_on=True,
         )  # fmt: skip
         self._streamer, self._number = Streamer(open_link), 0
 
@@ -116,8 +116,9 @@ class _Player:
             return
         if streamer.state != "ready":
             raise self._refusal("the device cannot be reached")
-        if streamer.adapter is not None and streamer.adapter.caution:
-            _say(streamer.adapter.caution)
+        if streamer.adapter is not None:
+            for said in filter(None, (streamer.adapter.caution, streamer.adapter.notice)):
+                _say(said)
         if not streamer.pose_known:
             _say(UNKNOWN_POSE)
         if not options.yes:
@@ -140,6 +141,7 @@ class _Player:
         """Bring the device to its safe state however long its ramp takes, and let the link go; no signal ends that."""
         streamer = self._streamer
         before = dict(streamer.counters)
+        self.lost = str(streamer.status()["not_rendered"])
         streamer.shut(time.perf_counter())
         if streamer.going:
             _say(streamer.going)
@@ -160,7 +162,7 @@ class _Player:
         if self._signals.number:
             _say(text)  # standard output may have gone with its terminal
         else:
-            print(text)
+            print("\n".join(filter(None, (text, self.lost))))
         if self.unsure:
             raise self._refusal("the safe state could not be made sure of")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from .source import Panel
+from .source import Panel, Play
 
 if TYPE_CHECKING:
     from .streamer import Streamer
@@ -24,10 +24,12 @@ def report(streamer: Streamer) -> dict[str, Any]:
         "names": list(wire.names) if wire else [], "units": list(wire.units) if wire else [],
         "values": gate.last.tolist() if gate else [],
         "safe_s": _plain(wire.safe_seconds) if wire else None,
+        "not_rendered": str(streamer.source.loss or "") if isinstance(streamer.source, Play) else "",
     }  # fmt: skip
     if adapter is not None:
         out |= {
             "device": adapter.device, "watchdog": adapter.watchdog, "caution": adapter.caution,
+            "output_hz": adapter.output_hz, "notice": adapter.notice,
             "round_trip_ms": _plain(adapter.round_trip * 1e3), "protocol": dict(adapter.counters),
             "pose": None if adapter.pose is None else adapter.pose.tolist(),
         }  # fmt: skip

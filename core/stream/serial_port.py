@@ -28,7 +28,8 @@ class Serial(Stream):
             self._port.open()
         except (OSError, ValueError) as error:  # SerialException is an OSError
             raise cannot_open(place, error) from error
-        self._budget = max(int(baud / 10 * QUEUED_MOST), 64)
+        self.carries = baud / 10  # eight bits, a start and a stop
+        self._budget = max(int(self.carries * QUEUED_MOST), 64)
         self._fd = self._port.fileno() if hasattr(select, "poll") else -1
         self._poll: Any = None
         if self._fd >= 0:

@@ -32,15 +32,17 @@ class ServoAnimation(Adapter):
     def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
         super().__init__(wire, options)
         wire.need_ranges(self.title)
-        first = int(self.number("first", 0))
-        ids = [i for i in range(first, first + wire.count + 1) if i != TRAP][: wire.count]
-        if first < 0 or ids[-1] > 255:
-            raise DermisError("servo ids beyond 255", where=self.title, value=ids[-1], limit="0 to 255 without 60")
-        self.ids = ids
-        self.low, self.high = self.number("position_low", 1000), self.number("position_high", 2000)
-        if not (0 <= min(self.low, self.high) and max(self.low, self.high) <= MOST and self.low != self.high):
-            raise DermisError("impossible positions", where=self.title, value=f"{self.low:g} to {self.high:g}",
-                              limit=f"0 to {MOST}")  # fmt: skip
+        ids = [i for i in range(256) if i != TRAP]
+        if wire.count > len(ids):
+            raise DermisError("more channels than servo ids", where=wire.spec.name, value=wire.count,
+                              limit=f"{len(ids)}: 0 to 255 without {TRAP}")  # fmt: skip
+        first = self.whole("first", 0, 0, ids[len(ids) - wire.count])
+        self.ids = [i for i in ids if i >= first][: wire.count]
+        self.command_bytes = wire.count * len(command(0, 0))  # where all of them change
+        self.low, self.high = self.whole("position_low", 1000, 0, MOST), self.whole("position_high", 2000, 0, MOST)
+        if self.low == self.high:
+            raise DermisError("both ends of a range have one position", where=self.title, value=self.low,
+                              remedy="Give position_low and position_high two values")  # fmt: skip
         if wire.reach == Reach.RELEASE:
             self.caution += " Its protocol has no word for letting go, so the safe pose is held, not released."
         self._sent = np.full(wire.count, -1)
@@ -64,8 +66,13 @@ class ServoAnimation(Adapter):
         for i in due:
             position = around_trap(float(wanted[i]))
             self.counters["positions moved off the byte 0x3C"] += int(position != positions[i])
-            out.append(bytes((START, self.ids[i], position >> 8, position & 0xFF, END)))
+            out.append(command(self.ids[i], position))
         return [b"".join(out)] if out else []
+
+
+def command(servo: int, position: int) -> bytes:
+    """Return the command that moves one servo."""
+    return bytes((START, servo, position >> 8, position & 0xFF, END))
 
 
 def around_trap(wanted: float) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -11,9 +12,11 @@ import numpy as np
 
 from ..errors import DermisError
 from ..formats import export
+from ..interpolate import interpolate
 from ..track import CommandTrack
 from .adapter import Touch
 from .clock import TrackClock
+from .lowpass import Loss, low_passed
 from .wire import Array, Wire
 from .wish import Wish
 
@@ -43,9 +46,15 @@ class Play:
     Args:
         offset: added to Blender's time [s]: positive plays the track earlier.
         free: play on where Blender's main thread stalls.
+        output_hz: values a second that reach the actuators; a track that holds more is played low-passed. 0: all.
+
+    Attributes:
+        loss: what the low-passed track leaves out; None: it is played as it is.
     """
 
-    def __init__(self, wire: Wire, track: CommandTrack, offset: float = 0.0, *, free: bool = False) -> None:
+    def __init__(
+        self, wire: Wire, track: CommandTrack, offset: float = 0.0, *, free: bool = False, output_hz: float = 0.0
+    ) -> None:
         missing = [n for n in wire.names if n not in {c.name for c in track.channels}]
         if missing:
             raise DermisError("the track is for another device", where=track.spec.name, value=", ".join(missing),
@@ -55,13 +64,30 @@ class Play:
                 raise DermisError("a channel has another unit in the track", where=name,
                                   value=track.spec.channel(name).unit, limit=unit)  # fmt: skip
         self.clock = TrackClock(free=free)
-        self.track, self.offset = track, offset
+        self.spec, self.track, self.offset, self.output_hz = wire.spec, track, offset, output_hz
         self._times = track.times
         self._values = np.stack([track.column(n) for n in wire.names], axis=1)
         self._rest = wire.rest
-        step = track.duration / (len(track.times) - 1) if len(track.times) > 1 else 0.0
-        even = step > 0 and np.abs(np.diff(track.times) - step).max() < 1e-6 * step
+        self.loss: Loss | None = None
+        if output_hz > 0 and len(track.times) > 1:
+            self._low_pass(wire, output_hz)
+        step = track.duration / (len(self._times) - 1) if len(self._times) > 1 else 0.0
+        even = step > 0 and np.abs(np.diff(self._times) - step).max() < 1e-6 * step
         self._rate = 1.0 / step if even else 0.0
+
+    def plays(self, wire: Wire, track: CommandTrack, output_hz: float) -> bool:
+        """Tell whether this is a track for a device already, whatever its offset."""
+        return self.spec is wire.spec and self.track is track and self.output_hz == output_hz
+
+    def _low_pass(self, wire: Wire, output_hz: float) -> None:
+        times, values = low_passed(self._times, self._values, output_hz)
+        if values is self._values:
+            return
+        missing = self._values - interpolate(times, values, self._times)
+        span = np.where(np.isfinite(wire.high - wire.low), wire.high - wire.low, np.ptp(self._values, axis=0))
+        largest, rms = np.abs(missing).max(axis=0), np.sqrt((missing**2).mean(axis=0))
+        self.loss = Loss(output_hz, wire.names, wire.units, largest, rms, span)
+        self._times, self._values = times, values
 
     @property
     def moving(self) -> bool:
@@ -222,12 +248,13 @@ def _track(path: Path) -> CommandTrack:
 
 def source_of(
     wish: Wish, wire: Wire, old: Source | None, shown: Sequence[float],
-    load_screen: Callable[[Path], Screen] | None = None,
+    load_screen: Callable[[Path], Screen] | None = None, output_hz: float = 0.0,
 ) -> Source:  # fmt: skip
     """Make what a wish's mode asks for.
 
     Args:
         old: the source before; a playback goes on where it was. shown: values that Blender published last.
+        output_hz: values a second that reach the actuators, for tracks; what is live has no future to average over.
 
     Raises:
         DermisError: nothing to play, another device's track, no screen map, or no such mode.
@@ -235,10 +262,14 @@ def source_of(
     if wish.mode == "play":
         if not wish.track:
             raise DermisError("nothing to play", remedy="Bake, or choose a track")
-        play = Play(wire, _track(Path(wish.track)), wish.offset, free=wish.play_on)
-        if isinstance(old, Play):
-            play.clock = old.clock
-            play.clock.free = wish.play_on
+        track = _track(Path(wish.track))
+        if isinstance(old, Play) and old.plays(wire, track, output_hz):  # made once: a device waits meanwhile
+            play = copy(old)
+            play.offset = wish.offset
+        else:
+            play = Play(wire, track, wish.offset, output_hz=output_hz)
+            play.clock = old.clock if isinstance(old, Play) else play.clock
+        play.clock.free = wish.play_on
         return play
     if wish.mode == "follow":
         return Follow(follow_values(wire, shown))

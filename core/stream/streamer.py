@@ -16,6 +16,7 @@ from typing import Any
 
 from ..errors import DermisError
 from . import adapter as adapters
+from . import capacity
 from .adapter import Adapter
 from .board import Beat
 from .drain import Drain
@@ -210,8 +211,10 @@ class Streamer:
         if not self.adapter.ready:
             if now - self._since > HANDSHAKE:
                 raise DermisError(f"nobody answered within {HANDSHAKE:g} s", where=self.link.name,
-                                  remedy="Check port, protocol, baud rate and power")  # fmt: skip
+                                  remedy=self.adapter.silence)  # fmt: skip
             return
+        if isinstance(self.source, Play) and self.source.output_hz != self._output_hz:
+            self._choose_source(now)  # the device has said by now what it can show
         if self._phase == "arming":
             self._arm(now)
         if self._phase == "live":
@@ -239,7 +242,9 @@ class Streamer:
         if self.adapter.datagrams and not self.link.datagrams:
             raise DermisError(f"{self.adapter.title} goes over udp://", where=self.wish.url)
         self._phase, self._since = "idle", now
-        self._outbox = Outbox(self.link, self.adapter, self.counters)
+        capacity.check(self.adapter, self.link, self.rate)
+        bucket = capacity.bucket(self.adapter, self.link, self.rate)
+        self._outbox = Outbox(self.link, self.adapter, self.counters, bucket)
         self.adapter.opened(now)
 
     def _leave(self, now: float, words: str) -> None:
@@ -394,6 +399,12 @@ class Streamer:
         return min(self.wish.look_ahead, max(adapter.queue - 2, 0) / self.rate if adapter.queue else math.inf)
 
     @property
+    def _output_hz(self) -> float:
+        """Values a second that reach the actuators [Hz]: as many as are sent, or fewer where the device says so."""
+        stated = self.adapter.output_hz if self.adapter is not None else 0.0
+        return min(stated, self.rate) if stated else self.rate
+
+    @property
     def _bound(self) -> bool:
         """Tell whether a Blender that stands still ends this: all but a track or a panel that may play on."""
         return not (self.wish.play_on and isinstance(self.source, Play | Panel))
@@ -416,7 +427,7 @@ class Streamer:
         try:
             beat = self._beat.values if self._beat else ()
             assert self.wire is not None
-            self.source = source_of(self.wish, self.wire, old, beat, self._load_screen)
+            self.source = source_of(self.wish, self.wire, old, beat, self._load_screen, self._output_hz)
         except DermisError as error:
             self.words = str(error)
         assert self.gate is not None

@@ -52,6 +52,7 @@ class Torque(Adapter):
         # A third pole for the integrator, which holds against the skin: (s + w)^3 of a bare inertia.
         self.gains = (3 * inertia * omega**2, 3 * inertia * omega, inertia * omega**3)
         self.stiffness = self.number("stiffness", _stiffness(wire))
+        self.command_bytes = HEAD.size + 4 * wire.count
         self._sequence = 0
         self._sum = np.zeros(wire.count)
         self._speed = np.zeros(wire.count)

@@ -19,10 +19,12 @@ class Transport:
 
     Attributes:
         name: for people. datagrams: messages keep their borders.
+        carries: bytes a second; None: not known, or far more than any device takes.
     """
 
     name = ""
     datagrams = False
+    carries: float | None = None
 
     def send(self, message: bytes) -> bool:
         """Send a message whole or not at all; False: there is no room now.

@@ -1,6 +1,6 @@
 """Addresses of devices.
 
-    /dev/ttyACM0, COM3, serial:/dev/ttyACM0?baud=115200     a serial port
+    /dev/ttyACM0, COM3, serial:/dev/ttyACM0?baud=115200     a serial port; without `baud` the protocol's own
     socket://host:port                                      a TCP connection
     udp://host:port                                         datagrams
     loop://                                                 what is sent comes back

@@ -8,6 +8,7 @@ import socket
 import threading
 from typing import Any
 
+from .adapter import kind
 from .links import open_link as open_real
 from .transport import Gone, Stream, Transport
 from .url import Url
@@ -22,7 +23,7 @@ class VirtualLink(Stream):
         super().__init__(url.text.rstrip(":"))
         options = options_of(url)
         device = make(protocol, wire, options)
-        self.datagrams = device.datagrams
+        self.datagrams, self.carries = device.datagrams, options.get("slow") or None
         if device.datagrams:
             self._mine, self._theirs = _udp_pair()
         else:
@@ -96,7 +97,7 @@ def open_link(url: Url, wire: Wire, protocol: str = "native") -> Transport:
     Raises:
         DermisError: it cannot be opened.
     """
-    return open_real(url, lambda inner: VirtualLink(protocol, wire, inner))
+    return open_real(url, lambda inner: VirtualLink(protocol, wire, inner), kind(protocol).baud)
 
 
 def _udp_pair() -> tuple[socket.socket, socket.socket]:

@@ -303,3 +303,16 @@ def test_a_beat_costs_next_to_nothing_while_the_sender_hangs(scene: Any) -> None
     finally:
         os.kill(streaming._client.pid, signal.SIGCONT)
     assert streaming.connected()
+
+
+def test_a_rate_for_a_slow_link(scene: Any) -> None:
+    """What the panel's words offer is what its Rate takes; what that leaves out of the bake is told."""
+    settings = scene.dermis_stream
+    settings.url = "virtual:?slow=11520"
+    streaming.connect(scene)
+    assert "Set Rate to 385 Hz" in wait(state("fault"))["words"]
+    settings.rate = 385.0
+    streaming.connect(scene)
+    status = wait(state("ready"))
+    assert status["rate"] == 385.0 and status["not_rendered"] == "", "a circle a second is all there"
+    streaming.close()

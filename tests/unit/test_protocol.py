@@ -255,10 +255,18 @@ def test_osc_against_python_osc() -> None:
 
 @pytest.mark.parametrize(
     ("protocol", "options", "what"),
-    [("native", {"watchdog_ms": "500"}, "within 100 ms"), ("maestro", {"first": "22"}, "more channels"),
-     ("servo-animation", {"position_high": "40000"}, "impossible"), ("maestro", {"speed": "1"}, "unknown option"),
+    [("native", {"watchdog_ms": "500"}, "watchdog_ms: .* '500'; allowed: 10 to 80"),
+     ("native", {"watchdog_ms": "20.5"}, "no whole number within its limits"),
+     ("native", {"reach": "at_once"}, "allowed: ramp, release"),
+     ("maestro", {"first": "22"}, "'maestro', first: .* '22'; allowed: 0 to 20"),
+     ("maestro", {"first": "1.9"}, "no whole number"), ("maestro", {"first": "24"}, "'24'; allowed: 0 to 20"),
+     ("maestro", {"first": "-1"}, "allowed: 0 to 20"), ("maestro", {"pulse_low_us": "2000"}, "impossible pulses"),
+     ("servo-animation", {"first": "252.5"}, "'252.5'; allowed: 0 to 252"),
+     ("servo-animation", {"first": "253"}, "'253'; allowed: 0 to 252"),
+     ("servo-animation", {"position_high": "40000"}, "position_high: .* '40000'; allowed: 0 to 32767"),
+     ("servo-animation", {"position_low": "2000"}, "one position"), ("maestro", {"speed": "1"}, "unknown option"),
      ("morse", {}, "no such protocol"), ("torque", {"torque": "0"}, "torque limit"),
-     ("maestro", {"first": "x"}, "no number"), ("osc", {"prefix": "x"}, "address")],
+     ("maestro", {"first": "x"}, "no whole number"), ("osc", {"prefix": "x"}, "address")],
 )  # fmt: skip
 def test_refusals(protocol: str, options: dict[str, str], what: str) -> None:
     with pytest.raises(DermisError, match=what):

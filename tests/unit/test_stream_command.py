@@ -70,3 +70,13 @@ def test_a_calibration_that_is_not_there_is_refused_in_words(track: Path, tmp_pa
     done = play(track, "--calibration", str(tmp_path / "bad.json"), "--yes")
     assert done.returncode == 2 and "not JSON" in done.stderr and "bad.json" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_rate_of_ones_own_and_what_it_leaves_out(track: Path) -> None:
+    """A slow link refuses the device's rate in words; with the rate offered it plays, and says what is lost."""
+    refused = play(track, "--yes", "--url", "virtual:?slow=2500")
+    assert refused.returncode == 2 and "Set Rate to 25 Hz" in refused.stderr, refused.stderr
+    done = play(track, "--yes", "--url", "virtual:?slow=2500", "--rate", "25", "--ramp", "0.2")
+    assert done.returncode == 0, done.stderr
+    last = done.stdout.strip().splitlines()[-1]
+    assert "25 values a second reach the actuators" in last and "pulley_1" in last and " deg (rms " in last

@@ -56,7 +56,7 @@ def test_a_sender_that_slept_does_not_blame_the_device() -> None:
     lab.run(0.2)
     lab.arm()
     lab.run(0.2)
-    lab.now += 0.06  # less than the device's own watchdog, and no tick meanwhile
+    lab.now += 0.04  # less than the device's own watchdog, and no tick meanwhile
     lab.run(0.3)
     assert lab.streamer.armed
 

@@ -11,7 +11,7 @@ from core.devices.spec import Channel, DeviceSpec, from_preset
 from core.formats import csv
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
-from core.stream.clock import DeviceClock
+from core.stream.clock import DeviceClock, RoundTrips
 from core.stream.source import Play
 from core.stream.transport import Transport
 from core.stream.url import Url
@@ -115,6 +115,33 @@ def test_a_device_clock_through_overflow_and_skew() -> None:
     wanted = (moment * (1 + skew) * 1e6 + 123456) % 2**32
     error = (clock.device_us(moment) - wanted + 2**31) % 2**32 - 2**31
     assert abs(error) < 48 * 80 + 10, "48 replies of memory at 80 us a second"
+
+
+def test_a_device_clock_is_read_by_the_shortest_round_trip() -> None:
+    """Half of a long round trip is no measure of the way there: what was quick is believed, what came last is not."""
+    clock, ahead = DeviceClock(), 5.0
+    clock.reply(0.0, 0.002, round((0.001 + ahead) * 1e6))
+    clock.reply(0.1, 0.14, round((0.139 + ahead) * 1e6))  # 39 ms there, 1 ms back
+    clock.reply(0.2, 0.22, round((0.201 + ahead) * 1e6))  # 1 ms there, 19 ms back
+    assert abs(clock.device_us(0.3) - (0.3 + ahead) * 1e6) <= 1
+
+
+def test_round_trips_tell_the_way_from_a_queue() -> None:
+    trips = RoundTrips()
+    for seconds in (0.002, 0.016, 0.009, 0.2):  # the last one: this process slept
+        trips.add(seconds, idle=True)
+    assert trips.shortest == 0.002 and trips.usual == 0.016
+    for _ in range(100):
+        trips.add(0.05, idle=False)
+    assert trips.shortest == 0.002 and trips.usual == 0.016, "what lasts while commands flow is a queue"
+
+
+def test_counts_are_the_nearest_ones() -> None:
+    wire = Wire.of(Library().device("haptip"))
+    values = np.random.default_rng(4).uniform(wire.low, wire.high, (2000, 2))
+    step = (wire.high - wire.low) / 65535
+    off = np.array([wire.values(wire.counts(v)) - v for v in values])
+    assert (np.abs(off) <= 0.5001 * step).all() and (np.abs(off.mean(axis=0)) < 0.05 * step).all()
 
 
 def test_a_wrong_device_is_refused_in_words() -> None:

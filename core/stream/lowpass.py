@@ -1,0 +1,75 @@
+"""A track as actuators that take few values a second can show it, and what that leaves out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..interpolate import interpolate
+from ..units import from_si
+from .wire import Array
+
+FINE = 8  # samples for each value of the output, at least, where a track's own are unevenly spaced
+NOTHING = 1e-3  # part of a channel's span that counts as nothing left out [1]: a servo's dead band is five times that
+SHOWN = {"m": "mm", "rad": "deg"}
+
+
+def low_passed(times: Array, values: Array, output_hz: float) -> tuple[Array, Array]:
+    """Return the Hann-weighted mean over two periods of the output, evenly spaced.
+
+    A track is known beforehand, so the mean looks as far ahead as back: it has no delay. Its weights are positive and
+    sum to one, so it has no overshoot either: ranges, round ranges and speed limits that the track keeps, it keeps.
+
+    Args:
+        times: [s], strictly rising, shape (n,). values: shape (n, channels). output_hz: values a second of the output;
+            a track with no more than that is returned as it is.
+    """
+    steps = np.diff(times)
+    if not len(steps):
+        return times, values
+    step = float(times[-1] - times[0]) / len(steps)
+    if np.abs(steps - step).max() >= 1e-6 * step:
+        count = math.ceil((times[-1] - times[0]) / min(step, 1 / (FINE * output_hz))) + 1
+        even = np.linspace(times[0], times[-1], count)
+        times, values = even, interpolate(times, values, even)
+        step = float(times[1] - times[0])
+    reach = math.ceil(1 / (output_hz * step) - 1e-6) - 1  # samples within a period of the output to each side
+    if reach < 1:
+        return times, values
+    weights = 1 + np.cos(np.pi * np.arange(-reach, reach + 1) * step * output_hz)
+    held = np.pad(values, ((reach, reach), (0, 0)), mode="edge")
+    columns = [np.convolve(column, weights / weights.sum(), "valid") for column in held.T]
+    return times, np.stack(columns, axis=1)
+
+
+@dataclass(frozen=True)
+class Loss:
+    """What of a track the output does not show.
+
+    Attributes:
+        output_hz: values a second that it takes. names, units: of the channels.
+        largest, rms: of the difference between the track and what is played [unit], shape (channels,).
+        span: of each channel [unit], shape (channels,).
+    """
+
+    output_hz: float
+    names: Sequence[str]
+    units: Sequence[str]
+    largest: Array
+    rms: Array
+    span: Array
+
+    def __str__(self) -> str:
+        """Say it in words; '' where it is next to nothing."""
+        parts = []
+        for i in np.flatnonzero(self.largest > NOTHING * self.span):
+            unit = SHOWN.get(self.units[i], self.units[i])
+            largest, rms = (from_si(float(x[i]), unit) for x in (self.largest, self.rms))
+            parts.append(f"{self.names[i]} {largest:.2g} {unit} (rms {rms:.2g})")
+        if not parts:
+            return ""
+        return (f"{self.output_hz:g} values a second reach the actuators, so what the track holds above "
+                f"{self.output_hz / 2:g} Hz is not rendered: {', '.join(parts)}")  # fmt: skip

@@ -1,0 +1,36 @@
+"""How many bytes may leave now: a bucket that fills at a pace."""
+
+from __future__ import annotations
+
+import math
+
+BURST = 0.005  # of the pace that may leave at once: what a sender that woke up late makes up for [s]
+
+
+class TokenBucket:
+    """Holds the right to send, in bytes; without a pace there is always enough.
+
+    Args:
+        pace: at which it fills [bytes/s]. most: the same, while nothing waits on the way.
+    """
+
+    def __init__(self, pace: float = math.inf, most: float = math.inf) -> None:
+        self._pace, self._most = pace, most
+        self._tokens, self._when = 0.0, -math.inf
+
+    def open(self, now: float, *, prompt: bool) -> bool:
+        """Tell whether something may leave; `prompt`: nothing waits on the way."""
+        if self._pace == math.inf:
+            return True
+        pace = self._most if prompt else self._pace
+        self._tokens = min(self._tokens + (now - self._when) * pace, BURST * self._pace)
+        self._when = now
+        return self._tokens > 0
+
+    def empty(self, now: float) -> None:
+        """Let nothing have been saved up by now."""
+        self._tokens, self._when = min(self._tokens, 0.0), now
+
+    def take(self, size: int) -> None:
+        """Note that bytes have left, allowed or not."""
+        self._tokens -= size

@@ -337,8 +337,7 @@ class Walk:
             finally:
                 child.kill()
                 child.communicate()
-            if number == getattr(signal, "SIGKILL", None):
-                time.sleep(SAFE_MS / 1e3 + self._seconds(self._away))
+            time.sleep(SAFE_MS / 1e3 + self._seconds(self._away))  # a killed program leaves the board to its watchdog
             return ""
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import DermisError
+from . import acceptance_command
 from .adapter import NAMES
 
 LoadScreen = Callable[[Path], Any]
@@ -45,6 +46,8 @@ def add_parser(commands: Any, load_screen: LoadScreen) -> None:
     virtual.add_argument("--fault", action="append", default=[], metavar="NAME=VALUE",
                          help="loss, delay, jitter, corrupt, slow, stuck, skew, seed; more than once")  # fmt: skip
     virtual.set_defaults(run=_virtual)
+
+    acceptance_command.add_parser(verbs)
 
     ports = verbs.add_parser("ports", help="list the serial ports")
     ports.set_defaults(run=_ports)

@@ -85,7 +85,7 @@ class Native(Adapter):
         self._polled = now
         if not self.ready:
             if not self.fault and self._is_due("hello", HELLO_EVERY, now):
-                out.append(self._pack(Kind.HELLO, packets.hello(self.wire.count, self.wire.hash)))
+                out.append(self.ask_pose())
             return out
         silence = SILENCE_ARMED if self.armed else SILENCE
         if now - self._heard > silence:
@@ -96,7 +96,7 @@ class Native(Adapter):
         elif self._wants_arms and not self.armed and self._is_due("arm", ARM_EVERY, now):
             if self._wants_pose:  # answered before the rest: links keep the order
                 self._wants_pose = False
-                out.append(self._pack(Kind.HELLO, packets.hello(self.wire.count, self.wire.hash)))
+                out.append(self.ask_pose())
             if self.state == DeviceState.CONFIGURED:
                 out.append(self._pack(Kind.ARM))
             else:
@@ -126,6 +126,10 @@ class Native(Adapter):
         timed = play is not None and self.clock.known
         when = self.clock.device_us(play) if timed and play is not None else 0
         return [self._pack(Kind.COMMAND, packets.command(when, self.wire.counts(values), timed=timed))]
+
+    def ask_pose(self) -> bytes:
+        """Return a question for identity and pose; to the same session it changes nothing at the device."""
+        return self._pack(Kind.HELLO, packets.hello(self.wire.count, self.wire.hash))
 
     def forget(self) -> None:
         """Take the last number back: its packet did not leave, and the device must not miss it."""

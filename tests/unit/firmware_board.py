@@ -35,7 +35,7 @@ emulated = pytest.mark.skipif(
     "apt install gcc gcc-avr avr-libc arduino-core-avr simavr libsimavr-dev",
 )  # fmt: skip
 
-BAUD, ANIMATION_BAUD = 115_200, 115_200
+BAUD, ANIMATION_BAUD = 500_000, 115_200
 CLOCK = 16e6  # [Hz]
 
 
@@ -82,8 +82,9 @@ def firmware(*defines: str, sketch: Path = SKETCH) -> Path:
              for n in ("main", "HardwareSerial", "HardwareSerial0", "Print", "abi", "new")]  # fmt: skip
     for job in jobs:
         subprocess.run(job, cwd=folder, check=True)
-    objects = sorted(p.name for p in folder.glob("*.o"))
-    link = ["avr-g++", "-mmcu=atmega328p", "-Wl,--gc-sections", *objects, "-o", "sketch.elf"]
+    parts = sorted(p.name for p in folder.glob("*.o") if p.name != "sketch.o")
+    subprocess.run(["avr-ar", "rcs", "core.a", *parts], cwd=folder, check=True)  # as the Arduino tools do
+    link = ["avr-g++", "-mmcu=atmega328p", "-Wl,--gc-sections", "sketch.o", "core.a", "-o", "sketch.elf"]
     subprocess.run(link, cwd=folder, check=True)
     return folder / "sketch.elf"
 

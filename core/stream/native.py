@@ -21,6 +21,7 @@ BEHIND = 0.015  # an answer this much beyond two round trips lies behind command
 OVERDUE = 0.03  # an answer this late is asked for more often: one lost packet must not end a stream [s]
 ABSENT = 0.03  # when this sender did not listen for so long, that time says nothing about the device [s]
 SAFE_TIMES = 4  # one may be lost
+HELLO_TIMES = 5  # without an answer: the device may have heard this session's number before, and takes us for old
 
 
 class Native(Adapter):
@@ -51,7 +52,7 @@ class Native(Adapter):
 
     def opened(self, now: float) -> None:
         """Begin a session of its own number, so that packets of an earlier one mean nothing."""
-        self._session = os.urandom(1)[0] or 1
+        self._draw_session()
         self._heard = self._polled = now
         self.decoder = packets.Decoder()
 
@@ -77,6 +78,8 @@ class Native(Adapter):
         self._polled = now
         if not self.ready:
             if not self.fault and self._is_due("hello", HELLO_EVERY, now):
+                if self._sequence and self._sequence % HELLO_TIMES == 0:
+                    self._draw_session()
                 out.append(self._pack(Kind.HELLO, packets.hello(self.wire.count, self.wire.hash)))
             return out
         silence = SILENCE_ARMED if self.armed else SILENCE
@@ -128,6 +131,9 @@ class Native(Adapter):
         self._safes = SAFE_TIMES - 1
         self._due.pop("safe", None)
         return [self._pack(Kind.SAFE)] if self.ready else []
+
+    def _draw_session(self) -> None:
+        self._session = os.urandom(1)[0] or 1
 
     def _take(self, packet: Packet, now: float) -> None:
         self._heard = now

@@ -11,7 +11,7 @@ static const uint8_t QUEUE = 1000 / (4 + 2 * CHANNELS); /* what the memory holds
 static const uint8_t BYTES_A_LOOP = 24;
 static const uint8_t NACK_EVERY = 5; /* ms */
 static const uint16_t WINDOW = 1024; /* packets: what is further ahead was not lost on the way, it is old */
-static const uint8_t MOST_STEPS = 3; /* ms that a stalled loop may make up for: no jump */
+static const uint8_t MOST_STEPS = 5; /* ms that a stalled loop may make up for: no jump */
 
 enum Kind : uint8_t {
   HELLO = 1, CONFIGURE, ARM, TO_SAFE, COMMAND, SYNC, WELCOME = 0x81, STATE = 0x85, SYNCED, NACK

@@ -156,8 +156,9 @@ class Native(Adapter):
             _, reason = packets.read_nack(packet.body)
             name = Nack(reason).name.lower().replace("_", " ") if reason in set(Nack) else f"reason {reason}"
             self.counters[f"refused: {name}"] += 1
-            if reason == Nack.OTHER_SESSION and not self.ready:
-                self.fault = "the device is in use by another sender"
+            if reason == Nack.OTHER_SESSION and packet.session == self._session:
+                self.fault = ("the device has begun anew (a reset?), or follows another sender" if self.ready else
+                              "the device is in use by another sender")  # fmt: skip
         elif packet.kind == Kind.TOUCH:
             _, down, x, y = packets.read_touch(packet.body)
             self.touch = Touch(down, x, y, now)

@@ -24,6 +24,7 @@ PROMPT = 0.004  # one no later than this beyond the usual found nothing before i
 OVERDUE = 0.03  # an answer this late is asked for more often: one lost packet must not end a stream [s]
 ABSENT = 0.03  # when this sender did not listen for so long, that time says nothing about the device [s]
 SAFE_TIMES = 200  # said until the device confirms it, for a second at most: any of them may be lost
+HELLO_TIMES = 5  # without an answer: the device may have heard this session's number before, and takes us for old
 
 
 class Native(Adapter):
@@ -59,7 +60,7 @@ class Native(Adapter):
 
     def opened(self, now: float) -> None:
         """Begin a session of its own number, so that packets of an earlier one mean nothing."""
-        self._session = os.urandom(1)[0] or 1
+        self._draw_session()
         self._heard = self._polled = now
         self.decoder = packets.Decoder()
 
@@ -85,6 +86,8 @@ class Native(Adapter):
         self._polled = now
         if not self.ready:
             if not self.fault and self._is_due("hello", HELLO_EVERY, now):
+                if self._sequence and self._sequence % HELLO_TIMES == 0:
+                    self._draw_session()
                 out.append(self.ask_pose())
             return out
         silence = SILENCE_ARMED if self.armed else SILENCE
@@ -148,6 +151,9 @@ class Native(Adapter):
         """Tell whether the device has answered SAFE, or was never there to be told."""
         return not self._unconfirmed
 
+    def _draw_session(self) -> None:
+        self._session = os.urandom(1)[0] or 1
+
     def _take(self, packet: Packet, now: float) -> None:
         self._heard = now
         if packet.kind == Kind.WELCOME:
@@ -173,8 +179,9 @@ class Native(Adapter):
             _, reason = packets.read_nack(packet.body)
             name = Nack(reason).name.lower().replace("_", " ") if reason in set(Nack) else f"reason {reason}"
             self.counters[f"refused: {name}"] += 1
-            if reason == Nack.OTHER_SESSION and not self.ready:
-                self.fault = "the device is in use by another sender"
+            if reason == Nack.OTHER_SESSION and packet.session == self._session:
+                self.fault = ("the device has begun anew (a reset?), or follows another sender" if self.ready else
+                              "the device is in use by another sender")  # fmt: skip
         elif packet.kind == Kind.TOUCH:
             _, down, x, y = packets.read_touch(packet.body)
             self.touch = Touch(down, x, y, now)

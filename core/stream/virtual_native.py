@@ -1,4 +1,7 @@
-"""A virtual device that speaks the native protocol, by the same contract as the firmware."""
+"""A virtual device that speaks the native protocol, by the same contract as the firmware.
+
+`tests/unit/test_receivers.py` runs one script of packets against both and compares what they answer.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,10 @@ from .wire import Array, Wire
 
 DEVICE_ID = b"VIRTUAL1"
 TOUCH_EVERY = 0.02  # a finger that stays down is reported again this often [s]
+NACK_EVERY = 0.005  # one NACK in this time at most: a flood gets no answer to each of its frames [s]
+WINDOW = 1024  # packets: what is further ahead was not lost on the way, it is old
+MOST_STEP = 5.0  # what a device that stood still may make up for [ms]: no jump
+WATCHDOGS = range(10, 81)  # silences that may be asked for [ms]
 
 
 class NativeDevice:
@@ -21,7 +28,7 @@ class NativeDevice:
     Args:
         stuck: number of an actuator that does not move; -1: none.
         skew: how much faster its clock runs than the host's [1].
-        queue: how many commands it can hold for later.
+        queue: how many commands it can hold for later, at most 255.
         output_hz: what it says of how often its actuators take a new value [Hz]; 0: at every command.
 
     Attributes:
@@ -51,8 +58,8 @@ class NativeDevice:
         self._output_hz = output_hz
         self._start: float | None = None
         self._decoder = packets.Decoder()
-        self._session = -1
-        self._last: int | None = None
+        self._session = 0  # nobody's
+        self._last = 0
         self._target = self.counts.copy()
         self._queue: deque[tuple[int, Array]] = deque()
         self._heard = -np.inf
@@ -61,7 +68,9 @@ class NativeDevice:
         self._safe = self.counts.copy()
         self._slew = np.full(count, 65535.0)
         self._sequence = 0
-        self.released = False
+        self._nacked = -np.inf
+        self.released = self._driven = False
+        self.pose_known = True
 
     def clock_us(self, now: float) -> int:
         """Return the device's own microseconds, unwrapped; they start near the overflow to try it."""
@@ -76,16 +85,16 @@ class NativeDevice:
             try:
                 out += self._take(packet, now)
             except DermisError:
-                out.append(self._pack(packet.session, Kind.NACK, packets.nack(packet.sequence, Nack.MALFORMED)))
+                out += self._nack(packet.session, packet.sequence, Nack.MALFORMED, now)
         if self._decoder.damaged:
             self.damaged += self._decoder.damaged
             self._decoder.damaged = 0
-            out.append(self._pack(self._session, Kind.NACK, packets.nack(self._last or 0, Nack.DAMAGED)))
+            out += self._nack(self._session, self._last, Nack.DAMAGED, now)
         return out
 
     def tick(self, now: float) -> list[bytes]:
         """Let time pass: play what is due, move, watch for silence, say again that a finger is down."""
-        step = 0.0 if self._ticked is None else (now - self._ticked) * 1e3
+        step = 0.0 if self._ticked is None else min((now - self._ticked) * 1e3, MOST_STEP)
         self._ticked = now
         if self.state == DeviceState.ARMED and now - self._heard > self._timeout:
             self.watchdogs += 1
@@ -94,12 +103,10 @@ class NativeDevice:
         while self._queue and self._queue[0][0] <= clock:
             when, self._target = self._queue.popleft()
             self.play_error = max(self.play_error, (clock - when) * 1e-6)
-        goal = self._safe if self.state == DeviceState.SAFE else self._target
-        move = self._moved(goal - self.counts, step)
-        if self._stuck >= 0:
-            move[self._stuck] = 0.0
-        self.counts = self.counts + move
-        if self.state == DeviceState.SAFE and self.safe_at is None and (np.abs(goal - self.counts) < 1).all():
+        if self._driven:  # in every state: only ARM takes a way to safety over
+            self._move(step)
+        there = not self._driven or (np.abs(self._target - self.counts) < 1).all()
+        if self.state == DeviceState.SAFE and self.safe_at is None and there:
             self.safe_at, self.released = now, self._reach == Reach.RELEASE
         if self.touch is not None and self.touch[0] and now - self._touched >= TOUCH_EVERY:
             return [self.touched(*self.touch, now)]
@@ -121,57 +128,75 @@ class NativeDevice:
         }  # fmt: skip
 
     def _take(self, packet: Packet, now: float) -> list[bytes]:
+        kind, sequence = packet.kind, packet.sequence
+        if packet.session != self._session or not self._session:  # another sender: it may begin where nobody is armed
+            if kind != Kind.HELLO or self.state == DeviceState.ARMED:
+                return self._nack(packet.session, sequence, Nack.OTHER_SESSION, now)
+            packets.read_hello(packet.body)
+            if not packet.session:
+                raise DermisError("session 0 is nobody's", where="HELLO")
+            self._session, self.state, self._last = packet.session, DeviceState.IDLE, (sequence - 1) & 0xFFFF
+            self._queue.clear()
+        ahead = (sequence - self._last) & 0xFFFF
+        if ahead == 0 or ahead > WINDOW:
+            return []  # a copy, overtaken, or out of another time: no sign of life
+        out = []
+        if ahead > 1:
+            self.lost += ahead - 1
+            out = self._nack(self._session, sequence, Nack.GAP, now)
+        self._last, self._heard = sequence, now
+        try:
+            return out + self._take_own(packet, now)
+        except DermisError:
+            return out + self._nack(self._session, sequence, Nack.MALFORMED, now)
+
+    def _take_own(self, packet: Packet, now: float) -> list[bytes]:
+        """Take a packet of the session.
+
+        Raises:
+            DermisError: it is malformed.
+        """
         kind = packet.kind
         if kind == Kind.HELLO:
-            return self._hello(packet, now)
-        if packet.session != self._session:
-            return [self._pack(packet.session, Kind.NACK, packets.nack(packet.sequence, Nack.OTHER_SESSION))]
-        out = []
-        if self._last is not None:
-            ahead = (packet.sequence - self._last) & 0xFFFF
-            if ahead == 0 or ahead > 0x8000:
-                return []  # a copy, or overtaken by a newer one
-            if ahead > 1:
-                self.lost += ahead - 1
-                out.append(self._pack(self._session, Kind.NACK, packets.nack(packet.sequence, Nack.GAP)))
-        self._last, self._heard = packet.sequence, now
+            return [self._welcome(packet.body, now)]
+        if kind == Kind.SYNC:
+            return [self._synced(packets.u32(packet.body), now)]
+        if kind == Kind.COMMAND:
+            return self._command(packet, now)
         if kind == Kind.CONFIGURE:
             self._configure(packet.body)
-        elif kind == Kind.ARM:
-            if self.state in (DeviceState.CONFIGURED, DeviceState.ARMED):
+        elif kind == Kind.ARM and not packet.body:
+            if self.state == DeviceState.CONFIGURED:
+                self._target = self.counts.copy()
                 self.state, self.safe_at, self.released = DeviceState.ARMED, None, False
+                self.pose_known = self._driven = True
         elif kind == Kind.SAFE:
             self._go_safe()
-        elif kind == Kind.SYNC:
-            return [*out, self._synced(packets.u32(packet.body), now)]
-        elif kind == Kind.COMMAND:
-            return out + self._command(packet, now)
         else:
             raise DermisError("unknown kind of packet", value=kind)
-        return [*out, self._pack(self._session, Kind.STATE, packets.state(self.state, kind))]
+        return [self._pack(self._session, Kind.STATE, packets.state(self.state, kind))]
 
-    def _hello(self, packet: Packet, now: float) -> list[bytes]:
-        if packet.session != self._session and self.state == DeviceState.ARMED:
-            return [self._pack(packet.session, Kind.NACK, packets.nack(packet.sequence, Nack.OTHER_SESSION))]
-        packets.read_hello(packet.body)
-        if packet.session != self._session:
-            self._session, self.state, self._last = packet.session, DeviceState.IDLE, None
-            self._queue.clear()
-        self._last, self._heard = packet.sequence, now
-        pose = np.rint(self.counts).astype(np.uint16)
+    def _welcome(self, body: bytes, now: float) -> bytes:
+        packets.read_hello(body)
+        pose = np.rint(self.counts).astype(np.uint16) if self.pose_known else None
         welcome = Welcome(packets.VERSION, self.wire.count, DEVICE_ID, self._spec_hash, self.clock_us(now) & 0xFFFFFFFF,
-                          self.state, min(self._most, 255), pose, self._output_hz)  # fmt: skip
-        return [self._pack(self._session, Kind.WELCOME, welcome.body())]
+                          self.state, self._most, pose, self._output_hz)  # fmt: skip
+        return self._pack(self._session, Kind.WELCOME, welcome.body())
 
     def _configure(self, body: bytes) -> None:
-        if self.state == DeviceState.ARMED:
-            return  # nobody changes what is safe under way
         watchdog, reach, safe, slew = packets.read_configure(body)
         if len(safe) != self.wire.count:
             raise DermisError("another number of channels", value=len(safe), limit=str(self.wire.count))
+        if watchdog not in WATCHDOGS:
+            raise DermisError("no such watchdog", value=watchdog, limit="10 to 80 ms")
+        if not slew.all():
+            raise DermisError("a channel may not move at all", value=0, limit="1 to 65535 counts a millisecond")
+        if self.state == DeviceState.ARMED:
+            return  # nobody changes what is safe under way
         self._timeout, self._reach = watchdog * 1e-3, Reach(reach)
         self._safe, self._slew = safe.astype(np.float64), slew.astype(np.float64)
-        self._target = self.counts.copy()
+        if not self.pose_known:
+            self.counts, self._target = self._safe.copy(), self._safe.copy()
         self.state = DeviceState.CONFIGURED
 
     def _command(self, packet: Packet, now: float) -> list[bytes]:
@@ -179,36 +204,42 @@ class NativeDevice:
         if len(counts) != self.wire.count:
             raise DermisError("another number of channels", value=len(counts), limit=str(self.wire.count))
         if self.state != DeviceState.ARMED:
-            return [self._pack(self._session, Kind.NACK, packets.nack(packet.sequence, Nack.NOT_ARMED))]
-        self.received += 1
+            return self._nack(self._session, packet.sequence, Nack.NOT_ARMED, now)
         target = counts.astype(np.float64)
-        if not timed:
-            self._queue.clear()
-            self._target = target
-            return []
         clock = self.clock_us(now)
-        early = (when - clock + 2**31) % 2**32 - 2**31
-        self.early_least, self.early_most = min(self.early_least, early * 1e-6), max(self.early_most, early * 1e-6)
-        if early < 0:
-            self.late += 1
-            self._queue.clear()
-            self._target = target
-            return [self._pack(self._session, Kind.NACK, packets.nack(packet.sequence, Nack.LATE))]
-        if len(self._queue) >= self._most:
-            return [self._pack(self._session, Kind.NACK, packets.nack(packet.sequence, Nack.QUEUE_FULL))]
-        self._queue.append((clock + early, target))
-        return []
+        early = (when - clock + 2**31) % 2**32 - 2**31 if timed else 0
+        if timed:
+            self.early_least = min(self.early_least, early * 1e-6)
+            self.early_most = max(self.early_most, early * 1e-6)
+        if timed and early >= 0:
+            if len(self._queue) >= self._most:
+                return self._nack(self._session, packet.sequence, Nack.QUEUE_FULL, now)
+            self._queue.append((clock + early, target))
+            self.received += 1
+            return []
+        self.received += 1
+        self._queue.clear()
+        self._target = target
+        if not timed:
+            return []
+        self.late += 1
+        return self._nack(self._session, packet.sequence, Nack.LATE, now)
 
-    def _moved(self, way: Array, milliseconds: float) -> Array:
-        """Return how far to go on a way [counts] within a time.
+    def _move(self, milliseconds: float) -> None:
+        """Go towards the targets as far as the speed limits allow within a time.
 
         To the safe state all channels begin and arrive together: those of a platform that arrive one by one tilt it.
         """
-        most = self._slew * milliseconds
-        if self.state != DeviceState.SAFE:
-            return np.minimum(np.maximum(way, -most), most)
-        longest = float((np.abs(way) / self._slew).max())
-        return way if self._reach == Reach.AT_ONCE or longest <= milliseconds else way * (milliseconds / longest)
+        way = self._target - self.counts
+        if self.state == DeviceState.ARMED:
+            most = self._slew * milliseconds
+            way = np.minimum(np.maximum(way, -most), most)
+        else:
+            longest = float((np.abs(way) / self._slew).max())
+            way = way if longest <= milliseconds else way * (milliseconds / longest)
+        if self._stuck >= 0:
+            way[self._stuck] = 0.0
+        self.counts = self.counts + way
 
     def _synced(self, host_us: int, now: float) -> bytes:
         reply = packets.Synced(host_us, self.clock_us(now), self.state, min(len(self._queue), 255), self.received,
@@ -216,11 +247,24 @@ class NativeDevice:
         return self._pack(self._session, Kind.SYNCED, reply.body())
 
     def _go_safe(self) -> None:
-        if self.state != DeviceState.IDLE:
-            self._queue.clear()
-            self._target = self._safe.copy()
-            self.state = DeviceState.SAFE
-            self.safe_at = None
+        if self.state == DeviceState.IDLE:
+            return
+        self._queue.clear()
+        self.state, self.safe_at = DeviceState.SAFE, None
+        if self._reach == Reach.RELEASE:  # where it lets go, nobody knows where it will be
+            self.pose_known = self._driven = False
+            return
+        self._target = self._safe.copy()
+        if self._reach == Reach.AT_ONCE:
+            self._move(np.inf)
+
+    def _nack(self, session: int, sequence: int, reason: Nack, now: float) -> list[bytes]:
+        """Refuse a packet; an answer that comes too soon after the last is dropped, and its number stays used."""
+        answer = self._pack(session, Kind.NACK, packets.nack(sequence, reason))
+        if now - self._nacked < NACK_EVERY:
+            return []
+        self._nacked = now
+        return [answer]
 
     def _pack(self, session: int, kind: Kind, body: bytes) -> bytes:
         self._sequence = (self._sequence + 1) & 0xFFFF

@@ -1,28 +1,34 @@
 /* Runs a firmware in simavr, a command at a time from standard input, so that a test turns the clock:
 
-     S hex        put bytes into the UART's receiver, as fast as 115200 baud allows
-     R us         run for that long
-   After each command: lines 'U hex' (what the firmware sent) and 'P pin start_cycles width_cycles' (a pulse that has
-   ended), then '.'
+     B baud         the line's pace, both ways (115200 at first)
+     S hex          bytes on the line to the board, one after the other without a pause
+     R us           run for that long
+     F address hex  put another word into the flash, as 'F address cfff': hang there
+     M address      the first byte of memory from there on that is not zero: how deep the stack has been
+
+   After each command: lines 'U hex cycle' (a byte has left the board), 'P pin start_cycle width_cycles' (a pulse has
+   ended), 'L pin level cycle' (pins 10 to 13), 'O overruns garbled' (bytes that never reached the program, all in all),
+   'F hex' (the word before), 'M address'; then '.'
 */
+#include "usart.h"
+
 #include <simavr/avr_ioport.h>
-#include <simavr/avr_uart.h>
-#include <simavr/sim_avr.h>
 #include <simavr/sim_elf.h>
+#include <simavr/sim_interrupts.h>
+#include <simavr/sim_io.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 static avr_t *avr;
 static avr_cycle_count_t rising[20];
-static unsigned char waiting[1 << 16];
-static unsigned first, last;
-static avr_cycle_count_t byte_due;
 
 static void on_pin(struct avr_irq_t *irq, uint32_t value, void *param) {
   int pin = (int)(long)param;
   (void)irq;
-  if (value) {
+  if (pin >= 10) {
+    printf("L %d %d %llu\n", pin, (int)value, (unsigned long long)avr->cycle);
+  } else if (value) {
     rising[pin] = avr->cycle;
   } else if (rising[pin]) {
     printf("P %d %llu %llu\n", pin, (unsigned long long)rising[pin], (unsigned long long)(avr->cycle - rising[pin]));
@@ -30,20 +36,19 @@ static void on_pin(struct avr_irq_t *irq, uint32_t value, void *param) {
   }
 }
 
-static void on_sent(struct avr_irq_t *irq, uint32_t value, void *param) {
+static void on_sent(uint8_t value) { printf("U %02x %llu\n", value, (unsigned long long)avr->cycle); }
+
+/* The chip takes four cycles to enter an interrupt; simavr takes none. */
+static void on_interrupt(struct avr_irq_t *irq, uint32_t value, void *param) {
   (void)irq;
   (void)param;
-  printf("U %02x\n", value & 0xff);
+  if (value) avr->cycle += 4;
 }
 
 static void run(avr_cycle_count_t cycles) {
   avr_cycle_count_t end = avr->cycle + cycles;
-  avr_irq_t *input = avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_INPUT);
   while (avr->cycle < end) {
-    if (first != last && avr->cycle >= byte_due) {
-      avr_raise_irq(input, waiting[first++ & 0xffff]);
-      byte_due = avr->cycle + 1389; /* 16 MHz * 10 bits / 115200 */
-    }
+    avr->run_cycle_limit = end - avr->cycle;
     int state = avr_run(avr);
     if (state == cpu_Done || state == cpu_Crashed) {
       fprintf(stderr, "the firmware crashed\n");
@@ -52,9 +57,24 @@ static void run(avr_cycle_count_t cycles) {
   }
 }
 
+static void put(const char *hex) {
+  static uint8_t bytes[1 << 15];
+  unsigned count = 0, value;
+  for (; count < sizeof bytes && sscanf(hex, "%2x", &value) == 1; hex += 2) bytes[count++] = (uint8_t)value;
+  usart_line(bytes, count);
+}
+
+static void patch(const char *words) {
+  unsigned address, word;
+  if (sscanf(words, "%x %x", &address, &word) != 2) exit(2);
+  printf("F %04x\n", avr->flash[address] | avr->flash[address + 1] << 8);
+  avr->flash[address] = (uint8_t)word;
+  avr->flash[address + 1] = (uint8_t)(word >> 8);
+}
+
 int main(int argc, char **argv) {
   elf_firmware_t firmware;
-  char line[1 << 16];
+  static char line[1 << 16];
   if (argc != 2) return 2;
   memset(&firmware, 0, sizeof firmware);
   if (elf_read_firmware(argv[1], &firmware)) return 2;
@@ -64,20 +84,26 @@ int main(int argc, char **argv) {
   if (!avr) return 2;
   avr_init(avr);
   avr_load_firmware(avr, &firmware);
-  uint32_t flags = 0;
-  avr_ioctl(avr, AVR_IOCTL_UART_SET_FLAGS('0'), &flags);
-  avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUTPUT), on_sent, NULL);
+  usart_begin(avr, on_sent);
+  avr_irq_register_notify(avr_get_interrupt_irq(avr, AVR_INT_ANY) + AVR_INT_IRQ_RUNNING, on_interrupt, NULL);
   for (int pin = 2; pin < 14; pin++) /* Arduino's numbers: 0-7 are port D, 8-13 port B */
     avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(pin < 8 ? 'D' : 'B'), pin < 8 ? pin : pin - 8),
                             on_pin, (void *)(long)pin);
   while (fgets(line, sizeof line, stdin)) {
-    if (line[0] == 'S') {
-      unsigned value;
-      for (char *p = line + 2; sscanf(p, "%2x", &value) == 1; p += 2) waiting[last++ & 0xffff] = (unsigned char)value;
+    if (line[0] == 'B') {
+      usart_baud(atof(line + 2));
+    } else if (line[0] == 'S') {
+      put(line + 2);
     } else if (line[0] == 'R') {
       run((avr_cycle_count_t)(atof(line + 2) * 16.0));
+    } else if (line[0] == 'F') {
+      patch(line + 2);
+    } else if (line[0] == 'M') {
+      unsigned long address = strtoul(line + 2, NULL, 16);
+      while (address < avr->ramend && !avr->data[address]) address++;
+      printf("M %lu\n", address);
     }
-    puts(".");
+    printf("O %lu %lu\n.\n", usart_counts().overruns, usart_counts().garbled);
     fflush(stdout);
   }
   return 0;

@@ -1,0 +1,35 @@
+/* Blender Servo Animation: 0x3C, id, position high, position low, 0x3E; every 0x3C starts anew, as in the original. */
+#pragma once
+#include "last_resort.h"
+#include "pulses.h"
+#include "serial_line.h"
+
+static const uint8_t BYTES_A_LOOP = 24; /* whatever comes in, the silence is looked at */
+static const uint16_t SILENCE_MS = 500;
+
+static uint8_t command[5], filled = 0;
+static uint32_t heard = 0;
+
+void setup() {
+  begin_pulses();
+  begin_line(115200);
+  begin_watchdog();
+}
+
+static void take_byte(uint8_t byte) {
+  if (byte == 0x3C) filled = 0;
+  if (filled == 5) return; /* nothing more before the next start */
+  command[filled++] = byte;
+  if (filled < 5 || command[0] != 0x3C || command[4] != 0x3E) return;
+  uint16_t us = (uint16_t)command[2] << 8 | command[3];
+  if (command[1] >= CHANNELS || us < 1000 || us > 2000) return;
+  set_ticks(command[1], us * 2);
+  pulsing = true;
+  heard = millis();
+}
+
+void loop() {
+  for (uint8_t n = min(waiting(), BYTES_A_LOOP); n; n--) take_byte(take());
+  if (pulsing && millis() - heard > SILENCE_MS) pulsing = false; /* the original has no watchdog; servos let go here */
+  alive();
+}

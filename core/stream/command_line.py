@@ -95,7 +95,7 @@ def _ports(_options: argparse.Namespace) -> int:
 
     found = ports()
     for name, description in found:
-        print(f"{name}\t{description}")
+        print(f"{name}\t{description}".rstrip())
     if not found:
         print("no serial ports", file=sys.stderr)
     return 0
@@ -124,6 +124,7 @@ def _play(options: argparse.Namespace) -> int:
     from ..presets import Library
     from .board import Beat
     from .streamer import Streamer
+    from .url import unnamed
     from .virtual_link import open_link
     from .wish import Wish
 
@@ -152,7 +153,8 @@ def _play(options: argparse.Namespace) -> int:
         streamer.apply(wish, clock())
         run(lambda: streamer.state in ("ready", "fault") or (streamer.link is None and bool(streamer.words)), False)
         if streamer.state != "ready":
-            raise DermisError(streamer.words.rstrip(".") or "the device cannot be reached", where=options.url)
+            raise DermisError(streamer.words.rstrip(".") or "the device cannot be reached",
+                              where=unnamed(options.url, streamer.words))  # fmt: skip
         if streamer.adapter is not None and streamer.adapter.caution:
             print(streamer.adapter.caution, file=sys.stderr)
         if not options.yes:
@@ -170,7 +172,8 @@ def _play(options: argparse.Namespace) -> int:
             started = clock()
             run(lambda: clock() > started + track.duration + options.look_ahead or not streamer.armed, True)
         if not streamer.armed:
-            raise DermisError(streamer.words.rstrip(".") or "the device disarmed itself", where=options.url)
+            raise DermisError(streamer.words.rstrip(".") or "the device disarmed itself",
+                              where=unnamed(options.url, streamer.words))  # fmt: skip
     finally:
         streamer.shut(clock())
         end = clock() + 0.2

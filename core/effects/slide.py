@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
+from .heading import Heading
 
 Array = NDArray[np.float64]
 
 FULL = 100.0  # the strongest friction of [S4]'s scale of 0 to 100
 LEAST = 1.0  # the weakest that Table 1 renders
-STILL_SPEED = 1e-4  # [m/s]; slower is rest: float32 poses of a parented finger tremble by up to some 2e-5 m/s
 STEEPEST_NORMAL = 0.05  # n_z below this (steeper than 87 degrees) is limited
 DOWNHILL = ("rectify", "offset", "absolute")
 PROFILES = ("slope", "height", "rectangle")
@@ -26,12 +26,11 @@ def directions(
     rate: float,
     window: float,
     resting: NDArray[np.bool_] | None = None,
+    radius: float = 0.0,
 ) -> Array:
     """Return the unit direction of motion in contact, shape (n, 2); zero before the first movement of a touch.
 
-    Each step is a unit vector (eq. 4); the steps of the last `window` seconds are averaged and made a unit vector
-    again, as eq. 5 needs one. While the finger does not move (slower than 0.1 mm/s), and at the instant of a
-    reversal where the average vanishes, the last direction is held. Every touch begins anew.
+    What `Heading` says of each sample. Every touch begins anew.
 
     Args:
         x, y: position on the screen [m], shape (n,).
@@ -39,33 +38,20 @@ def directions(
         rate: samples a second [Hz].
         window: length of the moving average [s]; 0 is eq. 4 itself.
         resting: where the finger is known to be at rest at the end of a step, whatever x and y say, shape (n,).
+        radius: of the jitter to bear [m], as a live panel does; 0 for positions that are exact.
 
-    Source: [S4] eq. 4; the hold is ours, 0/0 is left open there.
+    Source: [S4] eq. 4
     """
-    count = len(x)
-    result = np.zeros((count, 2))
-    if count < 2:
-        return result
-    steps = np.stack([np.diff(x), np.diff(y)], axis=1)
-    lengths = np.hypot(steps[:, 0], steps[:, 1])
-    moved = (lengths > STILL_SPEED / rate) & touching[1:] & touching[:-1]
-    if resting is not None:
-        moved &= ~resting[1:]
-    units = np.zeros((count, 2))
-    units[1:][moved] = steps[moved] / lengths[moved, None]
-    index = np.arange(count)
-    begins = touching & ~np.concatenate([[False], touching[:-1]])
-    begin = np.maximum.accumulate(np.where(begins, index, 0))
-    length = max(1, round(window * rate))
-    sums = np.concatenate([np.zeros((1, 2)), np.cumsum(units, axis=0)])
-    mean = sums[index + 1] - sums[np.maximum(index + 1 - length, begin)]
-    size = np.hypot(mean[:, 0], mean[:, 1])
-    # Half a step's weight: below it the window holds as much of one direction as of its opposite.
-    known = np.concatenate([[False], moved]) & (size > 0.5)
-    last = np.maximum.accumulate(np.where(known, index, -1))
-    valid = touching & (last >= begin)
-    held = last[valid]
-    result[valid] = mean[held] / size[held, None]
+    result = np.zeros((len(x), 2))
+    still = np.zeros(len(x), bool) if resting is None else resting
+    heading, period, down = Heading(window, radius), 1.0 / rate, False
+    samples = zip(x.tolist(), y.tolist(), touching.tolist(), still.tolist(), strict=True)
+    for index, (at_x, at_y, touches, rests) in enumerate(samples):
+        if touches:
+            result[index] = heading.move(index * period, at_x, at_y, resting=rests)
+        elif down:
+            heading.lift()
+        down = touches
     return result
 
 

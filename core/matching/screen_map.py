@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..devices.friction_screen import FrictionScreen
 from ..effects.gradient import Map, bilinear, check_map, gradient, metres_of, steepest
+from ..effects.heading import REST_RADIUS, Heading
 from ..effects.slide import DOWNHILL, FULL, LEAST, PROFILES, friction_of_slope, without_downhill
 from ..errors import DermisError
 from ..files import read_bytes, write_bytes
@@ -112,6 +113,15 @@ class ScreenMap:
     def metres(self) -> float:
         """Metres that one unit of the map stands for."""
         return metres_of(self.size, self.height_unit)
+
+    @property
+    def changing(self) -> bool:
+        """Tell whether the heights change with time."""
+        return len(self.heights) > 1 and self.maps_per_second > 0
+
+    def heading(self) -> Heading:
+        """Return a follower of a real finger, which trembles and is reported with jitter."""
+        return Heading(self.direction_window, REST_RADIUS)
 
     def on_screen(self, x: Array, y: Array) -> NDArray[np.bool_]:
         """Return which points [m] lie on the screen, its border included."""

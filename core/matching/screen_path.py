@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..devices.friction_screen import AMPLITUDE, CARRIER, FrictionScreen
 from ..devices.spec import DeviceSpec
-from ..effects.slide import STILL_SPEED
+from ..effects.heading import STILL_SPEED
 from ..errors import DermisError, Finding
 from ..motion import Spline
 from ..scene import DeviceUse, TactileScene

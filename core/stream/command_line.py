@@ -99,7 +99,7 @@ def _ports(_options: argparse.Namespace) -> int:
 
     found = ports()
     for name, description in found:
-        print(f"{name}\t{description}")
+        print(f"{name}\t{description}".rstrip())
     if not found:
         print("no serial ports", file=sys.stderr)
     return 0

@@ -9,14 +9,25 @@ from heapq import heappop, heappush
 
 from ..errors import DermisError
 
-NAMES = ("loss", "delay", "jitter", "corrupt", "slow", "stuck", "skew", "seed", "finger")
+_LIMITS = {  # lowest, highest, unit
+    "loss": (0.0, 1.0, ""),
+    "delay": (0.0, 60.0, " s"),
+    "jitter": (0.0, 60.0, " s"),
+    "corrupt": (0.0, 1.0, ""),
+    "slow": (0.0, 1e9, " bytes a second"),
+    "stuck": (-1.0, 254.0, ", whole"),
+    "skew": (-0.1, 0.1, ""),
+    "seed": (0.0, 2.0**31, ", whole"),
+    "finger": (0.0, 1.0, ", whole"),
+}
+NAMES = tuple(_LIMITS)
 
 
 def number_of(name: str, text: str) -> float:
     """Read the number of a fault.
 
     Raises:
-        DermisError: it is none, or not finite.
+        DermisError: it is none, not finite, or outside the limits.
     """
     try:
         value = float(text)
@@ -24,7 +35,19 @@ def number_of(name: str, text: str) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise DermisError("a fault is no number", where=name, value=text, limit="a finite number")
+    check(name, value)
     return value
+
+
+def check(name: str, value: float) -> None:
+    """Refuse a fault that cannot be.
+
+    Raises:
+        DermisError: outside the limits; says which.
+    """
+    low, high, unit = _LIMITS[name]
+    if not low <= value <= high or ("whole" in unit and value != int(value)):
+        raise DermisError("impossible fault", where=name, value=value, limit=f"{low:g} to {high:g}{unit}")
 
 
 @dataclass
@@ -49,9 +72,7 @@ class Faults:
 
     def __post_init__(self) -> None:
         for name in ("loss", "delay", "jitter", "corrupt", "slow"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0) or (name in ("loss", "corrupt") and value > 1):
-                raise DermisError("impossible fault", where=name, value=value)
+            check(name, getattr(self, name))
         self._random = random.Random(self.seed)
 
     def __len__(self) -> int:

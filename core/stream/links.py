@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import sys
-import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from ..errors import DermisError
+from .record import Record
 from .serial_port import Serial
 from .sockets import Tcp, Udp
 from .transport import Transport
@@ -35,26 +33,22 @@ class Loop(Transport):
 
 
 class Spy(Transport):
-    """Another link, with every byte written down: time, direction, hexadecimal."""
+    """Another link, with every byte written down."""
 
     def __init__(self, inner: Transport, path: str) -> None:
         self._inner, self.name = inner, f"spy://{inner.name}"
         self.datagrams, self.carries = inner.datagrams, inner.carries
-        try:
-            self._file = Path(path).open("w", encoding="ascii") if path else sys.stderr
-        except OSError as error:
-            raise DermisError("the record cannot be written", where=path, value=error.strerror) from error
-        self._start = time.perf_counter()
+        self._record = Record(path)
 
     def send(self, message: bytes) -> bool:
         done = self._inner.send(message)
-        self._note("TX" if done else "--", message)
+        self._record.note("TX" if done else "--", message)
         return done
 
     def receive(self) -> list[bytes]:
         out = self._inner.receive()
         for message in out:
-            self._note("RX", message)
+            self._record.note("RX", message)
         return out
 
     def pending(self) -> int:
@@ -62,15 +56,12 @@ class Spy(Transport):
 
     def close(self) -> None:
         self._inner.close()
-        if self._file is not sys.stderr:
-            self._file.close()
+        self._record.close()
 
     def report(self) -> dict[str, Any]:
-        """Return what the inner link knows."""
-        return self._inner.report()
-
-    def _note(self, way: str, data: bytes) -> None:
-        self._file.write(f"{time.perf_counter() - self._start:012.6f} {way} {data.hex(' ')}\n")
+        """Return what the inner link knows, and whether the record is whole."""
+        record = self._record
+        return {**self._inner.report(), **({"record": record.ended, "missing": record.missing} if record.ended else {})}
 
 
 def open_link(url: Url, virtual: Callable[[Url], Transport], baud: int) -> Transport:
@@ -86,7 +77,12 @@ def open_link(url: Url, virtual: Callable[[Url], Transport], baud: int) -> Trans
         path = url.take("file")
         inner = Url(url.place)
         inner.options = url.options
-        return Spy(open_link(inner, virtual, baud), path)
+        link = open_link(inner, virtual, baud)
+        try:
+            return Spy(link, path)
+        except DermisError:
+            link.close()
+            raise
     if url.scheme == "serial":
         given = url.take("baud", str(baud))
         if not given.isdecimal() or int(given) < 300:

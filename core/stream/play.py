@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from ..errors import DermisError
 from .board import Beat
 from .streamer import Streamer
+from .url import unnamed
 from .virtual_link import open_link
 from .wish import Wish
 
@@ -181,7 +182,8 @@ class _Player:
         self._streamer.beat(Beat(self._number, 0, playing, now - playing_since if playing_since else 0.0, ()), now)
 
     def _refusal(self, otherwise: str) -> DermisError:
-        return DermisError(self._streamer.words.rstrip(".") or otherwise, where=self._options.url)
+        words = self._streamer.words.rstrip(".")
+        return DermisError(words or otherwise, where=unnamed(self._options.url, words))
 
 
 def _say(text: str) -> None:

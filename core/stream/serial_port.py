@@ -84,7 +84,14 @@ class Serial(Stream):
 
 
 def ports() -> list[tuple[str, str]]:
-    """Return the serial ports of this computer: name and description. Takes milliseconds to seconds."""
+    """Return the serial ports of this computer: name, and what else is known of it. Takes milliseconds to seconds."""
     from serial.tools import list_ports
 
-    return sorted((port.device, port.description) for port in list_ports.comports())
+    return sorted((port.device, _more(port.device, port.description or "")) for port in list_ports.comports())
+
+
+def _more(name: str, description: str) -> str:
+    """Return a description without the port's name; '' where it says no more."""
+    short = name.rpartition("/")[2]
+    text = description.replace(f"({short})", "").replace(name, "").strip(" -")
+    return "" if text in ("n/a", short) else text

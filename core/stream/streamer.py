@@ -110,6 +110,8 @@ class Streamer:
         self._beat, self._beat_at = beat, now
         if isinstance(self.source, Play) and beat.time is not None:
             self.source.clock.report(beat.time, beat.playing, now)
+        elif isinstance(self.source, Panel) and beat.time is not None:
+            self.source.report(beat.time, beat.playing, now)
         elif isinstance(self.source, Follow) and self.wire is not None:
             self.source.latest = follow_values(self.wire, beat.values)
 
@@ -304,6 +306,8 @@ class Streamer:
         horizon = self._horizon()
         self.gate.begin(pose, now + horizon - 1.0 / self.rate, self.wish.ramp)
         self.pace.start(now + horizon, horizon)
+        if isinstance(self.source, Panel):
+            self.source.begin(now)
         self._phase, self._since = "live", now
 
     def _live(self, now: float) -> None:

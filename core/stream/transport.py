@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -98,11 +99,13 @@ def cannot_open(place: str, error: Exception) -> DermisError:
     """Say why a link could not be opened, who has it, and what to do."""
     number = getattr(error, "errno", None)
     text = str(getattr(error, "strerror", None) or error)
+    if place in text:  # pyserial repeats the port's name
+        text = os.strerror(number) if number else text.replace(f"could not open port {place!r}: ", "")
     busy = "exclusively lock" in str(error) or number in (11, 16) or "PermissionError" in str(error)
     if busy:
         holder = holder_of(place)
         return DermisError("the port is in use", where=place, value=holder or None,
-                           remedy=f"Close {holder or 'the program that has it'}, then connect again")  # fmt: skip
+                           remedy="Close the program that has it, then connect again")  # fmt: skip
     if number == 13:
         return DermisError("you may not open the port", where=place, value=text,
                            remedy="On Linux add yourself to the group 'dialout', then log in again")  # fmt: skip
@@ -112,16 +115,28 @@ def cannot_open(place: str, error: Exception) -> DermisError:
 
 
 def holder_of(place: str) -> str:
-    """Return name and id of the processes that have a port open, where the system tells; otherwise ''."""
+    """Return name and id of the processes that have a port open, where the system tells; otherwise ''.
+
+    Neither this process counts nor what serves a pseudo-terminal: that is the device itself, and no other sender.
+    """
     found = []
-    try:
-        wanted = os.path.realpath(place)
+    wanted = os.path.realpath(place)
+    with contextlib.suppress(OSError):
         for process in sorted(Path("/proc").glob("[0-9]*"), key=lambda p: int(p.name)):
             if int(process.name) == os.getpid():
                 continue
             with contextlib.suppress(OSError):
-                if any(os.path.realpath(link) == wanted for link in (process / "fd").iterdir()):
+                opened = {link.name: os.path.realpath(link) for link in (process / "fd").iterdir()}
+                if wanted in opened.values() and not _serves(process, opened, wanted):
                     found.append(f"{(process / 'comm').read_text().strip()} (process {process.name})")
-    except OSError:
-        pass
     return ", ".join(found)
+
+
+def _serves(process: Path, opened: Mapping[str, str], wanted: str) -> bool:
+    """Tell whether a process holds the other end of a pseudo-terminal."""
+    folder, _, number = wanted.rpartition("/")
+    if folder != "/dev/pts":
+        return False
+    masters = [name for name, path in opened.items() if path in ("/dev/ptmx", "/dev/pts/ptmx")]
+    lines = [line.split() for name in masters for line in (process / "fdinfo" / name).read_text().splitlines()]
+    return ["tty-index:", number] in lines

@@ -59,3 +59,9 @@ class Url:
         if not host or not port.isdigit() or not 0 < int(port) < 65536:
             raise DermisError("not HOST:PORT", where=self.text, value=self.place)
         return host.strip("[]"), int(port)
+
+
+def unnamed(url: str, words: str) -> str:
+    """Return a URL to name beside words about its link; '' where they name the link already."""
+    place = url.partition("?")[0].removeprefix("spy://").removeprefix("serial:").removesuffix(":")
+    return "" if place in words else url

@@ -28,8 +28,8 @@ def serve(protocol: str, wire: Wire, at: str, options: dict[str, float], *, ever
     """
     device = make(protocol, wire, options)
     link = Endpoint(at)
-    print(json.dumps({"url": link.url}), flush=True)
     server = Server(device, lambda wait: link.read(wait, server.read_most), link.write, options)
+    print(json.dumps({"url": link.url}), flush=True)  # once nothing can be refused any more
     ended = threading.Event()
     threading.Thread(target=_watch_input, args=(ended,), daemon=True).start()
     due, safe = time.perf_counter() + every, None

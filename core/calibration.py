@@ -12,14 +12,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .devices.spec import DeviceSpec
 from .errors import DermisError, Finding
-from .files import read_bytes, write_bytes
+from .files import read_text, write_bytes
+from .foreign import json_of
 
 SCHEMA = "dermis-calibration 1"
 _NUMBERS = ("zero", "gain", "low", "high")
@@ -125,11 +125,7 @@ class Calibration:
         Raises:
             DermisError: missing, damaged, or of another version.
         """
-        try:
-            text = read_bytes(Path(path)).decode("utf-8")
-        except UnicodeDecodeError as error:
-            raise DermisError("not UTF-8 text", where=f"{path}, byte {error.start}") from error
-        return cls.loads(text, where=str(path))
+        return cls.loads(read_text(path), where=str(path))
 
     @classmethod
     def loads(cls, text: str, *, where: str = "calibration") -> Calibration:
@@ -138,10 +134,7 @@ class Calibration:
         Raises:
             DermisError: not one of this version, or a number that cannot be.
         """
-        try:
-            plain: Any = json.loads(text)
-        except (ValueError, RecursionError) as error:
-            raise DermisError("not JSON", where=where, value=str(error)[:80]) from error
+        plain = json_of(text, where)
         if not isinstance(plain, dict) or plain.get("schema") != SCHEMA:
             found = plain.get("schema") if isinstance(plain, dict) else type(plain).__name__
             raise DermisError("not a calibration of this version", where=where, value=str(found)[:80], limit=SCHEMA)

@@ -1,19 +1,24 @@
-"""Whole files or none: a file appears under its name only when all of it is on the disk."""
+"""Whole files or none: a file appears under its name only when all of it is on the disk, and only files are read."""
 
 from __future__ import annotations
 
 import os
+import stat
+import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DermisError
+from .foreign import MOST_BYTES, MOST_SETTINGS, MOST_TEXT, check_size, json_of, text_of
 
+# A pipe without a writer, or a line without a carrier, would keep whoever opens it waiting.
+_NO_WAITING = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0) | getattr(os, "O_BINARY", 0)
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the first date that a zip can hold: equal contents give equal bytes
 
 
@@ -35,10 +40,7 @@ def atomic(path: Path) -> Iterator[Path]:
             os.fsync(written.fileno())
         os.replace(part, path)
     except OSError as error:
-        raise DermisError(
-            "the file cannot be written", where=str(path), value=error.strerror or str(error),
-            remedy="Choose a folder that exists, is writable and has room",
-        ) from error  # fmt: skip
+        raise _unwritable(error, path) from error
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
@@ -67,19 +69,105 @@ def write_bytes(path: Path, data: bytes) -> None:
         part.write_bytes(data)
 
 
-def read_bytes(path: Path) -> bytes:
+@contextmanager
+def opened(path: Path, *, most: int = MOST_BYTES, where: str = "") -> Iterator[tuple[IO[bytes], int]]:
+    """Open a regular file for reading, and give its size [bytes] with it: devices, pipes and folders are no files.
+
+    It is judged before it is opened, since opening a port alone may reset a board, and again once it is open.
+
+    Raises:
+        DermisError: missing, unreadable, not a regular file, or larger than `most`.
+    """
+    where = where or str(path)
+    try:
+        _check_regular(os.stat(path), where)
+        descriptor = os.open(path, os.O_RDONLY | _NO_WAITING)
+    except DermisError:
+        raise
+    except (OSError, ValueError) as error:  # ValueError: a path that no system call takes
+        raise _unreadable(error, where, path) from error
+    with os.fdopen(descriptor, "rb") as file:
+        status = os.fstat(descriptor)
+        _check_regular(status, where)
+        check_size(status.st_size, where, most)
+        yield file, status.st_size
+
+
+def _check_regular(status: os.stat_result, where: str) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        kinds = ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISSOCK, "a socket"))
+        kind = next((name for is_one, name in kinds if is_one(status.st_mode)), "a device")
+        raise DermisError("the file cannot be read", where=where, value=kind, limit="a regular file",
+                          remedy="Choose a file")  # fmt: skip
+
+
+def _unreadable(error: Exception, where: str, path: Path) -> DermisError:
+    said = error.strerror if isinstance(error, OSError) and error.strerror else str(error) or type(error).__name__
+    remedy = "Check the path and that you may read it" if str(path) in where else f"Check the path {path}"
+    return DermisError("the file cannot be read", where=where, value=said, remedy=remedy)
+
+
+def read_bytes(path: Path, *, most: int = MOST_BYTES, where: str = "") -> bytes:
     """Read a whole file.
 
     Raises:
-        DermisError: it is missing or cannot be read.
+        DermisError: see `opened`.
     """
+    with opened(path, most=most, where=where) as (file, size):
+        try:
+            return file.read(size)
+        except (OSError, MemoryError) as error:
+            raise _unreadable(error, where or str(path), path) from error
+
+
+def read_text(path: Path, *, most: int = MOST_TEXT, encoding: str = "utf-8") -> str:
+    """Read a text.
+
+    Raises:
+        DermisError: see `opened`; or not UTF-8.
+    """
+    return text_of(read_bytes(path, most=most), str(path), encoding)
+
+
+def read_json(path: Path, *, most: int = MOST_SETTINGS) -> Any:
+    """Read JSON; see `foreign.json_of`.
+
+    Raises:
+        DermisError: see `opened`; or not JSON as it is taken here.
+    """
+    return json_of(read_bytes(path, most=most), str(path), most)
+
+
+def check_writable(path: Path, *, folder: bool = False) -> Path:
+    """Return a path that can be written, before the work that is to be written there; nothing stays behind.
+
+    Args:
+        folder: it is to be a folder, not a file.
+
+    Raises:
+        DermisError: it cannot.
+    """
+    path = Path(path)
+    home = path if folder else path.parent
     try:
-        return Path(path).read_bytes()
-    except OSError as error:
-        raise DermisError(
-            "the file cannot be read", where=str(path), value=error.strerror or str(error),
-            remedy="Check the path and that you may read it",
-        ) from error  # fmt: skip
+        if path.exists() and path.is_dir() != folder:
+            raise DermisError("a file is in the way of the folder" if folder else "a folder is in the way of the file",
+                              where=str(path), remedy="Choose another name")  # fmt: skip
+        while not home.exists():
+            home = home.parent
+        with tempfile.TemporaryFile(dir=home):
+            pass
+    except DermisError:
+        raise
+    except (OSError, ValueError) as error:
+        raise _unwritable(error, path) from error
+    return path
+
+
+def _unwritable(error: OSError | ValueError, path: Path) -> DermisError:
+    said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return DermisError("the file cannot be written", where=str(path), value=said,
+                       remedy="Choose a folder that exists, is writable and has room")  # fmt: skip
 
 
 def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DermisError
+from .files import read_text
 
 Array = NDArray[np.float64]
 
@@ -22,10 +23,7 @@ def read_rows(path: Path) -> Array:
         DermisError: the file is no text, has no rows, or rows of different lengths.
     """
     where = str(path)
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise DermisError("the file cannot be read", where=where, value=str(error)[:200]) from error
+    text = read_text(path, encoding="utf-8-sig")
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
     if lines and all(_number(field) is None for field in lines[0][1].split(",")):
         lines = lines[1:]

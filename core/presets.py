@@ -15,6 +15,7 @@ from typing import Any
 from .devices.parameters import check_device
 from .devices.spec import DEVICE_SCHEMA, DeviceSpec, from_preset
 from .errors import DermisError
+from .files import read_json
 from .units import UNITS, quantity
 
 BUILT_IN = Path(__file__).resolve().parents[1] / "presets"
@@ -162,22 +163,7 @@ def read(path: Path) -> dict[str, Any]:
         DermisError: it is none of that; says at which line where it can.
     """
     where = str(path)
-    try:
-        preset = json.loads(
-            path.read_bytes().decode("utf-8"), object_pairs_hook=_no_key_twice, parse_constant=_no_constant
-        )
-    except OSError as error:
-        raise DermisError("the file cannot be read", where=where, value=error.strerror) from error
-    except UnicodeDecodeError as error:
-        raise DermisError("not UTF-8 text", where=f"{where}, byte {error.start}") from error
-    except json.JSONDecodeError as error:
-        raise DermisError(
-            "not JSON", where=f"{where}, line {error.lineno}, column {error.colno}", value=error.msg
-        ) from error
-    except RecursionError as error:
-        raise DermisError("nested too deeply", where=where) from error
-    except DermisError as error:
-        raise DermisError(error.what, where=where, value=error.value, limit=error.limit) from error
+    preset = read_json(path)
     if not isinstance(preset, dict):
         raise DermisError("a preset is one JSON object", where=where, value=type(preset).__name__)
     return preset
@@ -253,15 +239,3 @@ def _plain(field: Any, where: str) -> Any:
     if isinstance(field, str | bool) or (isinstance(field, list) and all(isinstance(v, str) for v in field)):
         return field
     return quantity(field, where=where)
-
-
-def _no_key_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    result = dict(pairs)
-    if len(result) != len(pairs):
-        keys = [k for k, _ in pairs]
-        raise DermisError("a key stands twice in one object", value=next(k for k in keys if keys.count(k) > 1))
-    return result
-
-
-def _no_constant(name: str) -> Any:
-    raise DermisError("not a finite number", value=name)

@@ -6,7 +6,6 @@ that equal scenes give equal bytes. Nothing in it is ever executed or unpickled.
 
 from __future__ import annotations
 
-import io
 import json
 import zipfile
 from collections.abc import Iterator, Mapping
@@ -18,12 +17,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import DermisError, Finding
+from .errors import SEVERITIES, DermisError, Finding
 from .files import atomic, put_array, put_text
+from .foreign import damage_told, json_of
+from .npz import ArrayFile, opened_npz
 from .scene import SCENE_VERSION, Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, header
 
 FORMAT = "dermis-scene"
-_SERIES = ("frames", "times", "fingers", "bodies", "screens")
+MOST_HEADER = 1 << 26  # bytes; a deforming mesh names its triangles at every sample
+# Arrays of a chunk: dimensions, and the size of the last where it is given.
+_SERIES = {"frames": (1,), "times": (1,), "fingers": (4, 4), "bodies": (4, 4), "screens": (4, 4)}
 
 
 def save(scene: TactileScene, path: Path) -> None:
@@ -60,32 +63,31 @@ def load(path: Path) -> TactileScene:
         DermisError: missing, not a scene, damaged, or written by a newer version; reading its chunks may raise it too.
     """
     path = Path(path)
-    with _opened(path) as archive:
-        data = _header(archive, path)
-        try:
+    with opened_npz(path, kind="a sampled scene") as archive:
+        data = _header(archive)
+        with damage_told("the header is damaged", str(path)):
             return TactileScene(
-                name=data["name"],
+                name=_text(data["name"]),
                 fps=Fraction(*data["fps"]),
                 frame_range=(int(data["frame_range"][0]), int(data["frame_range"][1])),
                 rate=float(data["rate"]),
                 gravity=(float(data["gravity"][0]), float(data["gravity"][1]), float(data["gravity"][2])),
                 fingers=tuple(
                     Finger(
-                        f["name"],
-                        tuple(DeviceUse(d["preset"], d["parameters"], d["screen"]) for d in f["devices"]),
-                        f["parameters"],
+                        _text(f["name"]),
+                        tuple(
+                            DeviceUse(_text(d["preset"]), _mapping(d["parameters"]), _text(d["screen"]))
+                            for d in f["devices"]
+                        ),
+                        _mapping(f["parameters"]),
                     )
                     for f in data["fingers"]
                 ),
-                bodies=tuple(_body(archive, path, i, b) for i, b in enumerate(data["bodies"])),
-                screens=tuple(_screen(archive, path, i, s) for i, s in enumerate(data["screens"])),
+                bodies=tuple(_body(archive, i, b) for i, b in enumerate(data["bodies"])),
+                screens=tuple(_screen(archive, i, s) for i, s in enumerate(data["screens"])),
                 chunks=SceneChunks(path, tuple(data["chunks"])),
                 findings=_findings(data["findings"]),
             )
-        except (KeyError, TypeError, ValueError, IndexError, ZeroDivisionError) as error:
-            if isinstance(error, DermisError):
-                raise
-            raise DermisError("the header is damaged", where=str(path), value=repr(error)) from error
 
 
 @dataclass(frozen=True)
@@ -106,27 +108,30 @@ class SceneChunks:
     def __iter__(self) -> Iterator[Chunk]:
         triangles: dict[int, NDArray[np.int32]] = {}
         for k, entry in enumerate(self.table):
-            with _opened(self.path) as archive:
-                series = {name: _get(archive, self.path, f"chunk/{k}/{name}") for name in _SERIES}
-                channels = {
-                    name: _get(archive, self.path, f"chunk/{k}/channel/{i}") for i, name in enumerate(entry["channels"])
-                }
+            where = f"{self.path}, chunk {k}"
+            with opened_npz(self.path, kind="a sampled scene") as archive, damage_told("a chunk of the scene is damaged", where):
+                series = {name: _numbers(archive, f"chunk/{k}/{name}", *_SERIES[name]) for name in _SERIES}
+                names = [_text(name) for name in entry["channels"]]
+                channels = {name: _numbers(archive, f"chunk/{k}/channel/{i}", 1) for i, name in enumerate(names)}
                 surfaces = {
                     int(b): self._surfaces(archive, f"chunk/{k}/surface/{b}", ids, triangles)
                     for b, ids in entry["surfaces"].items()
                 }
-            yield Chunk(**series, surfaces=surfaces, channels=channels)
+                chunk = Chunk(**series, surfaces=surfaces, channels=channels)
+                _check_lengths(chunk, where)
+            yield chunk
 
     def _surfaces(
-        self, archive: zipfile.ZipFile, name: str, ids: list[int], triangles: dict[int, NDArray[np.int32]]
+        self, archive: ArrayFile, name: str, ids: list[int], triangles: dict[int, NDArray[np.int32]]
     ) -> tuple[Mesh, ...]:
-        vertices = _get(archive, self.path, f"{name}/vertices")
-        counts = _get(archive, self.path, f"{name}/counts")
-        if len(counts) != len(ids) or counts.sum() != len(vertices) or (counts < 0).any():
+        vertices = _numbers(archive, f"{name}/vertices", 2, 3)
+        counts = _numbers(archive, f"{name}/counts", 1, kinds="iu")
+        within = (counts >= 0) & (counts <= len(vertices))
+        if len(counts) != len(ids) or not within.all() or counts.sum() != len(vertices):
             raise DermisError("a surface is damaged", where=f"{self.path}, {name}")
         for i in ids:
             if i not in triangles:
-                triangles[i] = _get(archive, self.path, f"triangles/{i}")
+                triangles[i] = _triangles(archive, f"triangles/{int(i)}")
         parts = np.split(vertices, np.cumsum(counts)[:-1]) if len(counts) else []
         return tuple(Mesh(part, triangles[i]) for part, i in zip(parts, ids, strict=True))
 
@@ -170,58 +175,87 @@ def _header_text(scene: TactileScene, chunks: list[dict[str, Any]]) -> str:
         raise DermisError("a parameter cannot be written", where=f"scene '{scene.name}'", value=str(error)) from error
 
 
-def _opened(path: Path) -> zipfile.ZipFile:
-    try:
-        return zipfile.ZipFile(path)
-    except OSError as error:
-        raise DermisError("the file cannot be read", where=str(path), value=error.strerror or str(error)) from error
-    except zipfile.BadZipFile as error:
-        raise DermisError("not a sampled scene, or cut short", where=str(path), value=str(error)) from error
-
-
-def _header(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
-    try:
-        data = json.loads(archive.read("header.json").decode("utf-8"))
-    except (KeyError, ValueError, RecursionError, zipfile.BadZipFile) as error:
-        raise DermisError("not a sampled scene: it has no header", where=str(path), value=str(error)) from error
+def _header(archive: ArrayFile) -> dict[str, Any]:
+    where = archive.where
+    if "header.json" not in archive:
+        raise DermisError("not a sampled scene: it has no header", where=where)
+    data = json_of(archive.text("header.json", MOST_HEADER), where, MOST_HEADER)
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         found = data.get("format") if isinstance(data, dict) else type(data).__name__
-        raise DermisError("not a sampled scene", where=str(path), value=found, limit=FORMAT)
+        raise DermisError("not a sampled scene", where=where, value=str(found)[:80], limit=FORMAT)
     version = data.get("version")
     if version != SCENE_VERSION:
         newer = isinstance(version, int) and version > SCENE_VERSION
         raise DermisError(
-            "written by a newer version of Dermis" if newer else "an unknown version of the format", where=str(path),
-            value=f"version {version}", limit=f"version {SCENE_VERSION}", remedy="Update Dermis" if newer else "",
+            "written by a newer version of Dermis" if newer else "an unknown version of the format", where=where,
+            value=f"version {str(version)[:80]}", limit=f"version {SCENE_VERSION}",
+            remedy="Update Dermis" if newer else "",
         )  # fmt: skip
     return data
 
 
-def _body(archive: zipfile.ZipFile, path: Path, i: int, data: Mapping[str, Any]) -> Body:
+def _body(archive: ArrayFile, i: int, data: Mapping[str, Any]) -> Body:
     mesh = None
     if not data["deforming"]:
-        mesh = Mesh(_get(archive, path, f"body/{i}/vertices"), _get(archive, path, f"body/{i}/triangles"))
-    return Body(data["name"], mesh, data["parameters"], tuple(data["content"]), bool(data["simulated"]))
+        mesh = Mesh(_numbers(archive, f"body/{i}/vertices", 2, 3), _triangles(archive, f"body/{i}/triangles"))
+    content = tuple(_text(name) for name in data["content"])
+    return Body(_text(data["name"]), mesh, _mapping(data["parameters"]), content, bool(data["simulated"]))
 
 
-def _screen(archive: zipfile.ZipFile, path: Path, i: int, data: Mapping[str, Any]) -> Screen:
+def _screen(archive: ArrayFile, i: int, data: Mapping[str, Any]) -> Screen:
+    heights = archive.array(f"screen/{i}/height_map")
+    if heights.dtype.kind not in "f" or heights.ndim not in (2, 3):
+        raise DermisError("not a map of heights", where=f"{archive.where}, screen {i}", value=str(heights.shape)[:80])
     return Screen(
-        data["name"],
+        _text(data["name"]),
         (float(data["size"][0]), float(data["size"][1])),
-        _get(archive, path, f"screen/{i}/height_map"),
+        heights,
         float(data["height_unit"]),
-        data["parameters"],
+        _mapping(data["parameters"]),
         _findings(data["findings"]),
     )
 
 
 def _findings(entries: list[dict[str, Any]]) -> tuple[Finding, ...]:
     known = {f.name for f in fields(Finding)}
-    return tuple(Finding(**{k: v for k, v in entry.items() if k in known}) for entry in entries)
+    found = tuple(Finding(**{k: v for k, v in entry.items() if k in known}) for entry in entries)
+    for finding in found:
+        if finding.severity not in SEVERITIES or not all(
+            isinstance(text, str) for text in (finding.code, finding.what, finding.where, finding.limit, finding.remedy)
+        ):
+            raise ValueError("a finding that is none")
+        str(finding)
+    return found
 
 
-def _get(archive: zipfile.ZipFile, path: Path, name: str) -> NDArray[Any]:
-    try:
-        return np.lib.format.read_array(io.BytesIO(archive.read(f"{name}.npy")), allow_pickle=False)
-    except (KeyError, ValueError, EOFError, OSError, zipfile.BadZipFile) as error:
-        raise DermisError("the file is damaged", where=f"{path}, {name}", value=str(error)) from error
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{str(value)[:80]!r} is no text")
+    return value
+
+
+def _mapping(value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise TypeError(f"{str(value)[:80]!r} is no object")
+    return value
+
+
+def _numbers(archive: ArrayFile, name: str, sides: int, last: int = 0, *, kinds: str = "f") -> NDArray[Any]:
+    """Read an array of so many dimensions, the last one of size `last` where that is not 0."""
+    array = archive.array(name)
+    if array.ndim != sides or (last and array.shape[-1] != last) or array.dtype.kind not in kinds:
+        raise DermisError("the file is damaged", where=f"{archive.where}, {name}",
+                          value=f"{array.dtype} {array.shape}"[:80])  # fmt: skip
+    return array
+
+
+def _triangles(archive: ArrayFile, name: str) -> NDArray[np.int32]:
+    return _numbers(archive, name, 2, 3, kinds="iu").astype(np.int32, copy=False)
+
+
+def _check_lengths(chunk: Chunk, where: str) -> None:
+    n = len(chunk.frames)
+    series = (chunk.times, *chunk.channels.values(), *chunk.surfaces.values())
+    poses = (chunk.fingers, chunk.bodies, chunk.screens)
+    if any(len(one) != n for one in series) or any(p.shape[1:] != (n, 4, 4) for p in poses):
+        raise DermisError("a chunk's arrays have different lengths", where=where, limit=f"{n} samples")

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DermisError
+from .npz import opened_npz
 from .number_rows import read_rows
 from .skin.model import SkinModel
 
@@ -98,19 +99,17 @@ def read_stimuli(path: Path, channels: int) -> tuple[Array, Array]:
             do not rise.
     """
     path, where = Path(path), str(path)
-    try:
-        if path.suffix.lower() == ".csv":
-            values = read_rows(path)
-            times, stimuli = values[:, 0], values[:, 1:]
-        else:
-            with np.load(path, allow_pickle=False) as archive:
-                times, stimuli = archive["times"], archive["stimuli"]
-        times, stimuli = np.asarray(times, np.float64), np.asarray(stimuli, np.float64)
-    except DermisError:
-        raise
-    except Exception as error:  # every reader has its own class for a damaged file
-        raise DermisError("the stimuli cannot be read", where=where, value=f"{type(error).__name__}: {error}"[:200],
-                          limit="times and stimuli") from error  # fmt: skip
+    if path.suffix.lower() == ".csv":
+        values = read_rows(path)
+        times, stimuli = values[:, 0], values[:, 1:]
+    else:
+        with opened_npz(path, kind="a recording of stimuli") as archive:
+            times, stimuli = archive.array("times"), archive.array("stimuli")
+        for name, array in (("times", times), ("stimuli", stimuli)):
+            if array.dtype.kind not in "buif":
+                raise DermisError("the stimuli cannot be read: they are no numbers", where=f"{where}, {name}",
+                                  value=str(array.dtype))  # fmt: skip
+        times, stimuli = times.astype(np.float64), stimuli.astype(np.float64)
     if times.ndim != 1 or stimuli.ndim != 2 or stimuli.shape != (len(times), channels) or len(times) == 0:
         raise DermisError("the stimuli have another shape", where=where, value=stimuli.shape,
                           limit=f"(n, {channels}) after the times, separated by commas")  # fmt: skip

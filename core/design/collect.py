@@ -25,6 +25,7 @@ from ..matching.platforms import original_key
 from ..matching.readings import Counts, quantised, readings_of
 from ..matching.sweep import sweep
 from ..matching.table import SkinTable, assemble, press_of, tabulate
+from ..npz import opened_npz
 from ..skin.material import Elastic
 from ..skin.model import SkinModel, fingertip_skin
 from ..skin.shape import FingertipShape
@@ -145,10 +146,15 @@ def _shared(
 
 def _whole(path: Path) -> bool:
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            return all(len(archive[name]) >= 0 for name in ("commands", "readings", "left"))  # read, not only listed
-    except Exception:  # missing, or damaged by a full disk: pressed again
+        part = _read_part(path)
+    except DermisError:  # missing, or damaged by a full disk: pressed again
         return False
+    return part["left"].shape == (3,) and len(part["commands"]) == len(part["readings"])
+
+
+def _read_part(path: Path) -> dict[str, NDArray[Any]]:
+    with opened_npz(path) as archive:
+        return archive.arrays(("commands", "readings", "left"))
 
 
 def _joined(spec: DeviceSpec, skin: SkinModel, paths: list[Path], asked: int, level: str) -> SkinTable:
@@ -156,10 +162,10 @@ def _joined(spec: DeviceSpec, skin: SkinModel, paths: list[Path], asked: int, le
     counts: list[Counts] = []
     left = np.zeros(3, np.int64)
     for path in paths:
-        with np.load(path, allow_pickle=False) as archive:
-            commands.append(archive["commands"].astype(np.float64))
-            counts.append(archive["readings"])
-            left += archive["left"]
+        part = _read_part(path)
+        commands.append(part["commands"].astype(np.float64))
+        counts.append(part["readings"])
+        left += part["left"]
     rest, unbalanced, saturated = (int(v) for v in left)
     meta = {"asked": asked, "rest_rows": rest, "unbalanced_rows": unbalanced, "saturated_rows": saturated,
             "level": level, "tetrahedra": len(skin.mesh.tetrahedra)}  # fmt: skip

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
-from ..files import read_bytes
+from ..files import read_text
 from ..matching.nearest import NEIGHBOURS
 from ..matching.readings import CHANNELS, FULL_SCALE, SATURATED
 from ..matching.table import SkinTable
@@ -123,10 +123,7 @@ def read_table(path: Path, scale: Array, ends: Array | None = None) -> SkinTable
 def _columns(path: Path, leading: int, wanted: str) -> tuple[list[str], Array]:
     """Read names and numbers; say what is wrong with the shape of the file, not only that it is wrong."""
     where = str(path)
-    try:
-        text = read_bytes(path).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise DermisError("not UTF-8 text", where=where, value=f"byte {error.start}") from error
+    text = read_text(path, encoding="utf-8-sig")
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     if len(lines) < 2:
         raise DermisError("no data", where=where, value=f"{len(lines)} lines", limit="a line of names, and values")

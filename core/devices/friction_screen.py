@@ -169,7 +169,7 @@ class FrictionScreen:
             rest = {name: _number(value) for name, value in fields.items() if name != "law"}
             law = FrictionLaw(**{name: _number(value) for name, value in fields["law"].items()})
             return cls(law, **rest)
-        except (KeyError, TypeError, AttributeError) as error:
+        except (KeyError, TypeError, AttributeError, OverflowError) as error:
             raise DermisError("the friction screen is malformed", where="friction screen", value=str(error)) from error
 
 

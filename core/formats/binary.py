@@ -24,8 +24,9 @@ import numpy as np
 
 from ..errors import DermisError
 from ..files import read_bytes, write_bytes
+from ..foreign import json_of
 from ..track import CommandTrack
-from .track_header import check_finite, check_schema, grid_of, header_of, parse, text_of, track_of
+from .track_header import check_finite, check_schema, grid_of, header_of, text_of, track_of
 
 SCHEMA = "dermis-track-binary 1"
 MAGIC = b"\x89DRMT\r\n\x01"
@@ -84,11 +85,7 @@ def loads(data: bytes, *, where: str = "track") -> CommandTrack:
         raise DermisError("the file is damaged or cut short: its check sum is wrong", where=where,
                           remedy="Copy or export it again")  # fmt: skip
     size = struct.unpack_from("<I", data, 8)[0]
-    try:
-        text = data[12 : 12 + size].decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise DermisError("the header is not UTF-8 text", where=where) from error
-    header = check_schema(parse(text, f"{where}, header"), SCHEMA, ("low", "high"), where)
+    header = check_schema(json_of(data[12 : 12 + size], f"{where}, header"), SCHEMA, ("low", "high"), where)
     number, times = grid_of(header, where)
     channels = len(header["channels"]) if isinstance(header["channels"], list) else 0
     low, high = (_numbers(header[k], channels, f"{where}, {k}") for k in ("low", "high"))

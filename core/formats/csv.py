@@ -24,7 +24,8 @@ import numpy as np
 
 from ..devices.spec import NAME
 from ..errors import DermisError
-from ..files import read_bytes, write_bytes
+from ..files import opened, read_bytes, write_bytes
+from ..foreign import MOST_TEXT
 from ..track import Array, CommandTrack
 from ..units import UNITS
 from .csv_header import (
@@ -83,7 +84,11 @@ def read(path: Path) -> CommandTrack:
         DermisError: not version 1, or not well formed; says in which line.
     """
     where = str(path)
-    data = read_bytes(Path(path))
+    with opened(path) as (file, _):
+        first = file.readline(200)
+    if not first.startswith(MAGIC.encode()):
+        loads(first.decode("utf-8", "replace"), where=where)  # which says what is wrong with it
+    data = read_bytes(path, most=MOST_TEXT)
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as error:

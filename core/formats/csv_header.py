@@ -11,6 +11,7 @@ from typing import Any
 
 from ..devices.spec import KINDS, NAME, WIRE, Channel, DeviceSpec
 from ..errors import DermisError
+from ..foreign import json_of
 from ..track import LIMITED, CommandTrack
 from ..units import UNITS
 
@@ -108,7 +109,7 @@ def _refuse_first_line(first: str, where: str) -> None:
     place = f"{where}, line 1"
     if first.startswith("\ufeff"):
         raise DermisError("starts with a byte order mark", where=place, remedy="Save as UTF-8 without it")
-    match = re.fullmatch(rf"{MAGIC} (\d+)", first)
+    match = re.fullmatch(rf"{MAGIC} ([0-9]{{1,9}})", first)
     if match:
         newer = int(match[1]) > VERSION
         raise DermisError(
@@ -210,13 +211,10 @@ def _group(entries: Entries, group: str, where: str) -> dict[str, Any]:
 
 
 def _from_json(text: str, where: str) -> Any:
-    def refuse(name: str) -> Any:
-        raise DermisError("not a finite number", where=where, value=name)
-
     try:
-        return json.loads(text, parse_constant=refuse)
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, DermisError):
+        return json_of(text, where)
+    except DermisError as error:
+        if not isinstance(error.__cause__, json.JSONDecodeError):
             raise
         raise DermisError("not a value", where=where, value=text[:80]) from error
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import DermisError, Finding
-from ..files import read_bytes
+from ..files import opened
 from ..track import CommandTrack
 from .check import findings_of
 
@@ -76,13 +76,13 @@ def read(path: Path) -> CommandTrack:
     Raises:
         DermisError: none of them, or not well formed.
     """
-    data = read_bytes(Path(path))
-    where = str(path)
-    if data.startswith(b"\x89DRMT"):
+    with opened(path) as (file, _):
+        first = file.read(200)
+    if first.startswith(b"\x89DRMT"):
         from . import binary
 
-        return binary.loads(data, where=where)
-    if data.lstrip()[:1] == b"{":
+        return binary.read(Path(path))
+    if first.lstrip()[:1] == b"{":
         from . import json_track
 
         return json_track.read(Path(path))

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import DermisError
-from ..files import read_bytes, write_bytes
+from ..files import read_text, write_bytes
+from ..foreign import MOST_TEXT, json_of
 from ..track import Array, CommandTrack
-from .track_header import check_finite, check_schema, grid_of, header_of, parse, text_of, track_of
+from .track_header import check_finite, check_schema, grid_of, header_of, text_of, track_of
 
 SCHEMA = "dermis-track-json 1"
 
@@ -55,11 +56,7 @@ def read(path: Path) -> CommandTrack:
         DermisError: not a JSON track of this version, or not well formed.
     """
     where = str(path)
-    try:
-        text = read_bytes(Path(path)).decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise DermisError("not UTF-8 text", where=f"{where}, byte {error.start}") from error
-    return loads(text, where=where)
+    return loads(read_text(path), where=where)
 
 
 def loads(text: str, *, where: str = "track") -> CommandTrack:
@@ -68,7 +65,7 @@ def loads(text: str, *, where: str = "track") -> CommandTrack:
     Raises:
         DermisError: not a JSON track of this version, or not well formed.
     """
-    header = check_schema(parse(text, where), SCHEMA, ("values",), where)
+    header = check_schema(json_of(text, where, MOST_TEXT), SCHEMA, ("values",), where)
     number, times = grid_of(header, where)
     columns, channels = header["values"], header["channels"]
     if not isinstance(columns, dict) or not isinstance(channels, list):

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 from ..errors import DermisError, Finding
+from ..files import read_bytes
 from . import netpbm, npy, png
 from .raster import Raster, grey_of
 
@@ -27,13 +28,7 @@ def read(path: str | Path) -> Raster:
     """
     path = Path(path)
     where = f"image '{path.name}'"
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise DermisError(
-            "the image cannot be read", where=where, value=error.strerror or str(error),
-            remedy=f"Check the path {path}",
-        ) from error  # fmt: skip
+    data = read_bytes(path, where=where)
     if not data:
         raise DermisError("the image file is empty", where=where)
     if data.startswith(png.SIGNATURE):

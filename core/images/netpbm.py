@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +12,8 @@ from ..errors import DermisError
 from .raster import Raster, checked_size, grey_of
 
 _WHITE = b" \t\n\r\v\f"
+_SPACE = re.compile(rb"[ \t\n\r\v\f]")
+_AT_ONCE = 1 << 20  # bytes of plain numbers
 
 
 def decode(data: bytes, where: str) -> Raster:
@@ -35,7 +40,7 @@ def decode(data: bytes, where: str) -> Raster:
     if int(numbers.max()) > most:
         raise DermisError("a pixel is brighter than the declared maximum", where=where, value=int(numbers.max()),
                           limit=f"{most}")  # fmt: skip
-    grey, findings = grey_of(numbers.reshape(rows, columns, channels) / np.float64(most), where)
+    grey, findings = grey_of(numbers.reshape(rows, columns, channels), where, most)
     return Raster(np.ascontiguousarray(grey[::-1]), np.zeros(grey.shape, bool), most + 1, findings)
 
 
@@ -69,20 +74,28 @@ def _missing(where: str, found: int, wanted: int) -> DermisError:
     return DermisError("the image is cut short", where=where, value=f"{found} values", limit=f"{wanted} values")
 
 
-def _plain(data: bytes, start: int, count: int, where: str) -> NDArray[np.int64]:
-    lines = (line.split(b"#", 1)[0] for line in data[start:].split(b"\n"))
-    words = b" ".join(lines).split()[:count]
-    if len(words) < count:
-        raise _missing(where, len(words), count)
-    return np.array([_whole(word, where) for word in words], dtype=np.int64)
+def _plain(data: bytes, start: int, count: int, where: str) -> NDArray[np.uint32]:
+    if len(data) - start < 2 * count - 1:  # a digit and a space each
+        raise _missing(where, max(len(data) - start + 1, 0) // 2, count)
+    body = re.sub(rb"#[^\n]*", b" ", data[start:])
+    numbers, done, at = np.empty(count, np.uint32), 0, 0
+    while done < count and at < len(body):
+        space = _SPACE.search(body, at + _AT_ONCE)
+        end = space.start() if space else len(body)
+        words = body[at:end].split()[: count - done]
+        numbers[done : done + len(words)] = [_whole(word, where) for word in words]
+        done, at = done + len(words), end
+    if done < count:
+        raise _missing(where, done, count)
+    return numbers
 
 
-def _raw(data: bytes, start: int, most: int, count: int, where: str) -> NDArray[np.int64]:
+def _raw(data: bytes, start: int, most: int, count: int, where: str) -> NDArray[Any]:
     kind = np.dtype(">u2") if most > 255 else np.dtype("u1")
     found = max(len(data) - start, 0) // kind.itemsize
     if found < count:
         raise _missing(where, found, count)
-    return np.frombuffer(data, kind, count, start).astype(np.int64)
+    return np.frombuffer(data, kind, count, start)
 
 
 def _floats(data: bytes, start: int, scale: bytes, count: int, where: str) -> NDArray[np.float32]:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 
 from ..errors import DermisError
+from ..npz import array_of
 from .raster import Raster, checked_size, grey_of
 
 MAGIC = b"\x93NUMPY"
@@ -20,10 +19,7 @@ def decode(data: bytes, where: str) -> Raster:
     Raises:
         DermisError: damaged, not numbers, or another shape.
     """
-    try:
-        array = np.load(io.BytesIO(data), allow_pickle=False)
-    except (ValueError, OSError, EOFError) as error:
-        raise DermisError("the array cannot be read", where=where, value=str(error)) from error
+    array = array_of(data, where)
     if array.dtype.kind not in "buif":
         raise DermisError("the array does not hold real numbers", where=where, value=str(array.dtype))
     if array.ndim == 2:
@@ -34,13 +30,10 @@ def decode(data: bytes, where: str) -> Raster:
         )
     checked_size(array.shape[1], array.shape[0], where)
     levels = 0
-    kind = array.dtype
-    scaled = array.astype(np.float64)
-    if kind.kind in "ui":
-        levels = int(np.iinfo(kind).max) + 1
-        scaled /= levels - 1
-    elif kind.kind == "b":
+    if array.dtype.kind in "ui":
+        levels = int(np.iinfo(array.dtype).max) + 1
+    elif array.dtype.kind == "b":
         levels = 2
-    holes = scaled[..., 3] == 0 if scaled.shape[2] == 4 else np.zeros(scaled.shape[:2], bool)
-    grey, findings = grey_of(scaled[..., :3] if scaled.shape[2] == 4 else scaled, where)
+    holes = array[..., 3] == 0 if array.shape[2] == 4 else np.zeros(array.shape[:2], bool)
+    grey, findings = grey_of(array[..., :3], where, max(levels - 1, 1))
     return Raster(np.ascontiguousarray(grey[::-1]), np.ascontiguousarray(holes[::-1]), levels, findings)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
+from ..foreign import check_size
 from .raster import Raster, checked_size, grey_of
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -57,7 +58,7 @@ def decode(data: bytes, where: str) -> Raster:
         largest = (1 << header.depth) - 1
         if header.colour in (GREY_ALPHA, RGB_ALPHA):
             pixels = samples[..., :-1]
-    grey, findings = grey_of(pixels / np.float64(largest), where)
+    grey, findings = grey_of(pixels, where, largest)
     return Raster(np.ascontiguousarray(grey[::-1]), np.ascontiguousarray(holes[::-1]), largest + 1, findings)
 
 
@@ -89,6 +90,7 @@ def _chunks(data: bytes, where: str) -> tuple[_Header, dict[bytes, bytes]]:
             raise _damaged(where, f"unknown critical part {name.decode('latin-1')}")
         at = end + 4
     parts[b"IDAT"] = b"".join(pieces)
+    checked_size(header.columns, header.rows, where, packed=len(parts[b"IDAT"]))
     return header, parts
 
 
@@ -110,6 +112,7 @@ def _damaged(where: str, detail: str) -> DermisError:
 def _filtered(header: _Header, packed: bytes, where: str) -> NDArray[np.uint8]:
     """Unpack the pixel data: one filter byte and the filtered bytes a row, shape (rows, 1 + row bytes)."""
     wanted = header.rows * (1 + header.row_bytes)
+    check_size(wanted, where, packed=len(packed))
     unpacker = zlib.decompressobj()
     try:
         # The limit keeps a hostile file from filling the memory.
@@ -121,7 +124,8 @@ def _filtered(header: _Header, packed: bytes, where: str) -> NDArray[np.uint8]:
     return np.frombuffer(raw, np.uint8).reshape(header.rows, 1 + header.row_bytes)
 
 
-def _samples(header: _Header, filtered: NDArray[np.uint8], where: str) -> NDArray[np.uint16]:
+def _samples(header: _Header, filtered: NDArray[np.uint8], where: str) -> NDArray[Any]:
+    """Undo the row filters and split bytes into samples, 8 or 16 bits wide, shape (rows, columns, channels)."""
     kinds, coded = filtered[:, 0], filtered[:, 1:]
     if kinds.max() > _PAETH:
         raise _damaged(where, f"row filter {int(kinds.max())}")
@@ -130,14 +134,12 @@ def _samples(header: _Header, filtered: NDArray[np.uint8], where: str) -> NDArra
     plain = _unfilter_rows(kinds, coded) if (kinds < _AVERAGE).all() else _unfilter_diagonals(kinds, coded)
     flat = plain.reshape(header.rows, -1)
     if header.depth == 16:
-        wide = flat.view(">u2").astype(np.uint16)
-    elif header.depth == 8:
-        wide = flat.astype(np.uint16)
-    else:
-        bits = np.unpackbits(flat, axis=1).reshape(header.rows, -1, header.depth)
-        weights = 1 << np.arange(header.depth - 1, -1, -1)
-        wide = (bits * weights).sum(axis=2).astype(np.uint16)[:, : header.columns]
-    return wide.reshape(header.rows, header.columns, header.channels)
+        flat = flat.view(">u2")
+    elif header.depth < 8:
+        shifts = np.arange(8 - header.depth, -1, -header.depth)
+        within = (np.arange(256)[:, None] >> shifts & (1 << header.depth) - 1).astype(np.uint8)  # of each byte
+        flat = within[flat].reshape(header.rows, -1)[:, : header.columns]
+    return flat.reshape(header.rows, header.columns, header.channels)
 
 
 def _unfilter_rows(kinds: NDArray[np.uint8], coded: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -191,7 +193,7 @@ def _diagonal(cells: NDArray[np.int16], at: int, stride: int, count: int) -> NDA
     return cells[at : at + (count - 1) * stride + 1 : stride]
 
 
-def _transparent(header: _Header, samples: NDArray[np.uint16], declared: bytes | None) -> NDArray[np.bool_]:
+def _transparent(header: _Header, samples: NDArray[Any], declared: bytes | None) -> NDArray[np.bool_]:
     if header.colour in (GREY_ALPHA, RGB_ALPHA):
         return np.asarray(samples[..., -1] == 0)
     if declared is not None and len(declared) == 2 * header.channels:
@@ -201,7 +203,7 @@ def _transparent(header: _Header, samples: NDArray[np.uint16], declared: bytes |
 
 
 def _painted(
-    indices: NDArray[np.uint16], chunks: dict[bytes, bytes], where: str
+    indices: NDArray[Any], chunks: dict[bytes, bytes], where: str
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     palette = np.frombuffer(chunks.get(b"PLTE", b""), np.uint8)
     if palette.size == 0 or palette.size % 3:

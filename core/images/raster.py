@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
+from ..foreign import check_size
 
 # Rec. 709 weights: what Blender, and the eye, take for the brightness of a colour.
 LUMINANCE = (0.2126, 0.7152, 0.0722)
-MOST_PIXELS = 1 << 28
+MOST_PIXELS = 100_000_000  # 20 um apart on a screen of 20 cm, finer than a fingertip tells apart
+_AT_ONCE = 1 << 20  # numbers in double precision
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,35 +35,46 @@ class Raster:
     findings: tuple[Finding, ...] = ()
 
 
-def checked_size(columns: int, rows: int, where: str) -> None:
+def checked_size(columns: int, rows: int, where: str, *, packed: int | None = None) -> None:
     """Refuse a picture without pixels, or with more than memory should hold.
 
+    Args:
+        packed: bytes that its pixels are unpacked from, where they are.
+
     Raises:
-        DermisError: 0 x 0, or more than 2^28 pixels.
+        DermisError: 0 x 0, more than `MOST_PIXELS`, or a large one out of nearly nothing.
     """
     if columns <= 0 or rows <= 0:
         raise DermisError("the image has no pixels", where=where, value=f"{columns} x {rows}", limit="at least 1 x 1")
     if columns * rows > MOST_PIXELS:
         raise DermisError("the image is too large", where=where, value=f"{columns} x {rows}",
-                          limit=f"{MOST_PIXELS} pixels")  # fmt: skip
+                          limit=f"{MOST_PIXELS} pixels", remedy="Scale it down")  # fmt: skip
+    check_size(columns * rows * np.dtype(np.float32).itemsize, where, packed=packed)
 
 
-def grey_of(pixels: NDArray[Any], where: str) -> tuple[NDArray[np.float32], tuple[Finding, ...]]:
+def grey_of(
+    pixels: NDArray[Any], where: str, largest: float = 1.0
+) -> tuple[NDArray[np.float32], tuple[Finding, ...]]:
     """Turn pixels of one or three numbers into one: Rec. 709 luminance, with a finding where colours differ.
 
     The numbers are taken as data: no gamma curve is undone, because a height is not a colour.
 
     Args:
-        pixels: shape (rows, columns, 1 or 3).
+        pixels: shape (rows, columns, 1 or 3). largest: the number that becomes 1.
     """
-    if pixels.shape[2] == 1:
-        return np.ascontiguousarray(pixels[..., 0], dtype=np.float32), ()
-    red, green, blue = pixels[..., 0], pixels[..., 1], pixels[..., 2]
-    coloured = int(np.count_nonzero((red != green) | (green != blue)))
+    grey = np.empty(pixels.shape[:2], np.float32)
+    coloured = 0
+    rows = max(_AT_ONCE // pixels[0].size, 1)  # a few at a time: doubles of all would take eight times the file
+    for at in range(0, len(pixels), rows):
+        part = pixels[at : at + rows].astype(np.float64) / largest
+        plain = part[..., 0]
+        if part.shape[2] == 3:
+            other = (plain != part[..., 1]) | (part[..., 1] != part[..., 2])
+            coloured += int(np.count_nonzero(other))
+            plain = np.where(other, part @ np.array(LUMINANCE), plain)  # greys stay exactly what was stored
+        grey[at : at + rows] = plain
     if not coloured:
-        return np.ascontiguousarray(red, dtype=np.float32), ()
-    weights = LUMINANCE
-    grey = (weights[0] * red + weights[1] * green + weights[2] * blue).astype(np.float32)
+        return grey, ()
     finding = Finding(
         "info", "coloured-map", "colours were turned into heights by their luminance", where=where, count=coloured,
         remedy="Use a grey image if the heights were meant otherwise",

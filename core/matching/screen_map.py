@@ -12,7 +12,6 @@ import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,9 @@ from ..effects.gradient import Map, bilinear, check_map, gradient, metres_of, st
 from ..effects.heading import REST_RADIUS, Heading
 from ..effects.slide import DOWNHILL, FULL, LEAST, PROFILES, friction_of_slope, without_downhill
 from ..errors import DermisError
-from ..files import read_bytes, write_bytes
+from ..files import write_bytes
+from ..foreign import json_of
+from ..npz import opened_npz
 
 Array = NDArray[np.float64]
 
@@ -230,14 +231,9 @@ class ScreenMap:
             DermisError: missing, damaged, or of another version.
         """
         where = f"screen map '{Path(path).name}'"
-        try:
-            with np.load(io.BytesIO(read_bytes(Path(path))), allow_pickle=False) as archive:
-                heights = np.asarray(archive["heights"])
-                meta: dict[str, Any] = json.loads(archive["meta"].astype(np.uint8).tobytes().decode())
-        except DermisError:
-            raise
-        except (ValueError, KeyError, OSError, EOFError, AttributeError, zipfile.BadZipFile) as error:
-            raise DermisError("the file is not a screen map, or is damaged", where=where, value=str(error)) from error
+        with opened_npz(Path(path), where, "a screen map") as archive:
+            heights = archive.array("heights")
+            meta = json_of(archive.array("meta").tobytes(), where)
         if not isinstance(meta, dict) or meta.get("schema") != SCHEMA:
             found = meta.get("schema") if isinstance(meta, dict) else meta
             raise DermisError("another version of the format", where=where, value=found, limit=SCHEMA)
@@ -249,7 +245,7 @@ class ScreenMap:
         try:
             width, height = (float(s) for s in meta["size"])
             numbers = {n: float(meta[n]) for n in _FIELDS if n not in ("size", "profile", "downhill")}
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise DermisError("a field is not a number", where=where, value=str(error)) from error
         return cls(
             heights=heights.astype(np.float32), size=(width, height), device=FrictionScreen.from_dict(meta["device"]),

@@ -6,7 +6,6 @@ Source: [S2] III.A; corrections: one rest row for all configurations in which no
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -20,6 +19,8 @@ from ..devices.press import Press, Pressed
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..files import write_npz
+from ..foreign import json_of
+from ..npz import opened_npz
 from ..skin.model import SkinModel
 from .nearest import NEIGHBOURS, NearestPoints
 from .platforms import mechanism, mechanism_key, scale_of
@@ -138,18 +139,18 @@ class SkinTable:
         if Path(path).suffix.lower() == ".csv":
             raise DermisError("a recorded table is not one to render with yet", where=where, limit=".npz",
                               remedy="Convert it: core design --table FILE.csv --save-table FILE.npz")  # fmt: skip
-        try:
-            with np.load(path, allow_pickle=False) as archive:
-                meta = json.loads(archive["header"].tobytes())
-                parts = {name: archive[name] for name in ("commands", "readings", "rest", "scale")}
-        except FileNotFoundError as error:
-            raise DermisError("the file does not exist", where=where) from error
-        except (OSError, ValueError, KeyError, EOFError, TypeError, AttributeError, zipfile.BadZipFile) as error:
-            raise DermisError("not a look-up table", where=where, value=str(error)[:100]) from error
+        with opened_npz(path, where, "a look-up table") as archive:
+            meta = json_of(archive.array("header").tobytes(), f"{where}, header")
+            commands, readings, rest, scale = (archive.array(n) for n in ("commands", "readings", "rest", "scale"))
         if not isinstance(meta, dict) or meta.pop("format", None) != FORMAT:
             raise DermisError("not a look-up table of this version", where=where, limit=FORMAT)
-        return cls(parts["commands"].astype(np.float64), parts["readings"], int(parts["rest"]),
-                   parts["scale"].astype(np.float64), 0.0, meta)  # fmt: skip
+        for name, array, sides, kinds in (("commands", commands, 2, "f"), ("readings", readings, 2, "uif"),
+                                          ("rest", rest, 0, "ui"), ("scale", scale, 1, "f")):  # fmt: skip
+            if array.ndim != sides or array.dtype.kind not in kinds or not np.isfinite(array).all():
+                raise DermisError("not the numbers of a look-up table", where=f"{where}, {name}",
+                                  value=f"{array.dtype} {array.shape}"[:80],
+                                  remedy="Collect the table again")  # fmt: skip
+        return cls(commands.astype(np.float64), readings, int(rest), scale.astype(np.float64), 0.0, meta)
 
 
 def press_of(skin: SkinModel, spec: DeviceSpec) -> Press:

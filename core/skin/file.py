@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,8 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError
 from ..files import read_bytes, write_bytes, write_npz
+from ..foreign import MOST_TEXT, json_of
+from ..npz import opened_npz
 from ..units import UNITS
 from .mesh import TetraMesh, boundary_faces, pad_nodes
 from .quality import check_mesh
@@ -80,23 +81,12 @@ def save_mesh(mesh: TetraMesh, path: Path) -> None:
 
 def _read_npz(path: Path, where: str) -> Mapping[str, Any]:
     known = {*_REQUIRED, *_OPTIONAL, "schema", "name", "unit"}
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files if name in known}
-    except FileNotFoundError as error:
-        raise DermisError("the file does not exist", where=where, value=str(path)) from error
-    except (OSError, ValueError, EOFError, AttributeError, zipfile.BadZipFile) as error:
-        raise DermisError(
-            "not an .npz archive of plain arrays", where=where, value=str(error)[:100],
-            remedy="Write it with numpy.savez, without objects",
-        ) from error  # fmt: skip
+    with opened_npz(path, where, "a mesh") as archive:
+        return archive.arrays(name for name in archive.names if name in known)
 
 
 def _read_json(path: Path, where: str) -> Mapping[str, Any]:
-    try:
-        fields = json.loads(read_bytes(path).decode("utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise DermisError("not JSON", where=where, value=str(error)[:100]) from error
+    fields = json_of(read_bytes(path, most=MOST_TEXT, where=where), where, MOST_TEXT)
     if not isinstance(fields, dict):
         raise DermisError("a mesh is one JSON object", where=where, value=type(fields).__name__)
     return fields
@@ -105,7 +95,7 @@ def _read_json(path: Path, where: str) -> Mapping[str, Any]:
 def _numbers(value: Any, columns: int, where: str, name: str) -> NDArray[np.float64]:
     try:
         array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise DermisError(f"'{name}' is not a table of numbers", where=where, value=str(error)[:80]) from error
     if array.ndim != 2 or array.shape[1] != columns:
         raise DermisError(f"'{name}' has another shape", where=where, value=array.shape, limit=f"(count, {columns})")
@@ -117,7 +107,7 @@ def _indices(value: Any, columns: int, where: str, name: str, count: int) -> NDA
         array = np.asarray(value)
         if array.size == 0:
             array = array.reshape((0, columns) if columns else (0,)).astype(np.int64)
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise DermisError(f"'{name}' is not a table of node numbers", where=where, value=str(error)[:80]) from error
     if array.dtype.kind not in "iu":
         raise DermisError(f"'{name}' must be whole node numbers, from 0", where=where, value=str(array.dtype))

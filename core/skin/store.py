@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import DermisError
 from ..files import put_array
+from ..npz import opened_npz
 from .mesh import TetraMesh
 
 Array = NDArray[np.float64]
@@ -27,11 +29,11 @@ def write_model(path: Path, mesh: TetraMesh, compliance: Array) -> None:
 def read_model(path: Path) -> dict[str, NDArray[Any]] | None:
     """Read a model; None where the file is gone or damaged, so that it is computed again."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in (*MESH_ARRAYS, "compliance")}
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        with opened_npz(path) as archive:
+            arrays = archive.arrays((*MESH_ARRAYS, "compliance"))
+    except DermisError:
         return None
-    size = 3 * len(arrays["pad"])
+    size = 3 * arrays["pad"].size
     return arrays if arrays["compliance"].shape == (size, size) else None
 
 
@@ -47,8 +49,8 @@ def read_table(path: Path, shape: tuple[int, ...]) -> NDArray[np.float32] | None
     Read whole, not mapped: a mapped file that shrinks or whose disk vanishes ends the process, and Blender with it.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            table = archive["table"]
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        with opened_npz(path) as archive:
+            table = archive.array("table")
+    except DermisError:
         return None
     return table if table.shape == shape and table.dtype == np.float32 else None

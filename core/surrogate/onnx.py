@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError
 from ..files import read_bytes, write_bytes
+from ..foreign import json_of
 from ..version import version
 from .network import Network
 
@@ -27,6 +28,7 @@ OPSET, IR_VERSION = 17, 8
 META = "dermis"
 SCHEMA = "dermis-surrogate 1"
 INPUTS, OUTPUTS = ("x", "friction"), ("stress", "jacobian")
+MOST_SIZE = 1 << 16  # of inputs and outputs; the finest skin has some thousand
 _DOUBLE = 11  # TensorProto.DOUBLE
 _INT64 = 7
 
@@ -135,10 +137,15 @@ class OnnxFit:
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 4
         try:
-            self._session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
-        except Exception as error:  # onnxruntime raises classes of its own for every kind of damage
+            self._session = onnxruntime.InferenceSession(
+                data, options, providers=["CPUExecutionProvider"], enable_fallback=0
+            )
+            self._check(where)
+        except DermisError:
+            raise
+        # onnxruntime raises classes of its own for every kind of damage, and names that are no text while they are read
+        except Exception as error:
             raise DermisError("onnxruntime cannot run this file", where=where, value=str(error)[:200]) from error
-        self._check(where)
         self._friction = np.zeros((1, self.inputs - 3))
         self._x = np.zeros((1, 3))
         self._bound: _Bound | None = None
@@ -202,8 +209,10 @@ def read_meta(data: bytes, where: str = "") -> dict[str, Any]:
                 pair = dict(_fields(value))
                 if pair.get(1) == META.encode() and isinstance(pair.get(2), bytes):
                     text = pair[2]
-        meta = json.loads(text.decode()) if isinstance(text, bytes) else None
-    except (ValueError, IndexError, struct.error, UnicodeDecodeError) as error:
+        meta = json_of(text, where) if isinstance(text, bytes) else None
+    except DermisError:
+        raise
+    except (ValueError, IndexError, struct.error) as error:
         raise DermisError("not a whole ONNX file", where=where, value=str(error) or None,
                           remedy="Make it again, or use the direct method") from error  # fmt: skip
     if not isinstance(meta, dict) or meta.get("schema") != SCHEMA:
@@ -213,8 +222,8 @@ def read_meta(data: bytes, where: str = "") -> dict[str, Any]:
     if not 1 <= opset <= OPSET:
         raise DermisError("another ONNX operator set", where=where, value=opset, limit=f"1 to {OPSET}")
     sizes = [meta.get(n) for n in ("inputs", "outputs")]
-    if not all(isinstance(n, int) for n in sizes) or sizes[0] < 3 or sizes[1] < 1:  # type: ignore[operator]
-        raise DermisError("impossible sizes", where=where, value=sizes)
+    if not all(type(n) is int and least <= n <= MOST_SIZE for n, least in zip(sizes, (3, 1), strict=True)):
+        raise DermisError("impossible sizes", where=where, value=str(sizes)[:80], limit=f"up to {MOST_SIZE}")
     return meta
 
 

@@ -21,6 +21,8 @@ from ..devices.disc_pose import Disc
 from ..devices.thimble import Thimble
 from ..errors import DermisError
 from ..files import write_npz
+from ..foreign import damage_told, json_of
+from ..npz import read_npz
 from ..skin.model import SkinModel
 from . import onnx
 from .dataset import Dataset, record, split
@@ -168,17 +170,18 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
         if not path.is_file():
             raise DermisError("no surrogate was adapted to this finger", where=str(path), limit="a .npz and a .onnx",
                               remedy="Adapt one to this finger, or use the direct method")  # fmt: skip
+    remedy = "Adapt it again, or use the direct method"
     try:
-        with np.load(tables, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-        meta = dict(json.loads(arrays["meta"].tobytes().decode()))
+        arrays = read_npz(tables, where, "a surrogate")
+    except DermisError as error:
+        raise DermisError("the surrogate cannot be read", where=error.where, value=error.what, limit=error.limit,
+                          remedy=remedy) from error  # fmt: skip
+    with damage_told("the surrogate cannot be read", where, remedy=remedy):
+        meta = dict(json_of(arrays["meta"].tobytes(), where))
         spaces = {n: Subspace(arrays[f"{n}_mean"], arrays[f"{n}_basis"], arrays[f"{n}_curve"])
                   for n in ("stress", "friction")}  # fmt: skip
         ridge = QuadraticRidge(*(arrays[f"ridge_{n}"] for n in _RIDGE))
         readout = arrays["readout"]
-    except Exception as error:  # every reader has its own class for a damaged file
-        raise DermisError("the surrogate cannot be read", where=where, value=f"{type(error).__name__}: {error}"[:200],
-                          remedy="Adapt it again, or use the direct method") from error  # fmt: skip
     expected = {"schema": SCHEMA, "skin": skin.key, "device": device_key(device), "friction": friction}
     for name, wanted in expected.items():
         _same(meta, name, wanted, where)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError
 from ..files import write_npz
+from ..npz import opened_npz
 from ..number_rows import read_rows
 
 Array = NDArray[np.float64]
@@ -111,18 +112,12 @@ def read_table(path: Path) -> SampleTable:
         DermisError: the file cannot be read, or arrays are missing or do not fit.
     """
     path, where = Path(path), str(path)
-    try:
-        if path.suffix.lower() == ".csv":
-            values = read_rows(path)
-            found = {"x": values[:, :3], "channels": values[:, 3:]}
-        else:
-            with np.load(path, allow_pickle=False) as archive:
-                names = ("x", "channels", "memory", "trajectory")
-                found = {name: archive[name] for name in names if name in archive}
-    except DermisError:
-        raise
-    except Exception as error:  # zipfile.BadZipFile and its kin
-        raise DermisError("the table cannot be read", where=where, value=str(error)[:200]) from error
+    if path.suffix.lower() == ".csv":
+        values = read_rows(path)
+        found = {"x": values[:, :3], "channels": values[:, 3:]}
+    else:
+        with opened_npz(path, kind="a table") as archive:
+            found = archive.arrays(n for n in ("x", "channels", "memory", "trajectory") if n in archive.names)
     for name in ("x", "channels"):
         if name not in found:
             raise DermisError(f"'{name}' is missing", where=where, limit="x (n, 3) and channels (n, c)")
@@ -140,7 +135,7 @@ def read_table(path: Path) -> SampleTable:
 
 def _numbers(value: NDArray[Any], name: str, where: str) -> Array:
     try:
-        if np.issubdtype(value.dtype, np.complexfloating) or np.issubdtype(value.dtype, np.str_):
+        if value.dtype.kind in "cSU":
             raise ValueError(f"values of type {value.dtype}")
         return np.asarray(value, np.float64)
     except (TypeError, ValueError) as error:

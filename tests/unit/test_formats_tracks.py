@@ -207,9 +207,9 @@ def fuzz(count: int, seed: int) -> dict[str, int]:
         check(group, "fuzzed", _object(text))
 
     def _object(text: str) -> dict[str, object]:
-        from core.formats.track_header import parse
+        from core.foreign import json_of
 
-        found = parse(text, "fuzz")
+        found = json_of(text, "fuzz")
         if not isinstance(found, dict):
             raise DermisError("no object")
         return found

@@ -1,0 +1,140 @@
+"""What comes from elsewhere: limits of what is read, one guard around parsers, and JSON without surprises.
+
+Every reader of files goes through here, `files.read_bytes` and `npz`: what is wrong with a file becomes one
+`DermisError`, and nothing is unpacked or allocated before its size was judged.
+"""
+
+from __future__ import annotations
+
+import json
+import lzma
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from tokenize import TokenError
+from typing import Any
+
+from .errors import DermisError
+
+# The limits, each with its reason.
+MOST_BYTES = 1 << 31  # of a file, and of all that an archive unpacks: a lab's hour at 1 kHz of 60 channels is 1.7 GB
+MOST_TEXT = 1 << 29  # of text, which takes ten times as much while it is read: 128 pins at 240 Hz for half an hour
+MOST_SETTINGS = 1 << 24  # of presets, calibrations, headers: people write these, and 128 pins take 30 kB
+FREELY = 1 << 26  # bytes that may come out of however little: 8,192 x 8,192 flat pixels
+EXPANDS = 100  # times its packed size that anything larger may unpack to; measured data stay below 20
+LONGEST_INTEGER = 300  # digits: a longer one is no double any more
+DEEPEST = 32  # objects and lists in one another; presets have 6
+
+# What the parsers of Python, numpy and zlib throw at damage; numpy reads headers with Python's own tokenizer.
+DAMAGE: tuple[type[Exception], ...] = (
+    OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, EOFError, MemoryError, ArithmeticError,
+    RuntimeError, SyntaxError, SystemError, TokenError, struct.error, zlib.error, lzma.LZMAError, zipfile.BadZipFile,
+)  # fmt: skip
+
+
+@contextmanager
+def damage_told(what: str, where: str, *, limit: str = "", remedy: str = "") -> Iterator[None]:
+    """Turn whatever a parser of foreign bytes throws inside the block into one refusal, the cause chained to it.
+
+    Raises:
+        DermisError: `what`, with the parser's own words as the value.
+    """
+    try:
+        yield
+    except DermisError:
+        raise
+    except DAMAGE as error:
+        said = " ".join(str(error).split())[:160]
+        value = said if isinstance(error, ValueError) and said else f"{type(error).__name__} {said}".strip()
+        raise DermisError(what, where=where, value=value, limit=limit, remedy=remedy) from error
+
+
+def check_size(size: int, where: str, most: int = MOST_BYTES, *, packed: int | None = None) -> None:
+    """Refuse more bytes than are read, or unpacked out of few.
+
+    Args:
+        size: bytes to be read or allocated. packed: bytes that they come out of, where they are packed.
+
+    Raises:
+        DermisError: more than `most`; or more than `FREELY` and more than `EXPANDS` times what they come out of.
+    """
+    if size > most:
+        raise DermisError("too large to be read", where=where, value=f"{size} bytes", limit=f"{most} bytes",
+                          remedy="Split it, or reduce its resolution")  # fmt: skip
+    if packed is not None and size > max(FREELY, EXPANDS * packed):
+        raise DermisError("unpacks to far more than it holds", where=where, value=f"{size} bytes out of {packed}",
+                          limit=f"{FREELY} bytes, or {EXPANDS} times the packed size",
+                          remedy="Save it without compression if it is meant so")  # fmt: skip
+
+
+def text_of(data: bytes, where: str, encoding: str = "utf-8") -> str:
+    """Decode text.
+
+    Raises:
+        DermisError: not UTF-8; says at which byte.
+    """
+    try:
+        return data.decode(encoding)
+    except UnicodeDecodeError as error:
+        raise DermisError("not UTF-8 text", where=f"{where}, byte {error.start}", value=f"0x{data[error.start]:02x}",
+                          limit="UTF-8", remedy="Save the file as UTF-8") from error  # fmt: skip
+
+
+def json_of(data: bytes | str, where: str, most: int = MOST_SETTINGS) -> Any:
+    """Read JSON: no key twice, no constants beside true, false and null, not nested without end, whole characters.
+
+    Raises:
+        DermisError: it is none of that; says at which line where it can.
+    """
+    check_size(len(data), where, most)
+    text = data if isinstance(data, str) else text_of(data, where)
+
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found = dict(pairs)
+        if len(found) != len(pairs):
+            keys = [key for key, _ in pairs]
+            twice = next(key for key in keys if keys.count(key) > 1)
+            raise DermisError("a key stands twice in one object", where=where, value=twice[:80])
+        return found
+
+    def refuse(name: str) -> Any:
+        raise DermisError("not a finite number", where=where, value=name)
+
+    def whole(digits: str) -> int:
+        if len(digits) > LONGEST_INTEGER:
+            raise DermisError("not a number that can be used", where=where, value=f"{digits[:12]}...",
+                              limit=f"{LONGEST_INTEGER} digits")  # fmt: skip
+        return int(digits)
+
+    try:
+        value = json.loads(text, parse_constant=refuse, parse_int=whole, object_pairs_hook=once)
+    except json.JSONDecodeError as error:
+        raise DermisError("not JSON", where=f"{where}, line {error.lineno}, column {error.colno}",
+                          value=error.msg) from error  # fmt: skip
+    except RecursionError as error:
+        raise DermisError("nested too deeply", where=where, limit=f"{DEEPEST} levels") from error
+    except DermisError:
+        raise
+    except (ValueError, MemoryError) as error:
+        raise DermisError("not JSON", where=where, value=str(error)[:80]) from error
+    _check_depth(value, where)
+    if "\\u" in text:  # the only way to half a character; it could not be written or printed
+        try:
+            json.dumps(value, ensure_ascii=False).encode("utf-8")
+        except UnicodeEncodeError as error:
+            raise DermisError("half a character (a lone surrogate)", where=where, value=ascii(error.object)[:80],
+                              remedy="Write the whole character, or its two halves together") from error  # fmt: skip
+    return value
+
+
+def _check_depth(value: Any, where: str) -> None:
+    level = [value]
+    for _ in range(DEEPEST + 1):
+        level = [inner for outer in level if isinstance(outer, dict | list)
+                 for inner in (outer.values() if isinstance(outer, dict) else outer)
+                 if isinstance(inner, dict | list)]  # fmt: skip
+        if not level:
+            return
+    raise DermisError("nested too deeply", where=where, limit=f"{DEEPEST} levels")

@@ -22,6 +22,7 @@ class Serial(Stream):
         except ImportError as error:
             raise DermisError("serial ports need pyserial", where=place, remedy="Install pyserial") from error
         super().__init__(place)
+        self._serial = serial_number(place)
         try:
             self._port = serial.Serial(None, baud, timeout=0, write_timeout=0, exclusive=True)
             self._port.port = place
@@ -67,6 +68,10 @@ class Serial(Stream):
             raise Gone("the device is gone", where=self.name)
         return [data]
 
+    def report(self) -> dict[str, Any]:
+        """Return the serial number that the USB port's maker gave it, where there is one."""
+        return {"usb_serial": self._serial} if self._serial else {}
+
     def close(self) -> None:
         """Close the port without waiting for what was not sent."""
         with contextlib.suppress(Exception):
@@ -80,3 +85,11 @@ def ports() -> list[tuple[str, str]]:
     from serial.tools import list_ports
 
     return sorted((port.device, port.description) for port in list_ports.comports())
+
+
+def serial_number(place: str) -> str:
+    """Return the USB serial number of a port, '' where it has none. Takes milliseconds to seconds."""
+    from serial.tools import list_ports
+
+    same = {place, os.path.realpath(place)}  # /dev/serial/by-id/... is another name of a port
+    return next((str(p.serial_number) for p in list_ports.comports() if p.device in same and p.serial_number), "")

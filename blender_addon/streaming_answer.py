@@ -36,18 +36,18 @@ def worn(scene: bpy.types.Scene) -> Any:
     return built_devices.device(file) if file else None
 
 
-def shown(scene: bpy.types.Scene) -> Shown:
+def shown(scene: bpy.types.Scene, answered: tuple[str, ...]) -> Shown:
     """Return what the panel says of the built device, before and after connecting. Writes nothing."""
     try:
         one = worn(scene)
+        owner = streaming_calibration.owner_shown(scene)
+        asked = one is None and streaming_calibration.choice(owner) is None
     except core_module("errors").DermisError as error:
         return Shown("Cannot be read", str(error), True)
     if one is not None:
-        return Shown(one.made.name, "", False)
-    owner = streaming_calibration.owner_shown(scene)
-    if streaming_calibration.choice(owner) is None and built_devices.devices(owner.rpartition(": ")[2]):
-        return Shown("Uncalibrated", "Nobody has said yet which built device this is.", False)
-    return Shown("Uncalibrated", "", False)
+        return Shown(one.made.name, "", _is_another(one, answered))
+    known = built_devices.devices(owner.rpartition(": ")[2]) if asked else []
+    return Shown("Uncalibrated", "Nobody has said yet which built device this is." if known else "", False)
 
 
 def check(scene: bpy.types.Scene, answered: tuple[str, ...]) -> None:
@@ -57,7 +57,7 @@ def check(scene: bpy.types.Scene, answered: tuple[str, ...]) -> None:
         DermisError: it is, or its file cannot be read.
     """
     one = worn(scene)
-    if one is not None and one.made.serial and answered and one.made.serial not in answered:
+    if one is not None and _is_another(one, answered):
         raise core_module("errors").DermisError(
             "another device answered than the one that this calibration is of", where=one.made.name,
             value=" or ".join(answered), limit=one.made.serial,
@@ -98,3 +98,7 @@ def advice(scene: bpy.types.Scene) -> str:
     if choice is None and built_devices.devices(settings.channels_owner.rpartition(": ")[2]):
         return f"Nobody has said which device {settings.channels_of} is, so it is not calibrated: choose it"
     return ""
+
+
+def _is_another(one: Any, answered: tuple[str, ...]) -> bool:
+    return bool(one.made.serial and answered and one.made.serial not in answered)

@@ -24,7 +24,7 @@ class Claim(NamedTuple):
 
 
 _WHAT = {
-    "url": ("write", "a record of all bytes, overwritten by spy://"),
+    "url": ("write", "a record of every byte (spy://)"),
     "track_file": ("read", "the command track to be played"),
     "screen_file": ("read", "the screen map"),
 }

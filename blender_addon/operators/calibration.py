@@ -91,6 +91,7 @@ class DERMIS_OT_calibration_keep(Named, bpy.types.Operator):
         """Draw both fields."""
         column = self.layout.column()
         column.use_property_split = True
+        column.activate_init = True
         column.prop(self, "name", placeholder="left thimble, red tape")
         column.prop(self, "serial", placeholder="None: the name alone")
 
@@ -114,6 +115,7 @@ class DERMIS_OT_calibration_keep_found(Named, bpy.types.Operator):
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the field."""
+        self.layout.activate_init = True
         self.layout.prop(self, "name", placeholder="left thimble, red tape")
 
     def work(self, context: bpy.types.Context) -> str | None:
@@ -141,7 +143,7 @@ class DERMIS_OT_calibration_folder(Streaming, bpy.types.Operator):
     """Open the folder of the built devices that this computer knows: delete a file to forget its device"""
 
     bl_idname = "dermis.calibration_folder"
-    bl_label = "Open Their Folder"
+    bl_label = "Folder of Devices"
 
     def work(self, _context: bpy.types.Context) -> str | None:
         """Open it."""

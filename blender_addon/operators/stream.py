@@ -49,14 +49,15 @@ class DERMIS_OT_stream_connect(Streaming, bpy.types.Operator):
             return self.execute(context)
         self.confirmed = True  # by the dialog's button
         found: set[str] = context.window_manager.invoke_props_dialog(
-            self, width=560, title="Files Named by This .blend", confirm_text="Use Them and Connect"
-        )
+            self, width=560, title="Files Named by This .blend", confirm_text="Use Them and Connect",
+            cancel_default=True,
+        )  # fmt: skip
         return found
 
     def draw(self, context: bpy.types.Context) -> None:
         """Name each file, and what happens to it."""
         layout = self.layout
-        words(layout, "You did not choose these files: they came with the .blend. Go on only if you know them.", 560)
+        words(layout, "You did not choose these files: they came with the .blend. Go on only if you know them.", 640)
         for claim in streaming_paths.pending(context.scene.dermis_stream):
             box = layout.box()
             box.alert = claim.kind == "write"
@@ -99,13 +100,15 @@ class DERMIS_OT_stream_arm(Streaming, bpy.types.Operator):
             return self.execute(context)
         self.fingers_out = True  # by the dialog's button
         found: set[str] = context.window_manager.invoke_props_dialog(
-            self, width=440, title="Take the Finger Out", confirm_text="Arm"
+            self, width=440, title="Take the Finger Out", confirm_text="Arm", cancel_default=True
         )
         return found
 
     def draw(self, context: bpy.types.Context) -> None:
         """Say what may happen, and what the board cannot do."""
-        words(self.layout, "This device does not know where its motors are. The first pulse may jump at full speed. "
+        box = self.layout.box()
+        box.alert = True
+        words(box, "This device does not know where its motors are. The first pulse may jump at full speed. "
               "Take the finger out, then press Arm.", 440, "ERROR")  # fmt: skip
         if caution := streaming.caution(context.scene.dermis_stream.protocol):
             words(self.layout.box(), caution, 440, "INFO")

@@ -46,7 +46,7 @@ class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, "Connect once: the actuators are then listed here.")
             return
         if streaming_calibration.unsaved(scene):
-            paragraph(layout, context, "Changed and not saved: kept until Blender ends.", "INFO")
+            paragraph(layout, context, "Changed, not saved.", "INFO")
         for channel in settings.channels:
             self._actuator(channel)
 
@@ -54,8 +54,8 @@ class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
         offers = calibration_offers.offers(context.scene)
         for i, offer in enumerate(offers[:MOST_OFFERS]):
             box = self.layout.box()
-            paragraph(box, context, f"Found, and used by nobody: a calibration of {offer.name or 'a device'}", "INFO",
-                      inset=16.0)  # fmt: skip
+            whose = offer.name or "a device"
+            paragraph(box, context, f"This file holds a calibration of {whose}. It drives nothing.", "INFO", inset=16.0)
             row = box.row(align=True)
             row.operator("dermis.calibration_keep_found", icon="CHECKMARK").index = i
             row.operator("dermis.calibration_drop_found", text="", icon="X").index = i

@@ -243,6 +243,7 @@ def test_another_device_than_the_chosen_one_is_not_armed(scene: Any) -> None:
     mark(scene, serial="0102030405060708")
     streaming.connect(scene)
     status = wait(lambda s: s["state"] == "ready" and "another device answered" in s["words"])
+    assert streaming_answer.shown(scene, streaming.answered()).wrong
     assert "left, red tape" in status["words"] and VIRTUAL in status["words"]
     with pytest.raises(RuntimeError, match="another device answered"):
         bpy.ops.dermis.stream_arm()
@@ -278,7 +279,7 @@ def test_refusals_are_words(scene: Any) -> None:
     built_devices.refresh()
     with pytest.raises(RuntimeError, match="which finger wears which device"):
         bpy.ops.dermis.stream_connect()
-    assert streaming_answer.shown(scene).wrong
+    assert streaming_answer.shown(scene, ()).wrong
     with pytest.raises(RuntimeError, match="which finger wears which device"):
         bpy.ops.dermis.calibration_use(file="")
     assert '"x": 3' in (folder / built_devices.TABLE).read_text(), "what cannot be read is not overwritten"

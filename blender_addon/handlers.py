@@ -130,16 +130,19 @@ def _on_load(*_: Any) -> None:
     _ticks += 1
     _dirty.clear()
     _dirty.add("file")
-    from . import reporting, results
+    from . import finger_ids, reporting, results
 
     results.forget()
     reporting.clear()
+    finger_ids.note()
 
 
 @persistent
 def _on_save(*_: Any) -> None:
+    from . import finger_ids
     from .properties import stamp
 
+    finger_ids.settle()
     for scene in bpy.data.scenes:
         if any(obj.dermis.role != "NONE" for obj in scene.objects):
             stamp(scene)

@@ -29,6 +29,27 @@ def _changed(self: Any, context: Any) -> None:
     streaming.changed()
 
 
+def _addressed(self: Any, context: Any) -> None:
+    _agreed(self, "url")
+    _quiet(self, context)
+
+
+def _mapped(self: Any, context: Any) -> None:
+    _agreed(self, "screen_file")
+    _changed(self, context)
+
+
+def _tracked(self: Any, context: Any) -> None:
+    _agreed(self, "track_file")
+    _chosen(self, context)
+
+
+def _agreed(settings: Any, name: str) -> None:
+    from . import streaming_paths
+
+    streaming_paths.confirm(streaming_paths.claims(settings, name))  # no file that is opened comes through here
+
+
 def _chosen(self: Any, context: Any) -> None:
     from . import preferences, streaming, streaming_calibration
 
@@ -64,9 +85,13 @@ class DermisStreamChannel(bpy.types.PropertyGroup):
 
 
 class DermisStreamCalibration(bpy.types.PropertyGroup):
-    """The calibration of one finger's device, put by while another's is listed; its name is 'finger: device'."""
+    """A calibration that was put by; its name is 'finger: device'.
 
-    file: StringProperty(subtype="FILE_PATH", options={"HIDDEN"})
+    Either it was changed and not saved, and another finger's device is listed now; or it was found in the file.
+    """
+
+    owner: StringProperty(options={"HIDDEN"})
+    found: BoolProperty(options={"HIDDEN"})
     channels: CollectionProperty(type=DermisStreamChannel)
 
 
@@ -76,7 +101,7 @@ class DermisStream(bpy.types.PropertyGroup):
     url: StringProperty(
         name="Port",
         description="Serial port, socket://HOST:PORT, udp://HOST:PORT, or virtual: for the device in the box",
-        default="virtual:", update=_quiet, options=set(),
+        default="virtual:", update=_addressed, options=set(),
     )  # fmt: skip
     protocol: EnumProperty(
         name="Protocol", description="What the device speaks",
@@ -101,15 +126,11 @@ class DermisStream(bpy.types.PropertyGroup):
     )  # fmt: skip
     track_file: StringProperty(
         name="Track File", description="A command track from a file, instead of the bake", subtype="FILE_PATH",
-        update=_chosen, options=set(),
+        update=_tracked, options=set(),
     )  # fmt: skip
     screen_file: StringProperty(
         name="Screen Map", description="The screen's relief and law, as exported, for the mode Touch",
-        subtype="FILE_PATH", update=_changed, options=set(),
-    )  # fmt: skip
-    calibration_file: StringProperty(
-        name="Calibration", description="Zero, gain and limits of this built device, apart from its preset",
-        subtype="FILE_PATH", update=_quiet, options=set(),
+        subtype="FILE_PATH", update=_mapped, options=set(),
     )  # fmt: skip
     offset: FloatProperty(
         name="Start Offset", description="Plays the track earlier by this much", default=0.0, soft_min=-1.0,
@@ -145,7 +166,9 @@ class DermisStream(bpy.types.PropertyGroup):
         default=True, update=_quiet, options=set(),
     )  # fmt: skip
     channels: CollectionProperty(type=DermisStreamChannel)
-    channels_of: StringProperty(options={"HIDDEN"})  # 'finger: device' to which they belong; '' for nobody yet
+    channels_of: StringProperty(options={"HIDDEN"})  # 'finger: device' to which they belong, for people ...
+    channels_owner: StringProperty(options={"HIDDEN"})  # ... and with the finger's identity; '' for nobody yet
+    session: StringProperty(options={"HIDDEN"})  # in which they were listed: what is of another one drives nothing
     shelf: CollectionProperty(type=DermisStreamCalibration)
 
 

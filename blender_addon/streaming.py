@@ -11,16 +11,28 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from . import streaming_calibration, streaming_hold, streaming_tracks
+from . import (
+    built_devices,
+    calibration_rows,
+    streaming_answer,
+    streaming_calibration,
+    streaming_hold,
+    streaming_paths,
+    streaming_tracks,
+)
 from .preferences import core_module, library
 
 BEAT = 0.02  # between two signs of life [s]
+STILL = frozenset({"V", "Hz"})  # units of actuators that nothing moves
 REDRAW = 5  # beats between two redraws of the panel
 
 _client: Any = None
 _scene = 0  # session uid of the scene that streams
 _status: dict[str, Any] = {}
 _note = ""  # what Blender's side has to say beside the sender
+_answered: tuple[str, ...] = ()  # serial numbers of the device that was recognised ...
+_recognised = ""  # ... and what there is to say of it
+_leaving: list[Any] = []  # senders that still bring a device to its safe state
 _published: tuple[float | None, tuple[float, ...]] = (None, ())  # time and values of the last beat
 _beats = 0
 _ports: list[tuple[str, str]] = []
@@ -65,11 +77,14 @@ def connect(scene: bpy.types.Scene) -> None:
     """Start a sender and let it connect. Nothing is armed by this.
 
     Raises:
-        DermisError: no device, a setting that cannot be, or the process cannot be started.
+        DermisError: files of the .blend that nobody has confirmed, no device, a setting that cannot be, or the process
+            cannot be started.
     """
     global _client, _scene, _status
-    close()
     settings = scene.dermis_stream
+    streaming_paths.check(settings)
+    close()
+    built_devices.refresh()
     key = streaming_tracks.device_key(scene)
     preset = library().load("devices", key)
     streaming_calibration.fill_channels(scene)
@@ -79,27 +94,53 @@ def connect(scene: bpy.types.Scene) -> None:
     _status = {"state": "connecting", "words": "", "armed": False}
     _client.connect(settings.url, settings.protocol, key, preset, calibration=calibration.dumps(), **_wish(scene))
     beat()
-    if not bpy.app.background and not bpy.app.timers.is_registered(_on_timer):
-        bpy.app.timers.register(_on_timer, first_interval=BEAT, persistent=True)
+    _start_timer()
 
 
 def close() -> None:
-    """Stop, disconnect and end the sender. Safe to call at any time."""
-    global _client, _note, _published, _status
-    if bpy.app.timers.is_registered(_on_timer):
-        bpy.app.timers.unregister(_on_timer)
+    """Stop, disconnect and end the sender, which may outlive this for as long as the way to the safe state takes.
+
+    Safe to call at any time.
+    """
+    global _client, _note, _published, _status, _answered, _recognised
     client, _client = _client, None
     if client is not None:
         client.close()
+        if client.alive:
+            _leaving.append(client)
+            _start_timer()
     _status, _note, _published = {}, "", (None, ())
+    _answered, _recognised = (), ""
     streaming_tracks.forget()
 
 
-def arm(scene: bpy.types.Scene) -> None:
+def leaving() -> list[str]:
+    """Return what senders say that have been let go, and still bring a device to its safe state."""
+    _leaving[:] = [client for client in _leaving if client.alive]
+    return [str(client.status().get("words") or "The device goes to its safe state") for client in _leaving]
+
+
+def answered() -> tuple[str, ...]:
+    """Return the serial numbers by which the connected device can be told, the best first."""
+    return _answered
+
+
+def pose_unknown() -> bool:
+    """Tell whether arming may start with a jump: something moves, and the device has not said where it is."""
+    now = status()
+    known = now.get("pose_known", now.get("pose") is not None)
+    return not known and any(unit not in STILL for unit in now.get("units", ()))
+
+
+def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
     """Let the device move, because a person asked for it.
 
+    Args:
+        fingers_out: a person has said so; needed where the device does not know where its motors are.
+
     Raises:
-        DermisError: nothing is connected, or something steps through the frames.
+        DermisError: nothing is connected, something steps through the frames, the calibration is of another device, or
+            the first pulse may jump and nobody has said that the fingers are out.
     """
     if _client is None:
         raise core_module("errors").DermisError("not connected", remedy="Connect first")
@@ -108,6 +149,10 @@ def arm(scene: bpy.types.Scene) -> None:
                                                 remedy="Let the bake or the render end, or cancel it")  # fmt: skip
     _client.set(**_wish(scene))
     beat()
+    streaming_answer.check(scene, _answered)
+    if pose_unknown() and not fingers_out:
+        raise core_module("errors").DermisError("the device does not know where its motors are",
+                                                remedy="Take the finger out, and say so (fingers_out)")  # fmt: skip
     _client.arm()
 
 
@@ -127,7 +172,7 @@ def changed() -> None:
     """Pass changed settings on to a running sender; a sender that does not run takes them when it starts."""
     global _note
     scene = _streaming_scene()
-    if _client is None or scene is None or streaming_calibration.restoring():
+    if _client is None or scene is None or calibration_rows.restoring():
         return
     try:
         streaming_calibration.fill_channels(scene)
@@ -159,8 +204,22 @@ def beat() -> None:
     moment, values = _published
     _client.beat(playing=playing, time=moment, values=values)
     _status = _client.status()
-    if _note:
-        _status["words"] = "; ".join(filter(None, (_note, _status.get("words"))))
+    said = (_note, _meet(scene), _status.get("words"))
+    _status["words"] = "; ".join(filter(None, said))
+
+
+def _meet(scene: bpy.types.Scene) -> str:
+    """Look who answered, once; return what a person should know of it before arming."""
+    global _answered, _recognised
+    try:
+        serials = streaming_answer.serials(_status)
+        if serials != _answered and not _status["armed"]:
+            _answered, _recognised = serials, ""
+            _recognised = streaming_answer.recognise(scene, serials)
+        streaming_answer.check(scene, _answered)
+    except core_module("errors").DermisError as error:
+        return str(error)
+    return _recognised if _status["state"] == "ready" else ""
 
 
 def _shown(scene: bpy.types.Scene) -> tuple[float, tuple[float, ...]]:
@@ -175,7 +234,12 @@ def _shown(scene: bpy.types.Scene) -> tuple[float, tuple[float, ...]]:
 
 
 def _wish(scene: bpy.types.Scene) -> dict[str, Any]:
-    """Return the fields of the sender's wish that the settings decide."""
+    """Return the fields of the sender's wish that the settings decide.
+
+    Raises:
+        DermisError: a file that nobody has confirmed, or a track that cannot be read.
+    """
+    streaming_paths.check(scene.dermis_stream, "track_file", "screen_file")
     s = scene.dermis_stream
     jog = {c.name: c.jog for c in s.channels} if s.mode == "jog" else {}
     names = ("mode", "offset", "look_ahead", "ramp", "stall", "play_on", "reconnect", "rate")
@@ -187,21 +251,29 @@ def _streaming_scene() -> bpy.types.Scene | None:
     return next((s for s in bpy.data.scenes if s.session_uid == _scene), None)
 
 
+def _start_timer() -> None:
+    if not bpy.app.background and not bpy.app.timers.is_registered(_on_timer):
+        bpy.app.timers.register(_on_timer, first_interval=BEAT, persistent=True)
+
+
 def _on_timer() -> float | None:
     global _beats
-    if _client is None:
-        return None
-    before = _status.get("state")
+    before, left = _status.get("state"), len(_leaving)
     beat()
-    if _client is None:
-        return None
     _beats += 1
-    if _beats % REDRAW == 0 or before != _status.get("state"):
-        for window in bpy.context.window_manager.windows:
-            for area in window.screen.areas:
-                if area.type == "VIEW_3D":
-                    area.tag_redraw()
+    if _client is None and not leaving():
+        _redraw()
+        return None
+    if _beats % REDRAW == 0 or before != _status.get("state") or left != len(_leaving):
+        _redraw()
     return BEAT
+
+
+def _redraw() -> None:
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
 
 
 @persistent
@@ -239,6 +311,9 @@ def unregister() -> None:
         keymap, item = _keys.pop()
         keymap.keymap_items.remove(item)
     _on_load()
+    _leaving.clear()
+    if bpy.app.timers.is_registered(_on_timer):
+        bpy.app.timers.unregister(_on_timer)
     streaming_hold.unregister()
     for found, function in _table():
         if function in found:

@@ -1,24 +1,22 @@
-"""Calibration in Blender: zero, gain and limits of each actuator, tried out under way, saved apart or taken back.
+"""The calibration that is being driven and edited: zero, gain and limits of each actuator, tried out under way.
 
-A calibration belongs to one built device, and each finger wears its own: two of one preset have a calibration each.
+The list in the panel is a working copy of one built device's file (`built_devices`), kept in the scene so that undo
+knows it. What another session left in a .blend is nobody's: it is put by in `calibration_offers`, and drives nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import bpy
 
-from . import handlers, streaming, streaming_tracks
+from . import built_devices, calibration_offers, finger_ids, streaming, streaming_tracks
+from .calibration_offers import Shelved, shelve
+from .calibration_rows import Rows, calibration, fill, quietly, rows_for, rows_of, same
 from .preferences import core_module, library
-
-_FIELDS = ("name", "unit", "jog", "zero", "gain", "use_limits", "low", "high")
-
-_Channels = list[dict[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -26,40 +24,134 @@ class _Before:
     """What a calibration in progress goes back to."""
 
     mode: str
-    file: str
     of: str
-    channels: _Channels
-    shelf: list[tuple[str, str, _Channels]]
+    owner: str
+    choice: str | None
+    channels: Rows
+    shelf: list[Shelved]
 
 
-_restoring = False
 _before: dict[int, _Before] = {}  # by session uid of the scene
+_loose: dict[str, str] = {}  # owner -> file, of fingers that cannot be given an identity; for this session
 
 
 def calibration_of(scene: bpy.types.Scene, key: str) -> Any:
-    """Return the calibration that the settings hold.
+    """Return the calibration that the list holds.
 
     Raises:
         DermisError: a number that cannot be.
     """
-    spec = library().device(key)
-    made = core_module("calibration").Calibration.of(spec)
-    for channel in scene.dermis_stream.channels:
-        if channel.name not in {c.name for c in spec.channels}:
-            continue
-        limits = {"low": channel.low, "high": channel.high} if channel.use_limits else {}
-        if channel.zero != 0.0 or channel.gain != 1.0 or limits:
-            made = made.with_entry(channel.name, zero=channel.zero, gain=channel.gain, **limits)
-    return made
+    return calibration(key, _listed(scene))
+
+
+def fill_channels(scene: bpy.types.Scene) -> None:
+    """List the actuators of the finger's device that the settings speak of, calibrated as the one that it wears.
+
+    What was changed and not saved for another finger's device is put by, and comes back with it.
+
+    Raises:
+        DermisError: there is no device, or the calibration that was chosen for it cannot be read.
+    """
+    calibration_offers.adopt(scene)
+    settings = scene.dermis_stream
+    owner, name, key = _subject(scene)
+    wanted = [c.name for c in library().device(key).channels if c.actuator]
+    if settings.channels_owner == owner and [c.name for c in settings.channels] == wanted:
+        if settings.channels_of != name:  # the finger was renamed
+            settings.channels_of = name
+        return
+    file = choice(owner)
+    fresh = rows_for(key, built_devices.device(file).made if file else None)
+    with quietly(scene):
+        if settings.channels_owner not in ("", owner) and unsaved(scene):
+            shelve(scene, Shelved(settings.channels_of, settings.channels_owner, False, _listed(scene)))
+        for i, entry in enumerate(settings.shelf):
+            if not entry.found and entry.owner == owner:
+                fresh = rows_of(entry.channels)
+                settings.shelf.remove(i)
+                break
+        fill(settings.channels, fresh)
+        settings.channels_of, settings.channels_owner = name, owner
+
+
+def owner_shown(scene: bpy.types.Scene) -> str:
+    """Return the owner of the list, or who will be that at connecting, '' for nobody yet. Writes nothing."""
+    settings = scene.dermis_stream
+    if calibration_offers.is_ours(settings) and settings.channels_owner:
+        return str(settings.channels_owner)
+    if not settings.track_file:
+        with suppress(core_module("errors").DermisError):
+            return _subject(scene, give=False)[0]
+    return ""
+
+
+def choice(owner: str) -> str | None:
+    """Return the file of the built device that an owner of a list wears; '' for none, None if nobody ever chose.
+
+    Raises:
+        DermisError: the table of choices cannot be read.
+    """
+    finger, _, key = owner.rpartition(": ")
+    return built_devices.choice(finger, key) if finger_ids.is_identity(finger) else _loose.get(owner)
+
+
+def use(scene: bpy.types.Scene, file: str) -> None:
+    """Put a built device on the finger, or none (''): it is calibrated so from now on, and that is remembered.
+
+    What was changed and not saved goes to the offers.
+
+    Raises:
+        DermisError: there is no device, it is another preset's, or a file cannot be read or written.
+    """
+    fill_channels(scene)
+    settings = scene.dermis_stream
+    key = settings.channels_owner.rpartition(": ")[2]
+    made = built_devices.device(file).made if file else None
+    if made is not None:
+        made.for_spec(library().device(key))  # refuses what does not fit
+    if unsaved(scene):
+        with quietly(scene):
+            shelve(scene, Shelved(settings.channels_of, "", True, _listed(scene)))
+    _remember(settings.channels_owner, settings.channels_of, file)
+    _relist(scene, key, made)
+
+
+def unsaved(scene: bpy.types.Scene) -> bool:
+    """Tell whether the list says something else than the file of the device that it is of. Reads no file anew."""
+    with suppress(core_module("errors").DermisError):
+        file = choice(scene.dermis_stream.channels_owner)
+        return not same(_listed(scene), built_devices.device(file).made if file else None)
+    return True
+
+
+def keep(scene: bpy.types.Scene, name: str, serial: str) -> Any:
+    """Save the list as the calibration of a built device, and put that on the finger; return what was saved.
+
+    Raises:
+        DermisError: a number, name or serial that cannot be, or the file cannot be written.
+    """
+    fill_channels(scene)
+    settings = scene.dermis_stream
+    key = settings.channels_owner.rpartition(": ")[2]
+    made = calibration_of(scene, key).owned_by(name.strip(), serial.strip())
+    made.for_spec(library().device(key))
+    worn = choice(settings.channels_owner)
+    again = worn and built_devices.device(worn).made.name == made.name
+    saved = built_devices.save(made, worn if worn and again else "")
+    _remember(settings.channels_owner, settings.channels_of, saved.file)
+    _before.pop(scene.session_uid, None)
+    return saved
 
 
 def begin_calibration(scene: bpy.types.Scene) -> None:
     """Remember the calibration, so that cancelling brings it back, and turn to moving by hand."""
     settings = scene.dermis_stream
+    calibration_offers.adopt(scene)
     with suppress(core_module("errors").DermisError):  # without a device there is nothing to list
         fill_channels(scene)
-    shelf = [(e.name, e.file, [_plain(c) for c in e.channels]) for e in settings.shelf]
-    before = _Before(settings.mode, settings.calibration_file, settings.channels_of, _listed(scene), shelf)
+    shelf = [Shelved(e.name, e.owner, e.found, rows_of(e.channels)) for e in settings.shelf]
+    owner = settings.channels_owner
+    before = _Before(settings.mode, settings.channels_of, owner, choice(owner), _listed(scene), shelf)
     _before.setdefault(scene.session_uid, before)
     settings.mode = "jog"
 
@@ -69,47 +161,48 @@ def calibrating(scene: bpy.types.Scene) -> bool:
     return scene.session_uid in _before
 
 
-def restoring() -> bool:
-    """Tell whether settings are being put back, so that half of them are not passed on."""
-    return _restoring
-
-
 def cancel_calibration(scene: bpy.types.Scene) -> None:
     """Bring back what was there when the scene's calibration began; a device under way blends back to it."""
     before = _before.pop(scene.session_uid, None)
     if before is None:
         return
     settings = scene.dermis_stream
-    with _quietly(scene):
+    with quietly(scene):
         settings.shelf.clear()
-        for name, file, channels in before.shelf:
-            _shelve(scene, name, file, channels)
-        settings.channels_of, settings.calibration_file = before.of, before.file
-        _fill(settings.channels, before.channels)
+        for entry in before.shelf:
+            shelve(scene, entry)
+        settings.channels_of, settings.channels_owner = before.of, before.owner
+        fill(settings.channels, before.channels)
         settings.mode = before.mode
+        if before.owner and choice(before.owner) != before.choice:
+            _remember(before.owner, before.of, before.choice)
     streaming.changed()
 
 
 def forget() -> None:
     """Forget calibrations that were begun: another file is opened."""
     _before.clear()
+    _loose.clear()
+    built_devices.refresh()
 
 
-def save_calibration(scene: bpy.types.Scene, path: Path) -> None:
-    """Write the calibration to a file of its own.
+def export(scene: bpy.types.Scene, path: Path) -> None:
+    """Write the list to a file anywhere, with name and serial of the device that it is of.
 
     Raises:
-        DermisError: a number that cannot be, or the file cannot be written.
+        DermisError: there is no device, a number that cannot be, or the file cannot be written.
     """
-    settings = scene.dermis_stream
-    key = settings.channels_of.rpartition(": ")[2] or streaming_tracks.device_key(scene)
-    calibration_of(scene, key).save(path)
-    settings.calibration_file = str(path)
-    _before.pop(scene.session_uid, None)
+    fill_channels(scene)
+    owner = scene.dermis_stream.channels_owner
+    made, worn = calibration_of(scene, owner.rpartition(": ")[2]), choice(owner)
+    if worn:
+        of = built_devices.device(worn).made
+        made = made.owned_by(of.name, of.serial)
+    made.save(path)
 
 
-def load_calibration(scene: bpy.types.Scene, path: Path) -> tuple[Any, ...]:
-    """Read a calibration into the settings; return findings.
+def load(scene: bpy.types.Scene, path: Path) -> tuple[Any, ...]:
+    """Read a calibration from a file anywhere into the list; it is unsaved there. Return findings.
 
     Raises:
         DermisError: the file cannot be read, or is for another device.
@@ -119,65 +212,8 @@ def load_calibration(scene: bpy.types.Scene, path: Path) -> tuple[Any, ...]:
     spec = library().device(key)
     made.for_spec(spec)  # refuses what does not fit
     fill_channels(scene)
-    fresh = []
-    for plain in _listed(scene):
-        entry = made.entries.get(plain["name"])
-        plain |= {"zero": 0.0, "gain": 1.0, "use_limits": False}
-        if entry is not None:
-            own = spec.channel(plain["name"])
-            low, high = (next((v for v in pair if v is not None), 0.0)
-                         for pair in ((entry.low, own.low), (entry.high, own.high)))  # fmt: skip
-            limited = entry.low is not None or entry.high is not None
-            plain |= {"zero": entry.zero, "gain": entry.gain, "use_limits": limited, "low": low, "high": high}
-        fresh.append(plain)
-    _restore(scene, fresh)
-    scene.dermis_stream.calibration_file = str(path)
+    _relist(scene, key, made)
     return tuple(made.findings(spec))
-
-
-def advice(scene: bpy.types.Scene) -> str:
-    """Return what a person should know where the device that is listed has no calibration, but its like has one."""
-    settings = scene.dermis_stream
-    key = settings.channels_of.rpartition(": ")[2]
-    like = [e.name for e in settings.shelf
-            if e.name.rpartition(": ")[2] == key and any(_calibrated(_plain(c)) for c in e.channels)]  # fmt: skip
-    if not like or any(map(_calibrated, _listed(scene))):
-        return ""
-    return f"{settings.channels_of} has no calibration; that of {like[0]} is kept for it alone"
-
-
-def fill_channels(scene: bpy.types.Scene) -> None:
-    """List the actuators of the finger's device that the settings speak of, with the calibration of that very device.
-
-    What the list held for another finger's device is put by, and comes back with it. A list that belongs to nobody yet
-    is taken over.
-
-    Raises:
-        DermisError: there is no device.
-    """
-    settings, name = scene.dermis_stream, streaming_tracks.device_name(scene)
-    wanted = [c for c in library().device(streaming_tracks.device_key(scene)).channels if c.actuator]
-    owner, listed, file = settings.channels_of, _listed(scene), settings.calibration_file
-    if owner == name and [c["name"] for c in listed] == [c.name for c in wanted]:
-        return
-    known = listed
-    with _quietly(scene):
-        if owner not in ("", name):
-            _shelve(scene, owner, file, listed)
-            at = settings.shelf.find(name)
-            known = [_plain(c) for c in settings.shelf[at].channels] if at >= 0 else []
-            settings.calibration_file = settings.shelf[at].file if at >= 0 else ""
-            if at >= 0:
-                settings.shelf.remove(at)
-        old = {c["name"]: c for c in known}
-        fresh = []
-        for channel in wanted:
-            low, high = (0.0 if v is None else v for v in (channel.low, channel.high))
-            new = {"name": channel.name, "unit": channel.unit, "jog": channel.rest, "zero": 0.0, "gain": 1.0,
-                   "use_limits": False, "low": low, "high": high}  # fmt: skip
-            fresh.append(old.get(channel.name, new))
-        _fill(settings.channels, fresh)
-        settings.channels_of = name
 
 
 def centre(scene: bpy.types.Scene, preset: Any, key: str) -> None:
@@ -187,45 +223,40 @@ def centre(scene: bpy.types.Scene, preset: Any, key: str) -> None:
     _restore(scene, [{**c, "jog": rest.get(c["name"], 0.0)} for c in _listed(scene)])
 
 
-def _plain(channel: Any) -> dict[str, Any]:
-    return {name: getattr(channel, name) for name in _FIELDS}
+def _subject(scene: bpy.types.Scene, *, give: bool = True) -> tuple[str, str, str]:
+    """Return whose list is wanted ('identity: preset'), that for people ('finger: preset'), and the preset."""
+    finger, key = streaming_tracks.device_of(scene)
+    obj = scene.objects.get(finger)
+    if finger and (obj is None or obj.dermis.role != "FINGER"):  # renamed since the bake, or since the file was written
+        obj = finger_ids.finger_with(built_devices.once_called(finger), scene)
+    if obj is None:
+        name = f"{finger}: {key}" if finger else key
+        return name, name, key
+    own = finger_ids.identity(obj) or (finger_ids.give(obj) if give else "")
+    return f"{own or obj.name}: {key}", f"{obj.name}: {key}", key  # what is linked from another file has only a name
 
 
-def _listed(scene: bpy.types.Scene) -> _Channels:
-    return [_plain(channel) for channel in scene.dermis_stream.channels]
+def _remember(owner: str, shown: str, file: str | None) -> None:
+    finger, _, key = owner.rpartition(": ")
+    if finger_ids.is_identity(finger):
+        built_devices.choose(finger, shown.removesuffix(f": {key}"), key, file)
+    elif file is None:
+        _loose.pop(owner, None)
+    else:
+        _loose[owner] = file
 
 
-def _calibrated(plain: dict[str, Any]) -> bool:
-    return bool(plain["zero"] != 0.0 or plain["gain"] != 1.0 or plain["use_limits"])
+def _listed(scene: bpy.types.Scene) -> Rows:
+    return rows_of(scene.dermis_stream.channels)
 
 
-def _restore(scene: bpy.types.Scene, plain: _Channels) -> None:
-    with _quietly(scene):
-        _fill(scene.dermis_stream.channels, plain)
+def _relist(scene: bpy.types.Scene, key: str, made: Any) -> None:
+    """List a calibration anew; where the actuators are by hand stays."""
+    jog = {c["name"]: c["jog"] for c in _listed(scene)}
+    _restore(scene, [{**c, "jog": jog.get(c["name"], c["jog"])} for c in rows_for(key, made)])
+
+
+def _restore(scene: bpy.types.Scene, plain: Rows) -> None:
+    with quietly(scene):
+        fill(scene.dermis_stream.channels, plain)
     streaming.changed()
-
-
-@contextmanager
-def _quietly(scene: bpy.types.Scene) -> Iterator[None]:
-    """Change settings that belong together without passing half of them on."""
-    global _restoring
-    handlers.expect(scene.name)
-    before, _restoring = _restoring, True
-    try:
-        yield
-    finally:
-        _restoring = before
-
-
-def _shelve(scene: bpy.types.Scene, name: str, file: str, plain: _Channels) -> None:
-    entry = scene.dermis_stream.shelf.add()
-    entry.name, entry.file = name, file
-    _fill(entry.channels, plain)
-
-
-def _fill(channels: Any, plain: _Channels) -> None:
-    channels.clear()
-    for fields in plain:
-        channel = channels.add()
-        for name, value in fields.items():
-            setattr(channel, name, value)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from . import results
+from . import results, streaming_paths
 from .preferences import core_module
 
 
@@ -85,9 +85,10 @@ def load_file(scene: bpy.types.Scene) -> Any:
     """Return the command track of the settings' file.
 
     Raises:
-        DermisError: it cannot be read.
+        DermisError: nobody has confirmed it, or it cannot be read.
     """
     global _file_track
+    streaming_paths.check(scene.dermis_stream, "track_file")
     path = Path(bpy.path.abspath(scene.dermis_stream.track_file))
     key = (str(path), path.stat().st_mtime_ns if path.is_file() else 0)
     if _file_track is None or _file_track[0] != key:

@@ -2,7 +2,8 @@
 
     driven = zero + gain * commanded, then held within low and high
 
-A calibration belongs to one device on one desk; presets belong to everyone. So it is stored apart, by a name.
+A calibration belongs to one built device; presets belong to everyone. So it is a file of its own, which says whose it
+is: by the name that a person gave the device, and by its serial number where it has one.
 """
 
 from __future__ import annotations
@@ -21,7 +22,10 @@ from .errors import DermisError, Finding
 from .files import read_text, write_bytes
 from .foreign import json_of
 
-SCHEMA = "dermis-calibration 1"
+SCHEMA = "dermis-calibration 2"
+_OLDER = "dermis-calibration 1"  # knew neither name nor serial
+_OWNER = ("name", "serial")
+_LONGEST = 100  # of a name or serial [characters]
 _NUMBERS = ("zero", "gain", "low", "high")
 
 
@@ -48,11 +52,15 @@ class Calibration:
     Attributes:
         device: the preset's key. spec_hash: of the preset that it was made with.
         entries: by channel name; a channel that has none is driven as commanded.
+        name: of the built device, as a person gave it. serial: what it answers with, or the number of its USB port;
+            '' where it has none.
     """
 
     device: str
     spec_hash: str = ""
     entries: Mapping[str, Entry] = field(default_factory=dict)
+    name: str = ""
+    serial: str = ""
 
     @classmethod
     def of(cls, spec: DeviceSpec) -> Calibration:
@@ -68,6 +76,16 @@ class Calibration:
         entry = Entry(**{**asdict(self.entries.get(channel, Entry())), **numbers})
         _check(entry, f"calibration, {channel}")
         return replace(self, entries={**self.entries, channel: entry})
+
+    def owned_by(self, name: str, serial: str = "") -> Calibration:
+        """Return the calibration as that of one built device.
+
+        Raises:
+            DermisError: a name or serial that is too long, or has characters that cannot be seen.
+        """
+        for what, text in (("name", name), ("serial", serial)):
+            _check_text(text, f"calibration, {what}")
+        return replace(self, name=name, serial=serial)
 
     def for_spec(self, spec: DeviceSpec) -> tuple[NDArray[np.float64], ...]:
         """Return zero, gain, low and high for every channel of a device, each of shape (channels,).
@@ -106,7 +124,8 @@ class Calibration:
 
     def dumps(self) -> str:
         """Return the calibration as JSON; equal ones give equal text."""
-        plain = {"schema": SCHEMA, "device": self.device, "spec_hash": self.spec_hash,
+        plain = {"schema": SCHEMA, "name": self.name, "serial": self.serial, "device": self.device,
+                 "spec_hash": self.spec_hash,
                  "actuators": {name: asdict(self.entries[name]) for name in sorted(self.entries)}}  # fmt: skip
         return json.dumps(plain, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
@@ -129,17 +148,20 @@ class Calibration:
 
     @classmethod
     def loads(cls, text: str, *, where: str = "calibration") -> Calibration:
-        """Read a calibration from JSON text.
+        """Read a calibration from JSON text, of this version or the one before.
 
         Raises:
-            DermisError: not one of this version, or a number that cannot be.
+            DermisError: not one of these versions, or a number or text that cannot be.
         """
         plain = json_of(text, where)
-        if not isinstance(plain, dict) or plain.get("schema") != SCHEMA:
+        if not isinstance(plain, dict) or plain.get("schema") not in (SCHEMA, _OLDER):
             found = plain.get("schema") if isinstance(plain, dict) else type(plain).__name__
             raise DermisError("not a calibration of this version", where=where, value=str(found)[:80], limit=SCHEMA)
-        if set(plain) != {"schema", "device", "spec_hash", "actuators"}:
+        owner = _OWNER if plain["schema"] == SCHEMA else ()
+        if set(plain) != {"schema", "device", "spec_hash", "actuators", *owner}:
             raise DermisError("fields missing or unknown", where=where)
+        for what in owner:
+            _check_text(plain[what], f"{where}, {what}")
         device, spec_hash, actuators = plain["device"], plain["spec_hash"], plain["actuators"]
         if not isinstance(device, str) or not isinstance(spec_hash, str) or not isinstance(actuators, dict):
             raise DermisError("a field of another kind", where=where)
@@ -150,7 +172,13 @@ class Calibration:
                 raise DermisError("fields missing or unknown", where=place, limit=", ".join(_NUMBERS))
             entries[name] = Entry(**fields)
             _check(entries[name], place)
-        return cls(device, spec_hash, entries)
+        return cls(device, spec_hash, entries, **{what: plain[what] for what in owner})
+
+
+def _check_text(text: object, where: str) -> None:
+    if not isinstance(text, str) or len(text) > _LONGEST or not (text.isprintable() and text == text.strip()):
+        raise DermisError("not a text of one line", where=where, value=repr(text)[:80],
+                          limit=f"at most {_LONGEST} characters that can be seen")  # fmt: skip
 
 
 def _check(entry: Entry, where: str) -> None:

@@ -2,11 +2,12 @@
 
 import bpy
 
-from . import add, bake, design, devices, export, housekeeping, pins, roles, skin, stream, thimble, tracks
+from . import add, bake, calibration, design, devices, export, housekeeping, pins, roles, skin, stream, thimble, tracks
 
 CLASSES: tuple[type, ...] = (
     *add.CLASSES, *roles.CLASSES, *devices.CLASSES, *bake.CLASSES, *export.CLASSES, *housekeeping.CLASSES,
-    *skin.CLASSES, *pins.CLASSES, *stream.CLASSES, *tracks.CLASSES, *thimble.CLASSES, *design.CLASSES,
+    *skin.CLASSES, *pins.CLASSES, *stream.CLASSES, *calibration.CLASSES, *tracks.CLASSES, *thimble.CLASSES,
+    *design.CLASSES,
 )  # fmt: skip
 
 

@@ -1,15 +1,15 @@
-"""Connect, arm, stop, calibrate."""
+"""Connect, arm, stop. What may hurt or touch a file is asked before."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import EnumProperty, StringProperty
+from bpy.props import BoolProperty, StringProperty
 
-from .. import reporting, streaming, streaming_calibration, streaming_tracks
-from ..preferences import core_module, library
+from .. import reporting, streaming, streaming_answer, streaming_paths
+from ..panels.text import words
+from ..preferences import core_module
 
 
 class Streaming:
@@ -24,11 +24,11 @@ class Streaming:
     def execute(self: Any, context: bpy.types.Context) -> set[str]:
         """Do it, and report."""
         try:
-            words = self.work(context)
+            said = self.work(context)
         except core_module("errors").DermisError as error:
             return reporting.report_error(self, error, "Streaming")
-        if words:
-            self.report({"INFO"}, words)
+        if said:
+            self.report({"INFO"}, said)
         return {"FINISHED"}
 
 
@@ -38,10 +38,38 @@ class DERMIS_OT_stream_connect(Streaming, bpy.types.Operator):
     bl_idname = "dermis.stream_connect"
     bl_label = "Connect"
 
+    confirmed: BoolProperty(  # type: ignore[valid-type]
+        name="Confirmed", description="The files that this .blend names may be read and written",
+        options={"HIDDEN", "SKIP_SAVE"},
+    )  # fmt: skip
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask about files that came with the .blend."""
+        if not streaming_paths.pending(context.scene.dermis_stream):
+            return self.execute(context)
+        self.confirmed = True  # by the dialog's button
+        found: set[str] = context.window_manager.invoke_props_dialog(
+            self, width=560, title="Files Named by This .blend", confirm_text="Use Them and Connect",
+            cancel_default=True,
+        )  # fmt: skip
+        return found
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Name each file, and what happens to it."""
+        layout = self.layout
+        words(layout, "You did not choose these files: they came with the .blend. Go on only if you know them.", 640)
+        for claim in streaming_paths.pending(context.scene.dermis_stream):
+            box = layout.box()
+            box.alert = claim.kind == "write"
+            words(box, f"{claim.kind.capitalize()}: {claim.what}", 560, "ERROR" if claim.kind == "write" else "FILE")
+            words(box, claim.path, 560, "BLANK1")
+
     def work(self, context: bpy.types.Context) -> str | None:
         """Start the sender."""
+        if self.confirmed:
+            streaming_paths.confirm(streaming_paths.pending(context.scene.dermis_stream))
         streaming.connect(context.scene)
-        return streaming_calibration.advice(context.scene) or None
+        return streaming_answer.advice(context.scene) or None
 
 
 class DERMIS_OT_stream_disconnect(Streaming, bpy.types.Operator):
@@ -62,9 +90,32 @@ class DERMIS_OT_stream_arm(Streaming, bpy.types.Operator):
     bl_idname = "dermis.stream_arm"
     bl_label = "Arm"
 
+    fingers_out: BoolProperty(  # type: ignore[valid-type]
+        name="Fingers Out", description="Nobody's finger is in the device", options={"HIDDEN", "SKIP_SAVE"}
+    )
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for the finger to be out where the first pulse may jump."""
+        if not (streaming.connected() and streaming.pose_unknown()):
+            return self.execute(context)
+        self.fingers_out = True  # by the dialog's button
+        found: set[str] = context.window_manager.invoke_props_dialog(
+            self, width=440, title="Take the Finger Out", confirm_text="Arm", cancel_default=True
+        )
+        return found
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Say what may happen, and what the board cannot do."""
+        box = self.layout.box()
+        box.alert = True
+        words(box, "This device does not know where its motors are. The first pulse may jump at full speed. "
+              "Take the finger out, then press Arm.", 440, "ERROR")  # fmt: skip
+        if caution := streaming.caution(context.scene.dermis_stream.protocol):
+            words(self.layout.box(), caution, 440, "INFO")
+
     def work(self, context: bpy.types.Context) -> str | None:
         """Arm once."""
-        streaming.arm(context.scene)
+        streaming.arm(context.scene, fingers_out=self.fingers_out)
         return None
 
 
@@ -110,27 +161,6 @@ class DERMIS_OT_stream_use_port(Streaming, bpy.types.Operator):
         return None
 
 
-class DERMIS_OT_stream_calibrate(Streaming, bpy.types.Operator):
-    """Begin, cancel or reset the calibration of this built device"""
-
-    bl_idname = "dermis.stream_calibrate"
-    bl_label = "Calibrate"
-
-    action: EnumProperty(items=(("BEGIN", "Begin", ""), ("CANCEL", "Cancel", ""), ("CENTRE", "Centre All", "")))  # type: ignore[valid-type]
-
-    def work(self, context: bpy.types.Context) -> str | None:
-        """Do what was chosen."""
-        scene = context.scene
-        if self.action == "BEGIN":
-            streaming_calibration.begin_calibration(scene)
-        elif self.action == "CANCEL":
-            streaming_calibration.cancel_calibration(scene)
-        else:
-            key = streaming_tracks.device_key(scene)
-            streaming_calibration.centre(scene, library().load("devices", key), key)
-        return None
-
-
 class File(Streaming):
     filepath: StringProperty(name="File", subtype="FILE_PATH")  # type: ignore[valid-type]
     filter_glob: StringProperty(default="*.json", options={"HIDDEN"})  # type: ignore[valid-type]
@@ -141,38 +171,7 @@ class File(Streaming):
         return {"RUNNING_MODAL"}
 
 
-class DERMIS_OT_calibration_save(File, bpy.types.Operator):
-    """Save zero, gain and limits of this built device, apart from its preset"""
-
-    bl_idname = "dermis.calibration_save"
-    bl_label = "Save Calibration"
-
-    def work(self, context: bpy.types.Context) -> str | None:
-        """Write the file."""
-        path = Path(bpy.path.abspath(self.filepath))
-        if not path.name:
-            raise core_module("errors").DermisError("no name for the file", value=self.filepath)
-        if path.suffix.lower() != ".json":  # appended: what follows the last dot of a name may be a part of it
-            path = path.with_name(f"{path.name}.json")
-        streaming_calibration.save_calibration(context.scene, path)
-        return f"Wrote {path}"
-
-
-class DERMIS_OT_calibration_load(File, bpy.types.Operator):
-    """Read zero, gain and limits of this built device"""
-
-    bl_idname = "dermis.calibration_load"
-    bl_label = "Load Calibration"
-
-    def work(self, context: bpy.types.Context) -> str | None:
-        """Read the file."""
-        found = streaming_calibration.load_calibration(context.scene, Path(bpy.path.abspath(self.filepath)))
-        reporting.show(found, "Calibration")
-        return str(found[0]) if found else "Calibration read"
-
-
 CLASSES: tuple[type, ...] = (
     DERMIS_OT_stream_connect, DERMIS_OT_stream_disconnect, DERMIS_OT_stream_arm, DERMIS_OT_stream_stop,
-    DERMIS_OT_stream_rescan, DERMIS_OT_stream_use_port, DERMIS_OT_stream_calibrate, DERMIS_OT_calibration_save,
-    DERMIS_OT_calibration_load,
+    DERMIS_OT_stream_rescan, DERMIS_OT_stream_use_port,
 )  # fmt: skip

@@ -2,11 +2,12 @@
 
 import bpy
 
-from . import bake, choices, design, main, material, menus, object, pins, preview, skin, stream, thimble
+from . import bake, calibration, choices, design, main, material, menus, object, pins, preview, skin, stream, thimble
 
 CLASSES: tuple[type, ...] = (
     *main.CLASSES, *object.CLASSES, *material.CLASSES, *pins.CLASSES, *thimble.CLASSES, *design.OBJECT, *skin.OBJECT,
-    *bake.RESULT, *skin.VIEW, *preview.CLASSES, *design.SCENE, *stream.CLASSES, *bake.SETTINGS, *menus.CLASSES
+    *bake.RESULT, *skin.VIEW, *preview.CLASSES, *design.SCENE, *stream.CLASSES, *calibration.CLASSES,
+    *bake.SETTINGS, *menus.CLASSES,
 )  # fmt: skip
 
 

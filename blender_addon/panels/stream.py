@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from .. import streaming, streaming_calibration
+from .. import streaming, streaming_answer
 from .main import DermisPanel
 from .text import paragraph, quantity
 
@@ -40,6 +40,7 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         row.menu("DERMIS_MT_ports", text="", icon="DOWNARROW_HLT")
         row.operator("dermis.stream_rescan", text="", icon="FILE_REFRESH")
         column.prop(settings, "protocol", text="")
+        self._built(context)
         layout.prop(settings, "mode", expand=True)
         if settings.mode in ("play", "follow") and not settings.track_file:
             layout.prop(settings, "output", text="", icon="ANIM", placeholder="First device of the bake")
@@ -71,11 +72,23 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         stop.operator("dermis.stream_stop", text="Stop  (Shift Esc)", icon="CANCEL")
         self._state(context, now)
 
+    def _built(self, context: bpy.types.Context) -> None:
+        """Draw which built device the finger wears: it decides how it is calibrated."""
+        shown = streaming_answer.shown(context.scene, streaming.answered())
+        row = self.layout.row(align=True)
+        row.alert = shown.wrong
+        row.menu("DERMIS_MT_built", text=shown.name, icon="ERROR" if shown.wrong else "TOOL_SETTINGS")
+        if shown.words:
+            paragraph(self.layout, context, shown.words, "ERROR" if shown.wrong else "INFO")
+
     def _state(self, context: bpy.types.Context, now: dict[str, Any]) -> None:
         layout = self.layout
+        for words in streaming.leaving():
+            paragraph(layout, context, words, "TIME")
         layout.label(text=now["state"].capitalize(), icon=ICONS.get(now["state"], "QUESTION"))
         if now.get("words"):
-            paragraph(layout, context, now["words"], "ERROR" if now["state"] != "ready" else "INFO")
+            wrong = now["state"] != "ready" or streaming_answer.shown(context.scene, streaming.answered()).wrong
+            paragraph(layout, context, now["words"], "ERROR" if wrong else "INFO")
         if caution := streaming.caution(context.scene.dermis_stream.protocol):
             paragraph(layout, context, caution, "ERROR")
         for key in ("notice", "not_rendered"):
@@ -135,43 +148,6 @@ class DERMIS_PT_stream_settings(DermisPanel, bpy.types.Panel):
         layout.operator("dermis.export_as", icon="EXPORT")
 
 
-class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
-    """What this built device differs by from its preset."""
-
-    bl_idname = "DERMIS_PT_stream_calibration"
-    bl_parent_id = "DERMIS_PT_stream"
-    bl_label = "Calibration"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context: bpy.types.Context) -> None:
-        """Draw one box an actuator."""
-        layout, settings = self.layout, context.scene.dermis_stream
-        row = layout.row(align=True)
-        if streaming_calibration.calibrating(context.scene):
-            row.operator("dermis.stream_calibrate", text="Cancel", icon="LOOP_BACK").action = "CANCEL"
-            row.operator("dermis.calibration_save", text="Save", icon="CHECKMARK")
-        else:
-            row.operator("dermis.stream_calibrate", text="Begin", icon="MODIFIER").action = "BEGIN"
-            row.operator("dermis.calibration_load", text="Load", icon="FILE_FOLDER")
-        if not settings.channels:
-            paragraph(layout, context, "Connect once: the actuators are then listed here.")
-        if settings.channels_of:
-            layout.label(text=settings.channels_of, icon="ANIM")
-        if advice := streaming_calibration.advice(context.scene):
-            paragraph(layout, context, advice, "INFO")
-        for channel in settings.channels:
-            box = layout.box().column(align=True)
-            box.label(text=f"{channel.name.replace('_', ' ')} [{channel.unit}]")
-            pair = box.row(align=True)
-            pair.prop(channel, "zero")
-            pair.prop(channel, "gain")
-            box.prop(channel, "use_limits")
-            if channel.use_limits:
-                pair = box.row(align=True)
-                pair.prop(channel, "low")
-                pair.prop(channel, "high")
-
-
 class DERMIS_MT_ports(bpy.types.Menu):
     """The ports of the last rescan."""
 
@@ -186,4 +162,4 @@ class DERMIS_MT_ports(bpy.types.Menu):
             self.layout.operator("dermis.stream_use_port", text=f"{name}  {description}").port = name
 
 
-CLASSES: tuple[type, ...] = (DERMIS_MT_ports, DERMIS_PT_stream, DERMIS_PT_stream_settings, DERMIS_PT_stream_calibration)
+CLASSES: tuple[type, ...] = (DERMIS_MT_ports, DERMIS_PT_stream, DERMIS_PT_stream_settings)

@@ -10,8 +10,12 @@ def paragraph(layout: Any, context: bpy.types.Context, text: str, icon: str = "N
     """Write a text over as many lines as the sidebar's width needs, less an inset [px at scale 1]."""
     scale = context.preferences.system.ui_scale
     width = context.region.width if context.region else 300
-    inset += 0.0 if icon == "NONE" else 22.0
-    letters = max(int((width - (52.0 + inset) * scale) / (6.2 * scale)), 16)
+    words(layout, text, width / scale - inset, icon)
+
+
+def words(layout: Any, text: str, width: float, icon: str = "NONE") -> None:
+    """Write a text over as many lines as a width needs [px at scale 1]."""
+    letters = max(int((width - (52.0 if icon == "NONE" else 74.0)) / 6.2), 16)
     column = layout.column(align=True)
     column.scale_y = 0.85
     for i, line in enumerate(textwrap.wrap(text, letters) or [""]):

@@ -22,6 +22,7 @@ class Serial(Stream):
         except ImportError as error:
             raise DermisError("serial ports need pyserial", where=place, remedy="Install pyserial") from error
         super().__init__(place)
+        self._serial = serial_number(place)
         try:
             self._port = serial.Serial(None, baud, timeout=0, write_timeout=0, exclusive=True)
             self._port.port = place
@@ -71,6 +72,10 @@ class Serial(Stream):
             raise Gone("the device is gone", where=self.name)
         return [data]
 
+    def report(self) -> dict[str, Any]:
+        """Return the serial number that the USB port's maker gave it, where there is one."""
+        return {"usb_serial": self._serial} if self._serial else {}
+
     def close(self) -> None:
         """Close the port; what the driver still holds is thrown away, or the system would wait for it, up to 30 s.
 
@@ -95,3 +100,11 @@ def _more(name: str, description: str) -> str:
     short = name.rpartition("/")[2]
     text = description.replace(f"({short})", "").replace(name, "").strip(" -")
     return "" if text in ("n/a", short) else text
+
+
+def serial_number(place: str) -> str:
+    """Return the USB serial number of a port, '' where it has none. Takes milliseconds to seconds."""
+    from serial.tools import list_ports
+
+    same = {place, os.path.realpath(place)}  # /dev/serial/by-id/... is another name of a port
+    return next((str(p.serial_number) for p in list_ports.comports() if p.device in same and p.serial_number), "")

@@ -8,11 +8,20 @@ import bpy
 import pytest
 
 import blender_addon
+from blender_addon import built_devices, preferences, streaming_paths
 
 
 @pytest.fixture(autouse=True)
-def blender() -> Iterator[None]:
-    """Give each test an empty factory scene, and take the add-on away again."""
+def blender(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Give each test an empty factory scene, no built devices of other tests, and take the add-on away again."""
+    devices = tmp_path_factory.mktemp("devices")
+    folder = preferences.user_folder
+    monkeypatch.setattr(
+        built_devices, "user_folder",
+        lambda name, **more: devices if name == built_devices.FOLDER else folder(name, **more),
+    )  # fmt: skip
+    built_devices.refresh()
+    streaming_paths.forget()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     blender_addon.register()
     try:

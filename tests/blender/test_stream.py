@@ -11,7 +11,16 @@ import numpy as np
 import pytest
 
 import blender_addon
-from blender_addon import export_ranges, handlers, live, overlay, results, streaming, streaming_calibration
+from blender_addon import (
+    calibration_rows,
+    export_ranges,
+    handlers,
+    live,
+    overlay,
+    results,
+    streaming,
+    streaming_calibration,
+)
 from blender_addon.preferences import core_module
 
 from .build import finger
@@ -145,13 +154,13 @@ def test_cancel_gives_back_what_had_been_set_before(scene: Any) -> None:
     streaming.connect(scene)
     channels = scene.dermis_stream.channels
     channels[1].zero, channels[1].gain, channels[0].jog = 0.01, 1.5, 0.2
-    before = [streaming_calibration._plain(c) for c in channels]
+    before = calibration_rows.rows_of(channels)
     bpy.ops.dermis.stream_calibrate(action="BEGIN")
     channels[1].zero, channels[1].gain, channels[0].use_limits = 0.3, -2.0, True
     bpy.ops.dermis.stream_calibrate(action="CENTRE")
     assert [c.jog for c in channels] == [0.0, 0.0] and channels[1].gain == -2.0
     bpy.ops.dermis.stream_calibrate(action="CANCEL")
-    assert [streaming_calibration._plain(c) for c in channels] == before
+    assert calibration_rows.rows_of(channels) == before
 
 
 def test_a_calibration_lives_in_its_own_file(scene: Any, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 import pytest
 
-from blender_addon import results, streaming, streaming_calibration
+from blender_addon import results, streaming, streaming_answer, streaming_calibration
 from blender_addon.preferences import core_module
 
 from . import build
@@ -54,9 +54,6 @@ def test_each_fingers_device_has_its_own(scene: Any) -> None:
     settings.output = "Thumb: haptip"
     streaming.connect(scene)
     assert listed(scene) == PLAIN and driven(scene) == {} and settings.channels_of == "Thumb: haptip"
-    assert "that of Index: haptip is kept" in streaming_calibration.advice(scene)
-    settings.channels[1].zero = 0.25
-    assert streaming_calibration.advice(scene) == ""
     streaming.close()
     settings.output = "Index: haptip"
     streaming.connect(scene)
@@ -96,16 +93,6 @@ def test_a_loaded_track_is_for_the_device_of_the_finger_it_names(scene: Any, tmp
     assert driven(scene) == {} and scene.dermis_stream.channels_of == "Thumb: haptip"
     scene.dermis_stream.track_file = ""
     assert listed(scene) == SET
-
-
-def test_a_list_from_before_belongs_to_the_device_that_is_chosen(scene: Any) -> None:
-    """A file whose list names no owner yet keeps its calibration."""
-    settings = scene.dermis_stream
-    for name in ("pulley_1", "pulley_2"):
-        settings.channels.add().name = name
-    settings.channels[0].zero, settings.channels[0].gain = 0.125, -1.0
-    streaming.connect(scene)
-    assert listed(scene) == SET and settings.channels_of == "Index: haptip"
 
 
 def test_cancelling_in_another_scene_touches_neither(scene: Any) -> None:
@@ -162,26 +149,21 @@ def test_a_dot_in_the_name_is_a_part_of_it(scene: Any, tmp_path: Path) -> None:
         bpy.ops.dermis.calibration_save(filepath="")
 
 
-def test_cancelling_names_the_file_from_before(scene: Any, tmp_path: Path) -> None:
+def test_cancelling_brings_back_the_device_from_before(scene: Any) -> None:
     streaming.connect(scene)
-    settings = scene.dermis_stream
-    mine, loaded = (str(tmp_path / f"{name}.json") for name in ("mine", "loaded"))
-    settings.channels[0].zero = 0.25
-    bpy.ops.dermis.calibration_save(filepath=loaded)
-    settings.channels[0].zero = 0.125
-    bpy.ops.dermis.calibration_save(filepath=mine)
+    channel = scene.dermis_stream.channels[0]
+    for name, zero in (("other", 0.25), ("mine", 0.125)):
+        channel.zero = zero
+        bpy.ops.dermis.calibration_keep(name=name)
     bpy.ops.dermis.stream_calibrate(action="BEGIN")
-    bpy.ops.dermis.calibration_load(filepath=loaded)
-    assert (settings.channels[0].zero, settings.calibration_file) == (0.25, loaded)
+    bpy.ops.dermis.calibration_use(file="haptip-other.json")
+    assert (scene.dermis_stream.channels[0].zero, streaming_answer.worn(scene).made.name) == (0.25, "other")
     bpy.ops.dermis.stream_calibrate(action="CANCEL")
-    assert (settings.channels[0].zero, settings.calibration_file) == (0.125, mine)
-    settings.output = "Thumb: haptip"
-    assert settings.calibration_file == "", "the file is of the other finger's device"
-    settings.output = "Index: haptip"
-    assert settings.calibration_file == mine
+    assert (scene.dermis_stream.channels[0].zero, streaming_answer.worn(scene).made.name) == (0.125, "mine")
+    assert driven(scene)["pulley_1"].zero == 0.125
 
 
-def test_what_is_put_by_is_saved_with_the_file(scene: Any, tmp_path: Path) -> None:
+def test_what_is_put_by_is_kept_in_the_file_for_this_session(scene: Any, tmp_path: Path) -> None:
     streaming.connect(scene)
     scene.dermis_stream.channels[0].zero, scene.dermis_stream.channels[0].gain = 0.125, -1.0
     scene.dermis_stream.output = "Thumb: haptip"

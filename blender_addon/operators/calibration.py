@@ -1,0 +1,189 @@
+# mypy: disable-error-code="valid-type"
+"""Calibrate, and say which built device a finger wears."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import EnumProperty, IntProperty, StringProperty
+
+from .. import (
+    built_devices,
+    calibration_offers,
+    reporting,
+    streaming,
+    streaming_answer,
+    streaming_calibration,
+    streaming_tracks,
+)
+from ..preferences import core_module, library, user_folder
+from .stream import File, Streaming
+
+
+class DERMIS_OT_stream_calibrate(Streaming, bpy.types.Operator):
+    """Begin, cancel or reset the calibration of this built device"""
+
+    bl_idname = "dermis.stream_calibrate"
+    bl_label = "Calibrate"
+
+    action: EnumProperty(items=(("BEGIN", "Begin", ""), ("CANCEL", "Cancel", ""), ("CENTRE", "Centre All", "")))
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Do what was chosen."""
+        scene = context.scene
+        if self.action == "BEGIN":
+            streaming_calibration.begin_calibration(scene)
+        elif self.action == "CANCEL":
+            streaming_calibration.cancel_calibration(scene)
+        else:
+            key = streaming_tracks.device_key(scene)
+            streaming_calibration.centre(scene, library().load("devices", key), key)
+        return None
+
+
+class DERMIS_OT_calibration_use(Streaming, bpy.types.Operator):
+    """Say which built device the finger wears: it is calibrated as that one, here and now and from now on"""
+
+    bl_idname = "dermis.calibration_use"
+    bl_label = "Choose the Built Device"
+
+    file: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Put it on."""
+        streaming_calibration.use(context.scene, self.file)
+        return streaming_answer.advice(context.scene)
+
+
+class Named(Streaming):
+    name: StringProperty(name="Name", description="As the device is marked: 'left thimble, red tape'",
+                         options={"SKIP_SAVE"})  # fmt: skip
+
+    def ask(self: Any, context: bpy.types.Context, title: str) -> set[str]:
+        """Ask for name and serial number."""
+        found: set[str] = context.window_manager.invoke_props_dialog(self, width=380, title=title, confirm_text="Save")
+        return found
+
+
+class DERMIS_OT_calibration_keep(Named, bpy.types.Operator):
+    """Save zero, gain and limits as those of one built device. Another name makes another device"""
+
+    bl_idname = "dermis.calibration_keep"
+    bl_label = "Save Built Device"
+
+    serial: StringProperty(name="Serial Number", description="What the device answers with, or that of its USB port; "
+                           "empty where it has none", options={"SKIP_SAVE"})  # fmt: skip
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Propose what is known."""
+        try:
+            one = streaming_answer.worn(context.scene)
+        except core_module("errors").DermisError as error:
+            return reporting.report_error(self, error, "Streaming")
+        answered = streaming.answered()
+        self.name = one.made.name if one is not None else ""
+        self.serial = (one.made.serial if one is not None else "") or next(iter(answered), "")
+        return self.ask(context, "Save Built Device")
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw both fields."""
+        column = self.layout.column()
+        column.use_property_split = True
+        column.activate_init = True
+        column.prop(self, "name", placeholder="left thimble, red tape")
+        column.prop(self, "serial", placeholder="None: the name alone")
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Write the file."""
+        saved = streaming_calibration.keep(context.scene, self.name, self.serial)
+        return f"Saved '{saved.made.name}'; {context.scene.dermis_stream.channels_of} wears it"
+
+
+class DERMIS_OT_calibration_keep_found(Named, bpy.types.Operator):
+    """Save a calibration that came with this .blend as that of one built device. No finger wears it by this"""
+
+    bl_idname = "dermis.calibration_keep_found"
+    bl_label = "Save as a Device"
+
+    index: IntProperty(min=0, options={"HIDDEN", "SKIP_SAVE"})
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for a name."""
+        return self.ask(context, "Save as a Device")
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the field."""
+        self.layout.activate_init = True
+        self.layout.prop(self, "name", placeholder="left thimble, red tape")
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Write the file."""
+        saved = calibration_offers.keep_offer(context.scene, self.index, self.name)
+        return f"Saved '{saved.made.name}'. Choose it where it is worn"
+
+
+class DERMIS_OT_calibration_drop_found(Streaming, bpy.types.Operator):
+    """Forget a calibration that came with this .blend"""
+
+    bl_idname = "dermis.calibration_drop_found"
+    bl_label = "Forget"
+    bl_options = {"INTERNAL", "UNDO"}
+
+    index: IntProperty(min=0, options={"HIDDEN", "SKIP_SAVE"})
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Drop it."""
+        calibration_offers.drop_offer(context.scene, self.index)
+        return None
+
+
+class DERMIS_OT_calibration_folder(Streaming, bpy.types.Operator):
+    """Open the folder of the built devices that this computer knows: delete a file to forget its device"""
+
+    bl_idname = "dermis.calibration_folder"
+    bl_label = "Folder of Devices"
+
+    def work(self, _context: bpy.types.Context) -> str | None:
+        """Open it."""
+        bpy.ops.wm.path_open(filepath=str(user_folder(built_devices.FOLDER, create=True)))
+        built_devices.refresh()
+        return None
+
+
+class DERMIS_OT_calibration_save(File, bpy.types.Operator):
+    """Write zero, gain and limits to a file for another computer"""
+
+    bl_idname = "dermis.calibration_save"
+    bl_label = "Export Calibration"
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Write the file."""
+        path = Path(bpy.path.abspath(self.filepath))
+        if not path.name:
+            raise core_module("errors").DermisError("no name for the file", value=self.filepath)
+        if path.suffix.lower() != ".json":  # appended: what follows the last dot of a name may be a part of it
+            path = path.with_name(f"{path.name}.json")
+        streaming_calibration.export(context.scene, path)
+        return f"Wrote {path}"
+
+
+class DERMIS_OT_calibration_load(File, bpy.types.Operator):
+    """Read zero, gain and limits from a file; save them as those of the device afterwards"""
+
+    bl_idname = "dermis.calibration_load"
+    bl_label = "Import Calibration"
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Read the file."""
+        found = streaming_calibration.load(context.scene, Path(bpy.path.abspath(self.filepath)))
+        reporting.show(found, "Calibration")
+        return str(found[0]) if found else "Calibration read"
+
+
+CLASSES: tuple[type, ...] = (
+    DERMIS_OT_stream_calibrate, DERMIS_OT_calibration_use, DERMIS_OT_calibration_keep,
+    DERMIS_OT_calibration_keep_found, DERMIS_OT_calibration_drop_found, DERMIS_OT_calibration_folder,
+    DERMIS_OT_calibration_save, DERMIS_OT_calibration_load,
+)  # fmt: skip

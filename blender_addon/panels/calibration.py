@@ -1,0 +1,100 @@
+"""Calibration: which built device a finger wears, what its actuators differ by, and what was found in the file."""
+
+from typing import Any
+
+import bpy
+
+from .. import built_devices, calibration_offers, streaming, streaming_calibration
+from .main import DermisPanel
+from .text import paragraph
+
+MOST_OFFERS = 4  # a file may hold any number
+
+
+class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
+    """What this built device differs by from its preset."""
+
+    bl_idname = "DERMIS_PT_stream_calibration"
+    bl_parent_id = "DERMIS_PT_stream"
+    bl_label = "Calibration"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        """Show in a closed panel too that something waits for a person."""
+        if calibration_offers.offers(context.scene):
+            self.layout.label(text="", icon="INFO")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw what was found, the buttons, and one box an actuator."""
+        layout, scene = self.layout, context.scene
+        settings = scene.dermis_stream
+        self._found(context)
+        ours = calibration_offers.is_ours(settings) and len(settings.channels) > 0
+        if ours:
+            layout.label(text=settings.channels_of, icon="ANIM")
+        row = layout.row(align=True)
+        if streaming_calibration.calibrating(scene):
+            row.operator("dermis.stream_calibrate", text="Cancel", icon="LOOP_BACK").action = "CANCEL"
+        else:
+            row.operator("dermis.stream_calibrate", text="Begin", icon="MODIFIER").action = "BEGIN"
+        save = row.row(align=True)
+        save.enabled = ours
+        save.operator("dermis.calibration_keep", text="Save...", icon="CHECKMARK")
+        row.operator("dermis.calibration_load", text="", icon="IMPORT")
+        row.operator("dermis.calibration_save", text="", icon="EXPORT")
+        if not ours:
+            paragraph(layout, context, "Connect once: the actuators are then listed here.")
+            return
+        if streaming_calibration.unsaved(scene):
+            paragraph(layout, context, "Changed, not saved.", "INFO")
+        for channel in settings.channels:
+            self._actuator(channel)
+
+    def _found(self, context: bpy.types.Context) -> None:
+        offers = calibration_offers.offers(context.scene)
+        for i, offer in enumerate(offers[:MOST_OFFERS]):
+            box = self.layout.box()
+            whose = offer.name or "a device"
+            paragraph(box, context, f"This file holds a calibration of {whose}. It drives nothing.", "INFO", inset=16.0)
+            row = box.row(align=True)
+            row.operator("dermis.calibration_keep_found", icon="CHECKMARK").index = i
+            row.operator("dermis.calibration_drop_found", text="", icon="X").index = i
+        if len(offers) > MOST_OFFERS:
+            self.layout.label(text=f"and {len(offers) - MOST_OFFERS} more")
+
+    def _actuator(self, channel: Any) -> None:
+        box = self.layout.box().column(align=True)
+        box.label(text=f"{channel.name.replace('_', ' ')} [{channel.unit}]")
+        pair = box.row(align=True)
+        pair.prop(channel, "zero")
+        pair.prop(channel, "gain")
+        box.prop(channel, "use_limits")
+        if channel.use_limits:
+            pair = box.row(align=True)
+            pair.prop(channel, "low")
+            pair.prop(channel, "high")
+
+
+class DERMIS_MT_built(bpy.types.Menu):
+    """The built devices of the finger's preset that this computer knows."""
+
+    bl_idname = "DERMIS_MT_built"
+    bl_label = "Built Device"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw those that are known."""
+        layout = self.layout
+        layout.operator("dermis.calibration_use", text="Uncalibrated", icon="X").file = ""
+        key = streaming_calibration.owner_shown(context.scene).rpartition(": ")[2]
+        answered = streaming.answered()
+        for built in built_devices.devices(key):
+            mine = built.made.serial in answered if built.made.serial else False
+            icon = "LINKED" if mine else "TOOL_SETTINGS"
+            layout.operator("dermis.calibration_use", text=built.made.name, icon=icon).file = built.file
+        for words in built_devices.damaged():
+            layout.label(text=words, icon="ERROR")
+        layout.separator()
+        layout.operator("dermis.calibration_folder", icon="FILE_FOLDER")
+
+
+CLASSES: tuple[type, ...] = (DERMIS_MT_built, DERMIS_PT_stream_calibration)

@@ -1,0 +1,147 @@
+"""What is asked before: files that a .blend names, and fingers where the first pulse may jump."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+import pytest
+
+from blender_addon import streaming, streaming_paths, streaming_tracks
+from blender_addon.preferences import core_module
+
+from . import build
+from .test_stream import a_track, scene, state, wait
+
+pytestmark = pytest.mark.real_time
+__all__ = ["scene"]
+
+
+@pytest.fixture(autouse=True)
+def closed() -> Iterator[None]:
+    yield
+    streaming.close()
+
+
+def arrived(folder: Path, **settings: str) -> Any:
+    """Return the scene of a .blend with some settings, opened by somebody who never saw it."""
+    for name, value in settings.items():
+        setattr(bpy.context.scene.dermis_stream, name, value)
+    path = str(folder / "hostile.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    streaming_paths.forget()
+    return bpy.context.scene
+
+
+def test_a_record_that_a_file_names_is_written_by_nobody(scene: Any, tmp_path: Path) -> None:
+    victim = tmp_path / "thesis.txt"
+    victim.write_text("three years")
+    arrived(tmp_path, url=f"spy://virtual:?file={victim}")
+    with pytest.raises(RuntimeError, match=f"nobody has confirmed.*write {victim}"):
+        bpy.ops.dermis.stream_connect()
+    assert not streaming.connected() and victim.read_text() == "three years"
+
+
+@pytest.mark.parametrize("mode", ["play", "panel", "jog"])
+@pytest.mark.parametrize("name", ["track_file", "screen_file"])
+def test_a_file_that_a_file_names_is_read_by_nobody(scene: Any, tmp_path: Path, name: str, mode: str) -> None:
+    """Reading /dev/zero would never end."""
+    found = arrived(tmp_path, **{name: "/dev/null", "mode": mode}).dermis_stream
+    found[name] = "/dev/zero"  # as the file holds it: nobody set it
+    for work in (bpy.ops.dermis.stream_connect, lambda: bpy.ops.dermis.stream_calibrate(action="CENTRE")):
+        if name == "track_file" or work is bpy.ops.dermis.stream_connect:
+            with pytest.raises(RuntimeError, match="nobody has confirmed.*read /dev/zero"):
+                work()
+    found.output = "Finger: haptip"
+    bpy.ops.dermis.stream_calibrate(action="BEGIN")
+    assert not streaming.connected() and streaming_tracks.loaded() is None
+
+
+def test_what_was_confirmed_holds_for_the_session(scene: Any, tmp_path: Path) -> None:
+    track, record = tmp_path / "track.csv", tmp_path / "record.txt"
+    core_module("formats.csv").write(a_track(), track)
+    arrived(tmp_path, url=f"spy://virtual:?file={record}", track_file=str(track))
+    asked = streaming_paths.pending(bpy.context.scene.dermis_stream)
+    assert [(c.kind, c.path) for c in asked] == [("write", str(record)), ("read", str(track))]
+    assert bpy.ops.dermis.stream_connect(confirmed=True) == {"FINISHED"}
+    wait(state("ready"))
+    bpy.ops.dermis.stream_disconnect()
+    assert record.stat().st_size > 0
+    assert streaming_paths.pending(bpy.context.scene.dermis_stream) == []
+
+
+def test_a_relative_path_is_asked_for_where_it_leads_now(scene: Any, tmp_path: Path) -> None:
+    for name in ("here", "there"):
+        (tmp_path / name).mkdir()
+    arrived(tmp_path / "here").dermis_stream["track_file"] = "//../track.csv"
+    assert [c.path for c in streaming_paths.pending(bpy.context.scene.dermis_stream)] == [str(tmp_path / "track.csv")]
+    (tmp_path / "real.csv").touch()
+    (tmp_path / "track.csv").symlink_to(tmp_path / "real.csv")
+    assert [c.path for c in streaming_paths.pending(bpy.context.scene.dermis_stream)] == [str(tmp_path / "real.csv")]
+
+
+def test_who_sets_a_path_has_agreed(scene: Any, tmp_path: Path) -> None:
+    record = tmp_path / "record.txt"
+    bpy.ops.dermis.stream_use_port(port=f"spy://virtual:?file={record}")
+    assert bpy.ops.dermis.stream_connect() == {"FINISHED"}
+    wait(state("ready"))
+
+
+def test_a_path_that_comes_under_way_is_refused(scene: Any) -> None:
+    streaming.connect(scene)
+    wait(state("ready"))
+    scene.dermis_stream["track_file"] = "/dev/zero"  # without a word, as undo does it
+    streaming.changed()
+    streaming.beat()
+    assert "nobody has confirmed" in streaming.status()["words"] and streaming._client._wish["track"] != "/dev/zero"
+
+
+def test_a_device_that_knows_no_pose_is_armed_with_fingers_out_only(scene: Any) -> None:
+    scene.dermis_stream.protocol = "maestro"
+    streaming.connect(scene)
+    status = wait(state("ready"))
+    assert streaming.pose_unknown() and "words" in status
+    for arm in (bpy.ops.dermis.stream_arm, lambda: bpy.ops.dermis.stream_arm(fingers_out=False)):
+        with pytest.raises(RuntimeError, match="does not know where its motors are"):
+            arm()
+    streaming.beat()
+    assert not streaming.status()["armed"]
+    bpy.ops.dermis.stream_arm(fingers_out=True)
+    wait(lambda s: s["armed"])
+    assert bpy.ops.dermis.stream_arm.get_rna_type().properties["fingers_out"].is_skip_save, "asked each time"
+
+
+def test_a_device_that_knows_its_pose_is_not_asked_for(scene: Any) -> None:
+    streaming.connect(scene)
+    wait(state("ready"))
+    assert not streaming.pose_unknown()
+    bpy.ops.dermis.stream_arm()
+    wait(lambda s: s["armed"])
+
+
+def test_a_screen_cannot_jump() -> None:
+    build.finger().dermis.finger.devices.add().preset = "electrovibration"
+    made = bpy.context.scene
+    made.dermis_stream.protocol = "osc"
+    made.dermis_stream.mode = "jog"
+    streaming.connect(made)
+    wait(state("ready"))
+    assert not streaming.pose_unknown()
+
+
+def test_the_panel_hears_of_a_sender_that_is_still_on_the_way(scene: Any) -> None:
+    """A real sender that is let go, and still runs."""
+    import os
+    import signal
+
+    streaming.connect(scene)
+    wait(state("ready"))
+    client = streaming._client
+    streaming._leaving.append(client)
+    assert streaming.leaving() == ["The device goes to its safe state"]
+    os.kill(client.pid, signal.SIGTERM)
+    client._process.wait(5)
+    assert streaming.leaving() == []

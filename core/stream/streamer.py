@@ -28,6 +28,7 @@ from .url import Url
 from .wire import Wire
 from .wish import Wish
 
+ENDED = "the sender ends"  # what a streamer says that ends as it should
 HANDSHAKE = 3.0  # a device that has not said who it is after this long is none [s]
 RETRY = 1.0  # between two attempts to connect again [s]
 ARMING = 1.0  # a device that is not armed after this long will not be [s]
@@ -126,7 +127,7 @@ class Streamer:
     def shut(self, now: float) -> None:
         """Begin to end: safe state, then nothing more. `finished` tells when."""
         self._closing = True
-        self.stop(now, "the sender ends")
+        self.stop(now, ENDED)
         if self._phase != "safing":
             self._disconnect(now, "")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import stat
 import sys
 import time
 from pathlib import Path
@@ -74,7 +75,11 @@ class Record:
 def _opened(path: str) -> TextIO:
     try:
         try:
-            return Path(path).open("x", encoding="ascii")
+            file = Path(path).open("x", encoding="ascii")
+            if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                return file
+            file.close()  # Windows opens NUL and COM3 as new files
+            raise FileExistsError
         except FileExistsError as error:
             if _closed.get(os.path.realpath(path)) == _looks(os.lstat(path)):
                 return Path(path).open("a", encoding="ascii")

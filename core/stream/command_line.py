@@ -1,4 +1,4 @@
-"""`python -m core stream`: play a track to a device, the sender that Blender starts, a virtual device, the ports."""
+"""`python -m core stream`: play a track, answer a finger, the sender of Blender, a virtual device, the ports."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import DermisError
-from . import acceptance_command
+from . import acceptance_command, panel_command
 from .adapter import NAMES
 
 LoadScreen = Callable[[Path], Any]
@@ -34,6 +34,12 @@ def add_parser(commands: Any, load_screen: LoadScreen) -> None:
                       help="commands a second; the device's own if left out")  # fmt: skip
     play.add_argument("--yes", action="store_true", help="arm without asking; its warnings are printed")
     play.set_defaults(run=_play)
+
+    panel = verbs.add_parser("panel", help="answer a finger on a touch screen, until Ctrl-C",
+                             description="Answer a real finger from a screen's map, without Blender.")  # fmt: skip
+    _device_options(panel)
+    panel_command.add_arguments(panel)
+    panel.set_defaults(run=lambda options: panel_command.run(options, load_screen))
 
     send = verbs.add_parser("send", help="serve a notice board (not for people)")
     send.add_argument("--board", type=Path, required=True)

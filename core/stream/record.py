@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import stat
 import sys
 import time
 from pathlib import Path
@@ -74,9 +75,13 @@ class Record:
 def _opened(path: str) -> TextIO:
     try:
         try:
-            return Path(path).open("x", encoding="ascii")
+            file = Path(path).open("x", encoding="ascii")
+            if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                return file
+            file.close()  # a device that the system opens as if it were new
+            raise FileExistsError
         except FileExistsError as error:
-            if _closed.get(os.path.realpath(path)) == _looks(os.lstat(path)):
+            if _closed.pop(os.path.realpath(path), None) == _looks(os.lstat(path)):
                 return Path(path).open("a", encoding="ascii")
             what = "would overwrite a file" if Path(path).is_file() else "is a regular file, and this is none"
             raise DermisError(f"a record {what}", where=path, remedy="Name a file that does not exist yet") from error

@@ -55,7 +55,7 @@ class _Sleeper(threading.Thread):
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
     """Run a test marked `real_time`; where it fails while the machine let nobody run, it has not been tried yet.
 
-    A watchdog of 70 ms acts when a process gets no processor for so long: that is its task, and no defect. A failure
+    A watchdog of 50 ms acts when a process gets no processor for so long: that is its task, and no defect. A failure
     counts at once where a thread that only sleeps always woke in time.
     """
     if item.get_closest_marker("real_time") is None:

@@ -12,7 +12,7 @@ from ..interpolate import interpolate
 from ..units import from_si
 from .wire import Array
 
-FINE = 8  # samples for each value of the output, at least, where a track's own are unevenly spaced
+FINE = 4  # samples for each value of the output, at least, where a track's own are unevenly spaced
 NOTHING = 1e-3  # part of a channel's span that counts as nothing left out [1]: a servo's dead band is five times that
 SHOWN = {"m": "mm", "rad": "deg"}
 
@@ -28,7 +28,7 @@ def low_passed(times: Array, values: Array, output_hz: float) -> tuple[Array, Ar
             a track with no more than that is returned as it is.
     """
     steps = np.diff(times)
-    if not len(steps):
+    if not len(steps) or steps.min() * output_hz >= 1 - 1e-6:
         return times, values
     step = float(times[-1] - times[0]) / len(steps)
     if np.abs(steps - step).max() >= 1e-6 * step:

@@ -97,7 +97,6 @@ class Outbox:
     def _may_leave(self, now: float) -> bool:
         """Tell whether the link is through with what has left, as far as its pace and the answers tell."""
         if self._adapter.congested:
-            self._bucket.empty(now)
             if now - self._refused > MEMORY:
                 self._crowded = now
             return False

@@ -27,10 +27,6 @@ class TokenBucket:
         self._when = now
         return self._tokens > 0
 
-    def empty(self, now: float) -> None:
-        """Let nothing have been saved up by now."""
-        self._tokens, self._when = min(self._tokens, 0.0), now
-
     def take(self, size: int) -> None:
         """Note that bytes have left, allowed or not."""
         self._tokens -= size

@@ -5,7 +5,7 @@ is 40 ppm fast, which is 72 ms in half an hour. In each ten seconds the most tha
 time says where the sender's idea of the device's clock is; how busy the machine is does not show in it. Exit status 1
 where it wanders by more than 1 ms, where the last minute needs 2 MB more memory than the first, or something is lost.
 
-Where other programs keep the sender from working for 70 ms the device goes to its safe state, as it must. That is
+Where other programs keep the sender from working for 50 ms the device goes to its safe state, as it must. That is
 counted under `interrupted`, with its reason, armed again, and measured on: what is asked here is drift and growth.
 """
 

@@ -17,6 +17,7 @@ import pytest
 from core.stream.client import SenderClient
 from core.work import environment
 from tests.unit.stream_box import HAPTIP, beating, posix, ready, running, sine_file
+from tests.unit.stream_relay import Relay
 
 pytestmark = pytest.mark.real_time
 
@@ -51,6 +52,29 @@ def test_kill_9_of_the_sender(boxes: Any, track_file: str) -> None:
         assert status["state"] == "dead" and not status["armed"] and not client.alive
     finally:
         client.close()
+
+
+@posix
+@pytest.mark.parametrize("look_ahead", [0.0, 0.1])
+def test_kill_9_of_the_sender_behind_a_driver_that_hides_its_backlog(
+    look_ahead: float, boxes: Any, track_file: str
+) -> None:
+    """Half of what is needed gets through, and nothing is ever refused: the device still hears of the end in time."""
+    box = boxes("pty")
+    relay, client = Relay(box.url, 11_520.0), SenderClient()
+    try:
+        ready(client, relay.url, track=track_file, ramp=0.0, look_ahead=look_ahead)
+        beating(client, 0.3)
+        client.arm()
+        beating(client, 0.4)
+        beating(client, 0.5, playing=True)
+        assert client.status()["state"] == "streaming", client.status()["words"]
+        killed = time.perf_counter()
+        os.kill(client.pid, signal.SIGKILL)
+        assert box.safe_at() - killed <= 0.1 + 0.1, "100 ms, and as much again for a machine that is busy"
+    finally:
+        client.close()
+        relay.close()
 
 
 PARENT = """

@@ -75,6 +75,12 @@ def test_a_track_that_the_output_can_show_is_played_to_the_bit() -> None:
         assert play.loss is None and play.value(1.23)[0] == texture(1.23, 10.0)
 
 
+def test_few_uneven_samples_are_played_to_the_bit() -> None:
+    t = np.array([0.0, 0.5, 0.53, 2.0])
+    times, values = low_passed(t, texture(t, 3.0)[:, None], OUTPUT)
+    assert times is t and values[2, 0] == texture(t, 3.0)[2]
+
+
 def test_the_loss_is_told_by_channel_in_its_unit() -> None:
     t = np.arange(5001) / 1000
     play = Play(Wire.of(HAPTIP), track_of(texture(t, 100.0), t), output_hz=OUTPUT)

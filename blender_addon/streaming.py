@@ -197,7 +197,10 @@ def beat() -> None:
     moment, values = _published
     _client.beat(playing=playing, time=moment, values=values)
     _status = _client.status()
-    said = (_note, streaming_answer.meet(scene, _status), _status.get("words"))
+    met = streaming_answer.meet(scene, _status)
+    if _status["armed"] and streaming_answer.is_another(scene):
+        _client.disarm()
+    said = (_note, met, _status.get("words"))
     _status["words"] = "; ".join(filter(None, said))
 
 

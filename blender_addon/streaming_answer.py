@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import bpy
@@ -87,6 +88,14 @@ def meet(scene: bpy.types.Scene, status: Mapping[str, Any]) -> str:
     except core_module("errors").DermisError as error:
         return str(error)
     return _recognised if status["state"] == "ready" else ""
+
+
+def is_another(scene: bpy.types.Scene) -> bool:
+    """Tell whether another device answered than the one that the list is of; a file that is gone tells nothing."""
+    with suppress(core_module("errors").DermisError):
+        one = streaming_calibration.worn_by(scene)
+        return one is not None and _is_another(one)
+    return False
 
 
 def advice(scene: bpy.types.Scene) -> str:

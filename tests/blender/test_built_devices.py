@@ -284,6 +284,18 @@ def test_another_device_than_the_chosen_one_is_not_armed(scene: Any) -> None:
     wait(lambda s: s["armed"])
 
 
+def test_under_way_the_calibration_of_another_device_ends_the_stream(scene: Any) -> None:
+    mark(scene, serial="0102030405060708")
+    bpy.ops.dermis.calibration_use(file="")
+    scene.dermis_stream.mode = "jog"
+    streaming.connect(scene)
+    wait(state("ready"))
+    bpy.ops.dermis.stream_arm()
+    wait(lambda s: s["armed"])
+    bpy.ops.dermis.calibration_use(file="haptip-left-red-tape.json")
+    wait(lambda s: not s["armed"] and "another device answered" in s["words"])
+
+
 def test_an_id_that_boards_share_tells_none_apart() -> None:
     shared = b"DERMISU1".hex()
     assert streaming_answer.serials({"device": shared}) == ()

@@ -38,7 +38,7 @@ def test_an_open_port_reports_it(port: str, monkeypatch: pytest.MonkeyPatch) -> 
         assert link.report() == {"usb_serial": "7573530323135"}
     finally:
         link.close()
-    monkeypatch.setattr(list_ports, "comports", lambda: [])
+    monkeypatch.setattr(list_ports, "comports", list)
     link = Serial(port, 115200)
     try:
         assert link.report() == {}

@@ -26,6 +26,7 @@ class Shelved(NamedTuple):
     name: str
     owner: str
     found: bool
+    file: str
     channels: Rows
 
 
@@ -43,9 +44,9 @@ def adopt(scene: bpy.types.Scene) -> None:
     with quietly(scene):
         settings.shelf.clear()
         for offer in found:
-            shelve(scene, Shelved(offer.name, "", True, offer.channels))
+            shelve(scene, Shelved(offer.name, "", True, "", offer.channels))
         settings.channels.clear()
-        settings.channels_of = settings.channels_owner = ""
+        settings.channels_of = settings.channels_owner = settings.channels_file = ""
         settings.session = _SESSION
 
 
@@ -85,11 +86,16 @@ def drop_offer(scene: bpy.types.Scene, index: int) -> None:
         shelf.remove(at)
 
 
-def shelve(scene: bpy.types.Scene, shelved: Shelved) -> None:
+def shelve(scene: bpy.types.Scene, what: Shelved) -> None:
     """Put a calibration by."""
     entry = scene.dermis_stream.shelf.add()
-    entry.name, entry.owner, entry.found = shelved.name, shelved.owner, shelved.found
-    fill(entry.channels, shelved.channels)
+    entry.name, entry.owner, entry.found, entry.file = what.name, what.owner, what.found, what.file
+    fill(entry.channels, what.channels)
+
+
+def shelved(entry: Any) -> Shelved:
+    """Return what was put by."""
+    return Shelved(entry.name, entry.owner, entry.found, entry.file, rows_of(entry.channels))
 
 
 def _is_kept(offer: Offer) -> bool:

@@ -92,6 +92,7 @@ class DermisStreamCalibration(bpy.types.PropertyGroup):
 
     owner: StringProperty(options={"HIDDEN"})
     found: BoolProperty(options={"HIDDEN"})
+    file: StringProperty(options={"HIDDEN"})  # of the built device that it was before
     channels: CollectionProperty(type=DermisStreamChannel)
 
 
@@ -168,6 +169,7 @@ class DermisStream(bpy.types.PropertyGroup):
     channels: CollectionProperty(type=DermisStreamChannel)
     channels_of: StringProperty(options={"HIDDEN"})  # 'finger: device' to which they belong, for people ...
     channels_owner: StringProperty(options={"HIDDEN"})  # ... and with the finger's identity; '' for nobody yet
+    channels_file: StringProperty(options={"HIDDEN"})  # of the built device that they are calibrated as; '' for none
     session: StringProperty(options={"HIDDEN"})  # in which they were listed: what is of another one drives nothing
     shelf: CollectionProperty(type=DermisStreamCalibration)
 

@@ -30,8 +30,6 @@ _client: Any = None
 _scene = 0  # session uid of the scene that streams
 _status: dict[str, Any] = {}
 _note = ""  # what Blender's side has to say beside the sender
-_answered: tuple[str, ...] = ()  # serial numbers of the device that was recognised ...
-_recognised = ""  # ... and what there is to say of it
 _leaving: list[Any] = []  # senders that still bring a device to its safe state
 _published: tuple[float | None, tuple[float, ...]] = (None, ())  # time and values of the last beat
 _beats = 0
@@ -102,7 +100,7 @@ def close() -> None:
 
     Safe to call at any time.
     """
-    global _client, _note, _published, _status, _answered, _recognised
+    global _client, _note, _published, _status
     client, _client = _client, None
     if client is not None:
         client.close()
@@ -110,7 +108,7 @@ def close() -> None:
             _leaving.append(client)
             _start_timer()
     _status, _note, _published = {}, "", (None, ())
-    _answered, _recognised = (), ""
+    streaming_answer.forget()
     streaming_tracks.forget()
 
 
@@ -118,11 +116,6 @@ def leaving() -> list[str]:
     """Return what senders say that have been let go, and still bring a device to its safe state."""
     _leaving[:] = [client for client in _leaving if client.alive]
     return [str(client.status().get("words") or "The device goes to its safe state") for client in _leaving]
-
-
-def answered() -> tuple[str, ...]:
-    """Return the serial numbers by which the connected device can be told, the best first."""
-    return _answered
 
 
 def pose_unknown() -> bool:
@@ -149,7 +142,7 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
                                                 remedy="Let the bake or the render end, or cancel it")  # fmt: skip
     _client.set(**_wish(scene))
     beat()
-    streaming_answer.check(scene, _answered)
+    streaming_answer.check(scene)
     if pose_unknown() and not fingers_out:
         raise core_module("errors").DermisError("the device does not know where its motors are",
                                                 remedy="Take the finger out, and say so (fingers_out)")  # fmt: skip
@@ -204,22 +197,11 @@ def beat() -> None:
     moment, values = _published
     _client.beat(playing=playing, time=moment, values=values)
     _status = _client.status()
-    said = (_note, _meet(scene), _status.get("words"))
+    met = streaming_answer.meet(scene, _status)
+    if _status["armed"] and streaming_answer.is_another(scene):
+        _client.disarm()
+    said = (_note, met, _status.get("words"))
     _status["words"] = "; ".join(filter(None, said))
-
-
-def _meet(scene: bpy.types.Scene) -> str:
-    """Look who answered, once; return what a person should know of it before arming."""
-    global _answered, _recognised
-    try:
-        serials = streaming_answer.serials(_status)
-        if serials != _answered and not _status["armed"]:
-            _answered, _recognised = serials, ""
-            _recognised = streaming_answer.recognise(scene, serials)
-        streaming_answer.check(scene, _answered)
-    except core_module("errors").DermisError as error:
-        return str(error)
-    return _recognised if _status["state"] == "ready" else ""
 
 
 def _shown(scene: bpy.types.Scene) -> tuple[float, tuple[float, ...]]:

@@ -14,8 +14,8 @@ from typing import Any
 import bpy
 
 from . import built_devices, calibration_offers, finger_ids, streaming, streaming_tracks
-from .calibration_offers import Shelved, shelve
-from .calibration_rows import Rows, calibration, fill, quietly, rows_for, rows_of, same
+from .calibration_offers import Shelved, shelve, shelved
+from .calibration_rows import Rows, calibrated, calibration, fill, quietly, rows_for, rows_of, same
 from .preferences import core_module, library
 
 
@@ -26,6 +26,7 @@ class _Before:
     mode: str
     of: str
     owner: str
+    file: str
     choice: str | None
     channels: Rows
     shelf: list[Shelved]
@@ -60,18 +61,16 @@ def fill_channels(scene: bpy.types.Scene) -> None:
         if settings.channels_of != name:  # the finger was renamed
             settings.channels_of = name
         return
-    file = choice(owner)
-    fresh = rows_for(key, built_devices.device(file).made if file else None)
+    file = choice(owner) or ""
+    rows = rows_for(key, built_devices.device(file).made if file else None)
     with quietly(scene):
-        if settings.channels_owner not in ("", owner) and unsaved(scene):
-            shelve(scene, Shelved(settings.channels_of, settings.channels_owner, False, _listed(scene)))
+        _put_by(scene, owner)
         for i, entry in enumerate(settings.shelf):
             if not entry.found and entry.owner == owner:
-                fresh = rows_of(entry.channels)
+                file, rows = entry.file, rows_of(entry.channels)
                 settings.shelf.remove(i)
                 break
-        fill(settings.channels, fresh)
-        settings.channels_of, settings.channels_owner = name, owner
+        _list(scene, owner, name, file, rows)
 
 
 def owner_shown(scene: bpy.types.Scene) -> str:
@@ -83,6 +82,18 @@ def owner_shown(scene: bpy.types.Scene) -> str:
         with suppress(core_module("errors").DermisError):
             return _subject(scene, give=False)[0]
     return ""
+
+
+def worn_by(scene: bpy.types.Scene) -> Any:
+    """Return the built device that the list is of, or will be at connecting; None for none. Writes nothing.
+
+    Raises:
+        DermisError: its file is gone or cannot be read.
+    """
+    settings = scene.dermis_stream
+    listed = calibration_offers.is_ours(settings) and settings.channels_owner
+    file = settings.channels_file if listed else choice(owner_shown(scene))
+    return built_devices.device(file) if file else None
 
 
 def choice(owner: str) -> str | None:
@@ -103,23 +114,22 @@ def use(scene: bpy.types.Scene, file: str) -> None:
     Raises:
         DermisError: there is no device, it is another preset's, or a file cannot be read or written.
     """
-    fill_channels(scene)
-    settings = scene.dermis_stream
-    key = settings.channels_owner.rpartition(": ")[2]
+    calibration_offers.adopt(scene)
+    owner, name, key = _subject(scene)
     made = built_devices.device(file).made if file else None
     if made is not None:
         made.for_spec(library().device(key))  # refuses what does not fit
-    if unsaved(scene):
-        with quietly(scene):
-            shelve(scene, Shelved(settings.channels_of, "", True, _listed(scene)))
-    _remember(settings.channels_owner, settings.channels_of, file)
-    _relist(scene, key, made)
+    _remember(owner, name, file)
+    with quietly(scene):
+        _put_by(scene, owner)
+        _list(scene, owner, name, file, _by_hand(scene, rows_for(key, made)))
+    streaming.changed()
 
 
 def unsaved(scene: bpy.types.Scene) -> bool:
     """Tell whether the list says something else than the file of the device that it is of. Reads no file anew."""
     with suppress(core_module("errors").DermisError):
-        file = choice(scene.dermis_stream.channels_owner)
+        file = scene.dermis_stream.channels_file
         return not same(_listed(scene), built_devices.device(file).made if file else None)
     return True
 
@@ -135,10 +145,11 @@ def keep(scene: bpy.types.Scene, name: str, serial: str) -> Any:
     key = settings.channels_owner.rpartition(": ")[2]
     made = calibration_of(scene, key).owned_by(name.strip(), serial.strip())
     made.for_spec(library().device(key))
-    worn = choice(settings.channels_owner)
-    again = worn and built_devices.device(worn).made.name == made.name
-    saved = built_devices.save(made, worn if worn and again else "")
+    worn = worn_by(scene)
+    saved = built_devices.save(made, worn.file if worn is not None and worn.made.name == made.name else "")
     _remember(settings.channels_owner, settings.channels_of, saved.file)
+    with quietly(scene):
+        settings.channels_file = saved.file
     _before.pop(scene.session_uid, None)
     return saved
 
@@ -149,9 +160,9 @@ def begin_calibration(scene: bpy.types.Scene) -> None:
     calibration_offers.adopt(scene)
     with suppress(core_module("errors").DermisError):  # without a device there is nothing to list
         fill_channels(scene)
-    shelf = [Shelved(e.name, e.owner, e.found, rows_of(e.channels)) for e in settings.shelf]
-    owner = settings.channels_owner
-    before = _Before(settings.mode, settings.channels_of, owner, choice(owner), _listed(scene), shelf)
+    owner, shelf = settings.channels_owner, [shelved(entry) for entry in settings.shelf]
+    before = _Before(settings.mode, settings.channels_of, owner, settings.channels_file, choice(owner), _listed(scene),
+                     shelf)  # fmt: skip
     _before.setdefault(scene.session_uid, before)
     settings.mode = "jog"
 
@@ -171,8 +182,7 @@ def cancel_calibration(scene: bpy.types.Scene) -> None:
         settings.shelf.clear()
         for entry in before.shelf:
             shelve(scene, entry)
-        settings.channels_of, settings.channels_owner = before.of, before.owner
-        fill(settings.channels, before.channels)
+        _list(scene, before.owner, before.of, before.file, before.channels)
         settings.mode = before.mode
         if before.owner and choice(before.owner) != before.choice:
             _remember(before.owner, before.of, before.choice)
@@ -193,12 +203,8 @@ def export(scene: bpy.types.Scene, path: Path) -> None:
         DermisError: there is no device, a number that cannot be, or the file cannot be written.
     """
     fill_channels(scene)
-    owner = scene.dermis_stream.channels_owner
-    made, worn = calibration_of(scene, owner.rpartition(": ")[2]), choice(owner)
-    if worn:
-        of = built_devices.device(worn).made
-        made = made.owned_by(of.name, of.serial)
-    made.save(path)
+    made, worn = calibration_of(scene, scene.dermis_stream.channels_owner.rpartition(": ")[2]), worn_by(scene)
+    (made if worn is None else made.owned_by(worn.made.name, worn.made.serial)).save(path)
 
 
 def load(scene: bpy.types.Scene, path: Path) -> tuple[Any, ...]:
@@ -212,7 +218,7 @@ def load(scene: bpy.types.Scene, path: Path) -> tuple[Any, ...]:
     spec = library().device(key)
     made.for_spec(spec)  # refuses what does not fit
     fill_channels(scene)
-    _relist(scene, key, made)
+    _restore(scene, _by_hand(scene, rows_for(key, made)))
     return tuple(made.findings(spec))
 
 
@@ -250,10 +256,25 @@ def _listed(scene: bpy.types.Scene) -> Rows:
     return rows_of(scene.dermis_stream.channels)
 
 
-def _relist(scene: bpy.types.Scene, key: str, made: Any) -> None:
-    """List a calibration anew; where the actuators are by hand stays."""
-    jog = {c["name"]: c["jog"] for c in _listed(scene)}
-    _restore(scene, [{**c, "jog": jog.get(c["name"], c["jog"])} for c in rows_for(key, made)])
+def _by_hand(scene: bpy.types.Scene, rows: Rows) -> Rows:
+    """Return rows with the actuators where they are by hand."""
+    jog = {row["name"]: row["jog"] for row in _listed(scene)}
+    return [{**row, "jog": jog.get(row["name"], row["jog"])} for row in rows]
+
+
+def _put_by(scene: bpy.types.Scene, owner: str) -> None:
+    """Put by what is listed and not saved, before another list takes its place: a draft of its owner's, or an offer."""
+    settings = scene.dermis_stream
+    again = settings.channels_owner == owner
+    if settings.channels_owner and unsaved(scene) and (not again or any(map(calibrated, _listed(scene)))):
+        whose = "" if again else settings.channels_owner
+        shelve(scene, Shelved(settings.channels_of, whose, again, settings.channels_file, _listed(scene)))
+
+
+def _list(scene: bpy.types.Scene, owner: str, name: str, file: str, rows: Rows) -> None:
+    settings = scene.dermis_stream
+    settings.channels_owner, settings.channels_of, settings.channels_file = owner, name, file
+    fill(settings.channels, rows)
 
 
 def _restore(scene: bpy.types.Scene, plain: Rows) -> None:

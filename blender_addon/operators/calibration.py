@@ -13,7 +13,6 @@ from .. import (
     built_devices,
     calibration_offers,
     reporting,
-    streaming,
     streaming_answer,
     streaming_calibration,
     streaming_tracks,
@@ -48,6 +47,7 @@ class DERMIS_OT_calibration_use(Streaming, bpy.types.Operator):
 
     bl_idname = "dermis.calibration_use"
     bl_label = "Choose the Built Device"
+    bl_options = {"INTERNAL", "UNDO"}
 
     file: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
 
@@ -79,10 +79,10 @@ class DERMIS_OT_calibration_keep(Named, bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Propose what is known."""
         try:
-            one = streaming_answer.worn(context.scene)
+            one = streaming_calibration.worn_by(context.scene)
         except core_module("errors").DermisError as error:
             return reporting.report_error(self, error, "Streaming")
-        answered = streaming.answered()
+        answered = streaming_answer.answered()
         self.name = one.made.name if one is not None else ""
         self.serial = (one.made.serial if one is not None else "") or next(iter(answered), "")
         return self.ask(context, "Save Built Device")
@@ -174,6 +174,7 @@ class DERMIS_OT_calibration_load(File, bpy.types.Operator):
 
     bl_idname = "dermis.calibration_load"
     bl_label = "Import Calibration"
+    bl_options = {"INTERNAL", "UNDO"}
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Read the file."""

@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from .. import built_devices, calibration_offers, streaming, streaming_calibration
+from .. import built_devices, calibration_offers, streaming_answer, streaming_calibration
 from .main import DermisPanel
 from .text import paragraph
 
@@ -86,10 +86,9 @@ class DERMIS_MT_built(bpy.types.Menu):
         layout = self.layout
         layout.operator("dermis.calibration_use", text="Uncalibrated", icon="X").file = ""
         key = streaming_calibration.owner_shown(context.scene).rpartition(": ")[2]
-        answered = streaming.answered()
+        answered = streaming_answer.answered()
         for built in built_devices.devices(key):
-            mine = built.made.serial in answered if built.made.serial else False
-            icon = "LINKED" if mine else "TOOL_SETTINGS"
+            icon = "LINKED" if built.made.serial in answered else "TOOL_SETTINGS"
             layout.operator("dermis.calibration_use", text=built.made.name, icon=icon).file = built.file
         for words in built_devices.damaged():
             layout.label(text=words, icon="ERROR")

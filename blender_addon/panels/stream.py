@@ -74,7 +74,7 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
 
     def _built(self, context: bpy.types.Context) -> None:
         """Draw which built device the finger wears: it decides how it is calibrated."""
-        shown = streaming_answer.shown(context.scene, streaming.answered())
+        shown = streaming_answer.shown(context.scene)
         row = self.layout.row(align=True)
         row.alert = shown.wrong
         row.menu("DERMIS_MT_built", text=shown.name, icon="ERROR" if shown.wrong else "TOOL_SETTINGS")
@@ -87,7 +87,7 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, words, "TIME")
         layout.label(text=now["state"].capitalize(), icon=ICONS.get(now["state"], "QUESTION"))
         if now.get("words"):
-            wrong = now["state"] != "ready" or streaming_answer.shown(context.scene, streaming.answered()).wrong
+            wrong = now["state"] != "ready" or streaming_answer.shown(context.scene).wrong
             paragraph(layout, context, now["words"], "ERROR" if wrong else "INFO")
         if caution := streaming.caution(context.scene.dermis_stream.protocol):
             paragraph(layout, context, caution, "ERROR")

@@ -83,7 +83,7 @@ def reopened(path: Path) -> Any:
 def worn(scene: Any) -> str:
     """Return the name of the device that is listed after connecting, '' for none."""
     streaming.connect(scene)
-    one = streaming_answer.worn(scene)
+    one = streaming_calibration.worn_by(scene)
     return one.made.name if one is not None else ""
 
 
@@ -157,7 +157,7 @@ def test_a_file_of_another_computer_calibrates_nothing_here(scene: Any, tmp_path
     scene = reopened(tmp_path / "a.blend")
     assert [o.name for o in calibration_offers.offers(scene)] == ["Index: haptip"], "offered before connecting too"
     assert "not known here" in (streaming.connect(scene) or streaming_answer.advice(scene))
-    assert streaming_answer.worn(scene) is None and listed(scene) == PLAIN and driven(scene) == {}
+    assert streaming_calibration.worn_by(scene) is None and listed(scene) == PLAIN and driven(scene) == {}
     bpy.ops.dermis.calibration_keep_found(name="from a friend")
     assert calibration_offers.offers(scene) == [] and listed(scene) == PLAIN, "saved, and worn by nobody"
     (one,) = built_devices.devices(HAPTIP)
@@ -220,13 +220,43 @@ def test_undo_takes_neither_identity_nor_choice(scene: Any) -> None:
     assert worn(scene) == "left, red tape" and listed(scene) == SET
 
 
+def test_after_undo_panel_list_and_device_agree(scene: Any) -> None:
+    mark(scene)
+    bpy.ops.dermis.calibration_use(file="")
+    streaming.connect(scene)
+    push("uncalibrated")
+    bpy.ops.dermis.calibration_use(file="haptip-left-red-tape.json")
+    push("calibrated")
+    assert streaming_answer.shown(scene) == ("left, red tape", "", False)
+    assert driven(scene)["pulley_1"].zero == 0.125
+    undo()
+    scene = bpy.context.scene
+    assert listed(scene) == PLAIN and driven(scene) == {}
+    shown = streaming_answer.shown(scene)
+    assert shown.name == "Uncalibrated" and "'left, red tape' was chosen last" in shown.words
+    bpy.ops.dermis.calibration_use(file="haptip-left-red-tape.json")
+    assert listed(scene) == SET and streaming_answer.shown(scene).words == ""
+
+
+def test_a_device_whose_file_is_gone_can_be_changed_for_another(scene: Any) -> None:
+    mark(scene)
+    streaming_calibration.forget()
+    (built_devices.user_folder(built_devices.FOLDER) / "haptip-left-red-tape.json").unlink()
+    scene.dermis_stream.output = "Thumb: haptip"
+    with pytest.raises(RuntimeError, match="cannot be read"):
+        scene.dermis_stream["output"] = "Index: haptip"
+        bpy.ops.dermis.stream_connect()
+    bpy.ops.dermis.calibration_use(file="")
+    assert bpy.ops.dermis.stream_connect() == {"FINISHED"} and listed(scene) == PLAIN
+
+
 def test_the_device_that_answers_is_recognised(scene: Any) -> None:
     made = core_module("calibration").Calibration.of(core_module("presets").Library().device(HAPTIP))
     built_devices.save(made.with_entry("pulley_1", zero=0.125, gain=-1.0).owned_by("in the box", VIRTUAL))
     streaming.connect(scene)
     assert listed(scene) == PLAIN
     status = wait(lambda s: s["state"] == "ready" and "in the box" in s["words"])
-    assert "serial number" in status["words"] and streaming.answered() == (VIRTUAL,)
+    assert "serial number" in status["words"] and streaming_answer.answered() == (VIRTUAL,)
     assert listed(scene) == SET and driven(scene)["pulley_1"].zero == 0.125
     assert built_devices.choice(finger_ids.identity(bpy.data.objects["Index"]), HAPTIP) == "haptip-in-the-box.json"
 
@@ -243,7 +273,7 @@ def test_another_device_than_the_chosen_one_is_not_armed(scene: Any) -> None:
     mark(scene, serial="0102030405060708")
     streaming.connect(scene)
     status = wait(lambda s: s["state"] == "ready" and "another device answered" in s["words"])
-    assert streaming_answer.shown(scene, streaming.answered()).wrong
+    assert streaming_answer.shown(scene).wrong
     assert "left, red tape" in status["words"] and VIRTUAL in status["words"]
     with pytest.raises(RuntimeError, match="another device answered"):
         bpy.ops.dermis.stream_arm()
@@ -252,6 +282,18 @@ def test_another_device_than_the_chosen_one_is_not_armed(scene: Any) -> None:
     bpy.ops.dermis.calibration_keep(name="left, red tape", serial=VIRTUAL)
     bpy.ops.dermis.stream_arm()
     wait(lambda s: s["armed"])
+
+
+def test_under_way_the_calibration_of_another_device_ends_the_stream(scene: Any) -> None:
+    mark(scene, serial="0102030405060708")
+    bpy.ops.dermis.calibration_use(file="")
+    scene.dermis_stream.mode = "jog"
+    streaming.connect(scene)
+    wait(state("ready"))
+    bpy.ops.dermis.stream_arm()
+    wait(lambda s: s["armed"])
+    bpy.ops.dermis.calibration_use(file="haptip-left-red-tape.json")
+    wait(lambda s: not s["armed"] and "another device answered" in s["words"])
 
 
 def test_an_id_that_boards_share_tells_none_apart() -> None:
@@ -279,7 +321,7 @@ def test_refusals_are_words(scene: Any) -> None:
     built_devices.refresh()
     with pytest.raises(RuntimeError, match="which finger wears which device"):
         bpy.ops.dermis.stream_connect()
-    assert streaming_answer.shown(scene, ()).wrong
+    assert streaming_answer.shown(scene).wrong
     with pytest.raises(RuntimeError, match="which finger wears which device"):
         bpy.ops.dermis.calibration_use(file="")
     assert '"x": 3' in (folder / built_devices.TABLE).read_text(), "what cannot be read is not overwritten"

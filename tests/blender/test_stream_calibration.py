@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 import pytest
 
-from blender_addon import results, streaming, streaming_answer, streaming_calibration
+from blender_addon import results, streaming, streaming_calibration
 from blender_addon.preferences import core_module
 
 from . import build
@@ -157,9 +157,9 @@ def test_cancelling_brings_back_the_device_from_before(scene: Any) -> None:
         bpy.ops.dermis.calibration_keep(name=name)
     bpy.ops.dermis.stream_calibrate(action="BEGIN")
     bpy.ops.dermis.calibration_use(file="haptip-other.json")
-    assert (scene.dermis_stream.channels[0].zero, streaming_answer.worn(scene).made.name) == (0.25, "other")
+    assert (scene.dermis_stream.channels[0].zero, streaming_calibration.worn_by(scene).made.name) == (0.25, "other")
     bpy.ops.dermis.stream_calibrate(action="CANCEL")
-    assert (scene.dermis_stream.channels[0].zero, streaming_answer.worn(scene).made.name) == (0.125, "mine")
+    assert (scene.dermis_stream.channels[0].zero, streaming_calibration.worn_by(scene).made.name) == (0.125, "mine")
     assert driven(scene)["pulley_1"].zero == 0.125
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from core.devices.retraction import CLEAR, DEEPENING, FITTED, SPARED, THICKEST, 
 from core.devices.spec import WORN, from_preset
 from core.devices.thimble import FIRM, mechanism
 from core.errors import DermisError
-from core.presets import Library
+from core.presets import BUILT_IN, Library
 from core.stream.packets import Reach
 from core.stream.wire import Wire
 from tests.unit.safe_ways import Platforms, Thimbles, deepened, depth, each, follow, pad, shapes, together
@@ -23,6 +24,8 @@ LIBRARY = Library()
 KEYS = [e.key for e in LIBRARY.list("devices") if not e.user]
 WORN_KEYS = [key for key in KEYS if LIBRARY.device(key).worn]
 PLATFORMS = {"thimble_3rrs": 2.07e-3, "cable_platform": 6.03e-3, "hexapod": 9.99e-3}  # [m] clear of the thickest
+STARTS = {"thimble_3rrs": 394, "cable_platform": 838, "hexapod": 1499}  # poses that ways begin at, as the page says
+PAGE = (BUILT_IN / "streaming.md").read_text("utf-8")
 
 
 def devices(key: str) -> Thimbles | Platforms:
@@ -80,7 +83,7 @@ def test_the_thimbles_safe_pose_is_firm_and_on_its_own_side() -> None:
 def test_the_way_never_presses_deeper_and_never_gives_way(key: str) -> None:
     wire, moving = Wire.of(LIBRARY.device(key)), devices(key)
     poses = follow(moving, together, wire.safe, wire.slew)
-    assert len(moving.starts) > 350 and not moving.lost.any()
+    assert len(moving.starts) == STARTS[key] and not moving.lost.any()
     for name, shape in shapes().items():
         points = pad(shape)
         more, first = deepened(poses, points, moving.radius)
@@ -178,3 +181,19 @@ def test_how_long_the_way_takes() -> None:
     preset = LIBRARY.load("devices", "haptip")
     del preset["channels"][2]["low"]
     assert Wire.of(from_preset("mine", preset)).safe_seconds == np.inf
+
+
+def test_the_page_says_how_long_the_way_takes_and_how_clear_it_ends() -> None:
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", PAGE.partition("### Safe poses")[2].partition("###")[0], re.M))
+    assert set(rows) == set(KEYS)
+    for key, row in rows.items():
+        wire = Wire.of(LIBRARY.device(key))
+        cells = [cell.strip() for cell in row.split("|")]
+        told = re.fullmatch(r"([\d.]+) s", cells[-1])
+        assert (told is None) == (wire.reach == Reach.AT_ONCE), key
+        if told is not None:
+            assert wire.safe_seconds <= float(told[1]) + 1e-9 < wire.safe_seconds + 0.01 + 1e-9
+        if key in PLATFORMS:
+            assert cells[1] == f"{1e3 * clearance(wire.spec, wire.safe):.1f} mm"
+    for count in STARTS.values():
+        assert f"{count:,}" in PAGE

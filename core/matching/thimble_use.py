@@ -128,7 +128,7 @@ def _near(spec: DeviceSpec, device: Thimble, contact: DiscContact) -> tuple[Find
     return (Finding("warning", "safe-pose-near", "the safe pose is not clear of this finger",
                     where=f"device preset '{spec.key}', safe", value=f"{1e3 * room:.1f} mm",
                     limit=f">= {1e3 * CLEAR:g} mm",
-                    remedy="State one further away in your own preset, or seat the device nearer to the nail"),)  # fmt: skip
+                    remedy="State one further away in a preset, or seat the device nearer to the nail"),)  # fmt: skip
 
 
 def _poses(device: Thimble, contact: DiscContact) -> list[Array]:

@@ -15,7 +15,7 @@ from core.devices.spec import WORN, from_preset
 from core.devices.thimble import FIRM, mechanism
 from core.errors import DermisError
 from core.presets import BUILT_IN, Library
-from core.stream.packets import Reach
+from core.stream.packets import FULL, Reach
 from core.stream.wire import Wire
 from tests.unit.safe_ways import Platforms, Thimbles, deepened, depth, each, follow, pad, shapes, together
 from tests.unit.stream_lab import Lab
@@ -192,8 +192,18 @@ def test_the_page_says_how_long_the_way_takes_and_how_clear_it_ends() -> None:
         told = re.fullmatch(r"([\d.]+) s", cells[-1])
         assert (told is None) == (wire.reach == Reach.AT_ONCE), key
         if told is not None:
-            assert wire.safe_seconds <= float(told[1]) + 1e-9 < wire.safe_seconds + 0.01 + 1e-9
+            far = np.maximum(wire.high - wire.safe, wire.safe - wire.low) / (wire.high - wire.low) * FULL
+            seconds = float((far / wire.slew_counts()).max()) / 1000.0  # whole counts: never faster than declared
+            assert wire.safe_seconds <= seconds <= float(told[1]) < seconds + 0.01
         if key in PLATFORMS:
             assert cells[1] == f"{1e3 * clearance(wire.spec, wire.safe):.1f} mm"
     for count in STARTS.values():
         assert f"{count:,}" in PAGE
+
+
+def test_counts_are_rounded_and_speeds_are_not_rounded_up() -> None:
+    wire = Wire.of(LIBRARY.device("cable_platform"))
+    span = wire.high - wire.low
+    for part, count in ((0.0, 0), (0.4, 0), (0.6, 1), (1.4, 1), (1.6, 2), (FULL - 0.6, FULL - 1), (FULL - 0.4, FULL)):
+        assert wire.counts(wire.low + span * part / FULL).tolist() == [count] * 3
+    assert wire.slew_counts().tolist() == [245] * 3, "600 deg/s over 160 degrees are 245.8 counts a millisecond"

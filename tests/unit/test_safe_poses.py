@@ -179,6 +179,8 @@ def test_how_long_the_way_takes() -> None:
             "pin_array_128": 0.0, "electrovibration": 0.0}  # fmt: skip
     assert seconds == pytest.approx(told)
     preset = LIBRARY.load("devices", "haptip")
+    preset["safe"]["reach"] = "release"
+    assert Wire.of(from_preset("mine", preset)).safe_seconds == seconds["haptip"], "it may ramp before it lets go"
     del preset["channels"][2]["low"]
     assert Wire.of(from_preset("mine", preset)).safe_seconds == np.inf
 

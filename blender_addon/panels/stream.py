@@ -100,7 +100,7 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
             p50, p99, trip = (now.get(k) for k in ("jitter_p50_us", "jitter_p99_us", "round_trip_ms"))
             box.label(text=f"{now['rate']:g} Hz")
             if now.get("safe_s"):
-                box.label(text=f"Safe pose within {now['safe_s']:.2f} s of a stop")
+                box.label(text=f"Way to the safe pose: up to {now['safe_s']:.2f} s")
             if p50 is not None and p99 is not None:
                 box.label(text=f"Late by {_time(p50)}, 99 % by less than {_time(p99)}")
             if trip is not None:

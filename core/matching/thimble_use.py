@@ -15,7 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..devices.disc import DiscContact
+from ..devices.disc_pose import placed
 from ..devices.first_contact import calibrated, first_contact
+from ..devices.retraction import CLEAR
+from ..devices.safe_state import safe_state
+from ..devices.servo_limits import SERVOS
 from ..devices.spec import DeviceSpec
 from ..devices.thimble import Thimble, mechanism
 from ..errors import DermisError, Finding
@@ -97,8 +101,9 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
     if not 0.0 < hover <= LARGEST_HOVER:
         raise DermisError("the disc cannot wait at that distance", where=where, value=f"{1e3 * hover:g} mm",
                           limit=f"above 0, up to {1e3 * LARGEST_HOVER:g} mm")  # fmt: skip
+    near = _near(spec, device, contact_of(device, skin, friction))
     if method not in LEARNED:
-        return ThimbleUse(device, skin, friction, hover, method, None, None, ())
+        return ThimbleUse(device, skin, friction, hover, method, None, None, near)
     try:
         made = load(surrogate_path(parameters, skin, device, friction), skin, device, friction)
         readout, learned = made.descriptors.readout, made.model(skin, method)
@@ -106,8 +111,24 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
     except DermisError as error:
         finding = Finding("warning", "surrogate", f"the direct method was used: {error.what}", where, error.value,
                           error.limit, error.remedy)  # fmt: skip
-        return ThimbleUse(device, skin, friction, hover, "stress", None, None, (finding,))
-    return ThimbleUse(device, skin, friction, hover, method, readout, learned, ())
+        return ThimbleUse(device, skin, friction, hover, "stress", None, None, (finding, *near))
+    return ThimbleUse(device, skin, friction, hover, method, readout, learned, near)
+
+
+def _near(spec: DeviceSpec, device: Thimble, contact: DiscContact) -> tuple[Finding, ...]:
+    """Find a safe pose that is not clear of this finger, as it was felt: it may be thicker than the preset allows."""
+    values = safe_state(spec).values
+    if not set(SERVOS) <= set(values):
+        return ()  # said of the preset itself
+    neutral = (0.0, 0.0, float(spec.parameters["reference_distance"]))
+    x = device.forward(np.array([values[s] for s in SERVOS]) + device.servo_zero, neutral)
+    room = float(contact.gap(placed(device, device.pose(x))).min())
+    if room >= CLEAR:
+        return ()
+    return (Finding("warning", "safe-pose-near", "the safe pose is not clear of this finger",
+                    where=f"device preset '{spec.key}', safe", value=f"{1e3 * room:.1f} mm",
+                    limit=f">= {1e3 * CLEAR:g} mm",
+                    remedy="State one further away in a preset, or seat the device nearer to the nail"),)  # fmt: skip
 
 
 def _poses(device: Thimble, contact: DiscContact) -> list[Array]:

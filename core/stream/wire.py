@@ -107,9 +107,9 @@ class Wire:
     def safe_seconds(self) -> float:
         """How long the way to the safe state takes from the far end of every channel [s]; inf where there is no end.
 
-        It counts from when the way begins. What is reached at once, or let go, takes none.
+        It counts from when the way begins. What is reached at once takes none; what lets go may ramp there before.
         """
-        if self.reach != Reach.RAMP:
+        if self.reach == Reach.AT_ONCE:
             return 0.0
         far = np.maximum(self.most - self.safe, self.safe - self.least)
         with np.errstate(invalid="ignore"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,8 @@ from core.devices.retraction import CLEAR, DEEPENING, FITTED, SPARED, THICKEST, 
 from core.devices.spec import WORN, from_preset
 from core.devices.thimble import FIRM, mechanism
 from core.errors import DermisError
-from core.presets import Library
-from core.stream.packets import Reach
+from core.presets import BUILT_IN, Library
+from core.stream.packets import FULL, Reach
 from core.stream.wire import Wire
 from tests.unit.safe_ways import Platforms, Thimbles, deepened, depth, each, follow, pad, shapes, together
 from tests.unit.stream_lab import Lab
@@ -23,6 +24,8 @@ LIBRARY = Library()
 KEYS = [e.key for e in LIBRARY.list("devices") if not e.user]
 WORN_KEYS = [key for key in KEYS if LIBRARY.device(key).worn]
 PLATFORMS = {"thimble_3rrs": 2.07e-3, "cable_platform": 6.03e-3, "hexapod": 9.99e-3}  # [m] clear of the thickest
+STARTS = {"thimble_3rrs": 394, "cable_platform": 838, "hexapod": 1499}  # poses that ways begin at, as the page says
+PAGE = (BUILT_IN / "streaming.md").read_text("utf-8")
 
 
 def devices(key: str) -> Thimbles | Platforms:
@@ -80,7 +83,7 @@ def test_the_thimbles_safe_pose_is_firm_and_on_its_own_side() -> None:
 def test_the_way_never_presses_deeper_and_never_gives_way(key: str) -> None:
     wire, moving = Wire.of(LIBRARY.device(key)), devices(key)
     poses = follow(moving, together, wire.safe, wire.slew)
-    assert len(moving.starts) > 350 and not moving.lost.any()
+    assert len(moving.starts) == STARTS[key] and not moving.lost.any()
     for name, shape in shapes().items():
         points = pad(shape)
         more, first = deepened(poses, points, moving.radius)
@@ -176,5 +179,33 @@ def test_how_long_the_way_takes() -> None:
             "pin_array_128": 0.0, "electrovibration": 0.0}  # fmt: skip
     assert seconds == pytest.approx(told)
     preset = LIBRARY.load("devices", "haptip")
+    preset["safe"]["reach"] = "release"
+    assert Wire.of(from_preset("mine", preset)).safe_seconds == seconds["haptip"], "it may ramp before it lets go"
     del preset["channels"][2]["low"]
     assert Wire.of(from_preset("mine", preset)).safe_seconds == np.inf
+
+
+def test_the_page_says_how_long_the_way_takes_and_how_clear_it_ends() -> None:
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", PAGE.partition("### Safe poses")[2].partition("###")[0], re.M))
+    assert set(rows) == set(KEYS)
+    for key, row in rows.items():
+        wire = Wire.of(LIBRARY.device(key))
+        cells = [cell.strip() for cell in row.split("|")]
+        told = re.fullmatch(r"([\d.]+) s", cells[-1])
+        assert (told is None) == (wire.reach == Reach.AT_ONCE), key
+        if told is not None:
+            far = np.maximum(wire.high - wire.safe, wire.safe - wire.low) / (wire.high - wire.low) * FULL
+            seconds = float((far / wire.slew_counts()).max()) / 1000.0  # whole counts: never faster than declared
+            assert wire.safe_seconds <= seconds <= float(told[1]) < seconds + 0.01
+        if key in PLATFORMS:
+            assert cells[1] == f"{1e3 * clearance(wire.spec, wire.safe):.1f} mm"
+    for count in STARTS.values():
+        assert f"{count:,}" in PAGE
+
+
+def test_counts_are_rounded_and_speeds_are_not_rounded_up() -> None:
+    wire = Wire.of(LIBRARY.device("cable_platform"))
+    span = wire.high - wire.low
+    for part, count in ((0.0, 0), (0.4, 0), (0.6, 1), (1.4, 1), (1.6, 2), (FULL - 0.6, FULL - 1), (FULL - 0.4, FULL)):
+        assert wire.counts(wire.low + span * part / FULL).tolist() == [count] * 3
+    assert wire.slew_counts().tolist() == [245] * 3, "600 deg/s over 160 degrees are 245.8 counts a millisecond"

@@ -143,6 +143,7 @@ def test_the_reach_is_that_of_the_channels(tmp_path, capsys):
 
     own = json.loads(json.dumps(dict(Library().device("thimble_3rrs").source)))
     own["channels"][1]["high"] = {"value": 15, "unit": "deg", "source": "stop"}
+    own["safe"]["values"]["servo_2"]["value"] = 15
     (tmp_path / "devices").mkdir()
     (tmp_path / "devices" / "mine.json").write_text(json.dumps(own))
     assert main(["thimble", "reach", "--presets", str(tmp_path), "--device", "mine"]) == 0

@@ -193,6 +193,7 @@ def test_a_touch_too_steep_for_the_mechanism_ends_before_it_gives_way(skin, spec
 def narrowed(spec, **changes):
     """Return a preset whose servo channels say something of their own."""
     own = json.loads(json.dumps(dict(spec.source)))
+    del own["safe"]  # it lies outside of narrower limits
     for channel in own["channels"][:3]:
         channel.update({n: {"value": v, "unit": "deg/s" if n == "slew" else "deg"} for n, v in changes.items()})
     return from_preset("narrow", own)
@@ -273,3 +274,12 @@ def test_a_speed_limit_does_not_keep_the_device_in_a_poor_place(skin, spec):
         if change is not None:
             assert np.abs(np.diff(found.angles, axis=0)).max() <= change * (1 + 1e-9)
     assert off[np.radians(6.0)] < 1.25 * off[None] < 0.75
+
+
+def test_a_safe_pose_that_is_not_clear_of_this_finger_is_found(skin, spec):
+    """The disc is first felt far from the base: a finger so thick that the retracted disc nearly touches it."""
+    for degrees, found in ((0.0, ()), (21.0, ()), (25.0, ("safe-pose-near",)), (32.0, ("safe-pose-near",))):
+        felt = {f"thimble_felt_{i}": np.radians(degrees) for i in (1, 2, 3)}
+        use = prepare(spec, skin, {"thimble_calibrated": True, **felt})
+        assert tuple(f.code for f in use.findings) == found
+    assert str(use.findings[0].value) in ("0.0 mm", "-0.0 mm")

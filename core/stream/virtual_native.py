@@ -19,6 +19,7 @@ TOUCH_EVERY = 0.02  # a finger that stays down is reported again this often [s]
 NACK_EVERY = 0.005  # one NACK in this time at most: a flood gets no answer to each of its frames [s]
 WINDOW = 1024  # packets: what is further ahead was not lost on the way, it is old
 MOST_STEP = 5.0  # what a device that stood still may make up for [ms]: no jump
+AT_ONCE = 1e9  # [counts a millisecond]
 WATCHDOGS = range(10, 81)  # silences that may be asked for [ms]
 
 
@@ -67,6 +68,7 @@ class NativeDevice:
         self._timeout, self._reach = 0.0, Reach.RAMP
         self._safe = self.counts.copy()
         self._slew = np.full(count, 65535.0)
+        self._pace = self._slew  # on the way to safety [counts a millisecond]
         self._sequence = 0
         self._nacked = -np.inf
         self.released = self._driven = False
@@ -103,8 +105,8 @@ class NativeDevice:
         while self._queue and self._queue[0][0] <= clock:
             when, self._target = self._queue.popleft()
             self.play_error = max(self.play_error, (clock - when) * 1e-6)
-        if self._driven:  # in every state: only ARM takes a way to safety over
-            self._move(step)
+        if self._driven:  # whatever other senders say: only ARM takes a way to safety over
+            self._move(step * (self._slew if self.state == DeviceState.ARMED else self._pace))
         there = not self._driven or (np.abs(self._target - self.counts) < 1).all()
         if self.state == DeviceState.SAFE and self.safe_at is None and there:
             self.safe_at, self.released = now, self._reach == Reach.RELEASE
@@ -225,21 +227,12 @@ class NativeDevice:
         self.late += 1
         return self._nack(self._session, packet.sequence, Nack.LATE, now)
 
-    def _move(self, milliseconds: float) -> None:
-        """Go towards the targets as far as the speed limits allow within a time.
-
-        To the safe state all channels begin and arrive together: those of a platform that arrive one by one tilt it.
-        """
-        way = self._target - self.counts
-        if self.state == DeviceState.ARMED:
-            most = self._slew * milliseconds
-            way = np.minimum(np.maximum(way, -most), most)
-        else:
-            longest = float((np.abs(way) / self._slew).max())
-            way = way if longest <= milliseconds else way * (milliseconds / longest)
+    def _move(self, most: Array) -> None:
+        """Go towards the targets by no more than so many counts."""
+        move = np.minimum(np.maximum(self._target - self.counts, -most), most)
         if self._stuck >= 0:
-            way[self._stuck] = 0.0
-        self.counts = self.counts + way
+            move[self._stuck] = 0.0
+        self.counts = self.counts + move
 
     def _synced(self, host_us: int, now: float) -> bytes:
         reply = packets.Synced(host_us, self.clock_us(now), self.state, min(len(self._queue), 255), self.received,
@@ -255,8 +248,10 @@ class NativeDevice:
             self.pose_known = self._driven = False
             return
         self._target = self._safe.copy()
-        if self._reach == Reach.AT_ONCE:
-            self._move(np.inf)
+        way = np.abs(self._target - self.counts)
+        longest = 0.0 if self._reach == Reach.AT_ONCE else float((way / self._slew).max())
+        # All channels begin and arrive together: a platform whose channels come home one by one tilts.
+        self._pace = way / longest if longest else np.full(self.wire.count, AT_ONCE)
 
     def _nack(self, session: int, sequence: int, reason: Nack, now: float) -> list[bytes]:
         """Refuse a packet; an answer that comes too soon after the last is dropped, and its number stays used."""

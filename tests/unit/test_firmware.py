@@ -97,6 +97,24 @@ def test_ramp_to_the_safe_pose_at_the_allowed_speed(native: Board) -> None:
     assert moved[-1] - moved[0] >= (480 - 2 * 20) / 992, "less the pulses at both ends"
 
 
+def test_all_channels_begin_and_arrive_together_on_the_way_to_safety(native: Board) -> None:
+    """A platform whose channels come home one by one tilts."""
+    sender = Sender(native, servos(slew=4.0))
+    sender.arm()
+    far = np.array([0.9, -0.9, 0.45, 0.3, -0.2, 0.1, 0.02, 0.0])
+    sender.command(far)
+    sender.run(0.4)
+    native.pulses.clear()
+    for message in sender.adapter.safe():
+        native.send(message)
+    start = native.now
+    sender.run(0.4)
+    for channel, value in enumerate(far):
+        for at, width in native.path(channel):
+            part = min(max((at - start) * 4.0 / 0.9, 0.0), 1.0)
+            assert abs(width - (1500 + 500 * value * (1 - part))) <= 5.0 * abs(value) + 1.0, (channel, at - start)
+
+
 def test_timed_commands_wait_for_their_time(native: Board) -> None:
     sender = Sender(native, SERVOS)
     sender.arm()

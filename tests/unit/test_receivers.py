@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-from core.stream import adapter, packets
+from core.stream import adapter, packets, virtual_native
 from core.stream.packets import DeviceState, Kind, Nack, Packet, Reach
 from core.stream.virtual_native import NativeDevice
-from tests.unit.firmware_board import Board, emulated, firmware, servos
+from tests.unit.firmware_board import BAUD, ROOT, SKETCH, Board, emulated, firmware, servos
 
 OWN, OTHER = 7, 9
 WIRE = servos(2)
@@ -287,3 +288,16 @@ def test_refusals_are_named_by_the_page() -> None:
         for step in script(Virtual()):
             met |= {int(a[3].split()[2], 16) for a in step if isinstance(a, tuple) and a[0] == "NACK"}
     assert met == {int(reason) for reason in Nack}
+
+
+def test_page_sketch_and_virtual_device_state_the_same_limits() -> None:
+    page = (ROOT / "presets" / "streaming.md").read_text("utf-8")
+    sketch = SKETCH.with_name("native.h").read_text("utf-8")
+    told = {name: int(value) for name, value in re.findall(r"static const uint\d+_t (\w+) = (\d+);", sketch)}
+    assert told["NACK_EVERY"] == virtual_native.NACK_EVERY * 1e3 and "One NACK in 5 ms" in page
+    assert told["MOST_STEPS"] == virtual_native.MOST_STEP and "no more than 5 ms of elapsed time" in page
+    assert told["WINDOW"] == virtual_native.WINDOW and "1 to 1024 ahead" in page
+    assert told["VERSION"] == packets.VERSION and f"version {packets.VERSION}" in page
+    least, most = virtual_native.WATCHDOGS[0], virtual_native.WATCHDOGS[-1]
+    assert f"a watchdog outside {least} to {most} ms" in page.replace("\n", " ").replace("  ", " ")
+    assert f"#define DERMIS_BAUD {BAUD}" in SKETCH.read_text("utf-8") and f"{BAUD:,} baud" in page

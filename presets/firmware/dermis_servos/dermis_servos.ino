@@ -1,6 +1,6 @@
 /* Dermis: eight hobby servos on an Arduino Uno (or any board with an ATmega328P at 16 MHz).
 
-   Speaks the native protocol, version 2 (presets/streaming.md), at 500,000 baud. Built with -DDERMIS_SERVO_ANIMATION
+   Speaks the native protocol, version 2 (presets/streaming.md), at 500,000 baud. With DERMIS_SERVO_ANIMATION defined
    it receives Blender Servo Animation's live mode instead, at 115,200 baud, positions in microseconds.
 
    Pins 2 to 9 are channels 0 to 7; wiring in README.md beside this file. A pulse is 1000 us for count 0 and 2000 us
@@ -17,8 +17,8 @@
 #define DERMIS_BAUD 500000 /* exact at 16 MHz; at 1000000 the pulses' interrupt makes the chip lose bytes */
 #endif
 
-/* #define DERMIS_RELAY_PIN 12       a relay in the servos' supply: on while armed and on the way to safety */
-/* #define DERMIS_SERVO_ANIMATION    another protocol */
+// #define DERMIS_RELAY_PIN 12 // a relay in the servos' supply: on while armed and on the way to safety
+// #define DERMIS_SERVO_ANIMATION // Blender Servo Animation's live mode instead of the native protocol
 
 #ifdef DERMIS_SERVO_ANIMATION
 #include "servo_animation.h"

@@ -7,8 +7,8 @@
 static const uint8_t VERSION = 2;
 static const uint8_t QUEUE = 1000 / (4 + 2 * CHANNELS); /* what the memory holds: 125 for two channels, 50 for eight */
 
-/* Whatever comes in, the loop comes round to its watchdog and its limits within a millisecond. */
-static const uint8_t BYTES_A_LOOP = 24;
+/* Whatever comes in, the loop comes round to its watchdog and its limits: in 1.1 ms at the worst (emulated). */
+static const uint8_t BYTES_A_LOOP = 16;
 static const uint8_t NACK_EVERY = 5; /* ms */
 static const uint16_t WINDOW = 1024; /* packets: what is further ahead was not lost on the way, it is old */
 static const uint8_t MOST_STEPS = 5; /* ms that a stalled loop may make up for: no jump */
@@ -29,6 +29,10 @@ static uint16_t received = 0, lost = 0, damaged = 0, late = 0, watchdogs = 0;
 static uint8_t watchdog_ms = 50;
 static uint16_t counts[CHANNELS], target[CHANNELS], safe_counts[CHANNELS], slew[CHANNELS];
 static uint32_t heard = 0, stepped = 0;
+
+static bool homing = false; /* on the way to safety, a straight line from where it began */
+static uint16_t way_start[CHANNELS], way_ms = 0, way_gone = 0;
+static uint32_t way_pace[CHANNELS]; /* counts a millisecond, times 65536 */
 
 static uint32_t queue_when[QUEUE];
 static uint16_t queue_counts[QUEUE][CHANNELS];
@@ -60,49 +64,59 @@ static void let_go() {
   power(false);
 }
 
+static uint16_t apart(uint16_t a, uint16_t b) { return a > b ? a - b : b - a; }
+
 static void go_safe() {
   if (state == IDLE) return;
   queued = 0;
   state = SAFE;
   if (reach == RELEASE) return let_go();
+  homing = true;
+  way_ms = way_gone = 0;
   for (uint8_t c = 0; c < CHANNELS; c++) {
+    way_start[c] = counts[c];
     target[c] = safe_counts[c];
-    if (reach == AT_ONCE) move_to(c, target[c]);
+    uint16_t needs = (uint16_t)(((uint32_t)apart(counts[c], target[c]) + slew[c] - 1) / slew[c]);
+    if (reach == RAMP && needs > way_ms) way_ms = needs;
+  }
+  for (uint8_t c = 0; way_ms && c < CHANNELS; c++) way_pace[c] = ((uint32_t)apart(counts[c], target[c]) << 16) / way_ms;
+}
+
+/* Towards the targets, each channel by at most `slew` counts a millisecond. */
+static void follow(uint8_t steps) {
+  for (uint8_t c = 0; c < CHANNELS; c++) {
+    uint32_t gap = apart(target[c], counts[c]), most = (uint32_t)steps * slew[c];
+    if (!gap) continue;
+    if (gap > most) gap = most;
+    move_to(c, target[c] > counts[c] ? counts[c] + gap : counts[c] - gap);
   }
 }
 
-static uint16_t way_of(uint8_t c) { return target[c] > counts[c] ? target[c] - counts[c] : counts[c] - target[c]; }
+/* All channels begin and arrive together: a platform whose channels come home one by one tilts. Whatever other senders
+   say meanwhile, only ARM takes over. */
+static void go_home(uint8_t steps) {
+  way_gone += steps;
+  if (way_gone >= way_ms) {
+    homing = false;
+    for (uint8_t c = 0; c < CHANNELS; c++) move_to(c, target[c]);
+#ifdef DERMIS_RELAY_PIN
+    let_go();
+#endif
+    return;
+  }
+  for (uint8_t c = 0; c < CHANNELS; c++) {
+    uint16_t gone = (uint16_t)(way_pace[c] * way_gone >> 16);
+    move_to(c, target[c] > way_start[c] ? way_start[c] + gone : way_start[c] - gone);
+  }
+}
 
-/* Follow the targets in every state, at most `slew` counts a millisecond: only ARM takes a way to safety over. On that
-   way all channels arrive together, since those of a platform that arrive one by one tilt it. */
-static void follow() {
+/* Return the milliseconds that have passed since the last call; what a stall has saved up is not spent. */
+static uint8_t passed() {
   uint32_t now = micros();
   uint8_t steps = 0;
   for (; now - stepped >= 1000 && steps < MOST_STEPS; steps++) stepped += 1000;
-  if (now - stepped >= 1000) stepped = now; /* what a stall has saved up is not spent */
-  if (!steps || !pulsing) return;
-  uint16_t longest = 1; /* of the ways, in strides of so many steps */
-  for (uint8_t c = 0; c < CHANNELS && state != ARMED; c++) {
-    uint32_t most = (uint32_t)steps * slew[c];
-    uint16_t strides = (uint16_t)((way_of(c) + most - 1) / most);
-    if (strides > longest) longest = strides;
-  }
-  bool there = true;
-  for (uint8_t c = 0; c < CHANNELS; c++) {
-    uint16_t gap = way_of(c);
-    if (!gap) continue;
-    uint32_t most = state == ARMED ? (uint32_t)steps * slew[c] : (gap + (uint32_t)longest - 1) / longest;
-    if (gap > most) {
-      gap = (uint16_t)most;
-      there = false;
-    }
-    move_to(c, target[c] > counts[c] ? counts[c] + gap : counts[c] - gap);
-  }
-#ifdef DERMIS_RELAY_PIN
-  if (there && state != ARMED) let_go();
-#else
-  (void)there;
-#endif
+  if (now - stepped >= 1000) stepped = now;
+  return steps;
 }
 
 /* Hand over the commands whose time has come. */
@@ -192,6 +206,7 @@ static void arm() {
     move_to(c, counts[c]);
   }
   state = ARMED;
+  homing = false;
   pose_known = pulsing = true;
   power(true);
 }
@@ -293,6 +308,8 @@ void loop() {
     go_safe();
   }
   play();
-  follow();
+  uint8_t steps = passed();
+  if (steps && state == ARMED) follow(steps);
+  if (steps && homing) go_home(steps);
   alive();
 }

@@ -4,7 +4,7 @@
 #include "pulses.h"
 #include "serial_line.h"
 
-static const uint8_t BYTES_A_LOOP = 24; /* whatever comes in, the silence is looked at */
+static const uint8_t BYTES_A_LOOP = 16; /* whatever comes in, the silence is looked at */
 static const uint16_t SILENCE_MS = 500;
 
 static uint8_t command[5], filled = 0;

@@ -1,0 +1,72 @@
+"""The sketch on its emulated board: how soon it is safe whatever is on its line, and how well it plays a fast track.
+
+simavr counts clock cycles, so these figures do not depend on the machine; they are emulated, no board was measured.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from . import Result, benchmark
+from .bench_haptip import sampled, scene
+
+COMMANDS = 5000
+
+
+def needed() -> None:
+    """Say what is missing for an emulated board."""
+    from tests.unit.firmware_board import MISSING
+
+    if MISSING:
+        raise RuntimeError(f"no emulated board, for want of {', '.join(MISSING)}")
+
+
+@benchmark("flood_safe_ms", limit=100.0)
+def floods() -> Result:
+    """Time from the last valid packet to a pulse that has moved towards safe: slowest channel, worst flood."""
+    needed()
+    from tests.unit.firmware_board import BAUD, Board, firmware
+    from tests.unit.firmware_floods import FLOODS, FRAME_US, STEP_US, flood
+
+    done = {}
+    for name in FLOODS:
+        with Board(firmware(), BAUD) as board:
+            done[name] = flood(board, name, BAUD)
+    begins = {name: 1e3 * f.begins for name, f in done.items()}
+    worst = max(begins, key=lambda name: begins[name])
+    steepest = max(f.steepest for f in done.values())
+    peers = {f"{len(done)} floods, worst: {worst}": begins[worst], "silence": begins["silence"],
+             "at the safe pose": 1e3 * max(f.arrives for f in done.values())}  # fmt: skip
+    error = (
+        f"{steepest:.1f} us from one pulse to the next, above {FRAME_US:g}" if steepest > FRAME_US + STEP_US else None
+    )
+    return Result("flood_safe_ms", begins[worst], "ms", None, peers, error)
+
+
+@benchmark("haptip_on_sketch_pulse_error_us", limit=4.0)
+def haptip_on_sketch() -> Result:
+    """Error of each pulse against the played track at its own time, over 5,000 commands at 1 kHz; a bake beside it."""
+    needed()
+    import numpy as np
+
+    from core.formats import binary
+    from core.matching.projection import render
+    from core.presets import Library
+    from tests.unit.firmware_lab import play, slow_track
+
+    folder = Path(tempfile.mkdtemp(prefix="dermis-bench-"))
+    slow = play(slow_track(folder / "slow.dtrack", COMMANDS / 1000), COMMANDS / 1000)
+    header, chunks = scene()
+    spec = Library().device("haptip")
+    binary.write(render(sampled(header, chunks), header, 0, header.fingers[0].devices[0], spec).track.within_limits(),
+                 folder / "baked.dtrack")  # fmt: skip
+    baked = play(folder / "baked.dtrack", COMMANDS / 1000)
+    errors = np.abs(slow.errors)
+    error = None
+    for run in (slow, baked):
+        if run.received != run.sent or any(run.counted.values()) or run.overruns:
+            error = f"of {run.sent} commands {run.received} were taken; {run.counted}, {run.overruns} overruns"
+    return Result("haptip_on_sketch_pulse_error_us", float(errors.max()), "us", float(np.percentile(errors, 95)),
+                  {"baked taps and strokes, p95": float(np.percentile(np.abs(baked.errors), 95)),
+                   "baked, worst": float(np.abs(baked.errors).max())}, error)  # fmt: skip

@@ -30,15 +30,14 @@ class SafeRamp:
 
     def __init__(self, gate: Gate, period: float, now: float) -> None:
         self._gate, self._period = gate, period
-        self._slew = speeds(gate.wire, gate.last)
+        self._start = gate.last
         self._next = self._left = now
         self.said = 0
 
     @property
     def seconds(self) -> float:
         """How long the rest of the way takes [s]."""
-        gate = self._gate
-        return 0.0 if gate.wire.reach == Reach.AT_ONCE else way_seconds(gate.wire.safe - gate.last, self._slew)
+        return way_seconds(self._gate.wire.safe - self._gate.last, speeds(self._gate.wire, self._start))
 
     @property
     def there(self) -> bool:
@@ -51,9 +50,8 @@ class SafeRamp:
 
     def step(self, now: float) -> Array:
         """Return what to drive now [units]; the gate remembers it."""
-        goal = self._gate.wire.safe
-        slew = np.full(goal.shape, np.inf) if self._gate.wire.reach == Reach.AT_ONCE else self._slew
-        return self._gate.approach(goal, slew, now)
+        wire = self._gate.wire
+        return self._gate.approach(wire.safe, speeds(wire, self._start), now)
 
     def sent(self, now: float) -> None:
         """Note that the last step left."""
@@ -71,5 +69,7 @@ class SafeRamp:
 
 def speeds(wire: Wire, start: Array) -> Array:
     """Return how fast each channel may go [units/s]: as declared; without that, its range or its way in a second."""
+    if wire.reach == Reach.AT_ONCE:
+        return np.full(wire.count, np.inf)
     span = np.where(np.isfinite(wire.high - wire.low), wire.high - wire.low, np.abs(wire.safe - start))
     return np.where(np.isfinite(wire.slew), wire.slew, np.maximum(span, 1e-12) / UNLIMITED)

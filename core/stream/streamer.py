@@ -422,8 +422,6 @@ class Streamer:
             self.adapter.wire = self.wire  # its safe pose may be another one
         if self._phase == "live":
             self.gate.blend(self.pace.next, RECALIBRATING)
-        elif self._phase == "safing":  # what is safe may have moved
-            self._ramp = SafeRamp(self.gate, self.pace.period, now)
 
     def _choose_source(self, now: float) -> None:
         """Make what the mode asks for; what cannot be made leaves the device safe and says why."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import math
 import socket
@@ -130,6 +131,29 @@ def test_a_link_that_was_full_or_a_sender_that_slept_makes_up_for_nothing() -> N
         assert np.allclose(path[-1], SAFE, atol=QUANTUM)
 
 
+def test_the_ramp_keeps_the_pace_of_the_stream_and_says_its_end_three_times() -> None:
+    """Not a command a tick: a link that carries the stream must carry its end too."""
+    lab = far_lab("servo-animation")
+    before, commands = len(lab.sent), lab.device.log
+    del commands[:]
+    lab.stops += 1
+    lab.run(0.5)
+    assert len(lab.sent) - before <= WAY / PERIOD + 5
+    last = [position for servo, position in commands if servo == 0][-3:]
+    assert len(set(last)) == 1 and len(commands) >= 3 * 3
+
+
+def test_a_board_that_took_nothing_of_it_stands_nobody_knows_where() -> None:
+    lab = far_lab("maestro")
+    assert lab.streamer.pose_known and lab.streamer.link is not None
+    lab.streamer.link.send = lambda message: False  # type: ignore[method-assign]
+    lab.stops += 1
+    lab.run(0.9)
+    assert "Switch its supply off" not in lab.streamer.words
+    lab.run(0.2)
+    assert "Switch its supply off" in lab.streamer.words and not lab.streamer.pose_known
+
+
 def test_a_link_lost_on_the_way_is_said() -> None:
     lab = far_lab("maestro")
     lab.stops += 1
@@ -238,6 +262,19 @@ def test_a_link_is_closed_when_the_device_has_confirmed() -> None:
     assert times and times[0] > lost[-1] and lab.streamer.words == ""
 
 
+def test_a_torque_board_confirms_by_its_answer() -> None:
+    lab = Lab("torque", mode="jog", jog={"pulley_1": 0.2}, ramp=0.0)
+    lab.run(0.1)
+    lab.arm()
+    lab.run(0.3)
+    feed, deaf_until = lab.device.feed, lab.now + 0.05
+    lab.device.feed = lambda data, now: feed(data, now) if now > deaf_until else []
+    times = closed(lab)
+    lab.set(connect=False)
+    lab.run(0.2)
+    assert times and deaf_until < times[0] < deaf_until + 0.02 and not lab.device.torque.any()
+
+
 def test_a_device_that_confirms_nothing_is_given_up_in_words() -> None:
     lab = Lab(mode="jog", jog={"pulley_1": 0.3}, ramp=0.0)
     lab.run(0.1)
@@ -281,16 +318,17 @@ def test_a_serial_port_loses_nothing_by_being_closed() -> None:
     tty.setraw(here)
     try:
         port = Serial(os.ttyname(here), 115200)
-        message = bytes(range(256)) * 4
+        message = bytes(range(256)) * 300
         sent = 0
         while port.send(message):
             sent += len(message)
-        assert port.pending() > 0 or sent, "the system's buffer is full now"
+        assert sent and port._rest, "cut in its middle"
         got = b""
-        while port.pending():
-            got += os.read(there, 100)
-        port.close()
         os.set_blocking(there, False)
+        while port.pending():
+            with contextlib.suppress(BlockingIOError):
+                got += os.read(there, 1000)
+        port.close()
         with pytest.raises(BlockingIOError):
             while True:
                 got += os.read(there, 65536)
@@ -312,15 +350,18 @@ def test_a_connection_that_is_closed_has_said_everything() -> None:
         other, _ = listener.accept()
         with other:
             other.sendall(b"nobody reads this")
-            message, sent = bytes(1000), 0
+            message, sent = bytes(1_000_000), 0
             while link.send(message):
                 sent += len(message)
-            assert link.pending() > 0
+            assert sent and link._rest, "cut in its middle"
             got = 0
+            other.setblocking(False)
             while link.pending():
-                got += len(other.recv(4096))
+                with contextlib.suppress(BlockingIOError):
+                    got += len(other.recv(65536))
             link.receive()
             link.close()
+            other.setblocking(True)
             while data := other.recv(65536):
                 got += len(data)
         assert got % len(message) == 0 and got >= sent

@@ -12,6 +12,8 @@ from .sockets import Tcp, Udp
 from .transport import Transport
 from .url import Url
 
+BAUD = 115_200  # of a serial line, where neither protocol nor URL says otherwise
+
 
 class Loop(Transport):
     """What is sent comes back."""
@@ -64,7 +66,7 @@ class Spy(Transport):
         return {**self._inner.report(), **({"record": record.ended, "missing": record.missing} if record.ended else {})}
 
 
-def open_link(url: Url, virtual: Callable[[Url], Transport], baud: int) -> Transport:
+def open_link(url: Url, virtual: Callable[[Url], Transport], baud: int = BAUD) -> Transport:
     """Open a link; the URL loses the options that the link takes.
 
     Args:

@@ -20,7 +20,6 @@ from .url import Url
 
 UNITS = {"m": 1.0, "mm": 1e-3}
 LINE_MOST = 200  # a line without an end is none [bytes]
-BAUD = 115_200  # of a line that tells touches, where its URL does not say
 POLL = 0.0005  # between two looks at a serial port [s]
 Finger = tuple[bool, float, float]  # down, x, y [m]
 KINDS = "device, osc://:PORT, osc://HOST:PORT, serial:PORT?baud=, '-' for standard input, mouse"
@@ -182,7 +181,7 @@ def _serial(text: str, unit: str) -> TouchInput:
     url, cut = Url(text), _Lines()
     if set(url.options) - {"baud"}:
         raise DermisError("unknown option", where=text, value=", ".join(sorted(url.options)), limit="baud")
-    link = open_link(url, lambda inner: Transport(), BAUD)  # the middle one no serial port asks for
+    link = open_link(url, lambda inner: Transport())  # which no serial port asks for
 
     def received() -> list[bytes]:
         data = b"".join(link.receive())

@@ -42,6 +42,7 @@ class Signals:
     def caught(self) -> Iterator[None]:
         """Note signals instead of dying of them."""
         numbers = [getattr(signal, name) for name in self.NAMES if hasattr(signal, name)]
+        numbers = [n for n in numbers if n == signal.SIGINT or signal.getsignal(n) != signal.SIG_IGN]  # nohup
         before = [(number, signal.signal(number, self._note)) for number in numbers]
         try:
             yield

@@ -170,19 +170,24 @@ class Streamer:
             work()
         except Gone as error:
             self.counters["links lost"] += 1
-            on_the_way = self._phase in ("safing", "draining")
+            on_the_way = self._driven and self._phase in ("safing", "draining")
             lost = " The link was lost before the safe state was sure. Switch the device's supply off"
+            self._retry(now)
             self._close(f"{error}{lost if on_the_way else ''}")
-            self._retry_at = now + RETRY if self.wish.reconnect else math.inf
         except DermisError as error:
             words = str(error)
             self.counters["faults"] += 1
-            self._retry_at = now + RETRY if self.wish.reconnect else math.inf
             if self._leaving:  # nothing more can be done with it
                 self._close(words)
-            else:
-                self._guarded(now, lambda: self._leave(now, words))
+                return
+            self._retry(now)
+            self._guarded(now, lambda: self._leave(now, words))
             self.state = "fault"
+
+    def _retry(self, now: float) -> None:
+        """Say when to connect again; a link that is being let go has no say in when the next one is opened."""
+        if not self._leaving:
+            self._retry_at = now + RETRY if self.wish.reconnect else math.inf
 
     def status(self) -> dict[str, Any]:
         """Return how things stand as plain JSON values."""

@@ -377,6 +377,17 @@ def test_another_port_is_opened_when_the_one_before_is_safe() -> None:
     assert times and lab.device is not device and lab.streamer.state == "ready"
 
 
+def test_a_link_lost_while_it_is_let_go_does_not_hinder_the_next_one() -> None:
+    lab = far_lab("maestro")
+    lab.set(url="elsewhere")
+    lab.run(0.05)
+    lab.cut = True
+    lab.run(TICK)
+    lab.cut = False
+    lab.run(0.1)
+    assert lab.streamer.state == "ready" and lab.streamer.counters["links lost"] == 1
+
+
 def test_limits_that_leave_the_safe_state_outside_end_in_a_ramp() -> None:
     """What a calibration under way refuses ends the stream as everything else does."""
     preset = copy.deepcopy(Library().load("devices", "cable_platform"))

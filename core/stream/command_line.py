@@ -121,6 +121,7 @@ def _virtual(options: argparse.Namespace) -> int:
 def _play(options: argparse.Namespace) -> int:
     from ..calibration import Calibration
     from ..formats import export
+    from ..formats.check import preset_findings
     from ..presets import Library
     from .board import Beat
     from .streamer import Streamer
@@ -129,6 +130,8 @@ def _play(options: argparse.Namespace) -> int:
 
     track = export.read(options.track)
     key = options.device or track.spec.key
+    for finding in preset_findings(track, Library(options.presets), key):
+        print(finding, file=sys.stderr)
     preset = Library(options.presets).load("devices", key)
     calibration = Calibration.load(options.calibration).dumps() if options.calibration else ""
     wish = Wish(

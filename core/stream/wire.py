@@ -145,7 +145,7 @@ def _safe(spec: DeviceSpec) -> tuple[Reach, dict[str, float]]:
     if not isinstance(field, Mapping) or not set(field) <= {"reach", "values", "source"}:
         raise DermisError("unknown fields", where=where, limit="reach, values, source")
     reach = field.get("reach", "ramp")
-    if reach not in REACH:
+    if not isinstance(reach, str) or reach not in REACH:
         raise DermisError("unknown way to the safe state", where=where, value=reach, limit=", ".join(REACH))
     given = field.get("values", {})
     if not isinstance(given, Mapping):

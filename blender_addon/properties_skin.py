@@ -213,7 +213,7 @@ def own_mesh(text: str) -> dict[str, str]:
         if key not in _digests:
             _digests.clear()
             _digests[key] = core_module("skin.own_mesh").digest(path)
-    except (OSError, core_module("errors").DermisError):
+    except (OSError, ValueError, core_module("errors").DermisError):
         return {"mesh": str(path)}  # rendering says why
     return {"mesh": str(path), "mesh_hash": _digests[key]}
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
 import bpy
-import numpy as np
 
 from . import properties_skin, skin_models, thimble_use
 from .preferences import core_module
@@ -75,11 +73,13 @@ def status(device: Any, model: Any) -> dict[str, Any] | None:
     changed = path.stat().st_mtime
     known = _told.get(path)
     if known is None or known[0] != changed:
+        errors, npz, foreign = core_module("errors"), core_module("npz"), core_module("foreign")
         try:
-            with np.load(path, allow_pickle=False) as archive:
-                meta = json.loads(archive["meta"].tobytes())
-        except Exception:  # every reader has its own class for a damaged file; the bake says what is wrong
+            with npz.opened_npz(path) as archive:
+                meta = foreign.json_of(archive.array("meta").tobytes(), str(path))
+        except errors.DermisError:  # the bake says what is wrong
             meta = {}
+        meta = meta if isinstance(meta, dict) else {}
         known = _told[path] = (changed, meta)
     return known[1]
 

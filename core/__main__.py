@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import sys
 from collections.abc import Generator, Sequence
@@ -10,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from .errors import SEVERITIES, DermisError, Finding, worst
-from .files import check_folder
+from .files import check_folder, check_writable
 from .version import version
 
 if TYPE_CHECKING:
@@ -31,9 +32,15 @@ FAILED, REFUSED = 1, 2  # findings of severity error; nothing could be done
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status: 0, 1 for findings of severity error, 2 for a refusal."""
     options = _parser().parse_args(arguments)
+    for stream in (sys.stdout, sys.stderr):  # a name may hold what the terminal has no sign for
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     try:
         if getattr(options, "presets", None) is not None:  # of whatever verb
             check_folder(options.presets)
+        for name, is_folder in getattr(options, "writes", {}).items():  # judged before any work is done for it
+            if getattr(options, name) is not None:
+                check_writable(getattr(options, name), folder=is_folder)
         return int(options.run(options))
     except DermisError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -141,9 +148,10 @@ def check(options: argparse.Namespace) -> int:
     """Check a track and say what is wrong with it."""
     from .formats import check as checks
     from .formats import export as formats
+    from .presets import Library
 
-    track = formats.read(options.track)
-    findings = checks.findings_of(track)
+    track, library = formats.read(options.track), Library(options.presets)
+    findings = (*checks.preset_findings(track, library), *checks.findings_of(checks.by_preset(track, library)))
     if options.json:
         report = {
             "file": str(options.track), "device": track.spec.key, "samples": len(track.times),
@@ -186,7 +194,7 @@ def _parser() -> argparse.ArgumentParser:
                      help="also write this format; more than once")  # fmt: skip
     one.add_argument("--force", action="store_true", help="write those formats in spite of errors")
     one.add_argument("--quiet", action="store_true", help="no progress")
-    one.set_defaults(run=render)
+    one.set_defaults(run=render, writes={"out": True})
 
     one = commands.add_parser("export", help="write tracks in another format, or a range of them",
                               description="Write command tracks in another format, or a range of them.")  # fmt: skip
@@ -197,7 +205,7 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("--rate", type=float, metavar="HZ", help="resample")
     one.add_argument("--limit", action="store_true", help="limit to what the device can do; changes are counted")
     one.add_argument("--force", action="store_true", help="write in spite of errors, with a note in the header")
-    one.set_defaults(run=export)
+    one.set_defaults(run=export, writes={"out": True})
 
     from .stream.command_line import add_parser
 
@@ -221,9 +229,10 @@ def _parser() -> argparse.ArgumentParser:
     one.set_defaults(run=compare)
 
     one = commands.add_parser("check", help="check a track against its device's limits",
-                              description="Check a track against the limits of its device.")  # fmt: skip
+                              description="Check a track against the limits of its device preset.")  # fmt: skip
     one.add_argument("track", type=Path, metavar="TRACK", help="a command track: CSV, JSON or binary")
     one.add_argument("--json", action="store_true", help="the report as JSON")
+    one.add_argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
     one.set_defaults(run=check)
 
     one = commands.add_parser("work", help="take jobs from a parent process (not for people)",

@@ -53,8 +53,8 @@ def check_folder(path: Path) -> Path:
         DermisError: it is not, or it is a file.
     """
     path = Path(path)
-    if not path.is_dir():
-        raise DermisError("not a folder" if path.exists() else "no such folder", where=str(path),
+    if not os.path.isdir(path):  # which has an answer for names that no system takes, too
+        raise DermisError("not a folder" if os.path.exists(path) else "no such folder", where=str(path),
                           remedy="Check the path")  # fmt: skip
     return path
 
@@ -151,14 +151,11 @@ def check_writable(path: Path, *, folder: bool = False) -> Path:
     home = path if folder else path.parent
     try:
         if path.exists() and path.is_dir() != folder:
-            raise DermisError("a file is in the way of the folder" if folder else "a folder is in the way of the file",
-                              where=str(path), remedy="Choose another name")  # fmt: skip
+            raise OSError(f"{'a file' if folder else 'a folder'} is in the way")
         while not home.exists():
             home = home.parent
         with tempfile.TemporaryFile(dir=home):
             pass
-    except DermisError:
-        raise
     except (OSError, ValueError) as error:
         raise _unwritable(error, path) from error
     return path

@@ -47,7 +47,7 @@ def damage_told(what: str, where: str, *, limit: str = "", remedy: str = "") -> 
         raise
     except DAMAGE as error:
         said = " ".join(str(error).split())[:160]
-        value = said if isinstance(error, ValueError) and said else f"{type(error).__name__} {said}".strip()
+        value = said if " " in said else f"{type(error).__name__} {said}".strip()
         raise DermisError(what, where=where, value=value, limit=limit, remedy=remedy) from error
 
 
@@ -82,8 +82,11 @@ def text_of(data: bytes, where: str, encoding: str = "utf-8") -> str:
                           limit="UTF-8", remedy="Save the file as UTF-8") from error  # fmt: skip
 
 
-def json_of(data: bytes | str, where: str, most: int = MOST_SETTINGS) -> Any:
+def json_of(data: bytes | str, where: str, most: int = MOST_SETTINGS, *, constants: bool = False) -> Any:
     """Read JSON: no key twice, no constants beside true, false and null, not nested without end, whole characters.
+
+    Args:
+        most: bytes. constants: NaN and the infinities are taken, which Python writes of its own accord.
 
     Raises:
         DermisError: it is none of that; says at which line where it can.
@@ -109,7 +112,7 @@ def json_of(data: bytes | str, where: str, most: int = MOST_SETTINGS) -> Any:
         return int(digits)
 
     try:
-        value = json.loads(text, parse_constant=refuse, parse_int=whole, object_pairs_hook=once)
+        value = json.loads(text, parse_constant=None if constants else refuse, parse_int=whole, object_pairs_hook=once)
     except json.JSONDecodeError as error:
         raise DermisError("not JSON", where=f"{where}, line {error.lineno}, column {error.colno}",
                           value=error.msg) from error  # fmt: skip

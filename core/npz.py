@@ -39,7 +39,7 @@ class ArrayFile:
         self.where, self._size, self._kind, self._trusted = where, size, kind, trusted
         self._budget = 0
         _check_directory(file, size, where)
-        with damage_told(f"not {kind}, or cut short", where):
+        with damage_told(f"the file cannot be read: not {kind}, or cut short", where):
             self._zip = zipfile.ZipFile(file)
             self._members = {info.filename: info for info in self._zip.infolist()}
         if len(self._members) != len(self._zip.infolist()):
@@ -85,7 +85,7 @@ class ArrayFile:
         info = self._members.get(name)
         if info is None:
             there = ", ".join(self._members)[:200]
-            raise DermisError(f"not {self._kind}: a part is missing", where=place, limit=there)
+            raise DermisError(f"not {self._kind}, or damaged: a part is missing", where=place, limit=there)
         if info.compress_type not in _METHODS or info.flag_bits & 0x61:  # encrypted, patched
             raise DermisError("packed in a way that is not read here", where=place,
                               value=f"method {info.compress_type}, flags {info.flag_bits:#x}",
@@ -140,8 +140,8 @@ def _array(file: IO[bytes], size: int, where: str) -> NDArray[Any]:
         body = size - file.tell()
     count = math.prod(shape)
     if kind.hasobject or kind.kind not in KINDS or kind.itemsize == 0:
-        raise DermisError("the array cannot be read: it holds neither numbers nor texts", where=where, value=str(kind)[:80],
-                          remedy="Write it without objects: nothing is unpickled here")  # fmt: skip
+        raise DermisError("the array cannot be read: it holds neither numbers nor texts", where=where,
+                          value=str(kind)[:80], remedy="Write it without objects: nothing is unpickled here")  # fmt: skip
     if any(n < 0 for n in shape) or len(shape) > 8 or count * kind.itemsize != body:
         raise DermisError("the array cannot be read: it has another size than it declares", where=where,
                           value=f"{body} bytes", limit=f"{str(shape)[:60]} of {kind}")  # fmt: skip

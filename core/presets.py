@@ -16,6 +16,7 @@ from .devices.parameters import check_device
 from .devices.spec import DEVICE_SCHEMA, DeviceSpec, from_preset
 from .errors import DermisError
 from .files import read_json
+from .foreign import damage_told
 from .units import UNITS, quantity
 
 BUILT_IN = Path(__file__).resolve().parents[1] / "presets"
@@ -136,7 +137,9 @@ class Library:
             raise DermisError("no such group of presets", value=group, limit=", ".join(SCHEMAS))
         found: dict[str, tuple[PresetEntry, dict[str, Any]]] = {}
         for folder, user in self._folders:
-            for path in sorted((folder / group).glob("*.json")):
+            with damage_told("the folder of presets cannot be read", str(folder / group)):
+                paths = sorted((folder / group).glob("*.json"))
+            for path in paths:
                 entry, preset = self._one(path, group, user)
                 found[path.stem] = (replace(entry, overrides=user and path.stem in found), preset)
         return dict(sorted(found.items()))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DermisError, Finding
+from .interpolate import MOST_SAMPLES
 
 Array = NDArray[np.float64]
 SCENE_VERSION = 1
@@ -165,7 +166,18 @@ class TactileScene:
 
 
 def sample_count(fps: Fraction, frame_range: tuple[int, int], rate: float) -> int:
-    """Return how many samples cover a range at `rate` [Hz], the last at or just before its end."""
+    """Return how many samples cover a range at `rate` [Hz], the last at or just before its end.
+
+    Raises:
+        DermisError: a rate that is none, or more samples than a track can hold.
+    """
+    if not (fps > 0 and np.isfinite(rate) and rate > 0):
+        raise DermisError("the frame rate and the rate of samples must be above zero", where="scene",
+                          value=f"{float(fps):g} and {rate:g}", limit="> 0 Hz")  # fmt: skip
+    if (frame_range[1] - frame_range[0]) / fps * Fraction(rate) > MOST_SAMPLES:
+        raise DermisError("the range has more samples than a track can hold", where="scene",
+                          value=f"frames {frame_range[0]} to {frame_range[1]}", limit=f"{MOST_SAMPLES} samples",
+                          remedy="Shorten the range")  # fmt: skip
     duration = Fraction(frame_range[1] - frame_range[0]) / fps
     return int(duration * Fraction(rate).limit_denominator(1_000_000)) + 1
 

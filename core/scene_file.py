@@ -108,8 +108,8 @@ class SceneChunks:
     def __iter__(self) -> Iterator[Chunk]:
         triangles: dict[int, NDArray[np.int32]] = {}
         for k, entry in enumerate(self.table):
-            where = f"{self.path}, chunk {k}"
-            with opened_npz(self.path, kind="a sampled scene") as archive, damage_told("a chunk of the scene is damaged", where):
+            where, told = f"{self.path}, chunk {k}", "a chunk of the scene is damaged"
+            with opened_npz(self.path, kind="a sampled scene") as archive, damage_told(told, where):
                 series = {name: _numbers(archive, f"chunk/{k}/{name}", *_SERIES[name]) for name in _SERIES}
                 names = [_text(name) for name in entry["channels"]]
                 channels = {name: _numbers(archive, f"chunk/{k}/channel/{i}", 1) for i, name in enumerate(names)}
@@ -179,7 +179,7 @@ def _header(archive: ArrayFile) -> dict[str, Any]:
     where = archive.where
     if "header.json" not in archive:
         raise DermisError("not a sampled scene: it has no header", where=where)
-    data = json_of(archive.text("header.json", MOST_HEADER), where, MOST_HEADER)
+    data = json_of(archive.text("header.json", MOST_HEADER), where, MOST_HEADER, constants=True)
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         found = data.get("format") if isinstance(data, dict) else type(data).__name__
         raise DermisError("not a sampled scene", where=where, value=str(found)[:80], limit=FORMAT)

@@ -41,7 +41,7 @@ def add_parser(commands: Any) -> None:
     one.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the surrogate's two files")
     one.add_argument("--movements", type=int, metavar="N", help="random movements to learn from; 2400 if left out")
     one.add_argument("--quiet", action="store_true", help="no progress")
-    one.set_defaults(run=adapt)
+    one.set_defaults(run=adapt, writes={"out": True})
 
     one = verbs.add_parser("follow", parents=[shared, finger], help="render a recorded sequence of sensor readings")
     one.add_argument("stimuli", type=Path, metavar="FILE", help="times and channels: .csv, or .npz (times, stimuli)")
@@ -59,13 +59,13 @@ def add_parser(commands: Any) -> None:
         help="standard deviation of one channel's noise, in the recording's unit; measured on it if left out",
     )
     one.add_argument("--out", type=Path, required=True, metavar="FILE.csv", help="the command track to write")
-    one.set_defaults(run=follow)
+    one.set_defaults(run=follow, writes={"out": False})
 
     one = verbs.add_parser("plot", parents=[shared], help="draw a sampled scene's stimuli in three components")
     one.add_argument("scene", type=Path, metavar="FILE", help="a scene sampled to a file (.npz)")
     one.add_argument("--finger", type=int, default=0, metavar="I", help="which finger")
     one.add_argument("--out", type=Path, required=True, metavar="FILE", help="the picture, .png or .svg")
-    one.set_defaults(run=plot)
+    one.set_defaults(run=plot, writes={"out": False})
 
     one = verbs.add_parser("reach", parents=[shared], help="tell where the platform can go")
     one.set_defaults(run=reach)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .devices.spec import Channel, DeviceSpec, range_disc
 from .errors import DermisError, Finding, Severity
-from .interpolate import Method, grid, interpolate
+from .interpolate import MOST_SAMPLES, Method, grid, interpolate
 from .limiter import DIGITS, SLEW_SLACK, Limiter
 
 Array = NDArray[np.float64]
@@ -25,7 +25,6 @@ LIMITED: dict[str, tuple[Severity, str]] = {
     "slew_of_pair": ("warning", "samples were slowed down with the other channel of the round range"),
     "ramp": ("info", "samples were blended with rest at the start or the end"),
 }
-MOST_SAMPLES = 2**27  # of all channels together: 1 GiB
 RATE_SLACK = 0.01  # how far a stated rate may be from that of the samples, as a part of it
 
 

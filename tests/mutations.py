@@ -186,7 +186,9 @@ class Mutator:
         rng = self.rng
         with zipfile.ZipFile(io.BytesIO(data)) as found:
             members = [[info.filename, found.read(info)] for info in found.infolist()]
-        i, kind = rng.randrange(len(members)), rng.randrange(8)
+        i, kind = rng.randrange(len(members)), rng.randrange(12)
+        if kind > 8:  # what there is in words, where there is some
+            i = next((k for k, (_, content) in enumerate(members) if b"{\"" in content or b"{\n" in content), i)
         name, content = members[i]
         packing = zipfile.ZIP_STORED
         if kind == 0:

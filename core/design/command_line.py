@@ -45,7 +45,7 @@ def add_parser(commands: Any) -> None:
     one.add_argument("--trial", type=int, metavar="SEEDS",
                      help="judge the six interactions for so many seeds, and list every exception")  # fmt: skip
     one.add_argument("--quiet", action="store_true", help="no progress")
-    one.set_defaults(run=run)
+    one.set_defaults(run=run, writes={"out": True, "save_table": False})
 
 
 def run(options: argparse.Namespace) -> int:

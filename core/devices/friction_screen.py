@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
-from .spec import DeviceSpec, number
+from ..units import number
+from .spec import DeviceSpec
 
 Array = NDArray[np.float64]
 
 AMPLITUDE, CARRIER = "amplitude", "carrier"
 FULL_FRICTION = 100.0
+MOST_DECADES = 100  # between 1 V and the voltage of friction 1, before double precision ends
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,9 @@ class FrictionLaw:
             raise DermisError("the law's slope must be above zero", where="friction law", value=self.slope, limit="> 0")
         if not math.isfinite(self.intercept):
             raise DermisError("the law's intercept must be finite", where="friction law", value=self.intercept)
+        if abs(self.intercept / self.slope) * math.log10(max(self.base, 1.0)) > MOST_DECADES:
+            raise DermisError("the law gives no voltages", where="friction law", value=self.intercept / self.slope,
+                              limit=f"{MOST_DECADES} decades")  # fmt: skip
         if not (math.isfinite(self.base) and self.base > 1):
             raise DermisError("the logarithm's base must be above one", where="friction law", value=self.base,
                               limit="> 1")  # fmt: skip

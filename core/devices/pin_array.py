@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
-from .spec import DeviceSpec, number
+from ..units import number
+from .spec import DeviceSpec
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
-from .spec import DeviceSpec, number, positive
+from ..units import number
+from .spec import DeviceSpec, positive
 
 Array = NDArray[np.float64]
 

@@ -103,6 +103,8 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
             leave no value, a rest outside of them, a range disc of channels that do not exist.
     """
     where = f"device preset '{key}'"
+    if not isinstance(preset, Mapping):
+        raise DermisError("a preset is one JSON object", where=where, value=type(preset).__name__)
     if preset.get("schema") != DEVICE_SCHEMA:
         raise DermisError("unknown schema", where=where, value=preset.get("schema"), limit=DEVICE_SCHEMA)
     for name in ("name", "kind", "rate", "channels"):
@@ -163,20 +165,6 @@ def range_disc(spec: DeviceSpec) -> tuple[int, int, float] | None:
     if not isinstance(radius, int | float) or isinstance(radius, bool):
         raise DermisError("needs 'range_disc_radius', one number", where=where, value=radius)
     return own.index(names[0]), own.index(names[1]), positive(float(radius), f"{where}_radius")
-
-
-def number(parameters: Mapping[str, Any], name: str, where: str, default: float | None = None) -> float:
-    """Return a parameter that must be one finite number; `default` where it may be absent and is.
-
-    Raises:
-        DermisError: it is missing, or anything else.
-    """
-    value = parameters.get(name, default)
-    if value is None:
-        raise DermisError(f"'{name}' is missing", where=where)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise DermisError(f"'{name}' must be one number", where=where, value=value)
-    return float(value)
 
 
 def _group(preset: Mapping[str, Any], name: str, where: str) -> Mapping[str, Any]:

@@ -21,10 +21,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import DermisError
+from ..units import number
 from .firmness import LEGS, firmness, posture
 from .forward_kinematics import configuration
 from .servo_limits import servo_bounds, servo_speed
-from .spec import DeviceSpec, number
+from .spec import DeviceSpec
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,10 @@ Little-endian:
     u32[c][n] values, channel by channel: value = low + (high - low) * number / (2^32 - 1)
     u32       CRC-32 (zlib's) of everything before it
 
-`low` and `high` are the smallest and largest value that the track has in that channel, so the error is at most
-(high - low) / 2^33, less than the last of the nine digits of a CSV.
+`low` and `high` are the smallest and largest value that the track has in that channel. The steps between them are even,
+so the error is at most (high - low) / 2^33 whatever the value: a part in 8.6e9 of what the channel moves, far below what
+any device resolves. Near zero that is less than the nine digits of a CSV: of a channel from -1 to 1, 1.25e-11 comes back
+as some 1e-10, and 0 as a number that small. JSON keeps every digit.
 """
 
 from __future__ import annotations
@@ -31,6 +33,7 @@ from .track_header import check_finite, check_schema, grid_of, header_of, text_o
 SCHEMA = "dermis-track-binary 1"
 MAGIC = b"\x89DRMT\r\n\x01"
 STEPS = 2**32 - 1
+LARGEST = 1e150  # the difference of two such numbers is still one
 
 
 def write(track: CommandTrack, path: Path) -> None:
@@ -46,9 +49,12 @@ def dumps(track: CommandTrack) -> bytes:
     """Return a track as bytes; equal tracks give equal bytes.
 
     Raises:
-        DermisError: a value that is not finite, or times that do not rise.
+        DermisError: a value that is not finite or 1e150 and more, or times that do not rise.
     """
     check_finite(track)
+    if track.values.size and np.abs(track.values).max() >= LARGEST:
+        raise DermisError("a value too large for this format", where=f"track of '{track.spec.key}'",
+                          value=float(np.abs(track.values).max()), limit=f"< {LARGEST:g}")  # fmt: skip
     empty = len(track.times) == 0
     low = np.zeros(len(track.channels)) if empty else track.values.min(axis=0)
     high = np.zeros(len(track.channels)) if empty else track.values.max(axis=0)
@@ -104,6 +110,6 @@ def loads(data: bytes, *, where: str = "track") -> CommandTrack:
 
 def _numbers(value: Any, count: int, where: str) -> np.ndarray:
     good = isinstance(value, list) and len(value) == count
-    if not good or not all(type(v) in (int, float) and abs(v) < 1e150 for v in value):
+    if not good or not all(type(v) in (int, float) and abs(v) < LARGEST for v in value):
         raise DermisError("one finite number a channel is wanted", where=where, value=str(value)[:80])
     return np.array([float(v) for v in value])

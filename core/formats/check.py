@@ -7,12 +7,17 @@ A device preset may state, for a channel, `acceleration.CHANNEL` [unit/s^2], `ba
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import DermisError, Finding
 from ..track import Array, CommandTrack
+
+if TYPE_CHECKING:
+    from ..devices.spec import DeviceSpec
+    from ..presets import Library
 
 SLACK = 1e-6  # of an acceleration: second differences of nine digits
 ABOVE = 0.01  # part of a channel's power above its bandwidth that is worth a word
@@ -34,6 +39,71 @@ def findings_of(track: CommandTrack, *, levels: int | None = None) -> tuple[Find
             found += _spectrum(track, column)
             found += _steps(track, column, levels)
     return tuple(found)
+
+
+def preset_findings(track: CommandTrack, library: Library, key: str = "") -> tuple[Finding, ...]:
+    """Return where a track and the preset that its device has here do not agree.
+
+    Codes: 'no-preset' (info, or a warning where there is one that cannot be read), 'other-preset', 'other-limits'
+    (warnings), 'other-channels' (error).
+
+    Args:
+        key: of the preset, if not the track's own.
+    """
+    where = f"device preset '{key or track.spec.key}'"
+    preset = _preset(track, library, key)
+    if preset is None or isinstance(preset, DermisError):
+        why = "there is no such preset here" if preset is None else f"it cannot be read: {preset.what}"
+        return (Finding("info" if preset is None else "warning", "no-preset",
+                        f"{why}, so the track is judged by the limits in its own file", where=where),)  # fmt: skip
+    found = []
+    if track.spec.hash != preset.hash:
+        found.append(Finding(
+            "warning", "other-preset", "the track was made for another version of the preset", where=where,
+            value=track.spec.hash, limit=preset.hash, remedy="Bake or export it again with the preset as it is now",
+        ))  # fmt: skip
+    own, theirs = ({c.name: c for c in spec.channels} for spec in (track.spec, preset))
+    strangers = [n for n in own if n not in theirs or own[n].unit != theirs[n].unit]
+    missing = [n for n, c in theirs.items() if c.actuator and n not in own]
+    if strangers or missing:
+        found.append(Finding(
+            "error", "other-channels", "the track's channels are not those of the preset", where=where,
+            value=", ".join(strangers + missing)[:200], limit=", ".join(theirs)[:200], remedy="Bake it again",
+        ))  # fmt: skip
+    for name in (n for n in own if n in theirs and n not in strangers):
+        for field in ("low", "high", "slew", "rest", "actuator"):
+            mine, wanted = getattr(own[name], field), getattr(theirs[name], field)
+            if mine != wanted:
+                found.append(Finding("warning", "other-limits", f"the file states another '{field}' than the preset",
+                                     where=f"{where}, {name}", value=mine, limit=str(wanted)))  # fmt: skip
+    return tuple(found)
+
+
+def by_preset(track: CommandTrack, library: Library) -> CommandTrack:
+    """Return a track with the limits of the preset that its device has here, not those that its file states.
+
+    Where there is no such preset, or none of a channel's name and unit, the file's own stay.
+    """
+    preset = _preset(track, library)
+    if preset is None or isinstance(preset, DermisError):
+        return track
+    theirs = {(c.name, c.unit): c for c in preset.channels}
+    channels = tuple(theirs.get((c.name, c.unit), c) for c in track.spec.channels)
+    parameters = dict(preset.parameters)
+    if not {c.name for c in preset.channels} <= {c.name for c in channels}:  # a round range names channels
+        parameters = {k: v for k, v in parameters.items() if not k.startswith("range_disc")}
+    spec = replace(preset, rate=track.spec.rate, channels=channels, parameters=parameters)
+    return replace(track, spec=spec)
+
+
+def _preset(track: CommandTrack, library: Library, key: str = "") -> DeviceSpec | DermisError | None:
+    key = key or track.spec.key
+    if key not in {entry.key for entry in library.list("devices")}:
+        return None
+    try:
+        return library.device(key)
+    except DermisError as error:
+        return error
 
 
 def _stated(track: CommandTrack, kind: str, column: int) -> float | None:

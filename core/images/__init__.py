@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
 from ..errors import DermisError, Finding
 from ..files import read_bytes
+from ..foreign import damage_told
 from . import netpbm, npy, png
 from .raster import Raster, grey_of
 
@@ -81,7 +83,7 @@ def gap_after(path: str | Path) -> Finding | None:
 
 def _numbered(path: Path) -> tuple[int, dict[int, Path]]:
     """Return a file's number, and the files of its folder that differ from it in nothing but the number."""
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise DermisError("no such image", where=f"image '{path.name}'", value=str(path))
     match = re.fullmatch(r"(.*?)(\d+)", path.stem)
     if not match:
@@ -91,7 +93,9 @@ def _numbered(path: Path) -> tuple[int, dict[int, Path]]:
     # Numbers padded with zeros are all of one length, others have none in front.
     padded = digits.startswith("0")
     found = {int(digits): path}
-    for other in sorted(path.parent.iterdir()):
+    with damage_told("the folder of the image sequence cannot be read", f"image '{path.name}'"):
+        others = sorted(path.parent.iterdir())
+    for other in others:
         number = pattern.fullmatch(other.name)
         if number and (len(number.group(1)) == len(digits) or not padded):
             found.setdefault(int(number.group(1)), other)

@@ -267,7 +267,7 @@ def _from_file(path: Path, spec: DeviceSpec) -> SkinTable:
     """Read a table, once as long as the file does not change."""
     try:
         stat = path.stat()
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise DermisError("the file does not exist", where=str(path)) from error
     stamp = str(path), stat.st_mtime_ns, stat.st_size
     if stamp not in _FILES:

@@ -6,6 +6,7 @@ them speak of the same device.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -148,4 +149,4 @@ def surrogate_path(parameters: Mapping[str, Any], skin: SkinModel, device: Thimb
         raise DermisError("no surrogate was adapted to this finger", where="thimble",
                           remedy="Adapt one to this finger, or use the direct method")  # fmt: skip
     path = Path(given)
-    return place_of(path, skin, device, friction) if path.is_dir() else path
+    return place_of(path, skin, device, friction) if os.path.isdir(path) else path

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..cache import Cache, cache_key
 from ..errors import DermisError
+from ..units import number
 from .assembly import Element, degrees, stiffness
 from .condense import Condensed, condense
 from .material import Elastic
@@ -266,13 +267,15 @@ def skin_from_parameters(
     Raises:
         DermisError: an unknown parameter, values out of range, or a mesh that cannot be used (see `own_mesh`).
     """
+    if not isinstance(parameters, Mapping):
+        raise DermisError("the skin's parameters are no object", where=where, value=type(parameters).__name__)
     own = "mesh" in parameters
     lengths = set(MESH_PARAMETERS if own else (f.name for f in fields(FingertipShape)))
     for name in parameters:
         if name not in lengths and name not in MATERIAL_PARAMETERS:
             known = ", ".join([*sorted(lengths), *MATERIAL_PARAMETERS])
             raise DermisError("unknown parameter", where=where, value=name, limit=known)
-    material = Elastic(**{n: float(parameters[n]) for n in MATERIAL_PARAMETERS if n in parameters})
+    material = Elastic(**{n: number(parameters, n, where) for n in MATERIAL_PARAMETERS if n in parameters})
     if own:
         return mesh_skin(own_mesh(parameters, where), material, cache=cache)
     shape = shape_from_parameters({n: v for n, v in parameters.items() if n in lengths}, where=where)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError
 from ..scene import Mesh
+from ..units import number
 from .disk import disk_quads, split_quads
 
 Array = NDArray[np.float64]
@@ -192,8 +193,8 @@ def shape_from_parameters(parameters: dict[str, Any], *, where: str = "fingertip
         if name not in known:
             raise DermisError("unknown length", where=where, value=name, limit=", ".join(sorted(known)))
     base = FingertipShape()
-    outer = {n: float(parameters.get(n, getattr(base, n))) for n in ("width", "thickness", "length")}
-    rest = {n: float(v) for n, v in parameters.items() if n not in outer}
+    outer = {n: number(parameters, n, where, getattr(base, n)) for n in ("width", "thickness", "length")}
+    rest = {n: number(parameters, n, where) for n in parameters if n not in outer}
     return FingertipShape.scaled(outer["width"], outer["thickness"], outer["length"], **rest)
 
 

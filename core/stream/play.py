@@ -95,12 +95,16 @@ class _Player:
     def __init__(self, options: argparse.Namespace, signals: Signals) -> None:
         from ..calibration import Calibration
         from ..formats import export
+        from ..formats.check import preset_findings
         from ..presets import Library
 
         self._options, self._signals = options, signals
         self._track = export.read(options.track)
         key = options.device or self._track.spec.key
-        preset = Library(options.presets).load("devices", key)
+        library = Library(options.presets)
+        for finding in preset_findings(self._track, library, key):
+            _say(str(finding))
+        preset = library.load("devices", key)
         calibration = Calibration.load(options.calibration).dumps() if options.calibration else ""
         self._wish = Wish(
             connect=True, url=options.url, protocol=options.protocol, device={"key": key, "preset": preset},

@@ -80,7 +80,7 @@ class Wish:
         Raises:
             DermisError: none was chosen, or its preset is broken.
         """
-        if not self.device:
+        if not {"key", "preset"} <= set(self.device):
             raise DermisError("no device is chosen")
         return from_preset(str(self.device["key"]), self.device["preset"])
 

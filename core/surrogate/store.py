@@ -7,6 +7,7 @@ and for others. Both say which skin, device and friction they were made for and 
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -167,7 +168,7 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
     tables, graph = Path(path).with_suffix(".npz"), Path(path).with_suffix(".onnx")
     where = str(tables)
     for path in (tables, graph):
-        if not path.is_file():
+        if not os.path.isfile(path):
             raise DermisError("no surrogate was adapted to this finger", where=str(path), limit="a .npz and a .onnx",
                               remedy="Adapt one to this finger, or use the direct method")  # fmt: skip
     remedy = "Adapt it again, or use the direct method"

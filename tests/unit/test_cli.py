@@ -16,6 +16,7 @@ import pytest
 import core
 from core.devices.spec import Channel, DeviceSpec
 from core.errors import SEVERITIES
+from core.presets import Library
 from core.scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, sample_frames
 from core.track import CommandTrack
 
@@ -65,10 +66,12 @@ def test_no_command_is_refused() -> None:
 
 
 def test_check_of_a_good_track(tmp_path: Path) -> None:
-    core.write_csv(TRACK, tmp_path / "t.csv")
+    device = Library().device("haptip")
+    still = np.tile([c.rest for c in device.channels], (5, 1))
+    core.write_csv(CommandTrack(device, np.arange(5) / device.rate, still), tmp_path / "t.csv")
     done = run("check", "t.csv", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout == "t.csv: A device, 1 channels, 5 samples, 0.04 s at 100 Hz\nno findings\n"
+    assert done.stdout == "t.csv: HapTip shear tactor, 4 channels, 5 samples, 0.004 s at 1000 Hz\nno findings\n"
 
 
 def test_check_of_a_bad_track(tmp_path: Path) -> None:
@@ -81,6 +84,7 @@ def test_check_of_a_bad_track(tmp_path: Path) -> None:
         "error: finger 'F', dev, x, first at 0.01 s: outside the channel's range (found 3.0; allowed: -1 to 1 m)."
     )
     assert lines[2].startswith("warning: ") and "2 of 5 samples were limited" in lines[2]
+    assert lines[3].startswith("info: device preset 'dev': there is no such preset here")
 
 
 def test_a_warning_is_no_failure(tmp_path: Path) -> None:
@@ -93,7 +97,7 @@ def test_check_as_json(tmp_path: Path) -> None:
     done = run("check", "--json", tmp_path / "t.csv")
     report = json.loads(done.stdout)
     assert done.returncode == 1 and report["worst"] == "error" and report["samples"] == 5 and report["device"] == "dev"
-    assert [(f["code"], f["value"], f["count"]) for f in report["findings"]] == [("out-of-range", 3.0, 3)]
+    assert [(f["code"], f["value"], f["count"]) for f in report["findings"]] == [("no-preset", None, 1), ("out-of-range", 3.0, 3)]
 
 
 @pytest.mark.parametrize(
@@ -101,7 +105,7 @@ def test_check_as_json(tmp_path: Path) -> None:
     [
         (None, "the file cannot be read"),
         (b"t_s,x\n0,0\n", "line 1: not a Dermis command track"),
-        (b"\xff\xfe", "line 1: not UTF-8 text"),
+        (b"\xff\xfe", "line 1: not a Dermis command track"),
     ],
 )
 def test_check_refuses_without_a_traceback(tmp_path: Path, content: bytes | None, message: str) -> None:

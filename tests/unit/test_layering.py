@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "core"
 ADDON = ROOT / "blender_addon"
 
-BASE = {"errors", "units", "version", "files", "number_rows", "cache", "interpolate", "devices.spec"}
+BASE = {"errors", "units", "version", "foreign", "files", "npz", "number_rows", "cache", "interpolate", "devices.spec"}
 # Files of devices/ that need no more than a device's description: presets are judged by them.
 MECHANISMS = {"parameters", "shear_tactor", "friction_screen", "pin_array", "thimble", "firmness",
               "forward_kinematics", "servo_limits", "cable_platform", "hexapod", "poses", "coupling",
@@ -27,8 +27,10 @@ MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
     "version": set(),
     "units": {"errors"},
-    "files": {"errors"},
-    "number_rows": {"errors"},
+    "foreign": {"errors"},
+    "files": {"errors", "foreign"},
+    "npz": {"errors", "foreign", "files"},
+    "number_rows": {"errors", "files"},
     "interpolate": {"errors", "units"},
     "cache": {"errors", "units", "version", "files"},
     "devices.spec": {"errors", "units"},  # only a device's description: tracks carry it, so it stands below them

@@ -176,7 +176,7 @@ def test_no_table_is_refused(tmp_path):
     (tmp_path / "x.npz").write_bytes(b"no")
     with pytest.raises(DermisError, match="not a look-up table"):
         SkinTable.load(tmp_path / "x.npz")
-    with pytest.raises(DermisError, match="does not exist"):
+    with pytest.raises(DermisError, match="No such file"):
         SkinTable.load(tmp_path / "y.npz")
 
 

@@ -427,10 +427,10 @@ def test_export_gives_the_same_bytes_and_refuses_what_it_does_not_know(tmp_path)
         with pytest.raises(DermisError, match=message):
             ScreenMap.load(second)
     np.savez(second, meta=np.frombuffer(text.encode(), np.uint8))
-    with pytest.raises(DermisError, match="damaged"):
+    with pytest.raises(DermisError, match="not a screen map"):
         ScreenMap.load(second)
     second.write_bytes(first.read_bytes()[:500])
-    with pytest.raises(DermisError, match="damaged"):
+    with pytest.raises(DermisError, match="not a screen map"):
         ScreenMap.load(second)
     with pytest.raises(DermisError, match="cannot be read"):
         ScreenMap.load(tmp_path / "none.npz")

@@ -137,9 +137,9 @@ def rewritten(path: Path, change: dict[str, object] | None = None, drop: str = "
         ({"fingers": 3}, "", "the header is damaged"),
         ({"bodies": [{}]}, "", "the header is damaged"),
         (None, "header.json", "not a sampled scene: it has no header"),
-        (None, "body/0/vertices.npy", "body/0/vertices: the file is damaged"),
-        (None, "chunk/1/times.npy", "chunk/1/times: the file is damaged"),
-        (None, "triangles/0.npy", "triangles/0: the file is damaged"),
+        (None, "body/0/vertices.npy", "body/0/vertices: .* a part is missing"),
+        (None, "chunk/1/times.npy", "chunk/1/times: .* a part is missing"),
+        (None, "triangles/0.npy", "triangles/0: .* a part is missing"),
     ],
 )  # fmt: skip
 def test_refusals(tmp_path: Path, change: dict[str, object] | None, drop: str, message: str) -> None:
@@ -164,7 +164,7 @@ def test_flipped_bits_are_noticed(tmp_path: Path) -> None:
     at = data.find((np.arange(5) / 240).tobytes())
     data[at + 9] ^= 4
     (tmp_path / "s.npz").write_bytes(data)
-    with pytest.raises(DermisError, match=r"chunk/0/times: the file is damaged .*CRC"):
+    with pytest.raises(DermisError, match=r"chunk/0/times: the array cannot be read .*CRC"):
         list(load(tmp_path / "s.npz").chunks)
 
 
@@ -173,7 +173,7 @@ def test_arrays_of_objects_are_never_unpickled(tmp_path: Path) -> None:
     other = rewritten(tmp_path / "s.npz", drop="chunk/0/times.npy")
     with zipfile.ZipFile(other, "a") as archive, archive.open("chunk/0/times.npy", "w") as member:
         np.lib.format.write_array(member, np.array([{"a": 1}], dtype=object))
-    with pytest.raises(DermisError, match="chunk/0/times: the file is damaged .*allow_pickle=False"):
+    with pytest.raises(DermisError, match="chunk/0/times: .*neither numbers nor texts.*nothing is unpickled"):
         list(load(other).chunks)
 
 

@@ -27,7 +27,7 @@ def floods() -> Result:
     """Time from the last valid packet to a pulse that has moved towards safe: slowest channel, worst flood."""
     needed()
     from tests.unit.firmware_board import BAUD, Board, firmware
-    from tests.unit.firmware_floods import FLOODS, FRAME_US, STEP_US, flood
+    from tests.unit.firmware_floods import FLOODS, FRAME_US, ROUNDING_US, flood
 
     done = {}
     for name in FLOODS:
@@ -38,9 +38,8 @@ def floods() -> Result:
     steepest = max(f.steepest for f in done.values())
     peers = {f"{len(done)} floods, worst: {worst}": begins[worst], "silence": begins["silence"],
              "at the safe pose": 1e3 * max(f.arrives for f in done.values())}  # fmt: skip
-    error = (
-        f"{steepest:.1f} us from one pulse to the next, above {FRAME_US:g}" if steepest > FRAME_US + STEP_US else None
-    )
+    fast = steepest > FRAME_US + ROUNDING_US
+    error = f"{steepest:.1f} us from one pulse to the next, above {FRAME_US:g}" if fast else None
     return Result("flood_safe_ms", begins[worst], "ms", None, peers, error)
 
 

@@ -14,7 +14,7 @@ from tests.unit.firmware_board import Board, Sender, servos
 
 SLEW = 7.5  # [rad/s]: 3.75 us of pulse a millisecond, 75 us in a frame of 20 ms
 FRAME_US = 75.0
-STEP_US = 4.3  # the board moves once a millisecond, so 21 steps may fall between two pulses; and its tick of 0.5 us
+ROUNDING_US = 1.0  # a tick of the board's is 0.5 us, and both pulses are rounded
 FAR, SAFE = 0.8, -0.8  # [rad]
 SECONDS = 0.6
 _EIGHT = packets.command(0, np.full(8, 60_000, np.uint16), timed=False)

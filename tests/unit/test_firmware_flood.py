@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.unit.firmware_board import ANIMATION_BAUD, BAUD, Board, Sender, emulated, firmware, servos
-from tests.unit.firmware_floods import FAR, FLOODS, FRAME_US, SLEW, STEP_US, flood
+from tests.unit.firmware_floods import FAR, FLOODS, FRAME_US, ROUNDING_US, SLEW, flood
 
 pytestmark = emulated
 
@@ -22,7 +22,7 @@ def test_safe_in_time_whatever_is_on_the_line(name: str) -> None:
         done = flood(board, name, BAUD)
     assert done.begins <= 0.1, f"begins after {done.begins * 1e3:.0f} ms"
     assert done.arrives <= 0.1 + 1.6 / SLEW, "and goes on to the safe pose"
-    assert done.steepest <= FRAME_US + STEP_US, f"{done.steepest} us from one pulse to the next"
+    assert done.steepest <= FRAME_US + ROUNDING_US, f"{done.steepest} us from one pulse to the next"
     assert not done.overruns
 
 
@@ -58,7 +58,7 @@ def test_a_loop_that_stood_still_makes_up_for_nothing() -> None:
         sender.run(0.3)
         for channel in range(8):
             widths = np.array(board.path(channel))[:, 1]
-            assert np.abs(np.diff(widths)).max() <= FRAME_US + 5 * STEP_US, "5 ms at most of the 100"
+            assert np.abs(np.diff(widths)).max() <= FRAME_US + ROUNDING_US
 
 
 def test_a_loop_that_hangs_is_reset_and_the_pulses_end() -> None:
@@ -101,7 +101,8 @@ def test_the_relay_is_on_while_armed_and_on_the_way_to_safety() -> None:
             board.send(message)
         sender.run(0.5)
         pin, level, at = board.levels[-1]
-        assert (pin, level) == (12, 0) and at - stopped == pytest.approx(FAR / SLEW, abs=0.01), "when it is there"
+        assert (pin, level) == (12, 0)
+        assert FAR / SLEW <= at - stopped <= FAR / SLEW + 0.025, "when each channel had its last pulse of the way"
         assert max(start for _, start, _ in board.pulses) <= at + 0.02, "no pulses into servos without supply"
         assert sender.adapter.ready
         sender.arm()

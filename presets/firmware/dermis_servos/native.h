@@ -11,7 +11,7 @@ static const uint8_t QUEUE = 1000 / (4 + 2 * CHANNELS); /* what the memory holds
 static const uint8_t BYTES_A_LOOP = 16;
 static const uint8_t NACK_EVERY = 5; /* ms */
 static const uint16_t WINDOW = 1024; /* packets: what is further ahead was not lost on the way, it is old */
-static const uint8_t MOST_STEPS = 5; /* ms that a stalled loop may make up for: no jump */
+static const uint8_t MOST_STEPS = 5; /* ms of a way to safety that a stalled loop may make up for */
 
 enum Kind : uint8_t {
   HELLO = 1, CONFIGURE, ARM, TO_SAFE, COMMAND, SYNC, WELCOME = 0x81, STATE = 0x85, SYNCED, NACK
@@ -27,10 +27,10 @@ static bool pose_known = false;
 static uint16_t sequence_in = 0;
 static uint16_t received = 0, lost = 0, damaged = 0, late = 0, watchdogs = 0;
 static uint8_t watchdog_ms = 50;
-static uint16_t counts[CHANNELS], target[CHANNELS], safe_counts[CHANNELS], slew[CHANNELS];
+static uint16_t target[CHANNELS], safe_counts[CHANNELS], slew[CHANNELS];
 static uint32_t heard = 0, stepped = 0;
 
-static bool homing = false; /* on the way to safety, a straight line from where it began */
+static bool homing = false, leaps = false; /* on the way to safety: a straight line from where it began, or at once */
 static uint16_t way_start[CHANNELS], way_ms = 0, way_gone = 0;
 static uint32_t way_pace[CHANNELS]; /* counts a millisecond, times 65536 */
 
@@ -45,9 +45,17 @@ static uint16_t ticks_of(uint16_t count) {
   return SHORTEST + (uint16_t)((rounded + (rounded >> 16) + 1) >> 16); /* / 65535, exactly, without a division */
 }
 
-static void move_to(uint8_t channel, uint16_t count) {
-  counts[channel] = count;
-  set_ticks(channel, ticks_of(count));
+static void move_to(uint8_t channel, uint16_t count) { set_pulse(channel, ticks_of(count), count); }
+
+static uint16_t apart(uint16_t a, uint16_t b) { return a > b ? a - b : b - a; }
+
+/* Towards a count, but no further from the last pulse than `slew` allows until the next one: however late this comes, and
+   however often, no pulse is too far from the one before. */
+static void approach(uint8_t channel, uint16_t count) {
+  uint16_t from = last_pulse(channel);
+  uint32_t most = (uint32_t)slew[channel] * ROUND_MS;
+  if (apart(count, from) > most) count = count > from ? from + (uint16_t)most : from - (uint16_t)most;
+  if (count != counts[channel]) move_to(channel, count);
 }
 
 static void power(bool on) {
@@ -60,11 +68,9 @@ static void power(bool on) {
 
 /* No pulses, no supply: from now on a hand may have moved the servos, so nobody knows where they are. */
 static void let_go() {
-  pulsing = pose_known = false;
+  pulsing = pose_known = homing = false;
   power(false);
 }
-
-static uint16_t apart(uint16_t a, uint16_t b) { return a > b ? a - b : b - a; }
 
 static void go_safe() {
   if (state == IDLE) return;
@@ -72,42 +78,35 @@ static void go_safe() {
   state = SAFE;
   if (reach == RELEASE) return let_go();
   homing = true;
-  way_ms = way_gone = 0;
+  leaps = reach == AT_ONCE;
+  way_ms = 1;
+  way_gone = 0;
   for (uint8_t c = 0; c < CHANNELS; c++) {
     way_start[c] = counts[c];
     target[c] = safe_counts[c];
     uint16_t needs = (uint16_t)(((uint32_t)apart(counts[c], target[c]) + slew[c] - 1) / slew[c]);
-    if (reach == RAMP && needs > way_ms) way_ms = needs;
+    if (needs > way_ms) way_ms = needs;
   }
-  for (uint8_t c = 0; way_ms && c < CHANNELS; c++) way_pace[c] = ((uint32_t)apart(counts[c], target[c]) << 16) / way_ms;
-}
-
-/* Towards the targets, each channel by at most `slew` counts a millisecond. */
-static void follow(uint8_t steps) {
-  for (uint8_t c = 0; c < CHANNELS; c++) {
-    uint32_t gap = apart(target[c], counts[c]), most = (uint32_t)steps * slew[c];
-    if (!gap) continue;
-    if (gap > most) gap = most;
-    move_to(c, target[c] > counts[c] ? counts[c] + gap : counts[c] - gap);
-  }
+  for (uint8_t c = 0; c < CHANNELS; c++) way_pace[c] = ((uint32_t)apart(counts[c], target[c]) << 16) / way_ms;
 }
 
 /* All channels begin and arrive together: a platform whose channels come home one by one tilts. Whatever other senders
    say meanwhile, only ARM takes over. */
 static void go_home(uint8_t steps) {
-  way_gone += steps;
-  if (way_gone >= way_ms) {
-    homing = false;
-    for (uint8_t c = 0; c < CHANNELS; c++) move_to(c, target[c]);
-#ifdef DERMIS_RELAY_PIN
-    let_go();
-#endif
-    return;
-  }
+  bool there = true;
+  way_gone = way_ms - way_gone > steps ? way_gone + steps : way_ms;
   for (uint8_t c = 0; c < CHANNELS; c++) {
     uint16_t gone = (uint16_t)(way_pace[c] * way_gone >> 16);
-    move_to(c, target[c] > way_start[c] ? way_start[c] + gone : way_start[c] - gone);
+    uint16_t at = target[c] > way_start[c] ? way_start[c] + gone : way_start[c] - gone;
+    if (leaps) move_to(c, target[c]);
+    else approach(c, way_gone == way_ms ? target[c] : at);
+    if (last_pulse(c) != target[c]) there = false;
   }
+  if (!there) return;
+  homing = false;
+#ifdef DERMIS_RELAY_PIN
+  let_go();
+#endif
 }
 
 /* Return the milliseconds that have passed since the last call; what a stall has saved up is not spent. */
@@ -193,7 +192,7 @@ static bool configure(const uint8_t *body, uint8_t size) {
   for (uint8_t c = 0; c < CHANNELS; c++) {
     safe_counts[c] = get16(body + 4 + 4 * c);
     slew[c] = get16(body + 6 + 4 * c);
-    if (!pose_known) counts[c] = target[c] = safe_counts[c];
+    if (!pose_known) counts[c] = pulsed[c] = target[c] = safe_counts[c]; /* no pulses go out */
   }
   state = CONFIGURED;
   return true;
@@ -203,7 +202,7 @@ static void arm() {
   if (state != CONFIGURED) return;
   for (uint8_t c = 0; c < CHANNELS; c++) {
     target[c] = counts[c];
-    move_to(c, counts[c]);
+    move_to(c, target[c]);
   }
   state = ARMED;
   homing = false;
@@ -309,7 +308,9 @@ void loop() {
   }
   play();
   uint8_t steps = passed();
-  if (steps && state == ARMED) follow(steps);
+  if (steps && state == ARMED) {
+    for (uint8_t c = 0; c < CHANNELS; c++) approach(c, target[c]);
+  }
   if (steps && homing) go_home(steps);
   alive();
 }

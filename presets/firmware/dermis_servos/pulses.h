@@ -13,8 +13,11 @@ static const uint16_t SPAN = 2000;     /* 1000 us more */
 static const uint16_t SLOT = 40000u / CHANNELS; /* 2.5 ms a channel for eight of them, 20 ms for all */
 static const uint16_t EARLY = 50;      /* ticks: the interrupt comes early and then waits, so that no other delays it */
 static const uint8_t ROUND_HZ = 50;
+static const uint8_t ROUND_MS = 20;
 
-static volatile uint16_t ticks[CHANNELS]; /* of each pulse */
+static volatile uint16_t ticks[CHANNELS];  /* of the next pulse ... */
+static volatile uint16_t counts[CHANNELS]; /* ... and the count that it stands for */
+static volatile uint16_t pulsed[CHANNELS]; /* count of the last pulse that has begun */
 static volatile bool pulsing = false;
 static volatile uint8_t slots = 0; /* counted, so that others can see the interrupt live */
 static volatile uint8_t *ports[CHANNELS];
@@ -32,6 +35,7 @@ ISR(TIMER1_COMPA_vect) {
     *port |= mask;
     high = true;
     edge = slot_start + ticks[slot_channel];
+    pulsed[slot_channel] = counts[slot_channel];
   } else {
     *port &= (uint8_t)~mask;
     high = false;
@@ -43,11 +47,20 @@ ISR(TIMER1_COMPA_vect) {
   OCR1A = edge - EARLY;
 }
 
-static void set_ticks(uint8_t channel, uint16_t value) {
+static void set_pulse(uint8_t channel, uint16_t value, uint16_t count) {
   uint8_t before = SREG;
   cli();
   ticks[channel] = value;
+  counts[channel] = count;
   SREG = before;
+}
+
+static inline uint16_t last_pulse(uint8_t channel) {
+  uint8_t before = SREG;
+  cli();
+  uint16_t count = pulsed[channel];
+  SREG = before;
+  return count;
 }
 
 static void begin_pulses() {

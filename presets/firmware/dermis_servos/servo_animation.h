@@ -23,7 +23,7 @@ static void take_byte(uint8_t byte) {
   if (filled < 5 || command[0] != 0x3C || command[4] != 0x3E) return;
   uint16_t us = (uint16_t)command[2] << 8 | command[3];
   if (command[1] >= CHANNELS || us < 1000 || us > 2000) return;
-  set_ticks(command[1], us * 2);
+  set_pulse(command[1], us * 2, 0);
   pulsing = true;
   heard = millis();
 }

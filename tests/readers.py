@@ -214,8 +214,8 @@ SAMPLES = {"x": np.ones((4, 3)), "channels": np.ones((4, 2)), "memory": np.ones(
 STIMULI = {"times": np.arange(4.0), "stimuli": np.ones((4, 2))}
 ENDS = np.array([[0.0] * 3, [1.0] * 3])
 TOUCH = b"/dermis/touch\0\0\0,iff\0\0\0\0" + bytes(12)
-PACKETS = ("Decoder._packet", "Welcome.read", "Synced.read", "read_command", "read_configure", "read_hello", "read_nack",
-           "read_touch", "u32")  # fmt: skip
+PACKETS = ("Decoder._packet", "Welcome.read", "Synced.read", "read_command", "read_configure", "read_hello",
+           "read_nack", "read_touch", "u32")  # fmt: skip
 
 READERS = (
     _reader("CSV track", "core.formats.csv:read core.formats.export:read core.formats.csv_header:_from_json", ".csv",

@@ -58,7 +58,7 @@ def test_a_result_of_a_device_at_rest_comes_back_whatever_it_packs_to(tmp_path: 
     path = stored(tmp_path)
     result = results.current(bpy.context.scene)
     (output, *_) = result.bake.outputs
-    output.signals["magnitude"] = np.zeros(1 << 25, np.float32)  # as long as the pins of five fingers that touch nothing
+    output.signals["magnitude"] = np.zeros(1 << 25, np.float32)  # pins of five fingers that touch nothing
     results._write(path, result)
     assert path.stat().st_size * 200 < output.signals["magnitude"].nbytes
     assert len(results._read(path).bake.outputs[0].signals["magnitude"]) == 1 << 25

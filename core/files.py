@@ -150,8 +150,9 @@ def check_writable(path: Path, *, folder: bool = False) -> Path:
     path = Path(path)
     home = path if folder else path.parent
     try:
-        if path.exists() and path.is_dir() != folder:
-            raise OSError(f"{'a file' if folder else 'a folder'} is in the way")
+        with suppress(FileNotFoundError):
+            if stat.S_ISDIR(os.stat(path).st_mode) != folder:
+                raise OSError(f"{'a file' if folder else 'a folder'} is in the way")
         while not home.exists():
             home = home.parent
         with tempfile.TemporaryFile(dir=home):

@@ -141,7 +141,8 @@ def _array(file: IO[bytes], size: int, where: str) -> NDArray[Any]:
     count = math.prod(shape)
     if kind.hasobject or kind.kind not in KINDS or kind.itemsize == 0:
         raise DermisError("the array cannot be read: it holds neither numbers nor texts", where=where,
-                          value=str(kind)[:80], remedy="Write it without objects: nothing is unpickled here")  # fmt: skip
+                          value=str(kind)[:80],
+                          remedy="Write it without objects: nothing is unpickled here")  # fmt: skip
     if any(n < 0 for n in shape) or len(shape) > 8 or count * kind.itemsize != body:
         raise DermisError("the array cannot be read: it has another size than it declares", where=where,
                           value=f"{body} bytes", limit=f"{str(shape)[:60]} of {kind}")  # fmt: skip

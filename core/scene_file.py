@@ -255,7 +255,7 @@ def _triangles(archive: ArrayFile, name: str) -> NDArray[np.int32]:
 
 def _check_lengths(chunk: Chunk, where: str) -> None:
     n = len(chunk.frames)
-    series = (chunk.times, *chunk.channels.values(), *chunk.surfaces.values())
+    lengths = {len(chunk.times), *map(len, chunk.channels.values()), *map(len, chunk.surfaces.values())}
     poses = (chunk.fingers, chunk.bodies, chunk.screens)
-    if any(len(one) != n for one in series) or any(p.shape[1:] != (n, 4, 4) for p in poses):
+    if lengths != {n} or any(p.shape[1:] != (n, 4, 4) for p in poses):
         raise DermisError("a chunk's arrays have different lengths", where=where, limit=f"{n} samples")

@@ -23,7 +23,8 @@ class Found:
     """What a run of damaged files brought.
 
     Attributes:
-        tried: files. accepted: of them by reader. others: what was no refusal: reader, exception and place, with counts.
+        tried: files. accepted: of them by reader.
+        others: what was no refusal: reader, exception and place, with counts.
     """
 
     tried: int = 0

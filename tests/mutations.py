@@ -36,7 +36,8 @@ DESCRS = (
     "[('a', '<f8')]", "[('a', '<f8', (4000000000,))]", "[]", "'<f8, <f8'", "{'names': ['a']}", "'<i99999999999'",
 )  # fmt: skip
 HEADERS = (
-    b"{'descr': '<f8', 'fortran_order': False, 'shape': (1,), }", b"{", b"((((((((", b"{'descr': '<f8'}", b"", b"\0" * 40,
+    b"{'descr': '<f8', 'fortran_order': False, 'shape': (1,), }", b"{", b"((((((((", b"{'descr': '<f8'}", b"",
+    b"\0" * 40,
     b"'''", b"  x\n y", b"\xff\xfe", b"{'shape': (1L, 2L), 'descr': '<f8', 'fortran_order': False}", b"1" * 6000,
     b"{'descr': '<f8', 'fortran_order': 3, 'shape': (1,)}", b"-" * 3000 + b"1", b"lambda: 0", b"{**{}}", b"[" * 3000,
     b"{'descr': '<f8', 'fortran_order': False, 'shape': (1,), 'x': 0}", b"0777", b"if 1:\n\tx\n        y", b"'\\x",
@@ -150,7 +151,8 @@ class Mutator:
         elif kind == 8:
             container[key] = [container[key]]
         elif isinstance(container, dict):
-            container[rng.choice(("x", "", "\ud800", "schema", "name", "0", "repeat"))] = copy.deepcopy(rng.choice(STRANGE))
+            name = rng.choice(("x", "", "\ud800", "schema", "name", "0", "repeat"))
+            container[name] = copy.deepcopy(rng.choice(STRANGE))
         else:
             container.extend(container[:] * rng.choice((1, 30)))
         return value
@@ -188,7 +190,7 @@ class Mutator:
             members = [[info.filename, found.read(info)] for info in found.infolist()]
         i, kind = rng.randrange(len(members)), rng.randrange(12)
         if kind > 8:  # what there is in words, where there is some
-            i = next((k for k, (_, content) in enumerate(members) if b"{\"" in content or b"{\n" in content), i)
+            i = next((k for k, (_, content) in enumerate(members) if b'{"' in content or b"{\n" in content), i)
         name, content = members[i]
         packing = zipfile.ZIP_STORED
         if kind == 0:

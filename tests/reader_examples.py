@@ -201,7 +201,8 @@ def frames() -> list[bytes]:
     welcome = packets.Welcome(2, 2, b"12345678", bytes(8), 77, 1, 16, counts, 50)
     bodies = [
         (packets.Kind.WELCOME, welcome.body()), (packets.Kind.STATE, packets.state(2, 3)),
-        (packets.Kind.SYNCED, packets.Synced(1, 2, 3, 4, 5, 6, 7, 8, 9).body()), (packets.Kind.NACK, packets.nack(1, 2)),
+        (packets.Kind.SYNCED, packets.Synced(1, 2, 3, 4, 5, 6, 7, 8, 9).body()),
+        (packets.Kind.NACK, packets.nack(1, 2)),
         (packets.Kind.TOUCH, packets.touch(1, True, 0.1, 0.2)), (packets.Kind.HELLO, packets.hello(2, bytes(8))),
         (packets.Kind.COMMAND, packets.command(7, counts, timed=True)), (packets.Kind.SYNC, bytes(4)),
         (packets.Kind.CONFIGURE, packets.configure(50, 1, counts, counts)), (packets.Kind.ARM, b""),

@@ -61,7 +61,8 @@ class Reader:
 def _use_track(read: Callable[[Path], CommandTrack]) -> Callable[[Path], object]:
     def use(path: Path) -> object:
         track = read(path)
-        if not (np.isfinite(track.values).all() and np.isfinite(track.times).all() and (np.diff(track.times) > 0).all()):
+        finite = np.isfinite(track.values).all() and np.isfinite(track.times).all()
+        if not finite or not (np.diff(track.times) > 0).all():
             raise AssertionError("a track that no reader may let pass")
         check.preset_findings(track, presets.Library())
         check.findings_of(check.by_preset(track, presets.Library()), levels=65536)
@@ -132,8 +133,17 @@ def _use_frames(path: Path) -> object:
     adapter._session = 1
     adapter.receive(data, 1.0)
     for packet in packets.Decoder().feed(data):
-        for read in (packets.read_command, packets.read_hello, packets.Welcome.read, packets.read_configure,
-                     packets.Synced.read, packets.read_touch, packets.read_state, packets.read_nack, packets.u32):
+        for read in (
+            packets.read_command,
+            packets.read_hello,
+            packets.Welcome.read,
+            packets.read_configure,
+            packets.Synced.read,
+            packets.read_touch,
+            packets.read_state,
+            packets.read_nack,
+            packets.u32,
+        ):
             try:
                 read(packet.body)
             except DermisError:
@@ -204,6 +214,8 @@ SAMPLES = {"x": np.ones((4, 3)), "channels": np.ones((4, 2)), "memory": np.ones(
 STIMULI = {"times": np.arange(4.0), "stimuli": np.ones((4, 2))}
 ENDS = np.array([[0.0] * 3, [1.0] * 3])
 TOUCH = b"/dermis/touch\0\0\0,iff\0\0\0\0" + bytes(12)
+PACKETS = ("Decoder._packet", "Welcome.read", "Synced.read", "read_command", "read_configure", "read_hello",
+           "read_nack", "read_touch", "u32")  # fmt: skip
 
 READERS = (
     _reader("CSV track", "core.formats.csv:read core.formats.export:read core.formats.csv_header:_from_json", ".csv",
@@ -250,9 +262,8 @@ READERS = (
             recordings.read_recording),
     _reader("recorded table", "core.design.recordings:_columns", ".csv", lambda: [ex.recorded_table()],
             lambda path: recordings.read_table(path, np.ones(3), ENDS)),
-    _reader("packets", "core.stream.packets:read_command core.stream.packets:Welcome.read core.stream.packets:read_nack "
-            "core.stream.packets:read_configure core.stream.packets:Synced.read core.stream.packets:read_hello "
-            "core.stream.packets:read_touch core.stream.packets:u32 core.stream.packets:Decoder._packet", ".bin", ex.frames, _use_frames, file=False),
+    _reader("packets", " ".join(f"core.stream.packets:{name}" for name in PACKETS), ".bin", ex.frames, _use_frames,
+            file=False),
     _reader("OSC", "core.stream.osc:read_message core.stream.osc:read_bundle", ".bin",
             lambda: [bundle(1, [message_head("/dermis/touch") + bytes(4)]), TOUCH], _use_osc, file=False),
     _reader("torque board", "core.stream.torque:Torque.receive", ".bin", lambda: [b"DA\1\0" + bytes(8)], _use_torque,

@@ -18,7 +18,6 @@ Array = NDArray[np.float64]
 
 AMPLITUDE, CARRIER = "amplitude", "carrier"
 FULL_FRICTION = 100.0
-MOST_DECADES = 100  # between 1 V and the voltage of friction 1, before double precision ends
 
 
 @dataclass(frozen=True)
@@ -42,9 +41,6 @@ class FrictionLaw:
             raise DermisError("the law's slope must be above zero", where="friction law", value=self.slope, limit="> 0")
         if not math.isfinite(self.intercept):
             raise DermisError("the law's intercept must be finite", where="friction law", value=self.intercept)
-        if abs(self.intercept / self.slope) * math.log10(max(self.base, 1.0)) > MOST_DECADES:
-            raise DermisError("the law gives no voltages", where="friction law", value=self.intercept / self.slope,
-                              limit=f"{MOST_DECADES} decades")  # fmt: skip
         if not (math.isfinite(self.base) and self.base > 1):
             raise DermisError("the logarithm's base must be above one", where="friction law", value=self.base,
                               limit="> 1")  # fmt: skip
@@ -113,13 +109,7 @@ class FrictionScreen:
         factor = number(given, "span_factor", where, 3.5)
         if not factor >= 1:
             raise DermisError("the measured span is a factor of one or more", where=where, value=factor, limit=">= 1")
-        try:
-            full = float(law.volts(FULL_FRICTION))
-        except OverflowError:
-            full = math.inf
-        if not (math.isfinite(full) and full > 0):
-            raise DermisError("the friction law gives no voltage", where=where, value=full, limit="> 0 V, finite")
-        high = number(given, "span_high", where, full)
+        high = number(given, "span_high", where, _full_volts(law, where))
         return cls(
             law, float(amplitude.high), carrier.rest or 60.0, number(given, "carrier_low", where, 60.0),
             number(given, "carrier_high", where, 200.0), high / factor, high,
@@ -173,9 +163,21 @@ class FrictionScreen:
         try:
             rest = {name: _number(value) for name, value in fields.items() if name != "law"}
             law = FrictionLaw(**{name: _number(value) for name, value in fields["law"].items()})
+            _full_volts(law, "friction screen")
             return cls(law, **rest)
         except (KeyError, TypeError, AttributeError, OverflowError) as error:
             raise DermisError("the friction screen is malformed", where="friction screen", value=str(error)) from error
+
+
+def _full_volts(law: FrictionLaw, where: str) -> float:
+    """Return the voltage of full friction; refuse a law that has none."""
+    try:
+        full = float(law.volts(FULL_FRICTION))
+    except OverflowError:
+        full = math.inf
+    if not (math.isfinite(full) and full > 0):
+        raise DermisError("the friction law gives no voltage", where=where, value=full, limit="> 0 V, finite")
+    return full
 
 
 def _number(value: Any) -> float:

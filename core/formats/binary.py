@@ -9,10 +9,10 @@ Little-endian:
     u32[c][n] values, channel by channel: value = low + (high - low) * number / (2^32 - 1)
     u32       CRC-32 (zlib's) of everything before it
 
-`low` and `high` are the smallest and largest value that the track has in that channel. The steps between them are even,
-so the error is at most (high - low) / 2^33 whatever the value: a part in 8.6e9 of what the channel moves, far below what
-any device resolves. Near zero that is less than the nine digits of a CSV: of a channel from -1 to 1, 1.25e-11 comes back
-as some 1e-10, and 0 as a number that small. JSON keeps every digit.
+`low` and `high` are the smallest and largest value that the track has in that channel. The steps between them are
+even, so the error is at most (high - low) / 2^33 whatever the value: a part in 8.6e9 of what the channel moves, far
+below what any device resolves. Near zero that is less than the nine digits of a CSV: of a channel from -1 to 1,
+1.25e-11 comes back as some 1e-10, and 0 as a number that small. JSON keeps every digit.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def loads(data: bytes, *, where: str = "track") -> CommandTrack:
     """
     if not data.startswith(MAGIC[:-1]):
         raise DermisError("not a binary track", where=where, value=data[:8].hex(" "), limit=MAGIC.hex(" "))
-    if data[7] != MAGIC[7]:
+    if data[7:8] not in (MAGIC[7:], b""):
         raise DermisError("written by a newer version of Dermis", where=where, value=data[7], limit=str(MAGIC[7]),
                           remedy="Update Dermis")  # fmt: skip
     if len(data) < 16 or struct.unpack("<I", data[-4:])[0] != zlib.crc32(data[:-4]):

@@ -138,7 +138,11 @@ def grid_of(header: Mapping[str, Any], where: str) -> tuple[int, Array | None]:
         raise DermisError("the times are no grid", where=f"{where}, times", value=str(dict(times))[:80])
     if number > MOST_SAMPLES:
         raise DermisError("more samples than a track can hold", where=where, value=number, limit=str(MOST_SAMPLES))
-    return number, (first + np.arange(number)) / float(rate)
+    with np.errstate(over="ignore"):
+        grid = (first + np.arange(number)) / float(rate)
+    if not np.isfinite(grid).all():
+        raise DermisError("the times are no grid", where=f"{where}, times", value=str(dict(times))[:80])
+    return number, grid
 
 
 def check_finite(track: CommandTrack) -> None:

@@ -52,9 +52,7 @@ def checked_size(columns: int, rows: int, where: str, *, packed: int | None = No
     check_size(columns * rows * np.dtype(np.float32).itemsize, where, packed=packed)
 
 
-def grey_of(
-    pixels: NDArray[Any], where: str, largest: float = 1.0
-) -> tuple[NDArray[np.float32], tuple[Finding, ...]]:
+def grey_of(pixels: NDArray[Any], where: str, largest: float = 1.0) -> tuple[NDArray[np.float32], tuple[Finding, ...]]:
     """Turn pixels of one or three numbers into one: Rec. 709 luminance, with a finding where colours differ.
 
     The numbers are taken as data: no gamma curve is undone, because a height is not a colour.

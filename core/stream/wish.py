@@ -71,7 +71,7 @@ class Wish:
         for name in _LIMITS:
             check_number(name, getattr(self, name))
         for name, value in self.jog.items():
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < math.inf:
                 raise DermisError("not a finite number", where=f"jog, {name}", value=value)
 
     def spec(self) -> DeviceSpec:

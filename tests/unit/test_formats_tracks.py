@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import random
 import struct
 import zlib
 from dataclasses import replace
@@ -13,11 +12,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from core.calibration import Calibration
 from core.devices.spec import Channel, DeviceSpec
 from core.errors import DermisError
 from core.formats import binary, csv, export, json_track
-from core.presets import Library, check
 from core.track import CommandTrack
 
 SPEC = DeviceSpec(

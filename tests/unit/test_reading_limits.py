@@ -181,7 +181,8 @@ def wide_preset(path: Path) -> None:
 READ_TABLE = "table.read_table"
 BOMBS: list[tuple[Callable[[Path], None], str, str]] = [
     (flat_png, "images.read", "too large"), (allowed_png, "images.read", "far more than it holds"),
-    (one_bit_png, "images.read", "far more than it holds"), (huge_npz, READ_TABLE, "too large"), (big_npz, READ_TABLE, "far more than it holds"),
+    (one_bit_png, "images.read", "far more than it holds"), (huge_npz, READ_TABLE, "too large"),
+    (big_npz, READ_TABLE, "far more than it holds"),
     (many_npz, READ_TABLE, "far more than it holds"), (lying_npz, "lambda p: sensor.read_stimuli(p, 2)", "declares"),
     (empty_npz, READ_TABLE, "endless"), (lying_npy, "images.read", "declares"), (members_npz, READ_TABLE, "members"),
     (header_scene, "scene_file.load", "far more than it holds"), (text_netpbm, "images.read", "cut short"),

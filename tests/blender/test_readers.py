@@ -1,0 +1,80 @@
+"""What the add-on reads of its own folders, damaged: said in words, and nothing else."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon import results, thimble_adapt, thimble_use
+from core.errors import DermisError
+from core.files import write_npz
+from tests.mutations import Mutator
+
+from .build import empty
+
+
+def stored(tmp_path: Path) -> Path:
+    bpy.ops.dermis.add_finger()
+    finger = bpy.context.object
+    finger.location = (0.0, 0.0, 0.001)
+    bpy.ops.dermis.add_screen(width=120.0, depth=75.0)
+    bpy.context.view_layer.objects.active = finger
+    device = finger.dermis.finger.devices.add()
+    device.preset = "haptip"
+    bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, 4
+    bpy.ops.dermis.bake()
+    path = tmp_path / "result"
+    results._write(path, results.current(bpy.context.scene))
+    return path
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_damaged_result_is_refused_in_words(tmp_path: Path) -> None:
+    path = stored(tmp_path)
+    whole = path.read_bytes()
+    assert results._read(path).bake.outputs
+    mutator, refused = Mutator(3), 0
+    for _ in range(400):
+        path.write_bytes(mutator.mutate(whole))
+        try:
+            results._read(path)
+        except DermisError as error:
+            refused += 1
+            assert error.what and error.where
+    assert refused > 200
+    path.unlink()
+    if hasattr(os, "mkfifo"):
+        os.mkfifo(path)
+    with pytest.raises(DermisError, match="cannot be read"):
+        results._read(path)
+
+
+def test_a_result_of_a_device_at_rest_comes_back_whatever_it_packs_to(tmp_path: Path) -> None:
+    path = stored(tmp_path)
+    result = results.current(bpy.context.scene)
+    (output, *_) = result.bake.outputs
+    output.signals["magnitude"] = np.zeros(1 << 25, np.float32)  # pins of five fingers that touch nothing
+    results._write(path, result)
+    assert path.stat().st_size * 200 < output.signals["magnitude"].nbytes
+    assert len(results._read(path).bake.outputs[0].signals["magnitude"]) == 1 << 25
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_damaged_adaptation_says_nothing_and_the_bake_says_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.npz"
+    write_npz(path, {"meta": np.frombuffer(b'{"network_error": 0.1}', np.uint8)})
+    monkeypatch.setattr(thimble_use, "adapted", lambda device, model: path)
+    place = SimpleNamespace(object=empty("place"))
+    assert thimble_adapt.status(place, None) == {"network_error": 0.1}
+    whole, mutator = path.read_bytes(), Mutator(4)
+    for i in range(200):
+        path.write_bytes(mutator.mutate(whole))
+        os.utime(path, (i, i))
+        assert isinstance(thimble_adapt.status(place, None), dict)

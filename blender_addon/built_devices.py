@@ -154,13 +154,12 @@ def _table() -> dict[str, _Finger]:
     global _fingers
     if _fingers is None:
         path = user_folder(FOLDER) / TABLE
-        _fingers = _parsed(core_module("files").read_bytes(path), path) if path.exists() else {}
+        _fingers = _parsed(core_module("files").read_json(path), path) if path.exists() else {}
     return _fingers
 
 
-def _parsed(data: bytes, path: Path) -> dict[str, _Finger]:
+def _parsed(plain: Any, path: Path) -> dict[str, _Finger]:
     try:
-        plain = json.loads(data)
         if plain["schema"] != SCHEMA:
             raise ValueError(f"not {SCHEMA}")
         table = {key: _Finger(entry["name"], entry["devices"]) for key, entry in plain["fingers"].items()}
@@ -168,7 +167,7 @@ def _parsed(data: bytes, path: Path) -> dict[str, _Finger]:
         if not all(isinstance(t, str) for t in texts):
             raise ValueError("a name is no text")
         return table
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise core_module("errors").DermisError(
             "the table of which finger wears which device cannot be read", where=str(path), value=str(error)[:80],
             remedy="Delete it, and choose the devices again",

@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
     from ..devices.coupling import refuse_coupled
     from ..devices.safe_state import safe_findings
     from ..devices.spec import from_preset
-    from ..presets import Library
+    from ..presets import Library, read
     from ..skin.model import MATERIAL_PARAMETERS, skin_from_parameters
     from ..skin.shape import shape_from_parameters
     from . import task
@@ -113,7 +113,7 @@ def run(options: argparse.Namespace) -> int:
     print(shown, end="")
     if options.out is not None:
         paths = task.write(found, options.out, choice=options.choice or "variance", motors=options.motors)
-        made = from_preset(paths[-1].stem, json.loads(paths[-1].read_text(encoding="utf-8")))
+        made = from_preset(paths[-1].stem, read(paths[-1]))
         for line in (*paths, *safe_findings(made)):
             print(line, file=sys.stderr)
     return 0

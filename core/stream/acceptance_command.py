@@ -35,7 +35,7 @@ def add_parser(verbs: Any) -> None:
     one.add_argument("--only", action="append", choices=CHECKS, metavar="CHECK",
                      help=f"one check, more than once: {', '.join(CHECKS)}")  # fmt: skip
     one.add_argument("--out", type=Path, metavar="FILE", help="report (acceptance_DEVICE_DATE.md in this folder)")
-    one.set_defaults(run=run)
+    one.set_defaults(run=run, writes={"out": False})
 
 
 class NobodyThere(DermisError):

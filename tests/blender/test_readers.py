@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import results, thimble_adapt, thimble_use
+from blender_addon import built_devices, results, thimble_adapt, thimble_use
 from core.errors import DermisError
 from core.files import write_npz
 from tests.mutations import Mutator
@@ -78,3 +78,22 @@ def test_a_damaged_adaptation_says_nothing_and_the_bake_says_why(
         path.write_bytes(mutator.mutate(whole))
         os.utime(path, (i, i))
         assert isinstance(thimble_adapt.status(place, None), dict)
+
+
+def test_a_damaged_table_of_who_wears_what_is_refused_in_words_and_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    built_devices.choose("finger-1", "Index", "haptip", "left.json")
+    built_devices.choose("finger-2", "Thumb", "thimble_3rrs", "red.json")
+    path = built_devices.user_folder(built_devices.FOLDER) / built_devices.TABLE
+    whole, mutator, refused = path.read_bytes(), Mutator(5), 0
+    for _ in range(300):
+        path.write_bytes(damaged := mutator.mutate(whole))
+        monkeypatch.setattr(built_devices, "_fingers", None)
+        try:
+            built_devices.choice("finger-1", "haptip")
+        except DermisError as error:
+            refused += 1
+            assert error.what and str(path) in str(error.where)
+            with pytest.raises(DermisError):
+                built_devices.choose("finger-3", "Ring", "haptip", "new.json")
+            assert path.read_bytes() == damaged, "what cannot be read is not written over"
+    assert refused > 150

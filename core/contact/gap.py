@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
+from . import shapes
 from .cells import CellLists
 from .gap_query import GapQuery
 from .nearest import CentroidTree, Nearest, nearest
@@ -73,6 +74,25 @@ class Surface:
             limit = f"0 to {points.shape[0] - 1}"
             raise DermisError("a triangle uses a vertex that does not exist", value=int(corners.max()), limit=limit)
         return cls(points, corners, topology_of(points, corners))
+
+    @classmethod
+    def sphere(cls, radius: float, facets: int = 20_000) -> Surface:
+        """Return a ball [m]; see `shapes.sphere`."""
+        return cls.build(*shapes.sphere(radius, facets))
+
+    @classmethod
+    def block(cls, width: float = 0.05, length: float = 0.05, height: float = 0.02) -> Surface:
+        """Return a block with a level top [m]; see `shapes.block`."""
+        return cls.build(*shapes.block(width, length, height))
+
+    @classmethod
+    def edge(cls, angle: float = np.pi / 2, rounding: float = 0.2e-3) -> Surface:
+        """Return a wedge with its edge upwards, along Y [rad, m]; see `shapes.edge`."""
+        return cls.build(*shapes.edge(angle, rounding))
+
+    def __repr__(self) -> str:
+        size = " x ".join(f"{1e3 * s:.3g}" for s in np.ptp(self.vertices, axis=0))
+        return f"Surface({len(self.triangles)} triangles, {size} mm, {'closed' if self.closed else 'open'})"
 
     @property
     def closed(self) -> bool:

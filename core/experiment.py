@@ -1,0 +1,236 @@
+"""A fingertip, a touch and a device without a scene: what a script or a notebook begins with.
+
+Frame: origin at the pad's centre, +Y towards the tip, +Z towards the nail. Everything in SI.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .contact.bodies import ContactBody
+from .contact.gap import Surface
+from .contact.path import PathSolver
+from .devices.spec import DeviceSpec
+from .errors import DermisError, Finding
+from .presets import Library
+from .skin.model import MATERIAL_PARAMETERS, SkinModel, skin_from_parameters
+from .stimulus import Stimulus, von_mises
+
+Array = NDArray[np.float64]
+
+STEP = 0.1e-3  # from pose to pose on the way of a press; friction remembers the way [m]
+DEEPEST = 5e-3  # of a press: beyond it linear skin says nothing [m]
+CLOSE = 1e-8  # to which first contact is found [m]
+FAR = 0.1  # a surface that has risen this far above the pad has passed beside it [m]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Touch(Stimulus):
+    """What a skin feels when something is pressed into it; all of `Stimulus`, and how it came about.
+
+    Attributes:
+        depth: of the undeformed pad in the surface [m].
+        residual: of the contact's laws, relative to the forces. iterations: of its last pose.
+        findings: what is doubtful: a depth that linear skin is not trusted at, a contact that did not converge.
+    """
+
+    depth: float = 0.0
+    residual: float = 0.0
+    iterations: int = 0
+    findings: tuple[Finding, ...] = ()
+
+    @cached_property
+    def von_mises(self) -> Array:
+        """Von Mises stress of each element [Pa], shape (e,)."""
+        return von_mises(self.stress)
+
+    @cached_property
+    def normal_force(self) -> float:
+        """Force into the pad, along the pad's own normals [N]."""
+        return float(self.summary()["normal_force"])
+
+    def __repr__(self) -> str:
+        force = ", ".join(f"{f:.3g}" for f in self.resultant)
+        return f"Touch({1e3 * self.depth:g} mm deep, force ({force}) N, residual {self.residual:.1g})"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Match:
+    """What a device does to make a touch felt, and how well.
+
+    Attributes:
+        device: the preset. method: that matched.
+        commands: of every actuator, by channel, in the channel's unit.
+        error: of what the method compares: root mean square displacement [m] for DM, force [N] for FM, relative
+            descriptor mismatch [1] for the thimble. optimality: KKT residual of the solution.
+        rendered: what the skin feels of the device.
+    """
+
+    device: DeviceSpec
+    method: str
+    commands: dict[str, float]
+    error: float
+    optimality: float
+    rendered: Stimulus = field(repr=False)
+
+    def __repr__(self) -> str:
+        return f"Match({self.device.key}, {self.method}, error {self.error:.3g}, optimality {self.optimality:.1g})"
+
+
+def fingertip(
+    preset: str = "index_medium",
+    *,
+    level: str = "standard",
+    young: float | None = None,
+    poisson: float | None = None,
+    alpha: float | None = None,
+    presets: Library | None = None,
+    **lengths: float,
+) -> SkinModel:
+    """Return a fingertip's skin.
+
+    Args:
+        preset: of `presets/skins`. level: 'draft', 'standard', 'fine' or 'reference': how fine its mesh is.
+        young: modulus [Pa]. poisson: ratio. alpha: a person's stiffness relative to it.
+        lengths: others than the preset's [m], by its names: width, thickness, length, bone_bed ...
+
+    Raises:
+        DermisError: no such preset, level or length, or a shape that cannot be meshed.
+    """
+    parameters = (presets or Library()).skin(preset)
+    unknown = sorted(set(lengths) - set(parameters) | set(lengths) & set(MATERIAL_PARAMETERS))
+    if unknown:
+        known = ", ".join(sorted(set(parameters) - set(MATERIAL_PARAMETERS)))
+        raise DermisError("a fingertip has no such length", where=preset, value=", ".join(unknown), limit=known)
+    given = {"young": young, "poisson": poisson, "alpha": alpha, **lengths}
+    parameters |= {name: value for name, value in given.items() if value is not None}
+    return skin_from_parameters(parameters, level=level, where=f"fingertip '{preset}'")
+
+
+def press(
+    skin: SkinModel,
+    surface: Surface,
+    depth: float = 1e-3,
+    *,
+    friction: float = 0.6,
+    slide: Sequence[float] = (0.0, 0.0),
+    at: Sequence[float] = (0.0, 0.0),
+    turn: NDArray[np.floating] | None = None,
+) -> Touch:
+    """Return what a skin feels when a surface is pressed into its pad, and then drawn along it.
+
+    The surface rises along +Z from first contact to its depth, in steps, since friction remembers the way.
+
+    Args:
+        surface: in the finger's axes; where it stands along Z does not matter. depth: beyond first contact [m].
+        friction: Coulomb's coefficient. slide: movement across the pad afterwards, X and Y [m].
+        at: where the surface's origin is across the pad, X and Y [m]. turn: rotation of the surface, shape (3, 3).
+
+    Raises:
+        DermisError: a depth out of range, friction below zero, a rotation that is none, or a surface that does not
+            meet the pad.
+    """
+    if not 0.0 <= depth <= DEEPEST:
+        raise DermisError("not a depth to press to", where="depth", value=depth, limit=f"0 to {DEEPEST:g} m")
+    if not (np.isfinite(friction) and friction >= 0.0):
+        raise DermisError("friction cannot be that", where="friction", value=friction, limit=">= 0")
+    along, origin = _two("slide", slide), _two("at", at)
+    rotation = np.eye(3) if turn is None else np.asarray(turn, np.float64)
+    if rotation.shape != (3, 3) or not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9):
+        raise DermisError("not a rotation", where="turn", value=np.shape(turn), limit="orthonormal, shape (3, 3)")
+    body = ContactBody(surface, rotation, np.array([*origin, 0.0]), friction=friction)
+    start = replace(body, translation=np.array([*origin, _first_contact(skin, body)]))
+    solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas, name="press")
+    step = solver.step([start])
+    for far, way in ((depth, np.array([0.0, 0.0, 1.0])), (float(np.hypot(*along)), np.array([*along, 0.0]))):
+        if far <= 0.0:
+            continue
+        way = way / np.linalg.norm(way)
+        origin_of_leg = start
+        for part in np.linspace(0.0, far, max(int(np.ceil(far / STEP)), 1) + 1)[1:]:
+            start = replace(origin_of_leg, translation=origin_of_leg.translation + part * way)
+            step = solver.step([start])
+    solution = step.solution
+    return Touch(skin, solution.force, depth, solution.residual, solution.iterations, solver.findings)
+
+
+def match(
+    touch: Stimulus, device: str | DeviceSpec = "pin_array_128", method: str | None = None, *,
+    presets: Library | None = None,
+) -> Match:  # fmt: skip
+    """Return the commands that make a device feel most like a touch, within the device's limits.
+
+    Args:
+        device: preset of a pin array or a thimble. method: DM0 to FM2 for pins ('DM2'); 'stress', 'force' or
+            'geometry' for thimbles ('stress').
+
+    Raises:
+        DermisError: no such device or method, or a kind whose commands depend on time or on tables: those are
+            rendered from a scene (`run`).
+    """
+    spec = (presets or Library()).device(device) if isinstance(device, str) else device
+    matchers: dict[str, Callable[[Stimulus, DeviceSpec, str | None], Match]] = {
+        "pin_array": _match_pins,
+        "thimble": _match_thimble,
+    }
+    if spec.kind not in matchers:
+        raise DermisError("one touch by itself is matched on pins and thimbles only", where=spec.key, value=spec.kind,
+                          limit=", ".join(matchers), remedy="Render a scene with this device")  # fmt: skip
+    return matchers[spec.kind](touch, spec, method)
+
+
+def _match_pins(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Match:
+    from .matching.deformation import METHODS, PinSolver
+    from .matching.pins import rendered_force, setup
+
+    chosen = next((m for m in METHODS if m == (method or "DM2")), None)
+    if chosen is None:
+        raise DermisError("unknown matching method", where=spec.key, value=method, limit=", ".join(METHODS))
+    ready = setup(touch.skin, spec)
+    found = PinSolver(ready.matcher, chosen, force_limit=ready.pins.force_limit).solve(touch.force)
+    error = found.displacement_error if chosen.startswith("DM") else found.force_error
+    commands = dict(zip((c.name for c in spec.channels), found.forces.tolist(), strict=True))
+    return Match(spec, chosen, commands, error, found.optimality,
+                 Stimulus(touch.skin, rendered_force(ready, found.forces)))  # fmt: skip
+
+
+def _match_thimble(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Match:
+    from .matching.thimble import match_touch
+    from .matching.thimble_use import prepare
+
+    use = prepare(spec, touch.skin, {"thimble_method": method or "stress"}, f"match, {spec.key}")
+    if use.findings:
+        raise DermisError(use.findings[0].what, where=spec.key, value=method, limit="stress, force, geometry")
+    found = match_touch(use, touch.force[None])
+    names = [c.name for c in spec.channels if c.actuator]
+    return Match(spec, use.method, dict(zip(names, found.angles[0].tolist(), strict=True)), float(found.mismatch[0]),
+                 float(found.kkt[0]), Stimulus(touch.skin, found.force[0].astype(np.float64)))  # fmt: skip
+
+
+def _first_contact(skin: SkinModel, body: ContactBody) -> float:
+    """Return the height of a body at which it first meets the undeformed pad from below [m].
+
+    It rises by the smallest gap there is, which can never carry it past a node, until that is nothing.
+    """
+    points = skin.positions
+    top = float((body.surface.vertices @ body.rotation.T)[:, 2].max()) if isinstance(body.surface, Surface) else 0.0
+    height, highest = float(points[:, 2].min()) - top - CLOSE, float(points[:, 2].max()) - top + FAR
+    while height <= highest:
+        place = np.array([*body.translation[:2], height])
+        gap = float(body.surface.query((points - place) @ body.rotation).gap.min())
+        if gap <= CLOSE:
+            return height
+        height += gap
+    raise DermisError("the surface does not meet the pad from below", where="press", value=str(body.surface))
+
+
+def _two(name: str, values: Sequence[float]) -> Array:
+    pair = np.asarray(values, np.float64)
+    if pair.shape != (2,) or not np.isfinite(pair).all():
+        raise DermisError("two finite lengths are wanted", where=name, value=values, limit="X and Y [m]")
+    return pair

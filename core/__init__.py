@@ -8,6 +8,12 @@ From a sampled scene to files for the devices::
     bake = core.run(scene, core.Library())
     core.export(bake, Path("out"))
 
+One touch, without a scene::
+
+    skin = core.fingertip(level="draft")
+    touch = core.press(skin, core.Surface.sphere(5e-3), depth=1.5e-3, friction=0.5)
+    pins = core.match(touch, device="pin_array_128", method="DM2")
+
 From a file back to commands::
 
     track = core.read_csv("out/Finger.haptip.csv")
@@ -25,7 +31,9 @@ if TYPE_CHECKING:
     from .bake import Bake, Output, Progress
     from .cache import Cache, cache_key
     from .devices.spec import Channel, DeviceSpec
+    from .contact.gap import Surface
     from .errors import DermisError, Finding, worst
+    from .experiment import Match, Touch, fingertip, match, press
     from .formats.csv import read as read_csv
     from .formats.csv import write as write_csv
     from .outputs import export
@@ -44,6 +52,13 @@ _PUBLIC: dict[str, tuple[str, str]] = {
     "DermisError": ("errors", "DermisError"),
     "Finding": ("errors", "Finding"),
     "worst": ("errors", "worst"),
+    # a touch without a scene
+    "fingertip": ("experiment", "fingertip"),
+    "Surface": ("contact.gap", "Surface"),
+    "press": ("experiment", "press"),
+    "Touch": ("experiment", "Touch"),
+    "match": ("experiment", "match"),
+    "Match": ("experiment", "Match"),
     # a sampled scene
     "TactileScene": ("scene", "TactileScene"),
     "Finger": ("scene", "Finger"),
@@ -79,10 +94,10 @@ _PUBLIC: dict[str, tuple[str, str]] = {
 }
 
 __all__ = [
-    "Bake", "Body", "Cache", "Channel", "Chunk", "CommandTrack", "DermisError", "DeviceSpec", "DeviceUse", "Finding",
-    "Finger", "Library", "Mesh", "Output", "PresetEntry", "Progress", "Screen", "TactileScene", "Worker", "cache_key",
-    "export", "load_scene", "read_csv", "render", "run", "save_scene", "worst", "write_csv", "write_png",
-    "write_svg",
+    "Bake", "Body", "Cache", "Channel", "Chunk", "CommandTrack", "DermisError", "DeviceSpec", "DeviceUse",
+    "Finding", "Finger", "Library", "Match", "Mesh", "Output", "PresetEntry", "Progress", "Screen", "Surface",
+    "TactileScene", "Touch", "Worker", "cache_key", "export", "fingertip", "load_scene", "match", "press",
+    "read_csv", "render", "run", "save_scene", "worst", "write_csv", "write_png", "write_svg",
 ]  # fmt: skip
 
 

@@ -63,6 +63,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "bake": CONTACT | {"track"},
     "outputs": MATCHING | {"bake", "formats", "plot"},
     "plot_thimble": {"canvas", "files", "errors"},
+    "experiment": MATCHING,
     "thimble_command": MATCHING | {"scene_file", "formats", "plot_thimble"},
     "sliding": BASE | {"scene"},
     "work": BASE,

@@ -1,0 +1,161 @@
+"""A fingertip, a press and a match without a scene: what must hold of any touch, and of the shapes pressed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.contact import shapes
+from core.contact.gap import Surface
+from core.errors import DermisError
+from core.experiment import Touch, fingertip, match, press
+from core.skin.model import SkinModel
+
+
+@pytest.fixture(scope="module")
+def skin() -> SkinModel:
+    return fingertip(level="draft")
+
+
+# -- shapes
+
+
+def test_a_sphere_has_a_spheres_volume_and_stands_at_the_origin() -> None:
+    ball = Surface.sphere(4e-3, facets=5_000)
+    assert ball.closed and not ball.findings()
+    assert ball.volume == pytest.approx(4 / 3 * np.pi * 4e-3**3, rel=1e-12)
+    assert ball.box[1, 2] == pytest.approx(0.0, abs=1e-15)
+    centre = np.array([0.0, 0.0, ball.box[0, 2] / 2])
+    radii = np.linalg.norm(ball.vertices - centre, axis=1)
+    assert np.ptp(radii) < 1e-12, "every corner lies at one distance"
+    gaps = ball.query(centre + 6e-3 * np.random.default_rng(1).normal(size=(200, 3))).gap
+    assert gaps.min() > -radii.max()
+
+
+def test_a_spheres_surface_is_off_by_no_more_than_it_says() -> None:
+    radius, facets = 5e-3, 2_000
+    ball = Surface.sphere(radius, facets)
+    directions = np.random.default_rng(2).normal(size=(500, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    middle = np.array([0.0, 0.0, 0.5 * (ball.box[0, 2] + ball.box[1, 2])])
+    off = ball.query(middle + radius * directions).gap
+    assert np.abs(off).max() <= 3 * radius / facets
+
+
+def test_a_block_and_an_edge_are_what_they_say() -> None:
+    block = Surface.block(0.03, 0.02, 0.01)
+    assert block.closed and block.volume == pytest.approx(6e-6, rel=1e-12)
+    angle, rounding = np.radians(60.0), 0.2e-3
+    wedge = Surface.build(*shapes.edge(angle, rounding, length=0.04, height=0.02))
+    assert wedge.closed and not wedge.findings() and wedge.box[1, 2] == pytest.approx(0.0, abs=1e-15)
+    # far from the rounding its faces make the angle, and both touch the circle of the rounding
+    outside = np.array([[0.02, 0.0, -0.005]])
+    normal = wedge.query(outside).normal[0]
+    assert np.arctan2(normal[2], normal[0]) == pytest.approx(angle / 2, abs=1e-9)
+    centre = np.array([0.0, 0.0, -rounding])
+    faces = wedge.query(centre + 0.0 * outside).gap
+    assert faces[0] == pytest.approx(-rounding, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "build",
+    [
+        lambda: shapes.sphere(0.0),
+        lambda: shapes.block(height=-1.0),
+        lambda: shapes.edge(np.pi),
+        lambda: shapes.edge(1.0, np.nan),
+    ],
+)
+def test_impossible_shapes_are_refused(build: object) -> None:
+    with pytest.raises(DermisError):
+        build()  # type: ignore[operator]
+
+
+# -- pressing
+
+
+def test_first_contact_is_where_the_surface_meets_the_pad(skin: SkinModel) -> None:
+    """At no depth nothing is felt; a twentieth of a millimetre beyond, it is; wherever the surface stood before."""
+    ball = Surface.sphere(5e-3, 5_000)
+    lifted = Surface.build(ball.vertices + [0.0, 0.0, 0.03], ball.triangles)
+    touch = press(skin, ball, 0.3e-3)
+    assert press(skin, ball, 0.0).normal_force == pytest.approx(0.0, abs=1e-4)
+    assert touch.normal_force > 0.0
+    assert press(skin, lifted, 0.3e-3).force == pytest.approx(touch.force, abs=1e-4 * np.abs(touch.force).max())
+
+
+def test_pressing_deeper_never_pulls(skin: SkinModel) -> None:
+    block = Surface.block()
+    forces = [press(skin, block, depth).resultant[2] for depth in (0.2e-3, 0.5e-3, 1e-3, 1.5e-3)]
+    assert all(b > a > 0 for a, b in zip(forces, forces[1:], strict=False))
+
+
+def test_force_is_proportional_to_stiffness(skin: SkinModel) -> None:
+    ball = Surface.sphere(5e-3, 5_000)
+    soft, hard = (press(fingertip(level="draft", alpha=a), ball, 1e-3) for a in (1.0, 2.0))
+    assert hard.force == pytest.approx(2 * soft.force, abs=2e-3 * np.abs(hard.force).max())
+    assert soft.residual <= 3e-4 and not soft.findings
+
+
+def test_friction_holds_back_and_stays_in_its_cone(skin: SkinModel) -> None:
+    block = Surface.block(0.2, 0.2)
+    friction = 0.4
+    slid = press(skin, block, 1e-3, friction=friction, slide=(4e-3, 0.0))
+    across = float(np.hypot(*slid.resultant[:2]))
+    assert slid.resultant[0] > 0, "the skin is drawn along with the surface"
+    assert across <= friction * slid.normal_force * 1.01
+    assert across >= 0.9 * friction * abs(slid.resultant[2]), "after four millimetres all of it slides"
+    assert abs(press(skin, block, 1e-3, friction=0.0, slide=(4e-3, 0.0)).resultant[0]) < 0.1 * across
+
+
+def test_a_turned_surface_is_the_surface_turned(skin: SkinModel) -> None:
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    plate, turned = Surface.block(0.004, 0.05), Surface.block(0.05, 0.004)
+    one, two = press(skin, plate, 1e-3, turn=quarter), press(skin, turned, 1e-3)
+    assert one.force == pytest.approx(two.force, abs=1e-4 * np.abs(two.force).max())
+
+
+def test_what_cannot_be_pressed_is_refused(skin: SkinModel) -> None:
+    block = Surface.block()
+    for wrong in ({"depth": -1e-3}, {"depth": 0.1}, {"friction": -1.0}, {"turn": np.ones((3, 3))}, {"slide": (1.0,)},
+                  {"at": (0.5, 0.0)}):  # fmt: skip
+        with pytest.raises(DermisError):
+            press(skin, block, **wrong)  # type: ignore[arg-type]
+    with pytest.raises(DermisError, match="no such length"):
+        fingertip(level="draft", with_=0.01)
+    with pytest.raises(DermisError, match="no such preset"):
+        fingertip("toe")
+
+
+def test_too_deep_is_a_finding(skin: SkinModel) -> None:
+    assert any(f.code == "too-deep" for f in press(skin, Surface.block(), 2.5e-3).findings)
+
+
+# -- matching
+
+
+def test_pins_by_every_method(skin: SkinModel) -> None:
+    """No bounded answer is nearer to the skin wanted than the optimal one, and the optimum proves itself."""
+    touch = press(skin, Surface.sphere(5e-3, 5_000), 1e-3)
+    best, clamped = match(touch), match(touch, method="DM1")
+    assert best.method == "DM2" and best.optimality < 1e-9 and best.error <= clamped.error
+    values = np.array(list(best.commands.values()))
+    assert len(values) == 128 and values.min() >= 0.0 and values.max() <= 0.4 + 1e-12
+    felt = best.rendered.displacement[skin.mesh.free] - touch.displacement[skin.mesh.free]
+    assert best.error == pytest.approx(float(np.sqrt((felt**2).sum() / len(felt))), rel=1e-3)
+
+
+def test_one_line_says_what_it_is(skin: SkinModel) -> None:
+    touch = press(skin, Surface.block(), 0.5e-3)
+    assert isinstance(touch, Touch)
+    for thing in (touch, match(touch), Surface.block()):
+        assert "\n" not in repr(thing) and len(repr(thing)) < 120
+    assert repr(Surface.block()) == "Surface(12 triangles, 50 x 50 x 20 mm, closed)"
+
+
+def test_what_needs_a_scene_says_so(skin: SkinModel) -> None:
+    touch = press(skin, Surface.block(), 0.5e-3)
+    with pytest.raises(DermisError, match="Render a scene"):
+        match(touch, "haptip")
+    with pytest.raises(DermisError, match="unknown matching method"):
+        match(touch, method="DM9")

@@ -30,8 +30,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .bake import Bake, Output, Progress
     from .cache import Cache, cache_key
-    from .devices.spec import Channel, DeviceSpec
     from .contact.gap import Surface
+    from .devices.spec import Channel, DeviceSpec
     from .errors import DermisError, Finding, worst
     from .experiment import Match, Touch, fingertip, match, press
     from .formats.csv import read as read_csv

@@ -142,7 +142,7 @@ def press(
     along, origin = _two("slide", slide), _two("at", at)
     rotation = np.eye(3) if turn is None else np.asarray(turn, np.float64)
     if rotation.shape != (3, 3) or not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9):
-        raise DermisError("not a rotation", where="turn", value=np.shape(turn), limit="orthonormal, shape (3, 3)")
+        raise DermisError("not a rotation", where="turn", value=rotation.shape, limit="orthonormal, shape (3, 3)")
     body = ContactBody(surface, rotation, np.array([*origin, 0.0]), friction=friction)
     start = replace(body, translation=np.array([*origin, _first_contact(skin, body)]))
     solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas, name="press")

@@ -200,7 +200,8 @@ class Native(Adapter):
             self.fault = (f"wrong device: it was made for the preset {welcome.spec_hash.hex()}, "
                           f"'{self.wire.spec.name}' is {self.wire.hash.hex()}")  # fmt: skip
         else:
-            self.ready, self.fault = True, ""
+            if not self.ready:  # later on it answers a question for its pose, and excuses nothing
+                self.ready, self.fault = True, ""
             if welcome.version < packets.VERSION:
                 self.notice = (
                     f"The device's firmware speaks version {welcome.version} of the protocol. Flash it anew: "

@@ -58,9 +58,10 @@ static void power(bool on) {
 #endif
 }
 
-/* No pulses, no supply: from now on a hand may have moved the servos, so nobody knows where they are. */
+/* No pulses, no supply: from now on a hand may have moved the servos, so nobody knows where they are, and no way that
+   was begun before leads anywhere. */
 static void let_go() {
-  pulsing = pose_known = false;
+  pulsing = pose_known = homing = false;
   power(false);
 }
 
@@ -95,8 +96,8 @@ static void follow(uint8_t steps) {
 /* All channels begin and arrive together: a platform whose channels come home one by one tilts. Whatever other senders
    say meanwhile, only ARM takes over. */
 static void go_home(uint8_t steps) {
-  way_gone += steps;
-  if (way_gone >= way_ms) {
+  uint16_t left = way_ms - way_gone;
+  if (steps >= left) {
     homing = false;
     for (uint8_t c = 0; c < CHANNELS; c++) move_to(c, target[c]);
 #ifdef DERMIS_RELAY_PIN
@@ -104,6 +105,7 @@ static void go_home(uint8_t steps) {
 #endif
     return;
   }
+  way_gone += steps;
   for (uint8_t c = 0; c < CHANNELS; c++) {
     uint16_t gone = (uint16_t)(way_pace[c] * way_gone >> 16);
     move_to(c, target[c] > way_start[c] ? way_start[c] + gone : way_start[c] - gone);

@@ -14,7 +14,7 @@ static const uint16_t SLOT = 40000u / CHANNELS; /* 2.5 ms a channel for eight of
 static const uint16_t EARLY = 50;      /* ticks: the interrupt comes early and then waits, so that no other delays it */
 static const uint8_t ROUND_HZ = 50;
 
-static volatile uint16_t ticks[CHANNELS]; /* of each pulse */
+static volatile uint16_t ticks[CHANNELS]; /* of each pulse; 0: this channel has none */
 static volatile bool pulsing = false;
 static volatile uint8_t slots = 0; /* counted, so that others can see the interrupt live */
 static volatile uint8_t *ports[CHANNELS];
@@ -26,7 +26,7 @@ static uint16_t slot_start = 0, edge = 0;
 ISR(TIMER1_COMPA_vect) {
   volatile uint8_t *port = ports[slot_channel];
   uint8_t mask = masks[slot_channel];
-  bool starts = !high && pulsing;
+  bool starts = !high && pulsing && ticks[slot_channel];
   while ((int16_t)(TCNT1 - edge) < 0) {}
   if (starts) {
     *port |= mask;
@@ -56,7 +56,7 @@ static void begin_pulses() {
     digitalWrite(FIRST_PIN + c, LOW);
     ports[c] = portOutputRegister(digitalPinToPort(FIRST_PIN + c));
     masks[c] = digitalPinToBitMask(FIRST_PIN + c);
-    ticks[c] = SHORTEST + SPAN / 2;
+    ticks[c] = 0;
   }
   cli();
   TCCR1A = 0;

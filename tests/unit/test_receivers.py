@@ -218,8 +218,8 @@ def released_on_the_way(r: Receiver) -> list[Any]:
     out += [r.say(Kind.SYNC, b"abcd") for _ in range(25)]
     out.append(r.say(Kind.SAFE))
     elsewhere = configuration(reach=Reach.RELEASE, safe=[40_000, 40_000])
-    for number, (kind, body) in enumerate([(Kind.HELLO, HELLO), (Kind.CONFIGURE, elsewhere), (Kind.SAFE, b""),
-                                           (Kind.CONFIGURE, elsewhere), (Kind.ARM, b""), (Kind.HELLO, HELLO)]):  # fmt: skip
+    for number, kind in enumerate([Kind.HELLO, Kind.CONFIGURE, Kind.SAFE, Kind.CONFIGURE, Kind.ARM, Kind.HELLO]):
+        body = {Kind.HELLO: HELLO, Kind.CONFIGURE: elsewhere}.get(kind, b"")
         answers = r.hear(packets.pack(kind, OTHER, 1 + number, body), 0.02)
         out += [answers] if number > 1 else []
     return out

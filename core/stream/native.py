@@ -106,8 +106,6 @@ class Native(Adapter):
                 body = packets.configure(self.watchdog_ms, self.reach, self.wire.counts(self.wire.safe),
                                          self.wire.slew_counts())  # fmt: skip
                 out.append(self._pack(Kind.CONFIGURE, body))
-        elif not self._wants_arms and self._is_due("hello", HELLO_EVERY, now):
-            out.append(self.ask_pose())  # it may have come home, or have let go and know it no more
         self._judge_link(now)
         well = self.prompt and not self.congested and now - self._heard < OVERDUE
         if self._is_due("sync", SYNC_EVERY if well else SAFE_EVERY, now):
@@ -118,6 +116,8 @@ class Native(Adapter):
             self._asked[token] = now
             self._oldest = min(self._oldest, now)
             out.append(self._pack(Kind.SYNC, token.to_bytes(4, "little")))
+            if not (self._wants_arms or self._safes) and self._is_due("hello", HELLO_EVERY, now):
+                out.append(self.ask_pose())  # it may have let go. Behind a SYNC, whose way back tells the link's pace
         return out
 
     def arm(self) -> None:

@@ -12,6 +12,7 @@ static const uint8_t BYTES_A_LOOP = 16;
 static const uint8_t NACK_EVERY = 5; /* ms */
 static const uint16_t WINDOW = 1024; /* packets: what is further ahead was not lost on the way, it is old */
 static const uint8_t MOST_STEPS = 5; /* ms that a stalled loop may make up for: no jump */
+static const uint8_t ARRIVING = 100; /* ms that a relay stays on for at the safe pose: pulses and servos lag behind it */
 
 enum Kind : uint8_t {
   HELLO = 1, CONFIGURE, ARM, TO_SAFE, COMMAND, SYNC, WELCOME = 0x81, STATE = 0x85, SYNCED, NACK
@@ -32,6 +33,7 @@ static uint32_t heard = 0, stepped = 0;
 
 static bool homing = false; /* on the way to safety, a straight line from where it began */
 static uint16_t way_start[CHANNELS], way_ms = 0, way_gone = 0;
+static uint8_t arrived = 0; /* ms */
 static uint32_t way_pace[CHANNELS]; /* counts a millisecond, times 65536 */
 
 static uint32_t queue_when[QUEUE];
@@ -73,7 +75,7 @@ static void go_safe() {
   state = SAFE;
   if (reach == RELEASE) return let_go();
   homing = true;
-  way_ms = way_gone = 0;
+  way_ms = way_gone = arrived = 0;
   for (uint8_t c = 0; c < CHANNELS; c++) {
     way_start[c] = counts[c];
     target[c] = safe_counts[c];
@@ -97,19 +99,19 @@ static void follow(uint8_t steps) {
    say meanwhile, only ARM takes over. */
 static void go_home(uint8_t steps) {
   uint16_t left = way_ms - way_gone;
-  if (steps >= left) {
-    homing = false;
-    for (uint8_t c = 0; c < CHANNELS; c++) move_to(c, target[c]);
-#ifdef DERMIS_RELAY_PIN
-    let_go();
-#endif
-    return;
-  }
-  way_gone += steps;
+  bool there = steps >= left;
+  way_gone = there ? way_ms : way_gone + steps;
   for (uint8_t c = 0; c < CHANNELS; c++) {
     uint16_t gone = (uint16_t)(way_pace[c] * way_gone >> 16);
-    move_to(c, target[c] > way_start[c] ? way_start[c] + gone : way_start[c] - gone);
+    move_to(c, there ? target[c] : target[c] > way_start[c] ? way_start[c] + gone : way_start[c] - gone);
   }
+  if (!there) return;
+#ifdef DERMIS_RELAY_PIN
+  arrived += steps;
+  if (arrived >= ARRIVING) let_go();
+#else
+  homing = false;
+#endif
 }
 
 /* Return the milliseconds that have passed since the last call; what a stall has saved up is not spent. */

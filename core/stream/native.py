@@ -205,7 +205,7 @@ class Native(Adapter):
             if welcome.version < packets.VERSION:
                 self.notice = (
                     f"The device's firmware speaks version {welcome.version} of the protocol. Flash it anew: "
-                    "rubbish on the line can keep an older one from its safe state"
+                    "rubbish on the line can keep an older one from its safe state; its channels come there one by one"
                 )
             self.queue, self.output_hz = welcome.queue, float(welcome.output_hz)
             self.pose = None if welcome.pose is None else self.wire.values(welcome.pose)

@@ -147,7 +147,8 @@ class Streamer:
         """Tell whether it is known where the device is: it says so, or this link drove it, and it holds on."""
         if self.adapter is None or self.wire is None:
             return False
-        lets_go = self.adapter.own_safe or self.wire.reach == Reach.RELEASE  # or may: who goes there alone is asked
+        asked = self.adapter.own_safe  # it goes there by itself, and says so
+        lets_go = asked or self.adapter.lets_go or self.wire.reach == Reach.RELEASE
         return self.adapter.pose is not None or (self._driven and (self.armed or not lets_go))
 
     @property

@@ -38,6 +38,11 @@ def test_the_pose_is_forgotten_with_the_pulses(protocol: str, reach: str) -> Non
     assert lab.streamer.status()["pose_known"] is (reach == "ramp")
 
 
+def test_a_receiver_that_may_let_go_in_silence_is_not_known_to_hold_on() -> None:
+    """The sketch, built for Servo Animation, ends its pulses half a second after the last command."""
+    assert through("servo-animation", "ramp").streamer.status()["pose_known"] is False
+
+
 def test_a_device_with_a_relay_forgets_its_pose_when_it_is_there() -> None:
     """The sender is not told by its own configuration: it has to ask."""
     lab = through("native", "ramp")

@@ -198,16 +198,17 @@ class Walk:
 
     def flood(self) -> Iterator[Check]:
         """Whether rubbish on the line keeps the watchdog from acting."""
-        safe = {}
+        safe, answers = {}, False
         self.person.tell(f"{len(FLOODS)} times: moved away, then rubbish on the line instead of commands.")
         for k, (name, pattern) in enumerate(FLOODS.items()):
             self._moved_away()
+            answers = self.bench.native is not None  # asked while there is a link: a watchdog's end lets it go
             state = self.bench.silence(SAFE_MS / 1e3, pattern(random.Random(k)))
             safe[name] = state == DeviceState.SAFE
             self._settle()
         seen = self.person.ask("Did it go to its retracted pose each time, at an even speed, without a twitch?")
-        outcome, judge = judged(seen, safe if self.bench.native is not None else None)
-        bad = [name for name, good in safe.items() if not good] if self.bench.native is not None else []
+        outcome, judge = judged(seen, safe if answers else None)
+        bad = [name for name, good in safe.items() if not good] if answers else []
         yield Check("flood", f"{len(FLOODS)} kinds of rubbish for {SAFE_MS:g} ms each", outcome, judge,
                     f"not safe after {', '.join(bad)}" if bad else "", f"{SAFE_MS:g} ms")  # fmt: skip
 

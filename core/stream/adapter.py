@@ -30,6 +30,7 @@ class Adapter:
         own_safe: one message makes the receiver go to its safe state; otherwise the sender moves it there.
         timed: commands may carry their play-out time.
         datagrams: messages go as datagrams, never as a stream.
+        lets_go: some of its receivers let go by themselves when commands end, and cannot say so.
         baud: of a serial port whose URL names none.
         caution: what a person has to know before a finger goes in.
         silence: what to look for where nobody answers.
@@ -52,6 +53,7 @@ class Adapter:
     own_safe = False
     timed = False
     datagrams = False
+    lets_go = False
     baud = 115_200
     caution = ""
     silence = "Check port, protocol, baud rate and power"

@@ -16,7 +16,7 @@ from .wire import Array, Wire
 
 SET_TARGET = 0x84
 CHANNELS = 24  # of the largest one
-REFRESH = 0.1  # targets that do not change are repeated this often: a reset board must not stay behind [s]
+REFRESH = 0.03  # targets that do not change are repeated this often: well within the board's time-out of 0.1 s [s]
 
 
 class Maestro(Adapter):

@@ -116,6 +116,8 @@ class Native(Adapter):
             self._asked[token] = now
             self._oldest = min(self._oldest, now)
             out.append(self._pack(Kind.SYNC, token.to_bytes(4, "little")))
+            if not (self._wants_arms or self._safes) and self._is_due("hello", HELLO_EVERY, now):
+                out.append(self.ask_pose())  # it may have let go. Behind a SYNC, whose way back tells the link's pace
         return out
 
     def arm(self) -> None:
@@ -198,11 +200,12 @@ class Native(Adapter):
             self.fault = (f"wrong device: it was made for the preset {welcome.spec_hash.hex()}, "
                           f"'{self.wire.spec.name}' is {self.wire.hash.hex()}")  # fmt: skip
         else:
-            self.ready, self.fault = True, ""
+            if not self.ready:  # later on it answers a question for its pose, and excuses nothing
+                self.ready, self.fault = True, ""
             if welcome.version < packets.VERSION:
                 self.notice = (
                     f"The device's firmware speaks version {welcome.version} of the protocol. Flash it anew: "
-                    "rubbish on the line can keep an older one from its safe state"
+                    "rubbish on the line can keep an older one from its safe state; its channels come there one by one"
                 )
             self.queue, self.output_hz = welcome.queue, float(welcome.output_hz)
             self.pose = None if welcome.pose is None else self.wire.values(welcome.pose)

@@ -23,6 +23,7 @@ from .drain import Drain
 from .gate import Gate
 from .outbox import Fate, Outbox
 from .pace import Pace
+from .packets import Reach
 from .safe_ramp import SafeRamp
 from .source import Follow, Panel, Play, Screen, Source, follow_values, goes_on, source_of
 from .transport import Gone, Transport
@@ -143,8 +144,12 @@ class Streamer:
 
     @property
     def pose_known(self) -> bool:
-        """Tell whether it is known where the device is: it says so, or this link has driven it there."""
-        return self._driven or (self.adapter is not None and self.adapter.pose is not None)
+        """Tell whether it is known where the device is: it says so, or this link drove it, and it holds on."""
+        if self.adapter is None or self.wire is None:
+            return False
+        asked = self.adapter.own_safe  # it goes there by itself, and says so
+        lets_go = asked or self.adapter.lets_go or self.wire.reach == Reach.RELEASE
+        return self.adapter.pose is not None or (self._driven and (self.armed or not lets_go))
 
     @property
     def going(self) -> str:
@@ -307,7 +312,7 @@ class Streamer:
             return
         pose = self.adapter.pose
         if pose is None:  # where it is nobody knows; where it may be without harm, the preset does
-            pose = self.gate.last if self._driven else self.wire.safe
+            pose = self.gate.last if self._driven and not self.adapter.own_safe else self.wire.safe
         horizon = self._horizon()
         self.gate.begin(pose, now + horizon - 1.0 / self.rate, self.wish.ramp)
         self.pace.start(now + horizon, horizon)

@@ -36,3 +36,19 @@ def test_random_values_reach_the_servos(animation: Board, frames: int) -> None:
     moved = sender.counters["positions moved off the byte 0x3C"]
     assert worst <= 2.5 <= RESOLUTION, worst
     assert moved > 10 or frames < 1000, "four of the thousand positions hold the byte"
+
+
+def test_no_pulse_on_a_channel_that_nobody_has_commanded(animation: Board) -> None:
+    """A pulse of 1500 us to a servo that was not asked to move is a jump, at full speed, to where it may press."""
+    sender = adapter.make("servo-animation", servos(2), {"first": "3"})
+    for seconds in (0.2, 0.8, 0.2):  # the one in between ends the pulses
+        for message in sender.command(np.array([0.5, -0.5]), animation.now, None):
+            animation.send(message)
+        animation.run(seconds)
+        assert sorted(animation.widths()) == [3, 4]
+    animation.run(0.8)
+    animation.pulses.clear()
+    for message in adapter.make("servo-animation", servos(1), {}).command(np.array([0.1]), 0.0, None):
+        animation.send(message)
+    animation.run(0.2)
+    assert sorted(animation.widths()) == [0], "nor is what others were told before the silence taken up again"

@@ -6,6 +6,7 @@ import importlib.util
 import random
 import struct
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -160,6 +161,16 @@ def test_maestro_by_the_manual() -> None:
     )
     assert board.command(np.array([0.0, 1.0, -1.0, 0.5]), 0.01, None) == [], "what does not change is not sent again"
     assert len(board.command(np.array([0.0, 1.0, -1.0, 0.5]), 0.2, None)[0]) == 16, "but now and then"
+
+
+@pytest.mark.parametrize("rate", [20, 25, 33, 50, 100, 1000])
+def test_a_maestro_that_stands_still_is_not_taken_for_a_dead_one(rate: int) -> None:
+    """Its page sets a time-out of 0.10 s, after which the board moves its servos by itself."""
+    board = adapter.make("maestro", WIRE, {})
+    said = [k / rate for k in range(2 * rate) if board.command(np.zeros(WIRE.count), k / rate, None)]
+    assert np.diff(said).max() <= 0.07
+    page = (Path(__file__).parents[2] / "presets" / "boards" / "pololu_maestro.md").read_text("utf-8")
+    assert "Timeout: 0.10 s" in page and "*Rate* below 20 Hz" in page
 
 
 def test_maestro_values_reach_the_board() -> None:

@@ -212,6 +212,19 @@ def released(r: Receiver) -> list[Any]:
     return [*out, r.say(Kind.CONFIGURE, configuration()), r.say(Kind.ARM), r.say(Kind.HELLO, HELLO)]
 
 
+def released_on_the_way(r: Receiver) -> list[Any]:
+    """Another sender lets the device go while it is on its way: that way leads nowhere any more."""
+    out = [*begin(r), r.command(60_000, 60_000)]
+    out += [r.say(Kind.SYNC, b"abcd") for _ in range(25)]
+    out.append(r.say(Kind.SAFE))
+    elsewhere = configuration(reach=Reach.RELEASE, safe=[40_000, 40_000])
+    for number, kind in enumerate([Kind.HELLO, Kind.CONFIGURE, Kind.SAFE, Kind.CONFIGURE, Kind.ARM, Kind.HELLO]):
+        body = {Kind.HELLO: HELLO, Kind.CONFIGURE: elsewhere}.get(kind, b"")
+        answers = r.hear(packets.pack(kind, OTHER, 1 + number, body), 0.02)
+        out += [answers] if number > 1 else []
+    return out
+
+
 def at_once(r: Receiver) -> list[Any]:
     out = [*begin(r, reach=Reach.AT_ONCE), r.command(60_000, 60_000), r.say(Kind.SYNC, b"abcd")]
     return [*out, r.say(Kind.SAFE), r.say(Kind.HELLO, HELLO)]
@@ -234,6 +247,7 @@ SCRIPTS: dict[str, Script] = {
     "refusals": refusals,
     "taken over": taken_over,
     "released": released,
+    "released on the way": released_on_the_way,
     "at once": at_once,
     "monsters": monsters,
     "silence": silence(lambda r: b""),
@@ -265,6 +279,10 @@ def test_a_way_to_safety_goes_on_under_another_sender() -> None:
     answers = taken_over(Virtual())
     assert answers[-4][0][-1] == SAFE.tolist(), "not stopped half way, and not sent to the new sender's safe pose"
     assert answers[-2][0][-1] == SAFE.tolist(), "nor moved by arming"
+
+
+def test_who_has_let_go_on_the_way_begins_at_the_safe_pose() -> None:
+    assert released_on_the_way(Virtual())[-1][0][-1] == [40_000, 40_000]
 
 
 def test_a_session_number_that_the_device_has_heard_before(monkeypatch: pytest.MonkeyPatch) -> None:

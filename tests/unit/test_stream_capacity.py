@@ -15,6 +15,7 @@ from core.devices.spec import Channel, DeviceSpec
 from core.errors import DermisError
 from core.presets import Library
 from core.stream import adapter, capacity
+from core.stream.native import Native
 from core.stream.transport import Transport
 from core.stream.url import Url
 from core.stream.virtual_link import open_link
@@ -55,14 +56,15 @@ def test_no_command_is_longer_than_is_reckoned(protocol: str, count: int) -> Non
 
 
 def test_the_rest_of_the_protocol_is_reckoned_too() -> None:
-    """An armed device that gets no command: what is left are the questions, and a little at the beginning."""
+    """What goes beside commands; while there are none, a device is asked for its pose too."""
     lab = Lab(mode="jog", jog={"pulley_1": 0.1}, ramp=0.0)
     lab.run(1.0)
     before = len(lab.sent)
     lab.run(2.0)
     bytes_a_second = sum(len(message) for _, message in lab.sent[before:]) / 2.0
-    assert lab.streamer.adapter is not None
-    assert bytes_a_second == pytest.approx(lab.streamer.adapter.other_bytes, rel=0.1)
+    sender = lab.streamer.adapter
+    assert isinstance(sender, Native)
+    assert bytes_a_second == pytest.approx(sender.other_bytes + len(sender.ask_pose()) / 0.1, rel=0.05)
 
 
 @pytest.mark.parametrize(("baud", "protocol"), [(115_200, "native"), (57_600, "maestro"), (9600, "servo-animation")])

@@ -12,6 +12,7 @@ static const uint8_t BYTES_A_LOOP = 16;
 static const uint8_t NACK_EVERY = 5; /* ms */
 static const uint16_t WINDOW = 1024; /* packets: what is further ahead was not lost on the way, it is old */
 static const uint8_t MOST_STEPS = 5; /* ms of a way to safety that a stalled loop may make up for */
+static const uint8_t ARRIVING = 100; /* ms that a relay stays on for at the safe pose: servos lag behind their pulses */
 
 enum Kind : uint8_t {
   HELLO = 1, CONFIGURE, ARM, TO_SAFE, COMMAND, SYNC, WELCOME = 0x81, STATE = 0x85, SYNCED, NACK
@@ -32,6 +33,7 @@ static uint32_t heard = 0, stepped = 0;
 
 static bool homing = false, leaps = false; /* on the way to safety: a straight line from where it began, or at once */
 static uint16_t way_start[CHANNELS], way_ms = 0, way_gone = 0;
+static uint8_t arrived = 0; /* ms */
 static uint32_t way_pace[CHANNELS]; /* counts a millisecond, times 65536 */
 
 static uint32_t queue_when[QUEUE];
@@ -66,7 +68,8 @@ static void power(bool on) {
 #endif
 }
 
-/* No pulses, no supply: from now on a hand may have moved the servos, so nobody knows where they are. */
+/* No pulses, no supply: from now on a hand may have moved the servos, so nobody knows where they are, and no way that
+   was begun before leads anywhere. */
 static void let_go() {
   pulsing = pose_known = homing = false;
   power(false);
@@ -80,7 +83,7 @@ static void go_safe() {
   homing = true;
   leaps = reach == AT_ONCE;
   way_ms = 1;
-  way_gone = 0;
+  way_gone = arrived = 0;
   for (uint8_t c = 0; c < CHANNELS; c++) {
     way_start[c] = counts[c];
     target[c] = safe_counts[c];
@@ -103,9 +106,11 @@ static void go_home(uint8_t steps) {
     if (last_pulse(c) != target[c]) there = false;
   }
   if (!there) return;
-  homing = false;
 #ifdef DERMIS_RELAY_PIN
-  let_go();
+  arrived += steps;
+  if (arrived >= ARRIVING) let_go();
+#else
+  homing = false;
 #endif
 }
 

@@ -15,7 +15,7 @@ static const uint16_t EARLY = 50;      /* ticks: the interrupt comes early and t
 static const uint8_t ROUND_HZ = 50;
 static const uint8_t ROUND_MS = 20;
 
-static volatile uint16_t ticks[CHANNELS];  /* of the next pulse ... */
+static volatile uint16_t ticks[CHANNELS];  /* of the next pulse, 0: this channel has none ... */
 static volatile uint16_t counts[CHANNELS]; /* ... and the count that it stands for */
 static volatile uint16_t pulsed[CHANNELS]; /* count of the last pulse that has begun */
 static volatile bool pulsing = false;
@@ -29,7 +29,7 @@ static uint16_t slot_start = 0, edge = 0;
 ISR(TIMER1_COMPA_vect) {
   volatile uint8_t *port = ports[slot_channel];
   uint8_t mask = masks[slot_channel];
-  bool starts = !high && pulsing;
+  bool starts = !high && pulsing && ticks[slot_channel];
   while ((int16_t)(TCNT1 - edge) < 0) {}
   if (starts) {
     *port |= mask;
@@ -69,7 +69,7 @@ static void begin_pulses() {
     digitalWrite(FIRST_PIN + c, LOW);
     ports[c] = portOutputRegister(digitalPinToPort(FIRST_PIN + c));
     masks[c] = digitalPinToBitMask(FIRST_PIN + c);
-    ticks[c] = SHORTEST + SPAN / 2;
+    ticks[c] = 0;
   }
   cli();
   TCCR1A = 0;

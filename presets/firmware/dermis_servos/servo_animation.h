@@ -28,8 +28,15 @@ static void take_byte(uint8_t byte) {
   heard = millis();
 }
 
+/* The original has no watchdog; here servos let go, and each begins anew with its own next command: nobody asked for
+   where it was before. */
+static void let_go() {
+  pulsing = false;
+  for (uint8_t c = 0; c < CHANNELS; c++) set_ticks(c, 0);
+}
+
 void loop() {
   for (uint8_t n = min(waiting(), BYTES_A_LOOP); n; n--) take_byte(take());
-  if (pulsing && millis() - heard > SILENCE_MS) pulsing = false; /* the original has no watchdog; servos let go here */
+  if (pulsing && millis() - heard > SILENCE_MS) let_go();
   alive();
 }

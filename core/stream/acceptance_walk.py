@@ -308,7 +308,11 @@ class Walk:
         self._tried(self._armed)
 
     def _moved_away(self) -> None:
-        self._tried(lambda: (self._armed(), self.bench.move(self._away, self._seconds(self._away) + 0.2)))
+        def move() -> None:
+            self._armed()
+            self.bench.move(self._away, self._seconds(self._away) + 0.2)
+
+        self._tried(move)
 
     def _armed(self) -> None:
         if not self.bench.streamer.armed:

@@ -22,7 +22,9 @@ from core.track import CommandTrack
 from core.work import command, environment
 
 PROTOCOLS = ("native", "maestro", "servo-animation", "torque", "osc")
-SIGNALS = {"Ctrl-C": signal.SIGINT, "TERM": signal.SIGTERM, "HUP": getattr(signal, "SIGHUP", signal.SIGTERM)}
+SIGNALS = {name: getattr(signal, number, signal.SIGTERM) for name, number in (
+    ("Ctrl-C", "SIGINT"), ("TERM", "SIGTERM"), ("HUP", "SIGHUP"), ("Ctrl-Z", "SIGTSTP"), ("Ctrl-backslash", "SIGQUIT"),
+)}  # fmt: skip
 BAUD = 115_200
 AHEAD = 0.03  # a step may seem this far ahead of its speed, when it came later than sent and the next one did not [s]
 QUIET = 0.1  # nothing more comes after such a silence [s]

@@ -12,7 +12,7 @@ from typing import Literal
 from ..files import atomic
 from ..version import version
 
-Outcome = Literal["passed", "failed", "not tried"]
+Outcome = Literal["passed", "failed", "not tried", "does not apply"]
 SCHEMA = "dermis-acceptance 1"
 
 
@@ -40,17 +40,18 @@ class Report:
 
     Attributes:
         device: facts about device, link and software, by name. checks: in the order in which they were tried.
-        interrupted: it was ended before its last check.
+        interrupted: it was ended before its last check. unsafe: why it may not have been left safe, '' if it was.
     """
 
     device: dict[str, str]
     checks: list[Check] = field(default_factory=list)
     interrupted: bool = False
+    unsafe: str = ""
 
     @property
     def verdict(self) -> str:
         """Return 'accepted', 'not accepted' or 'incomplete': accepted only if all was tried and nothing failed."""
-        if any(check.outcome == "failed" for check in self.checks):
+        if self.unsafe or any(check.outcome == "failed" for check in self.checks):
             return "not accepted"
         if self.interrupted or not self.checks or any(check.outcome == "not tried" for check in self.checks):
             return "incomplete"
@@ -72,6 +73,8 @@ class Report:
         ]
         if self.interrupted:
             lines += ["", "Interrupted: what is missing was not tried."]
+        if self.unsafe:
+            lines += ["", f"It may not have been left in its safe state: {self.unsafe}."]
         return "\n".join(lines) + "\n"
 
     def write(self, path: Path, when: datetime) -> None:
@@ -86,6 +89,7 @@ class Report:
             "version": version(),
             "verdict": self.verdict,
             "interrupted": self.interrupted,
+            "unsafe": self.unsafe,
             "device": self.device,
             "checks": [asdict(check) for check in self.checks],
         }
@@ -110,4 +114,4 @@ def judged(seen: bool | None, measured: Mapping[str, bool] | None = None) -> tup
 
 def _row(check: Check) -> str:
     cells = (check.name, check.what, check.outcome, check.judge, check.figure, check.limit)
-    return "| " + " | ".join(cell.replace("|", "/") for cell in cells) + " |"
+    return "| " + " | ".join(" ".join(cell.replace("|", "/").split()) for cell in cells) + " |"

@@ -11,11 +11,17 @@ import threading
 from collections.abc import Callable, Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import DermisError
 from .acceptance import Check
+from .adapter import NAMES
 
+if TYPE_CHECKING:
+    from .acceptance import Report
+    from .acceptance_walk import Walk
+
+ANSWERS = {"y": True, "yes": True, "n": False, "no": False, "s": None, "skip": None}
 CHECKS = ("link", "first-arm", "motors", "speed", "stop", "silence", "flood", "rate", "exits", "unplug", "switch")
 INTRODUCTION = """\
 FINGERS OUT. From now until the end nobody's finger is in or on the device.
@@ -29,11 +35,12 @@ def add_parser(verbs: Any) -> None:
                            description=INTRODUCTION, formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
     one.add_argument("--url", required=True, help="port or URL of the device")
     one.add_argument("--device", required=True, metavar="KEY", help="device preset")
-    one.add_argument("--protocol", default="native", help="what the device speaks (native)")
+    one.add_argument("--protocol", default="native", choices=sorted(NAMES), help="what the device speaks (native)")
     one.add_argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
     one.add_argument("--calibration", type=Path, metavar="FILE", help="calibration of this device")
     one.add_argument("--only", action="append", choices=CHECKS, metavar="CHECK",
                      help=f"one check, more than once: {', '.join(CHECKS)}")  # fmt: skip
+    one.add_argument("--rate", type=float, default=0.0, metavar="HZ", help="commands a second (the device's own)")
     one.add_argument("--out", type=Path, metavar="FILE", help="report (acceptance_DEVICE_DATE.md in this folder)")
     one.set_defaults(run=run, writes={"out": False})
 
@@ -55,21 +62,25 @@ class Terminal:
         threading.Thread(target=self._read, daemon=True).start()
 
     def ask(self, question: str) -> bool | None:
-        """Ask until the answer is one."""
+        """Ask until the answer is one; a word that only begins like one, as 'stop' does, is none."""
         while True:
             answer = self._line(f"? {question} [y/n/s] ").lower()
-            if answer[:1] in ("y", "n", "s"):
-                return {"y": True, "n": False, "s": None}[answer[0]]
+            if answer in ANSWERS:
+                return ANSWERS[answer]
 
     def wait(self, request: str) -> bool:
         """Wait for Enter."""
-        return self._line(f"! {request} (s: skip) ").lower()[:1] != "s"
+        return self._line(f"! {request} (s: skip) ").lower() not in ("s", "skip")
 
     def tell(self, text: str) -> None:
         """Print it."""
         print(f"  {text}", flush=True)
 
     def _line(self, prompt: str) -> str:
+        while sys.stdin.isatty() and not self._lines.empty():  # typed before the question could be read
+            if not self._lines.get():
+                self._lines.put("")
+                break
         print(prompt, end="", flush=True)
         while self._lines.empty():
             self._meanwhile()
@@ -92,47 +103,67 @@ def run(options: argparse.Namespace) -> int:
     from .acceptance import Report
     from .acceptance_bench import Bench
     from .acceptance_walk import Walk
-    from .wish import Wish
+    from .play import Interrupted, Signals
+    from .wish import Wish, check_number
 
+    check_number("rate", options.rate)
     preset = Library(options.presets).load("devices", options.device)
     calibration = Calibration.load(options.calibration).dumps() if options.calibration else ""
     wish = Wish(url=options.url, protocol=options.protocol, device={"key": options.device, "preset": preset},
-                calibration=calibration)  # fmt: skip
+                calibration=calibration, rate=options.rate)  # fmt: skip
     now = datetime.now().astimezone()
     path = options.out or Path(f"acceptance_{_plain(options.device)}_{now:%Y-%m-%d_%H%M}.md")
-    if path.exists():
-        raise DermisError("the report's file exists", where=str(path), remedy="Choose another name with --out")
-    bench = Bench(wish)
+    if path.suffix == ".json":
+        raise DermisError("the report is Markdown, and its JSON is written beside it", where=str(path),
+                          remedy="Give --out another ending")  # fmt: skip
+    for there in (path, path.with_suffix(".json")):
+        if there.exists():
+            raise DermisError("the report's file exists", where=str(there), remedy="Choose another name with --out")
+    signals = Signals()
+
+    def heed() -> None:
+        if signals.number:
+            raise Interrupted
+
+    bench = Bench(wish, heed)
     person = Terminal(lambda: bench.run(0.01))
     play = ["--url", options.url, "--device", options.device, "--protocol", options.protocol]
-    for name in ("presets", "calibration"):
+    for name in ("presets", "calibration", "rate"):
         if getattr(options, name):
             play += [f"--{name}", str(getattr(options, name))]
-    print(INTRODUCTION)
-    person.wait(f"{bench.wire.spec.name} at {options.url}: fingers out? Enter begins.")
     facts = {"device": bench.wire.spec.name, "preset": f"{options.device} ({bench.wire.spec.hash[:16]})"}
     report = Report({**facts, "url": options.url, "protocol": options.protocol}, interrupted=True)
-    walk = Walk(bench, person, play)
-    try:
-        report.write(path, now)  # a place that cannot be written is found before anything moves
-        bench.connect()
-        report.device |= _facts(bench)
-        for name, check in walk.checks().items():
-            if options.only and name not in options.only:
-                report.checks.append(Check(name, "left out by --only", "not tried"))
-                continue
-            for found in _tried(name, check):
-                report.checks.append(found)
-                print(f"{found.outcome.upper():10} {found.name}: {found.figure or found.judge}", flush=True)
-        report.interrupted = False
-    except KeyboardInterrupt:
-        print("\nStopping.", file=sys.stderr)
-    finally:
-        with contextlib.suppress(DermisError):
-            bench.close()
-        report.write(path, now)
-        print(f"{report.verdict}: {path}")
-    return 0 if report.verdict == "accepted" else 1
+    with signals.caught():  # for as long as the device may be anywhere: what ends this brings it home first
+        try:
+            print(INTRODUCTION)
+            person.wait(f"{bench.wire.spec.name} at {options.url}: fingers out? Enter begins.")
+            report.write(path, now)  # a place that cannot be written is found before anything moves
+            bench.connect()
+            report.device |= _facts(bench)
+            _go(Walk(bench, person, play), options.only, report)
+            report.interrupted = False
+        except Interrupted:
+            _say("Stopping.")
+        finally:
+            if unsure := bench.end():
+                report.unsafe = unsure
+                _say(f"{unsure}. THE DEVICE MAY NOT BE SAFE: switch its supply off")
+            if path.exists():
+                report.write(path, now)
+                with contextlib.suppress(OSError):  # a terminal that was closed
+                    print(f"{report.verdict}: {path}")
+    return 128 + signals.number if signals.number else int(report.verdict != "accepted")
+
+
+def _go(walk: Walk, only: list[str] | None, report: Report) -> None:
+    """Try every check, or those that were asked for."""
+    for name, check in walk.checks().items():
+        if only and name not in only:
+            report.checks.append(Check(name, "left out by --only", "not tried"))
+            continue
+        for found in _tried(name, check):
+            report.checks.append(found)
+            print(f"{found.outcome.upper():10} {found.name}: {found.figure or found.judge}", flush=True)
 
 
 def _tried(name: str, check: Callable[[], Iterator[Check]]) -> Iterator[Check]:
@@ -143,6 +174,11 @@ def _tried(name: str, check: Callable[[], Iterator[Check]]) -> Iterator[Check]:
         raise
     except DermisError as error:
         yield Check(name, "could not be gone through", "failed", "measured", str(error))
+
+
+def _say(text: str) -> None:
+    with contextlib.suppress(OSError):
+        print(text, file=sys.stderr, flush=True)
 
 
 def _facts(bench: Any) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 import signal
 import subprocess
@@ -18,8 +19,8 @@ from ..formats import csv
 from ..track import CommandTrack
 from ..work import command, environment
 from .acceptance import Check, judged
-from .acceptance_bench import FLOODS, Bench
-from .packets import DeviceState
+from .acceptance_bench import FLOODS, RAMPING, Bench
+from .packets import DeviceState, Reach
 from .wire import Array, Wire
 
 SAFE_MS = 100.0  # by then silence or a flood has ended in the safe state [ms]
@@ -31,6 +32,7 @@ SPEED_WINDOW = 0.01  # a speed is taken over at least this long [s] ...
 SPEED_SLACK = 1.5  # ... and may seem this much faster, since a pose's age is known to a few milliseconds only
 CLOSE = 0.02  # part of the range within which a pose counts as reached
 PLAY_SECONDS = 30.0
+MOTORS = 8  # that a person is asked about one by one
 ATTEMPTS = 3  # to be armed and moved away
 
 
@@ -60,6 +62,8 @@ class Walk:
         span = np.where(np.isfinite(wire.most - wire.least), wire.most - wire.least, 0.0)
         far = np.where(wire.most - wire.safe >= wire.safe - wire.least, wire.most, wire.least)
         self._span = span
+        self._home = "in its retracted pose" if wire.spec.worn else "in its safe state (no force, no voltage)"
+        self._manner = "at once" if wire.reach == Reach.AT_ONCE else "at an even speed"
         self._away: Array = wire.safe + AWAY * np.where(np.isfinite(far), far - wire.safe, 0.0)
 
     def checks(self) -> dict[str, Callable[[], Iterator[Check]]]:
@@ -102,9 +106,14 @@ class Walk:
 
     def first_arm(self) -> Iterator[Check]:
         """The first pulses, and the ramp to the retracted pose."""
-        self.person.tell("Arming: the mechanism goes to its retracted pose. A board that knows no pose may jump there.")
+        adapter, spec = self.bench.streamer.adapter, self.bench.wire.spec
+        for said in filter(None, (adapter.caution, adapter.notice) if adapter is not None else ()):
+            self.person.tell(said)
+        if not spec.worn:
+            self.person.tell("What cannot be seen, as a voltage, is measured at the output: have a meter there.")
+        self.person.tell(f"Arming: it will be {self._home}. A board that knows no pose may jump there.")
         self.bench.arm()
-        seen = self.person.ask("Is every motor in its retracted pose, and does the mechanism hold still?")
+        seen = self.person.ask(f"Is every motor or output {self._home}, and does it hold still?")
         pose = self.bench.pose()
         measured = None if pose is None else {"pose": self._at(pose, self.bench.wire.safe)}
         outcome, judge = judged(seen, measured)
@@ -113,28 +122,36 @@ class Walk:
     def motors(self) -> Iterator[Check]:
         """Whether each channel moves its own motor, and the right way."""
         wire = self.bench.wire
-        shown = range(wire.count) if wire.count <= 8 else (0, wire.count // 2, wire.count - 1)
+        shown = range(wire.count) if wire.count <= MOTORS else (0, wire.count // 2, wire.count - 1)
         for k in shown:
             self._ready()
-            values = wire.safe.copy()
-            values[k] = self._away[k]
             self.person.tell(f"{wire.names[k]} moves there and back.")
-            self.bench.move(values, self._seconds(values) + 0.3)
-            there = self.bench.pose()
-            self.bench.move(wire.safe, self._seconds(values) + 0.3)
+            at, there = self._there_and_back(k)
             way = "up" if self._away[k] > wire.safe[k] else "down"
             seen = self.person.ask(
                 f"Did {wire.names[k]} move ({way}wards in its values), alone and smoothly, and back?"
             )
-            measured = None if there is None else {"pose": self._at(there, values)}
-            outcome, judge = judged(seen, measured)
+            outcome, judge = judged(seen, None if at is None else {"pose": at})
             yield Check(f"motor {wire.names[k]}", "moved by itself and back", outcome, judge, self._words(there))
+        if others := [k for k in range(wire.count) if k not in shown]:
+            self._ready()
+            self.person.tell(f"All others move in their turn: {wire.names[others[0]]} to {wire.names[others[-1]]}.")
+            poses = {wire.names[k]: self._there_and_back(k)[0] for k in others}
+            seen = self.person.ask("Did each of them move in its turn, alone, and back?")
+            measured = {name: at for name, at in poses.items() if at is not None}
+            outcome, judge = judged(seen, measured)
+            bad = [name for name, at in measured.items() if not at]
+            yield Check("all other motors", f"{len(others)} moved in their turn", outcome, judge,
+                        f"not where it was sent: {', '.join(bad[:8])}" if bad else "")  # fmt: skip
 
     def speed(self) -> Iterator[Check]:
         """Whether the board itself limits the speed, whatever it is told."""
         wire, what = self.bench.wire, "one command far away, past this program's limiter"
-        if self.bench.native is None or not np.isfinite(wire.slew).any():
-            yield Check("speed", what, "not tried", limit="no speed is declared, or the board does not report a pose")
+        if not np.isfinite(wire.slew).any():
+            yield Check("speed", what, "does not apply", limit="the preset declares no speed")
+            return
+        if not self.bench.answers:
+            yield Check("speed", what, "not tried", limit="this board does not report a pose")
             return
         self._ready()
         poses = list(self.bench.past_the_limiter(self._away, self._seconds(self._away) + 0.1))
@@ -159,7 +176,7 @@ class Walk:
         told = self.bench.until(lambda: native is not None and native.state == DeviceState.SAFE, 0.5)
         pose = self._settle()
         reached = time.perf_counter() - began
-        seen = self.person.ask("Did it go back to the retracted pose by itself, at an even speed?")
+        seen = self.person.ask(f"Did it go back by itself, {self._manner}, and is it {self._home}?")
         measured = None
         if native is not None:
             measured = {"stopped": told is not None and 1e3 * told <= STOP_MS + ROUND_TRIP_MS}
@@ -172,11 +189,13 @@ class Walk:
     def silence(self) -> Iterator[Check]:
         """When the board's own watchdog acts: the shortest silence after which it is safe, found by halving."""
         what = "nothing is sent while armed and moved away"
-        if self.bench.native is None:
+        if not self.bench.answers:
             self._moved_away()
-            self.person.tell("This program now falls silent for a second.")
-            self.bench.silence(1.0)
-            seen = self.person.ask("Did the mechanism go to its retracted pose, or let go, within the blink of an eye?")
+            self.person.tell("This program is silent until you have answered.")
+            with self.bench.silent():
+                seen = self.person.ask(f"Is it {self._home}, or has it let go, since the blink of an eye?")
+            if seen:
+                self.bench.believe(self.bench.wire.safe)  # or the next command would bring it back at full speed
             outcome, judge = judged(seen)
             yield Check("silence", what, outcome, judge, limit=f"{SAFE_MS:g} ms")
             return
@@ -191,25 +210,28 @@ class Walk:
                     high = middle
                 else:
                     low = middle
-        seen = self.person.ask("Did it go to its retracted pose by itself, each time, at an even speed?")
+        seen = self.person.ask(f"Did it go back by itself, each time, {self._manner}, and is it {self._home}?")
         outcome, judge = judged(seen, {"safe": first == DeviceState.SAFE})
         figure = f"between {low:.0f} and {high:.0f} ms" if first == DeviceState.SAFE else f"not within {SAFE_MS:g} ms"
         yield Check("silence", what, outcome, judge, figure, f"{SAFE_MS:g} ms")
 
     def flood(self) -> Iterator[Check]:
         """Whether rubbish on the line keeps the watchdog from acting."""
-        safe, answers = {}, False
+        what = f"{len(FLOODS)} kinds of rubbish for {SAFE_MS:g} ms each"
+        if not self.bench.answers:  # it may be a position far beyond what the mechanism can bear
+            yield Check("flood", what, "not tried", limit="without a check sum a board takes rubbish for commands")
+            return
+        safe = {}
         self.person.tell(f"{len(FLOODS)} times: moved away, then rubbish on the line instead of commands.")
         for k, (name, pattern) in enumerate(FLOODS.items()):
             self._moved_away()
-            answers = self.bench.native is not None  # asked while there is a link: a watchdog's end lets it go
             state = self.bench.silence(SAFE_MS / 1e3, pattern(random.Random(k)))
             safe[name] = state == DeviceState.SAFE
             self._settle()
-        seen = self.person.ask("Did it go to its retracted pose each time, at an even speed, without a twitch?")
-        outcome, judge = judged(seen, safe if answers else None)
-        bad = [name for name, good in safe.items() if not good] if answers else []
-        yield Check("flood", f"{len(FLOODS)} kinds of rubbish for {SAFE_MS:g} ms each", outcome, judge,
+        seen = self.person.ask(f"Did it go back each time, {self._manner}, without a twitch, and is it {self._home}?")
+        outcome, judge = judged(seen, safe)
+        bad = [name for name, good in safe.items() if not good]
+        yield Check("flood", what, outcome, judge,
                     f"not safe after {', '.join(bad)}" if bad else "", f"{SAFE_MS:g} ms")  # fmt: skip
 
     def rate(self) -> Iterator[Check]:
@@ -217,12 +239,18 @@ class Walk:
         self._ready()
         streamer, native = self.bench.streamer, self.bench.native
         before, damaged = dict(streamer.counters), self._at_device()
-        self.bench.run(RATE_SECONDS)
+        self.person.tell(f"It moves slowly to and fro for {RATE_SECONDS:g} s.")
+        began = time.perf_counter()  # a board that is told the same again and again is told next to nothing
+        while (through := time.perf_counter() - began) < RATE_SECONDS and streamer.armed:
+            self.bench.head_for(self._part(0.5 - 0.5 * np.cos(2 * np.pi * through / RATE_SECONDS)))
+            self.bench.run(0.01)
+        stayed = streamer.armed
         sent, full, slept = (streamer.counters[n] - before.get(n, 0) for n in ("sent", "dropped", "skipped"))
         bad = self._at_device() - damaged
-        outcome, judge = judged(None, {"rate": sent > 0 and full + bad <= RATE_LOSS * sent})
+        outcome, judge = judged(None, {"rate": stayed and sent > 0 and full + bad <= RATE_LOSS * sent})
         figure = f"{sent} sent, {full} that the link had no room for"
         figure += f", {bad} lost or damaged at the board" if native else ""
+        figure += "" if stayed else f"; it did not stay armed: {streamer.words}"
         figure += f"; {slept} left out by this computer, which is not judged" if slept else ""
         yield Check("rate", f"{RATE_SECONDS:g} s at {streamer.rate:g} Hz", outcome, judge, figure, "1 in 1000")
 
@@ -236,8 +264,8 @@ class Walk:
             self.person.tell(f"Another program plays a slow movement and is ended: {name}.")
             with self.bench.apart():
                 said = self._played_and_ended(getattr(signal, number))
-            seen = self.person.ask("Is it in its retracted pose now (or without power, if that is its safe state)?")
-            self.bench.connect()
+            seen = self.person.ask(f"Is it {self._home} now, or has it let go, if that is its safe state?")
+            self.bench.bring_home()
             pose = self.bench.pose()  # a board that is reset when its port is opened has forgotten it
             measured = {"played": not said}
             if pose is not None:
@@ -253,7 +281,7 @@ class Walk:
             yield Check("unplug", what, "not tried")
             return
         noticed = self.bench.until(lambda: not self.bench.streamer.armed, 1.0) is not None
-        seen = self.person.ask("Did the mechanism go to its retracted pose, or let go?")
+        seen = self.person.ask(f"Is it {self._home}, or has it let go?")
         if self.person.wait("Plug it in again, wait until the board has started, then press Enter."):
             self.bench.connect()
         outcome, judge = judged(seen, {"noticed": noticed})
@@ -277,17 +305,41 @@ class Walk:
 
     def _ready(self) -> None:
         """Be armed, at the safe pose."""
+        self._tried(self._armed)
+
+    def _moved_away(self) -> None:
+        def move() -> None:
+            self._armed()
+            self.bench.move(self._away, self._seconds(self._away) + 0.2)
+
+        self._tried(move)
+
+    def _armed(self) -> None:
         if not self.bench.streamer.armed:
             self._settle()
             self.bench.arm()
 
-    def _moved_away(self) -> None:
-        for _ in range(ATTEMPTS):  # a computer that stands still for a moment trips a watchdog, which is no fault of it
-            self._ready()
-            self.bench.move(self._away, self._seconds(self._away) + 0.2)
-            if self.bench.streamer.armed:
+    def _tried(self, work: Callable[[], object]) -> None:
+        """Do something again: a computer that stands still for a moment trips a watchdog, which is no fault of it."""
+        for _ in range(ATTEMPTS - 1):
+            with contextlib.suppress(DermisError):
+                work()
                 return
-        raise DermisError(self.bench.streamer.words.rstrip(".") or "the device disarmed itself")
+        work()
+
+    def _there_and_back(self, k: int) -> tuple[bool | None, Array | None]:
+        """Move one channel away and back; return whether the board says that it was there alone, and its pose."""
+        values, home = self._part(0.0), self._part(0.0)
+        values[k] = self._away[k]
+        self.bench.move(values, self._seconds(values) + 0.3)
+        there = self.bench.pose()
+        self.bench.move(home, self._seconds(values) + 0.3)
+        return None if there is None else self._at(there, values), there
+
+    def _part(self, part: float) -> Array:
+        """Return the pose so far on the way from the safe one away [units]."""
+        safe = self.bench.wire.safe
+        return safe + part * (self._away - safe)
 
     def _settle(self) -> Array | None:
         """Wait until the board says that it is at its safe pose, or as long as the way there takes; return the pose."""
@@ -327,19 +379,32 @@ class Walk:
             csv.write(slow_track(self.bench.wire, self._away), track)
             pipe, verb = subprocess.PIPE, command("stream", "play", str(track), *self.play, "--yes")
             child = subprocess.Popen(verb, env=environment(), stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe)
+            longest = 30.0 + min(self.bench.wire.safe_seconds, RAMPING)
             try:
-                time.sleep(6.0)  # the program's start, a board's reset, the ramp
+                self.bench.until(lambda: child.poll() is not None, 6.0)  # its start, a board's reset, the ramp
                 if child.poll() is not None:
                     return "it did not play: " + child.communicate()[1].decode("utf-8", "replace").strip()[-200:]
                 child.send_signal(number)
-                child.communicate(timeout=30.0 + self._seconds(self._away))
+                _, said = child.communicate(timeout=longest)
             except subprocess.TimeoutExpired as error:
                 raise DermisError("the playing program did not end", value=number.name) from error
             finally:
-                child.kill()
-                child.communicate()
-            time.sleep(SAFE_MS / 1e3 + self._seconds(self._away))  # a killed program leaves the board to its watchdog
-            return ""
+                _ended(child, longest)
+            # A killed program leaves the board to its watchdog.
+            self.bench.run(SAFE_MS / 1e3 + self._seconds(self._away))
+            if child.returncode == (-number if number.name == "SIGKILL" else 128 + number):
+                return ""
+            return f"it ended with {child.returncode}: " + said.decode("utf-8", "replace").strip()[-200:]
+
+
+def _ended(child: subprocess.Popen[bytes], longest: float) -> None:
+    """End a program that plays, its device safe first; kill it only if it does not [s]."""
+    if child.poll() is None:
+        child.terminate()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            child.communicate(timeout=longest)
+    child.kill()
+    child.communicate()
 
 
 def fastest_over(poses: list[tuple[float, Array]], window: float) -> Array:

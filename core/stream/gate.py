@@ -10,7 +10,7 @@ from .wire import Array, Wire
 
 SLACK = 1e-9
 PERIODS = 2.0  # a step counts as at most so many periods between commands, however long the sender slept
-SLOWEST = 0.1  # between two commands of a link that is slow throughout [s]; longer than this is a sleep
+SLOWEST = 0.1  # between two commands of a slow link [s]; longer, and more than the preset's rate, counts as this
 KINDS = ("range", "disc", "slew", "not_finite")
 
 Ramp = tuple[Array, float, float]  # from where [units], how much of it is through [s], how long it takes [s]
@@ -51,6 +51,10 @@ class Gate:
         """Return calibrated values within the limits, without counting."""
         wire = self.wire
         return np.minimum(np.maximum(wire.zero + wire.gain * wanted, wire.least), wire.most)
+
+    def plan(self, period: float) -> None:
+        """Take another period between commands [s]; how long the steps before it took counts no more."""
+        self._period, self._step = period, 0.0
 
     def begin(self, pose: Array, time: float, seconds: float) -> None:
         """Start from a pose [units]: blend from there to what is wanted over some seconds, never faster than slew.
@@ -126,7 +130,7 @@ class Gate:
         """Return for how long a step may count that is taken at a time [s], and remember what was before it."""
         self._before = (self.last, self._time, self._step, self._ramp)
         # A pace that has become steady counts in full: twice the step before, then twice that, up to a limit.
-        most = max(PERIODS * self._period, min(PERIODS * self._step, SLOWEST))
+        most = min(PERIODS * max(self._period, self._step), max(SLOWEST, PERIODS / self.wire.spec.rate))
         elapsed = self._step = min(max(time - self._time, 0.0), most)
         self._time = time
         return elapsed

@@ -8,11 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..errors import DermisError
 from ..interpolate import interpolate
 from ..units import from_si
 from .wire import Array
 
 FINE = 4  # samples for each value of the output, at least, where a track's own are unevenly spaced
+MOST = 20_000_000  # samples that an uneven track may become: more than an hour at 1 kHz
 NOTHING = 1e-3  # part of a channel's span that counts as nothing left out [1]: a servo's dead band is five times that
 SHOWN = {"m": "mm", "rad": "deg"}
 
@@ -26,6 +28,9 @@ def low_passed(times: Array, values: Array, output_hz: float) -> tuple[Array, Ar
     Args:
         times: [s], strictly rising, shape (n,). values: shape (n, channels). output_hz: values a second of the output;
             a track with no more than that is returned as it is.
+
+    Raises:
+        DermisError: an uneven track is too long for its shortest step.
     """
     steps = np.diff(times)
     if not len(steps) or steps.min() * output_hz >= 1 - 1e-6:
@@ -33,6 +38,9 @@ def low_passed(times: Array, values: Array, output_hz: float) -> tuple[Array, Ar
     step = float(times[-1] - times[0]) / len(steps)
     if np.abs(steps - step).max() >= 1e-6 * step:
         count = math.ceil((times[-1] - times[0]) / min(step, 1 / (FINE * output_hz))) + 1
+        if count > MOST:
+            raise DermisError("a track of uneven steps is too long to be played so finely", where="track",
+                              value=f"{count} samples", limit=str(MOST), remedy="Sample it evenly")  # fmt: skip
         even = np.linspace(times[0], times[-1], count)
         times, values = even, interpolate(times, values, even)
         step = float(times[1] - times[0])

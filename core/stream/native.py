@@ -97,15 +97,13 @@ class Native(Adapter):
             self._safes -= 1
             out.append(self._pack(Kind.SAFE))
         elif self._wants_arms and not self.armed and self._is_due("arm", ARM_EVERY, now):
-            if self._wants_pose:  # answered before the rest: links keep the order
-                self._wants_pose = False
-                out.append(self.ask_pose())
             if self.state == DeviceState.CONFIGURED:
                 out.append(self._pack(Kind.ARM))
-            else:
+            elif self.state != DeviceState.ARMED:
                 body = packets.configure(self.watchdog_ms, self.reach, self.wire.counts(self.wire.safe),
                                          self.wire.slew_counts())  # fmt: skip
                 out.append(self._pack(Kind.CONFIGURE, body))
+            out.append(self.ask_pose())  # where it stands once it is armed: a way to safety went on until then
         self._judge_link(now)
         well = self.prompt and not self.congested and now - self._heard < OVERDUE
         if self._is_due("sync", SYNC_EVERY if well else SAFE_EVERY, now):
@@ -121,7 +119,7 @@ class Native(Adapter):
         return out
 
     def arm(self) -> None:
-        """Configure the device, then arm it; repeated until it says that it is."""
+        """Configure the device, then arm it; repeated until it says that it is, and where it stands."""
         self._wants_arms = self._wants_pose = True
         self._unconfirmed, self._safes = False, 0
         self._due.pop("arm", None)
@@ -209,6 +207,7 @@ class Native(Adapter):
                 )
             self.queue, self.output_hz = welcome.queue, float(welcome.output_hz)
             self.pose = None if welcome.pose is None else self.wire.values(welcome.pose)
+            self._wants_pose = self._wants_pose and welcome.state != DeviceState.ARMED
             self._device_state(welcome.state)
 
     def _judge_link(self, now: float) -> None:
@@ -231,7 +230,7 @@ class Native(Adapter):
     def _device_state(self, state: int) -> None:
         was = self.armed
         self.state = DeviceState(state) if state in set(DeviceState) else DeviceState.IDLE
-        self.armed = self._wants_arms and self.state == DeviceState.ARMED
+        self.armed = self._wants_arms and self.state == DeviceState.ARMED and not self._wants_pose
         if was and not self.armed and self.state == DeviceState.SAFE:
             self._wants_arms = False
             self.fault = f"the device went to its safe state by itself: it heard nothing for {self.watchdog_ms} ms"

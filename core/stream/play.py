@@ -28,11 +28,14 @@ class Interrupted(BaseException):
 class Signals:
     """Ctrl-C, TERM and HUP: noted, so that no message is cut in the middle; during a prompt they end that.
 
+    Ctrl-Z and Ctrl-\\ end a stream too: a program that sleeps, or dies at once, leaves a board without a watchdog where
+    it is.
+
     Attributes:
         number: of the signal that came, 0 before.
     """
 
-    NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
+    NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP")
 
     def __init__(self) -> None:
         self.number = 0

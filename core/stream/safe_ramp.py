@@ -30,6 +30,7 @@ class SafeRamp:
 
     def __init__(self, gate: Gate, period: float, now: float) -> None:
         self._gate, self._period = gate, period
+        gate.plan(period)
         self._start = gate.last
         self._next = self._left = now
         self.said = 0

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from .board import Board
+from .play import Signals
 from .source import Screen
 from .streamer import Streamer
 from .virtual_link import open_link
@@ -27,11 +28,11 @@ STATUS_EVERY = 0.05
 def run(path: Path, load_screen: Callable[[Path], Screen] | None = None) -> int:
     """Serve a board until its owner is gone; return the exit status."""
     board = Board.open(path)
-    ended = threading.Event()
+    ended: list[str] = []  # why; an Event would wait for itself where one signal comes while another is handled
     threading.Thread(target=_lifeline, args=(ended,), daemon=True).start()
-    for name in ("SIGTERM", "SIGINT", "SIGHUP"):
+    for name in Signals.NAMES:
         if hasattr(signal, name):
-            signal.signal(getattr(signal, name), lambda *_: ended.set())
+            signal.signal(getattr(signal, name), lambda number, _: ended.append(str(number)))
     streamer = Streamer(open_link, load_screen)
     gc.collect()
     gc.freeze()  # a collection in the middle of a stream then has little to look at
@@ -42,11 +43,11 @@ def run(path: Path, load_screen: Callable[[Path], Screen] | None = None) -> int:
     return 0
 
 
-def _loop(board: Board, streamer: Streamer, ended: threading.Event) -> None:
+def _loop(board: Board, streamer: Streamer, ended: list[str]) -> None:
     clock = time.perf_counter
     seen_wish = seen_beat = 0
     status_at, shown = 0.0, ""
-    while not ended.is_set():
+    while not ended:
         now = clock()
         if board.beat_number != seen_beat:
             beat = board.read_beat()
@@ -84,7 +85,7 @@ def _finish(board: Board, streamer: Streamer) -> None:
     board.remove()  # its owner may be gone without having done so
 
 
-def _lifeline(ended: threading.Event) -> None:
+def _lifeline(ended: list[str]) -> None:
     while sys.stdin.buffer.read(4096):
         pass
-    ended.set()
+    ended.append("standard input")

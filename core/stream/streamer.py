@@ -175,7 +175,9 @@ class Streamer:
             work()
         except Gone as error:
             self.counters["links lost"] += 1
-            on_the_way = self._driven and self._phase in ("safing", "draining")
+            watched = self.adapter is not None and self.adapter.watchdog  # then the device sees to itself
+            on_the_way = self._driven and self._phase in ("safing", "draining", "" if watched else "live")
+            self.counters["safe states not confirmed"] += on_the_way
             lost = " The link was lost before the safe state was sure. Switch the device's supply off"
             self._retry(now)
             self._close(f"{error}{lost if on_the_way else ''}")
@@ -290,6 +292,8 @@ class Streamer:
         if self.adapter is None or not self.adapter.ready or self._leaving or self._closing:
             self.words = "not connected, so nothing was armed"
             return
+        if self._phase == "live":  # already; to begin again would lead it back to where it was armed
+            return
         if self._phase == "safing":
             self.words = "not armed before the safe state is reached; arm again then"
             return
@@ -314,6 +318,7 @@ class Streamer:
         if pose is None:  # where it is nobody knows; where it may be without harm, the preset does
             pose = self.gate.last if self._driven and not self.adapter.own_safe else self.wire.safe
         horizon = self._horizon()
+        self.gate.plan(self.pace.period)
         self.gate.begin(pose, now + horizon - 1.0 / self.rate, self.wish.ramp)
         self.pace.start(now + horizon, horizon)
         if isinstance(self.source, Panel):
@@ -368,7 +373,9 @@ class Streamer:
             self.gate.last = self.wire.safe.copy()
             self._finish_safing(now)
             return
-        self._ramp = SafeRamp(self.gate, self.pace.period, now)
+        assert self.link is not None
+        period = capacity.ramp_period(self.adapter, self.link, self.rate, self.wire.spec.rate)
+        self._ramp = SafeRamp(self.gate, period, now)
         self._safing(now)
 
     def _safing(self, now: float) -> None:
@@ -388,6 +395,7 @@ class Streamer:
             self._finish_safing(now)
         elif self._ramp.stuck(now):
             self._driven = False
+            self.counters["safe states not confirmed"] += 1
             self.words = "The device takes nothing, so its safe state could not be sent. Switch its supply off"
             self._finish_safing(now)
 

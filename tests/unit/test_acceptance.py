@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
+import signal
 import subprocess
+import time
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,13 +15,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from core.calibration import Calibration
 from core.errors import DermisError
 from core.presets import Library
 from core.stream import native
 from core.stream.acceptance import Check, Report, judged
-from core.stream.acceptance_command import CHECKS
+from core.stream.acceptance_bench import Bench
+from core.stream.acceptance_command import CHECKS, _tried
 from core.stream.acceptance_walk import Walk, fastest_over, slow_track
 from core.stream.wire import Wire
+from core.stream.wish import Wish
 from core.work import command, environment
 from tests.unit.stream_box import posix, running
 
@@ -188,3 +194,155 @@ def test_a_person_is_kept_waiting_without_the_device_falling_asleep() -> None:
         terminal.wait("!")
     with pytest.raises(DermisError):
         terminal.ask("?")
+
+
+# -- whatever happens at the bench
+
+
+class Yes:
+    """A person to whom everything looks right."""
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+
+    def ask(self, question: str) -> bool:
+        self.asked.append(question)
+        return True
+
+    wait = ask
+
+    def tell(self, text: str) -> None:
+        pass
+
+
+def bench_for(key: str, protocol: str = "native", url: str = "virtual:", **wish: Any) -> Bench:
+    device = {"key": key, "preset": Library().load("devices", key)}
+    return Bench(Wish(url=url, protocol=protocol, device=device, **wish))
+
+
+def at(bench: Bench) -> np.ndarray:
+    assert bench.streamer.link is not None
+    return np.array(list(bench.streamer.link.report()["values"].values()))
+
+
+def values(box: Any) -> np.ndarray:
+    return np.array(list(box.end()["values"].values()))
+
+
+@pytest.mark.real_time
+def test_a_calibrated_device_goes_where_it_is_meant_to() -> None:
+    """Mounted the other way round, it went 144 degrees from its safe pose where it was to hold still."""
+    made = Calibration.of(Library().device("cable_platform")).with_entry("motor_1", gain=-1.0, zero=math.radians(160))
+    bench = bench_for("cable_platform", calibration=made.dumps())
+    bench.connect()
+    walk = Walk(bench, Yes(), [])
+    found = [*walk.first_arm(), *walk.motors()]
+    assert [check.outcome for check in found] == ["passed"] * 4, found
+    assert np.allclose(at(bench), bench.wire.safe, atol=1e-3) and bench.wire.safe[0] > 2.6
+    assert bench.end() == "" and bench.streamer.link is None
+
+
+@pytest.mark.real_time
+def test_every_pin_is_tried_and_no_speed_is_asked_of_valves() -> None:
+    bench = bench_for("pin_array_128")
+    bench.connect()
+    walk, move = Walk(bench, Yes(), []), bench.move
+    bench.move = lambda values, seconds: move(values, 0.05)  # type: ignore[method-assign]
+    found = {check.name: check for check in walk.motors()}
+    assert [check.outcome for check in found.values()] == ["passed"] * 4
+    assert found["all other motors"].what == "125 moved in their turn"
+    assert [check.outcome for check in walk.speed()] == ["does not apply"]
+    assert Report({}, [*found.values(), *walk.speed()]).verdict == "accepted"
+    bench.end()
+
+
+def test_rubbish_is_not_sent_to_a_board_that_takes_it_for_commands() -> None:
+    """`84 00 00 2f` is a Maestro's own word for 1504 us, and noise now and then one for 4000."""
+    bench = bench_for("cable_platform", "maestro")
+    bench.connect()
+    assert [check.outcome for check in Walk(bench, Yes(), []).flood()] == ["not tried"]
+    assert not bench.streamer.armed and not bench.streamer.counters["bytes"]
+    bench.end()
+
+
+@posix
+@pytest.mark.real_time
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
+def test_a_signal_in_the_middle_brings_the_device_home(boxes: Any, tmp_path: Path, name: str) -> None:
+    """Moved away, on a board that keeps its pulses; a second signal does not cut the way home short."""
+    pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
+    out, box = tmp_path / "a.md", boxes("pty", "maestro", "cable_platform")
+    verb = ["stream", "accept", "--url", box.url, "--device", "cable_platform", "--protocol", "maestro"]
+    with subprocess.Popen(command(*verb, "--out", str(out), *only("silence")), env=environment(), text=True,
+                          stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as run:  # fmt: skip
+        assert run.stdin is not None and run.stdout is not None
+        run.stdin.write("\n")
+        run.stdin.flush()
+        said = ""
+        while "has it let go" not in said:
+            said += run.stdout.read(1)
+        number = getattr(signal, name)
+        for _ in range(2):
+            run.send_signal(number)
+            time.sleep(0.03)
+        _, errors = run.communicate(timeout=30)
+    assert run.returncode == 128 + number and "Stopping" in errors and "Traceback" not in errors
+    assert np.allclose(values(box), Wire.of(Library().device("cable_platform")).safe, atol=3e-3)
+    assert json.loads(out.with_suffix(".json").read_text("utf-8"))["interrupted"]
+
+
+@posix
+@pytest.mark.real_time
+def test_what_another_program_has_left_anywhere_is_brought_home(boxes: Any) -> None:
+    pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
+    box = boxes("pty", "maestro", "cable_platform")
+    killed = bench_for("cable_platform", "maestro", box.url)
+    killed.arm()
+    killed.move(killed.wire.safe + 1.0, 0.5)
+    assert killed.streamer.link is not None
+    killed.streamer.link.close()
+    bench = bench_for("cable_platform", "maestro", box.url)
+    bench.connect()
+    with bench.apart():
+        pass
+    assert bench.end() == ""
+    assert np.allclose(values(box), bench.wire.safe, atol=3e-3)
+
+
+@posix
+@pytest.mark.real_time
+def test_a_device_that_dies_in_the_middle_fails_and_is_not_called_safe(boxes: Any) -> None:
+    pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
+    box = boxes("pty", "maestro", "cable_platform")
+    bench = bench_for("cable_platform", "maestro", box.url)
+    bench.connect()
+    walk = Walk(bench, Yes(), [])
+    bench.arm()
+    box.process.kill()
+    box.process.wait()
+    tried = list(_tried("motors", walk.motors)) + list(_tried("rate", walk.rate))
+    assert [check.outcome for check in tried] == ["failed", "failed"], tried
+    words = bench.end()
+    assert words
+    report = Report({}, [Check("a", "w", "passed")], unsafe=words)
+    assert report.verdict == "not accepted" and "may not have been left in its safe state" in report.markdown(WHEN)
+
+
+def test_only_whole_words_are_answers() -> None:
+    from core.stream.acceptance_command import Terminal
+
+    class Typed(Terminal):
+        def _read(self) -> None:
+            for line in ("stop\n", "you tell me\n", "nothing\n", "no\n"):
+                self._lines.put(line)
+
+    typed = Typed(lambda: None)
+    assert typed.ask("?") is False and typed._lines.empty()
+
+
+@pytest.mark.parametrize("name", ["a.json", "a.md"])
+def test_no_report_is_written_over_another(tmp_path: Path, name: str) -> None:
+    (tmp_path / "a.json").write_text("kept")
+    done = accept("virtual:", tmp_path / name, "y\n")
+    assert done.returncode == 2 and (tmp_path / "a.json").read_text() == "kept"
+    assert not (tmp_path / "a.md").exists()

@@ -14,11 +14,13 @@ import pytest
 from core.calibration import Calibration
 from core.devices.spec import Channel, DeviceSpec
 from core.presets import Library
-from core.stream import packets
+from core.stream import adapter, packets
+from core.stream.capacity import ramp_period
 from core.stream.drain import DRAIN
 from core.stream.gate import Gate
 from core.stream.packets import DeviceState, Kind
 from core.stream.safe_ramp import SafeRamp
+from core.stream.transport import Transport
 from core.stream.wire import Wire
 from tests.unit.stream_box import posix
 from tests.unit.stream_lab import TICK, Lab
@@ -32,12 +34,12 @@ WAY = float(np.abs(SAFE - np.array(list(FAR.values()))).max()) / SPEED  # how lo
 DRIVEN = ["maestro", "servo-animation", "osc"]  # by the sender: these know no safe state of their own
 
 
-def far_lab(protocol: str, **wish: Any) -> Lab:
+def far_lab(protocol: str, *, after: float = 0.6, **wish: Any) -> Lab:
     """Give a cable platform that stands at the end of its range."""
     lab = Lab(protocol, "cable_platform", mode="jog", jog=FAR, ramp=0.0, **wish)
     lab.run(0.1)
     lab.arm()
-    lab.run(0.6)
+    lab.run(after)
     assert np.allclose(lab.at, math.radians(160), atol=QUANTUM)
     return lab
 
@@ -143,6 +145,38 @@ def test_the_ramp_keeps_the_pace_of_the_stream_and_says_its_end_three_times() ->
     assert len(set(last)) == 1 and len(commands) >= 3 * 3
 
 
+@pytest.mark.parametrize("rate", [0.5, 1.0, 5.0, 10.0])
+def test_a_stream_of_few_commands_ends_in_a_ramp_of_many(rate: float) -> None:
+    """At a command a second the way was one command: 147 degrees at once on a board that knows no speed."""
+    lab = far_lab("maestro", rate=rate, after=max(0.6, 4.5 / rate))
+    path: list[np.ndarray] = []
+    lab.stops += 1
+    follow(lab, 0.6, path)
+    assert np.abs(np.diff(np.array(path), axis=0)).max() <= SPEED * 2 * PERIOD + QUANTUM
+    assert np.allclose(path[-1], SAFE, atol=QUANTUM)
+
+
+def test_a_slow_link_gets_no_more_than_it_carries_of_a_ramp() -> None:
+    made = adapter.make("maestro", Wire.of(Library().device("cable_platform")), {})
+    link = Transport()
+    assert ramp_period(made, link, 1.0, 100.0) == 0.01
+    link.carries = 150.0  # 12 bytes a command, of which four fifths may be used: ten of them
+    assert ramp_period(made, link, 1.0, 100.0) == pytest.approx(0.1)
+    assert ramp_period(made, link, 200.0, 100.0) == 0.005, "what was asked for, and was found to fit"
+
+
+def test_few_commands_do_not_add_up_to_a_large_step() -> None:
+    """What counts of the time between two commands is that of the preset's rate, or a tenth of a second."""
+    lab = Lab("maestro", "cable_platform", mode="jog", rate=1.0, ramp=0.0)
+    lab.run(0.1)
+    lab.arm()
+    lab.run(2.5)
+    path: list[np.ndarray] = []
+    lab.set(jog=FAR)
+    follow(lab, 3.0, path)
+    assert 0.5 < np.abs(np.diff(np.array(path), axis=0)).max() <= SPEED * 0.1 + QUANTUM
+
+
 def test_a_board_that_took_nothing_of_it_stands_nobody_knows_where() -> None:
     lab = far_lab("maestro")
     assert lab.streamer.pose_known and lab.streamer.link is not None
@@ -152,15 +186,19 @@ def test_a_board_that_took_nothing_of_it_stands_nobody_knows_where() -> None:
     assert "Switch its supply off" not in lab.streamer.words
     lab.run(0.2)
     assert "Switch its supply off" in lab.streamer.words and not lab.streamer.pose_known
+    assert lab.streamer.counters["safe states not confirmed"] == 1, "by which `stream play` judges its own end"
 
 
-def test_a_link_lost_on_the_way_is_said() -> None:
+@pytest.mark.parametrize("stopped", [True, False])
+def test_a_link_lost_on_the_way_is_said(stopped: bool) -> None:
+    """Nor is one that is lost in the middle of a stream ever made safe, where the board has no watchdog."""
     lab = far_lab("maestro")
-    lab.stops += 1
+    lab.stops += stopped
     lab.run(0.05)
     lab.cut = True
     lab.run(0.05)
     assert "lost before the safe state was sure. Switch the device's supply off" in lab.streamer.words
+    assert lab.streamer.counters["safe states not confirmed"] == 1
 
 
 def test_channels_without_a_speed_limit_take_a_second_for_their_range() -> None:

@@ -84,3 +84,53 @@ def test_questions_are_asked_more_often_while_answers_stay_away() -> None:
         asked += [now for m in made.poll(now) for p in packets.Decoder().feed(m) if p.kind == Kind.SYNC]
     late = [at for at in asked if at > 0.42]
     assert np.diff(late).max() <= 0.0061, "every 5 ms from the first answer that is missing"
+
+
+FAR = {f"motor_{k}": 2.7 for k in (1, 2, 3)}
+
+
+def moved_away() -> Lab:
+    """Give a cable platform that was armed at rest and has moved far since."""
+    lab = Lab("native", "cable_platform", mode="jog", ramp=1.0)
+    lab.run(0.5)
+    lab.arm()
+    lab.run(1.5)
+    lab.set(jog=FAR)
+    lab.run(1.0)
+    assert lab.at[0] == pytest.approx(2.7, abs=1e-3)
+    return lab
+
+
+def test_to_arm_what_is_armed_moves_nothing() -> None:
+    """It went back at full speed to where it had been armed, and came again."""
+    lab, path = moved_away(), []
+    lab.arm()
+    lab.run(0.3, lambda: path.append(lab.at))
+    assert np.ptp(np.array(path), axis=0).max() < 1e-3 and lab.streamer.armed
+
+
+@pytest.mark.parametrize("lost", [0, 3])
+def test_what_is_armed_on_its_way_to_safety_goes_on_from_where_it_is(lost: int) -> None:
+    """Not from where it was when it was asked first, nor, where that answer is lost, from an earlier arming's pose."""
+    lab, path = moved_away(), []
+    feed, answers = lab.device.feed, []
+
+    def deaf(data: bytes, now: float) -> list[bytes]:
+        out = []
+        for message in feed(data, now):
+            welcome = any(p.kind == Kind.WELCOME for p in packets.Decoder().feed(message))
+            if welcome:
+                answers.append(now)
+            if not welcome or len(answers) > lost:
+                out.append(message)
+        return out
+
+    lab.device.feed = deaf
+    lab.stops += 1
+    lab.run(0.1)
+    lab.arm()
+    lab.run(0.25, lambda: path.append(lab.at[0]))
+    turn = int(np.argmin(path))
+    assert lab.streamer.armed and len(answers) > lost
+    assert path[turn] > 0.9, "the ramp home was taken over"
+    assert np.diff(path[turn : turn + 40]).max() < 5e-3, "gently, as every first pose is left"

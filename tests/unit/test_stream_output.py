@@ -81,6 +81,17 @@ def test_few_uneven_samples_are_played_to_the_bit() -> None:
     assert times is t and values[2, 0] == texture(t, 3.0)[2]
 
 
+def test_three_samples_do_not_become_a_thousand_million(tmp_path: Path) -> None:
+    """A file of three lines took 3 GB and then the sender's life; now the device stays safe and it is said why."""
+    t = np.array([0.0, 0.0001, 1e6])
+    csv.write(track_of(0 * t, t), tmp_path / "t.csv")
+    lab = Lab(track=str(tmp_path / "t.csv"))
+    lab.run(0.2)
+    lab.arm()
+    lab.run(0.2)
+    assert "Sample it evenly" in lab.streamer.words and not lab.streamer.armed
+
+
 def test_the_loss_is_told_by_channel_in_its_unit() -> None:
     t = np.arange(5001) / 1000
     play = Play(Wire.of(HAPTIP), track_of(texture(t, 100.0), t), output_hz=OUTPUT)

@@ -32,7 +32,7 @@ static void take_byte(uint8_t byte) {
    where it was before. */
 static void let_go() {
   pulsing = false;
-  for (uint8_t c = 0; c < CHANNELS; c++) set_ticks(c, 0);
+  for (uint8_t c = 0; c < CHANNELS; c++) set_pulse(c, 0, 0);
 }
 
 void loop() {

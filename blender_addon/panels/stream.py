@@ -119,8 +119,9 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
                 if count:
                     channel, _, kind = name.rpartition(".")
                     box.label(text=f"Limited, {channel.replace('_', ' ')}, {kind}: {count:,}", icon="ERROR")
+            sent = now.get("counters", {}).get("sent")  # before that nothing is driven, wherever the motors are
             driven = zip(now.get("names", ()), now.get("units", ()), now.get("values", ()), strict=False)
-            for name, unit, value in driven:
+            for name, unit, value in driven if sent else ():
                 box.label(text=f"{name.replace('_', ' ')}: {quantity(value, unit)}")
 
 

@@ -44,12 +44,12 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         column.prop(settings, "protocol", text="")
         self._built(context)
         layout.prop(settings, "mode", expand=True)
-        if settings.mode in ("play", "follow") and not settings.track_file:
-            layout.prop(settings, "output", text="", icon="ANIM", placeholder="First device of the bake")
-        elif settings.mode == "play":
-            layout.label(text=bpy.path.basename(settings.track_file), icon="FILE")
-        elif settings.mode == "panel":
+        if settings.mode == "panel":
             layout.prop(settings, "screen_file", text="", placeholder="Screen map, as exported")
+        elif settings.track_file and settings.mode != "follow":
+            layout.label(text=bpy.path.basename(settings.track_file), icon="FILE")
+        else:
+            layout.prop(settings, "output", text="", icon="ANIM", placeholder="First device of the bake")
         if settings.mode == "play" and (doubts := streaming_tracks.doubts(context.scene)):
             paragraph(layout, context, doubts, "ERROR")
         if settings.mode == "jog":

@@ -34,6 +34,7 @@ _status: dict[str, Any] = {}
 _note = ""  # what Blender's side has to say beside the sender
 _leaving = ""  # what senders still do that were let go
 _published: tuple[float | None, tuple[float, ...]] = (None, ())  # time and values of the last beat
+_mode = ""  # at the last beat
 _beats = 0
 _ports: list[tuple[str, str]] = []
 
@@ -195,7 +196,7 @@ def beat() -> None:
 
     While something steps through the frames, what was published last holds: nobody plays then, and nobody scrubs.
     """
-    global _leaving, _published, _status
+    global _leaving, _mode, _published, _status
     if _leaving:
         _leaving = core_module("stream.client").leaving()
     if _client is None:
@@ -210,6 +211,7 @@ def beat() -> None:
             changed()  # before the time is taken: it counts from the start of the track that the sender has
         playing = any(screen.is_animation_playing for screen in bpy.data.screens)
         _published = _shown(scene)
+    _mode = scene.dermis_stream.mode
     moment, values = _published
     _client.beat(playing=playing, time=moment, values=values)
     _status = _client.status()
@@ -285,9 +287,22 @@ def _on_load(*_: Any) -> None:
 
 @persistent
 def _on_history(*_: Any) -> None:
-    if _client is not None:
-        changed()  # undo brings settings back without a word; the device blends over to what the panel now says
-        beat()
+    """Pass on what undo brought back without a word: the device blends over to what the panel now says.
+
+    From another mode back to moving by hand it goes to its safe state instead: the positions are those of some time ago.
+    """
+    global _note
+    if _client is None:
+        return
+    scene = _streaming_scene()
+    turned = scene is not None and _status.get("armed") and scene.dermis_stream.mode == "jog" != _mode
+    if turned:
+        disarm()
+    changed()
+    if turned:
+        said = "undo turned to Jog, so the device goes to its safe state: arm it again"
+        _note = "; ".join(filter(None, (_note, said)))
+    beat()
 
 
 _keys: list[tuple[Any, Any]] = []

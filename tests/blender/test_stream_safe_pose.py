@@ -17,6 +17,7 @@ from blender_addon.preferences import core_module
 
 from . import build
 from .test_stream import HAPTIP, a_bake, a_track, state, wait
+from .test_undo import push, undo
 
 pytestmark = pytest.mark.real_time
 THIMBLE = "thimble_3rrs"
@@ -80,6 +81,25 @@ def test_turning_to_jogging_under_way_goes_to_the_safe_pose(scene: Any) -> None:
     bpy.ops.dermis.stream_calibrate(action="SAFE")
     assert jogs(scene) == pytest.approx(safe())
     wait(stands(safe()))
+
+
+def test_undo_back_to_jogging_does_not_go_where_the_hand_was(scene: Any) -> None:
+    streaming.connect(scene)
+    wait(state("ready"))
+    streaming.arm(scene)
+    scene.dermis_stream.channels[0].jog = -0.3
+    push("jogged")
+    scene.dermis_stream.mode = "follow"
+    push("follows")
+    wait(lambda s: s["armed"] and s["values"][0] > 0.5)
+    undo()
+    scene = bpy.context.scene
+    assert scene.dermis_stream.mode == "jog" and jogs(scene)[0] == pytest.approx(-0.3)
+    status = wait(lambda s: s["state"] == "ready")
+    assert status["values"] == pytest.approx(safe(), abs=1e-4) and "undo turned to Jog" in status["words"]
+    streaming.arm(scene)
+    assert jogs(scene) == pytest.approx(safe())
+    assert "undo" not in wait(stands(safe()))["words"]
 
 
 def test_the_safe_pose_moves_with_the_calibration(scene: Any) -> None:

@@ -289,7 +289,7 @@ def _on_load(*_: Any) -> None:
 def _on_history(*_: Any) -> None:
     """Pass on what undo brought back without a word: the device blends over to what the panel now says.
 
-    From another mode back to moving by hand it goes to its safe state instead: the positions are those of some time ago.
+    From another mode back to moving by hand it goes to its safe state instead: the positions are from some time ago.
     """
     global _note
     if _client is None:

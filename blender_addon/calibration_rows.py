@@ -37,9 +37,9 @@ def rows_for(key: str, made: Any) -> Rows:
     """Return the rows of a preset's actuators with a calibration, None for the preset as it is.
 
     Raises:
-        DermisError: no such preset.
+        DermisError: no such preset, or its safe state is none.
     """
-    fresh = []
+    fresh, safe = [], safe_pose(key)
     for channel in library().device(key).channels:
         if not channel.actuator:
             continue
@@ -48,9 +48,20 @@ def rows_for(key: str, made: Any) -> Rows:
         limited = low is not None or high is not None
         low, high = (next((v for v in pair if v is not None), 0.0)
                      for pair in ((low, channel.low), (high, channel.high)))  # fmt: skip
-        fresh.append({"name": channel.name, "unit": channel.unit, "jog": channel.rest, "zero": zero, "gain": gain,
+        fresh.append({"name": channel.name, "unit": channel.unit, "jog": safe[channel.name], "zero": zero, "gain": gain,
                       "use_limits": limited, "low": low, "high": high})  # fmt: skip
     return fresh
+
+
+def safe_pose(key: str) -> dict[str, float]:
+    """Return where a preset's channels press nobody, as commanded [SI]: a calibration moves it as every other pose.
+
+    Raises:
+        DermisError: no such preset, or its safe state is none.
+    """
+    spec = library().device(key)
+    stated = core_module("devices.safe_state").safe_state(spec).values
+    return {c.name: stated.get(c.name, c.rest) for c in spec.channels}
 
 
 def calibration(key: str, rows: Rows) -> Any:

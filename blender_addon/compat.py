@@ -8,6 +8,9 @@ from typing import Any
 import bpy
 import numpy as np
 
+# Options of properties that name a file and are not animated: Blender 5 warns of '//' in one that does not say this.
+BLEND_RELATIVE = {"PATH_SUPPORTS_BLEND_RELATIVE"}
+
 
 def channelbags(action: Any) -> Iterator[Any]:
     """Yield every channel bag of an action, whichever slot it belongs to (Blender 5 has no `action.fcurves`)."""

@@ -19,6 +19,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from .compat import BLEND_RELATIVE
 from .properties_device import DermisDevice
 from .properties_fields import OVERRIDE, Attribute, attributes_of, choice, millimetres, number, switch, touched
 from .properties_material import DermisMaterial
@@ -89,7 +90,11 @@ class DermisScene(bpy.types.PropertyGroup):
     frame_start: IntProperty(name="Start", description="First frame to bake", default=1, options=set(), update=touched)
     frame_end: IntProperty(name="End", description="Last frame to bake", default=250, options=set(), update=touched)
     output_dir: StringProperty(
-        name="Output", description="Folder for exported tracks", default="//tracks/", subtype="DIR_PATH", options=set()
+        name="Output",
+        description="Folder for exported tracks",
+        default="//tracks/",
+        subtype="DIR_PATH",
+        options=BLEND_RELATIVE,
     )
     plots: BoolProperty(
         name="With Plots", description="Write a PNG plot beside each exported track", default=False, options=set()

@@ -8,6 +8,8 @@ from typing import Any
 import bpy
 from bpy.props import CollectionProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from .compat import BLEND_RELATIVE
+
 
 def _platforms(_self: Any, _context: Any, text: str) -> list[str]:
     from . import platform_use
@@ -23,7 +25,7 @@ class DermisDesignTouch(bpy.types.PropertyGroup):
     scene: PointerProperty(name="Scene", description="A baked scene of this file", type=bpy.types.Scene)
     filepath: StringProperty(
         name="Recording", description="CSV of a 20-channel sensor over time: a column 'time' [s] and 20 channels "
-        "[counts of 12 bits]", subtype="FILE_PATH", options=set(),
+        "[counts of 12 bits]", subtype="FILE_PATH", options=BLEND_RELATIVE,
     )  # fmt: skip
 
 
@@ -41,7 +43,7 @@ class DermisDesign(bpy.types.PropertyGroup):
     )
     table: StringProperty(
         name="Table", description="A collected (.npz) or recorded (.csv) look-up table of this device; empty: one is "
-        "swept for the finger's skin", subtype="FILE_PATH", options=set(),
+        "swept for the finger's skin", subtype="FILE_PATH", options=BLEND_RELATIVE,
     )  # fmt: skip
     table_rows: IntProperty(
         name="Configurations", description="How many configurations of the device are swept for its table; the paper "

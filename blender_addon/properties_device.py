@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, IntProperty, PointerProperty, StringProperty
 
+from .compat import BLEND_RELATIVE
 from .properties_fields import OVERRIDE, choice, millimetres, number, switch, touched
 
 
@@ -147,7 +148,7 @@ class DermisDevice(bpy.types.PropertyGroup):
 
     table: StringProperty(
         name="Table", description="A collected look-up table of this platform (.npz); empty: one is swept for this "
-        "finger's skin and kept", subtype="FILE_PATH", options=set(), update=touched, override=OVERRIDE,
+        "finger's skin and kept", subtype="FILE_PATH", options=BLEND_RELATIVE, update=touched, override=OVERRIDE,
     )  # fmt: skip
     table_rows: IntProperty(
         name="Configurations", description="How many configurations of the platform are swept for its table: more are "
@@ -170,7 +171,7 @@ class DermisDevice(bpy.types.PropertyGroup):
     )  # fmt: skip
     thimble_surrogate: StringProperty(
         name="Surrogate", description="File of an adaptation (.npz, with its .onnx beside it); empty: the one that "
-        "Adapt to This Finger made", subtype="FILE_PATH", options=set(), update=touched, override=OVERRIDE,
+        "Adapt to This Finger made", subtype="FILE_PATH", options=BLEND_RELATIVE, update=touched, override=OVERRIDE,
     )  # fmt: skip
     thimble_hover_mm: millimetres("Hover", "Distance between disc and skin while nothing is touched", 0.4, 0.01, 5.0,
                                   soft_max=2.0, options=set())  # fmt: skip

@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 from bpy.props import IntProperty, PointerProperty, StringProperty
 
+from .compat import BLEND_RELATIVE
 from .properties_fields import OVERRIDE, choice, millimetres, switch, touched
 
 
@@ -31,7 +32,8 @@ class DermisScreen(bpy.types.PropertyGroup):
         override=OVERRIDE,
     )  # fmt: skip
     filepath: StringProperty(
-        name="File", description="Height map; of a sequence the first file", subtype="FILE_PATH", options=set(),
+        name="File", description="Height map; of a sequence the first file", subtype="FILE_PATH",
+        options=BLEND_RELATIVE,
         update=touched, override=OVERRIDE,
     )  # fmt: skip
     sequence_start: IntProperty(

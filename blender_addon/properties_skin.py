@@ -13,6 +13,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from . import handlers
+from .compat import BLEND_RELATIVE
 from .preferences import core_module
 
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
@@ -76,7 +77,7 @@ class DermisSkin(bpy.types.PropertyGroup):
     )  # fmt: skip
     mesh_file: StringProperty(
         name="Mesh File", description="A tetrahedral mesh of your own in place of lengths and accuracy: .npz or .json, "
-        "described in presets/skins/README.md", subtype="FILE_PATH", options=set(), override=OVERRIDE,
+        "described in presets/skins/README.md", subtype="FILE_PATH", options=BLEND_RELATIVE, override=OVERRIDE,
         update=_changed,
     )  # fmt: skip
     level: EnumProperty(

@@ -15,6 +15,8 @@ from bpy.props import (
     StringProperty,
 )
 
+from .compat import BLEND_RELATIVE
+
 
 def _quiet(self: Any, _context: Any) -> None:
     from . import handlers
@@ -27,6 +29,15 @@ def _changed(self: Any, context: Any) -> None:
 
     _quiet(self, context)
     streaming.changed()
+
+
+def _moded(self: Any, context: Any) -> None:
+    from . import calibration_offers, calibration_rows, preferences, streaming_calibration
+
+    if self.mode == "jog" and not calibration_rows.restoring() and calibration_offers.is_ours(self) and self.channels:
+        with suppress(preferences.core_module("errors").DermisError):  # the device is gone: connecting says so
+            streaming_calibration.retract(self.id_data)
+    _changed(self, context)
 
 
 def _addressed(self: Any, context: Any) -> None:
@@ -119,7 +130,7 @@ class DermisStream(bpy.types.PropertyGroup):
                ("follow", "Follow", "What the preview shows, while you scrub or play"),
                ("jog", "Jog", "Single actuators by hand, for calibration"),
                ("panel", "Touch", "A real finger on the panel: its place asks, the relief answers")),
-        default="play", update=_changed, options=set(),
+        default="play", update=_moded, options=set(),
     )  # fmt: skip
     output: StringProperty(
         name="Track", description="Finger and device whose track is played; the first one if empty", search=_outputs,
@@ -127,11 +138,11 @@ class DermisStream(bpy.types.PropertyGroup):
     )  # fmt: skip
     track_file: StringProperty(
         name="Track File", description="A command track from a file, instead of the bake", subtype="FILE_PATH",
-        update=_tracked, options=set(),
+        update=_tracked, options=BLEND_RELATIVE,
     )  # fmt: skip
     screen_file: StringProperty(
         name="Screen Map", description="The screen's relief and law, as exported, for the mode Touch",
-        subtype="FILE_PATH", update=_mapped, options=set(),
+        subtype="FILE_PATH", update=_mapped, options=BLEND_RELATIVE,
     )  # fmt: skip
     offset: FloatProperty(
         name="Start Offset", description="Plays the track earlier by this much", default=0.0, soft_min=-1.0,

@@ -5,6 +5,7 @@ Nothing here waits, nothing connects by itself, and everything ends with the fil
 
 from __future__ import annotations
 
+import traceback
 from functools import cache
 from typing import Any
 
@@ -24,14 +25,16 @@ from .preferences import core_module, library
 
 BEAT = 0.02  # between two signs of life [s]
 STILL = frozenset({"V", "Hz"})  # units of actuators that nothing moves
+READY = ("ready", "stalled")  # states in which a device can be armed
 REDRAW = 5  # beats between two redraws of the panel
 
 _client: Any = None
 _scene = 0  # session uid of the scene that streams
 _status: dict[str, Any] = {}
 _note = ""  # what Blender's side has to say beside the sender
-_leaving: list[Any] = []  # senders that still bring a device to its safe state
+_leaving = ""  # what senders still do that were let go
 _published: tuple[float | None, tuple[float, ...]] = (None, ())  # time and values of the last beat
+_mode = ""  # at the last beat
 _beats = 0
 _ports: list[tuple[str, str]] = []
 
@@ -83,14 +86,20 @@ def connect(scene: bpy.types.Scene) -> None:
     streaming_paths.check(settings)
     close()
     built_devices.refresh()
+    streaming_tracks.judge_anew()
     key = streaming_tracks.device_key(scene)
     preset = library().load("devices", key)
     streaming_calibration.fill_channels(scene)
     calibration = streaming_calibration.calibration_of(scene, key)
+    wish = _wish(scene)
     _client = core_module("stream.client").SenderClient()
+    try:
+        _client.connect(settings.url, settings.protocol, key, preset, calibration=calibration.dumps(), **wish)
+    except core_module("errors").DermisError:
+        close()
+        raise
     _scene = scene.session_uid
     _status = {"state": "connecting", "words": "", "armed": False}
-    _client.connect(settings.url, settings.protocol, key, preset, calibration=calibration.dumps(), **_wish(scene))
     beat()
     _start_timer()
 
@@ -100,22 +109,20 @@ def close() -> None:
 
     Safe to call at any time.
     """
-    global _client, _note, _published, _status
+    global _client, _leaving, _note, _published, _status
     client, _client = _client, None
     if client is not None:
         client.close()
-        if client.alive:
-            _leaving.append(client)
-            _start_timer()
+        _leaving = core_module("stream.client").leaving()
+        _start_timer()
     _status, _note, _published = {}, "", (None, ())
     streaming_answer.forget()
     streaming_tracks.forget()
 
 
-def leaving() -> list[str]:
-    """Return what senders say that have been let go, and still bring a device to its safe state."""
-    _leaving[:] = [client for client in _leaving if client.alive]
-    return [str(client.status().get("words") or "The device goes to its safe state") for client in _leaving]
+def leaving() -> str:
+    """Return what senders that were let go still did at the last beat, '' where all have ended; never asks anybody."""
+    return _leaving
 
 
 def pose_unknown() -> bool:
@@ -132,20 +139,28 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
         fingers_out: a person has said so; needed where the device does not know where its motors are.
 
     Raises:
-        DermisError: nothing is connected, something steps through the frames, the calibration is of another device, or
-            the first pulse may jump and nobody has said that the fingers are out.
+        DermisError: nothing is connected, or another scene is; something steps through the frames; the device is not
+            ready; the calibration is of another one; or the first pulse may jump and nobody has said that the fingers
+            are out.
     """
+    refused = core_module("errors").DermisError
     if _client is None:
-        raise core_module("errors").DermisError("not connected", remedy="Connect first")
+        raise refused("not connected", remedy="Connect first")
+    if not streams(scene):
+        raise refused("another scene is connected", where=scene.name, remedy="Arm it there, or connect this one")
     if streaming_hold.held():
-        raise core_module("errors").DermisError("nothing is armed while something steps through the frames",
-                                                remedy="Let the bake or the render end, or cancel it")  # fmt: skip
+        raise refused("nothing is armed while something steps through the frames",
+                      remedy="Let the bake or the render end, or cancel it")  # fmt: skip
+    if scene.dermis_stream.mode == "jog":
+        streaming_calibration.retract(scene)
     _client.set(**_wish(scene))
     beat()
+    if status()["state"] not in READY:
+        raise refused("the device is not ready to be armed", value=status()["state"], limit=" or ".join(READY))
     streaming_answer.check(scene)
     if pose_unknown() and not fingers_out:
-        raise core_module("errors").DermisError("the device does not know where its motors are",
-                                                remedy="Take the finger out, and say so (fingers_out)")  # fmt: skip
+        raise refused("the device does not know where its motors are",
+                      remedy="Take the finger out, and say so (fingers_out)")  # fmt: skip
     _client.arm()
 
 
@@ -181,7 +196,9 @@ def beat() -> None:
 
     While something steps through the frames, what was published last holds: nobody plays then, and nobody scrubs.
     """
-    global _published, _status
+    global _leaving, _mode, _published, _status
+    if _leaving:
+        _leaving = core_module("stream.client").leaving()
     if _client is None:
         return
     scene = _streaming_scene()
@@ -194,13 +211,14 @@ def beat() -> None:
             changed()  # before the time is taken: it counts from the start of the track that the sender has
         playing = any(screen.is_animation_playing for screen in bpy.data.screens)
         _published = _shown(scene)
+    _mode = scene.dermis_stream.mode
     moment, values = _published
     _client.beat(playing=playing, time=moment, values=values)
     _status = _client.status()
     met = streaming_answer.meet(scene, _status)
     if _status["armed"] and streaming_answer.is_another(scene):
         _client.disarm()
-    said = (_note, met, _status.get("words"))
+    said = (_note, met, _status.get("words"), (_status.get("received") or {}).get("record"))
     _status["words"] = "; ".join(filter(None, said))
 
 
@@ -240,15 +258,17 @@ def _start_timer() -> None:
 
 def _on_timer() -> float | None:
     global _beats
-    before, left = _status.get("state"), len(_leaving)
-    beat()
+    before = _status.get("state"), _leaving
+    try:
+        beat()
+    except Exception:  # Blender ends a timer that raises, and what the panel shows would be true no more
+        close()
+        traceback.print_exc()
     _beats += 1
-    if _client is None and not leaving():
+    ended = _client is None and not _leaving
+    if ended or _beats % REDRAW == 0 or before != (_status.get("state"), _leaving):
         _redraw()
-        return None
-    if _beats % REDRAW == 0 or before != _status.get("state") or left != len(_leaving):
-        _redraw()
-    return BEAT
+    return None if ended else BEAT
 
 
 def _redraw() -> None:
@@ -267,9 +287,22 @@ def _on_load(*_: Any) -> None:
 
 @persistent
 def _on_history(*_: Any) -> None:
-    if _client is not None:
-        changed()  # undo brings settings back without a word; the device blends over to what the panel now says
-        beat()
+    """Pass on what undo brought back without a word: the device blends over to what the panel now says.
+
+    From another mode back to moving by hand it goes to its safe state instead: the positions are from some time ago.
+    """
+    global _note
+    if _client is None:
+        return
+    scene = _streaming_scene()
+    turned = scene is not None and _status.get("armed") and scene.dermis_stream.mode == "jog" != _mode
+    if turned:
+        disarm()
+    changed()
+    if turned:
+        said = "undo turned to Jog, so the device goes to its safe state: arm it again"
+        _note = "; ".join(filter(None, (_note, said)))
+    beat()
 
 
 _keys: list[tuple[Any, Any]] = []
@@ -289,11 +322,12 @@ def register() -> None:
 
 def unregister() -> None:
     """End streaming with the add-on."""
+    global _leaving
     while _keys:
         keymap, item = _keys.pop()
         keymap.keymap_items.remove(item)
     _on_load()
-    _leaving.clear()
+    _leaving = ""
     if bpy.app.timers.is_registered(_on_timer):
         bpy.app.timers.unregister(_on_timer)
     streaming_hold.unregister()

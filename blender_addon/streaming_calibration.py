@@ -15,7 +15,7 @@ import bpy
 
 from . import built_devices, calibration_offers, finger_ids, streaming, streaming_tracks
 from .calibration_offers import Shelved, shelve, shelved
-from .calibration_rows import Rows, calibrated, calibration, fill, quietly, rows_for, rows_of, same
+from .calibration_rows import Rows, calibrated, calibration, fill, quietly, rows_for, rows_of, safe_pose, same
 from .preferences import core_module, library
 
 
@@ -222,11 +222,19 @@ def load(scene: bpy.types.Scene, path: Path) -> tuple[Any, ...]:
     return tuple(made.findings(spec))
 
 
-def centre(scene: bpy.types.Scene, preset: Any, key: str) -> None:
-    """Put every actuator's position by hand to its rest."""
-    spec = core_module("devices.spec").from_preset(key, preset)
-    rest = {c.name: c.rest for c in spec.channels}
-    _restore(scene, [{**c, "jog": rest.get(c["name"], 0.0)} for c in _listed(scene)])
+def retract(scene: bpy.types.Scene) -> None:
+    """Put every actuator's position by hand to the safe pose.
+
+    Raises:
+        DermisError: there is no device, or its safe state is none.
+    """
+    fill_channels(scene)
+    settings = scene.dermis_stream
+    safe = safe_pose(settings.channels_owner.rpartition(": ")[2])
+    with quietly(scene):
+        for channel in settings.channels:
+            channel.jog = safe[channel.name]
+    streaming.changed()
 
 
 def _subject(scene: bpy.types.Scene, *, give: bool = True) -> tuple[str, str, str]:

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from . import results, streaming_paths
-from .preferences import core_module
+from . import built_devices, finger_ids, results, streaming_paths
+from .preferences import core_module, library
 
 
 class _Sent(NamedTuple):
@@ -25,6 +25,7 @@ class _Sent(NamedTuple):
 _files: list[Path] = []
 _file_track: Any = None  # of `track_file`: (path, CommandTrack)
 _sent: _Sent | None = None
+_judged: tuple[Any, str] = (None, "")  # a track, and how it disagrees with its preset
 
 
 def output_names() -> list[str]:
@@ -53,13 +54,30 @@ def device_of(scene: bpy.types.Scene) -> tuple[str, str]:
     output = chosen_output(scene)
     if output is not None:
         return str(output.finger), str(output.device)
+    wanted, refused = scene.dermis_stream.output, core_module("errors").DermisError
     there = [(obj.name, str(use.preset)) for obj in scene.objects if obj.dermis.role == "FINGER"
              for use in obj.dermis.finger.devices if use.enabled and use.preset]  # fmt: skip
-    wanted = [pair for pair in there if ": ".join(pair) == scene.dermis_stream.output]
-    if there:
-        return (wanted or there)[0]
-    raise core_module("errors").DermisError("no device to stream to", where=scene.name,
-                                            remedy="Give a finger a device, or choose a track file")  # fmt: skip
+    if not there:
+        raise refused("no device to stream to", where=scene.name,
+                      remedy="Give a finger a device, or choose a track file")  # fmt: skip
+    if not wanted:
+        return there[0]
+    found = [pair for pair in there if ": ".join(pair) == wanted] or _renamed(scene, wanted, there)
+    if not found:
+        raise refused("there is no such finger with this device", where="Track", value=wanted,
+                      limit=", ".join(map(": ".join, there)), remedy="Choose one of these, or bake")  # fmt: skip
+    return found[0]
+
+
+def _renamed(scene: bpy.types.Scene, wanted: str, there: list[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Return which of some pairs of finger and device was once called otherwise: the one to which a device was given.
+
+    Raises:
+        DermisError: the table of names cannot be read.
+    """
+    finger, _, key = wanted.rpartition(": ")
+    obj = finger_ids.finger_with(built_devices.once_called(finger), scene)
+    return [pair for pair in there if obj is not None and pair == (obj.name, key)]
 
 
 def device_key(scene: bpy.types.Scene) -> str:
@@ -138,6 +156,32 @@ def origin(scene: bpy.types.Scene) -> tuple[float, float]:
 def loaded() -> Any:
     """Return the track that was loaded from a file last, or None."""
     return _file_track[1] if _file_track is not None else None
+
+
+def doubts(scene: bpy.types.Scene) -> str:
+    """Return where the track to be played and its device's preset disagree, in words; '' for nowhere.
+
+    A track is judged once, and again after `judge_anew`, because panels ask at every redraw.
+    """
+    global _judged
+    if scene.dermis_stream.track_file:
+        track = loaded()
+    else:
+        output = chosen_output(scene)
+        track = output.track if output is not None else None
+    if track is not _judged[0]:
+        found = core_module("formats.check").preset_findings(track, library()) if track is not None else ()
+        serious = [finding for finding in found if finding.severity != "info"]
+        said = [f"{f.what[0].upper()}{f.what[1:]}. {f.remedy}".rstrip(" .") + "." for f in serious[:1]]
+        more = [f"{len(serious) - 1} limits or channels differ."] if serious[1:] else []
+        _judged = track, " ".join(said + more)
+    return _judged[1]
+
+
+def judge_anew() -> None:
+    """Forget how a track agrees with its preset: that may have been edited."""
+    global _judged
+    _judged = None, ""
 
 
 def forget(*, files: bool = False) -> None:

@@ -15,19 +15,18 @@ from .. import (
     reporting,
     streaming_answer,
     streaming_calibration,
-    streaming_tracks,
 )
-from ..preferences import core_module, library, user_folder
+from ..preferences import core_module, user_folder
 from .stream import File, Streaming
 
 
 class DERMIS_OT_stream_calibrate(Streaming, bpy.types.Operator):
-    """Begin, cancel or reset the calibration of this built device"""
+    """Begin or cancel the calibration of this built device, or put its actuators to the safe pose"""
 
     bl_idname = "dermis.stream_calibrate"
     bl_label = "Calibrate"
 
-    action: EnumProperty(items=(("BEGIN", "Begin", ""), ("CANCEL", "Cancel", ""), ("CENTRE", "Centre All", "")))
+    action: EnumProperty(items=(("BEGIN", "Begin", ""), ("CANCEL", "Cancel", ""), ("SAFE", "All to the Safe Pose", "")))
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Do what was chosen."""
@@ -37,8 +36,7 @@ class DERMIS_OT_stream_calibrate(Streaming, bpy.types.Operator):
         elif self.action == "CANCEL":
             streaming_calibration.cancel_calibration(scene)
         else:
-            key = streaming_tracks.device_key(scene)
-            streaming_calibration.centre(scene, library().load("devices", key), key)
+            streaming_calibration.retract(scene)
         return None
 
 

@@ -9,7 +9,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from .. import export_ranges, reporting, results, streaming_tracks
-from ..preferences import core_module
+from ..preferences import core_module, library
 from .stream import File
 
 
@@ -30,7 +30,9 @@ class DERMIS_OT_load_track(File, bpy.types.Operator):
         except core_module("errors").DermisError:
             settings.track_file = before
             raise
-        reporting.show(core_module("formats.check").findings_of(track), f"Track {Path(self.filepath).name}")
+        check = core_module("formats.check")
+        found = (*check.preset_findings(track, library()), *check.findings_of(track))
+        reporting.show(found, f"Track {Path(self.filepath).name}")
         return f"{track.spec.name}: {len(track.times):,} samples, {track.duration:.2f} s"
 
 

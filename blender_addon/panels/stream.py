@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from .. import streaming, streaming_answer
+from .. import calibration_offers, streaming, streaming_answer, streaming_tracks
 from .main import DermisPanel
 from .text import paragraph, quantity
 
@@ -28,6 +28,8 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
             row = self.layout.row()
             row.alert = bool(now.get("armed"))
             row.label(text="", icon=ICONS.get(now["state"], "QUESTION"))
+        elif streaming.leaving():
+            self.layout.label(text="", icon=ICONS["stopping"])
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw port, buttons and state."""
@@ -42,16 +44,21 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         column.prop(settings, "protocol", text="")
         self._built(context)
         layout.prop(settings, "mode", expand=True)
-        if settings.mode in ("play", "follow") and not settings.track_file:
-            layout.prop(settings, "output", text="", icon="ANIM", placeholder="First device of the bake")
-        elif settings.mode == "play":
-            layout.label(text=bpy.path.basename(settings.track_file), icon="FILE")
-        elif settings.mode == "panel":
+        if settings.mode == "panel":
             layout.prop(settings, "screen_file", text="", placeholder="Screen map, as exported")
+        elif settings.track_file and settings.mode != "follow":
+            layout.label(text=bpy.path.basename(settings.track_file), icon="FILE")
+        else:
+            layout.prop(settings, "output", text="", icon="ANIM", placeholder="First device of the bake")
+        if settings.mode == "play" and (doubts := streaming_tracks.doubts(context.scene)):
+            paragraph(layout, context, doubts, "ERROR")
         if settings.mode == "jog":
-            if settings.channels:
-                layout.operator("dermis.stream_calibrate", text="Centre All", icon="PIVOT_CURSOR").action = "CENTRE"
-            for channel in settings.channels:
+            ours = calibration_offers.is_ours(settings) and len(settings.channels) > 0
+            if ours:
+                layout.operator("dermis.stream_calibrate", text="All to the Safe Pose", icon="HOME").action = "SAFE"
+            else:
+                paragraph(layout, context, "Connect once: the actuators are then listed here.")
+            for channel in settings.channels if ours else ():
                 layout.prop(channel, "jog", text=f"{channel.name.replace('_', ' ')} [{channel.unit}]")
         row = layout.row(align=True)
         row.scale_y = 1.3
@@ -61,7 +68,7 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
                 row.operator("dermis.stream_connect", text="Connect Again", icon="LINKED")
             else:
                 arm = row.row(align=True)
-                arm.enabled = now["state"] in ("ready", "stalled")
+                arm.enabled = now["state"] in streaming.READY and streaming.streams(context.scene)
                 arm.operator("dermis.stream_arm", icon="PLAY")
         else:
             row.operator("dermis.stream_connect", icon="LINKED")
@@ -83,8 +90,8 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
 
     def _state(self, context: bpy.types.Context, now: dict[str, Any]) -> None:
         layout = self.layout
-        for words in streaming.leaving():
-            paragraph(layout, context, words, "TIME")
+        if streaming.leaving():
+            paragraph(layout, context, streaming.leaving(), "TIME")
         layout.label(text=now["state"].capitalize(), icon=ICONS.get(now["state"], "QUESTION"))
         if now.get("words"):
             wrong = now["state"] != "ready" or streaming_answer.shown(context.scene).wrong
@@ -112,8 +119,9 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
                 if count:
                     channel, _, kind = name.rpartition(".")
                     box.label(text=f"Limited, {channel.replace('_', ' ')}, {kind}: {count:,}", icon="ERROR")
+            sent = now.get("counters", {}).get("sent")  # before that nothing is driven, wherever the motors are
             driven = zip(now.get("names", ()), now.get("units", ()), now.get("values", ()), strict=False)
-            for name, unit, value in driven:
+            for name, unit, value in driven if sent else ():
                 box.label(text=f"{name.replace('_', ' ')}: {quantity(value, unit)}")
 
 

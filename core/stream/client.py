@@ -201,7 +201,7 @@ def leaving() -> str:
     """Return what closed senders of this process still do, in words; '' where all have ended."""
     _reap()
     found = ((str(one._wish.get("url", "")), str(one._board.read_status().get("words", ""))) for one in _ending)
-    return "; ".join(f"{url}: {words or 'going to the safe state'}" for url, words in found)
+    return "; ".join(f"{words or 'going to the safe state'} ({url})" for url, words in found)
 
 
 def close_all() -> None:

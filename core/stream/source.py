@@ -70,7 +70,7 @@ class Play:
         self.spec, self.track, self.offset, self.output_hz = wire.spec, track, offset, output_hz
         self._times = track.times
         self._values = np.stack([track.column(n) for n in wire.names], axis=1)
-        self._rest = wire.rest
+        self._safe = wire.safe_command
         self.loss: Loss | None = None
         if output_hz > 0 and len(track.times) > 1:
             self._low_pass(wire, output_hz)
@@ -98,14 +98,14 @@ class Play:
         return self.clock.running
 
     def wanted(self, moment: float, now: float) -> Array:
-        """Return values [units] at a moment; before and after the track the device rests."""
+        """Return values [units] at a moment; before and after the track the device is safe."""
         return self.value(self.clock.at(moment, now) + self.offset)
 
     def value(self, time: float) -> Array:
         """Return the track's values at a time of its own."""
         times = self._times
         if not len(times) or time < times[0] - 1e-9 or time > times[-1] + 1e-9:
-            return self._rest
+            return self._safe
         if self._rate:
             at = min(max((time - float(times[0])) * self._rate, 0.0), len(times) - 1.0)
             k = int(at)
@@ -131,7 +131,7 @@ class Follow:
 
 
 class Jog:
-    """Single actuators by hand, all others at rest."""
+    """Single actuators by hand, all others as the safe state has them."""
 
     moving = True
 
@@ -139,7 +139,8 @@ class Jog:
         unknown = sorted(set(values) - set(wire.names))
         if unknown:
             raise DermisError("no such channel on the wire", value=", ".join(unknown), limit=", ".join(wire.names))
-        self._values = np.array([values.get(n, r) for n, r in zip(wire.names, wire.rest, strict=True)], np.float64)
+        safe = zip(wire.names, wire.safe_command.tolist(), strict=True)
+        self._values = np.array([values.get(name, value) for name, value in safe], np.float64)
 
     def wanted(self, moment: float, now: float) -> Array:
         """Return the values set by hand."""
@@ -236,8 +237,8 @@ class Panel:
 
 
 def follow_values(wire: Wire, values: Sequence[float]) -> Array:
-    """Return published values as an array; rest where they do not fit the channels."""
-    return np.array(values, np.float64) if len(values) == wire.count else wire.rest
+    """Return published values as an array; the safe state where they do not fit the channels."""
+    return np.array(values, np.float64) if len(values) == wire.count else wire.safe_command
 
 
 Source = Play | Follow | Jog | Panel

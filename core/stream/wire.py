@@ -99,6 +99,11 @@ class Wire:
         return len(self.columns)
 
     @property
+    def safe_command(self) -> Array:
+        """What has to be commanded for the safe state to be driven [units], shape (channels,)."""
+        return (self.safe - self.zero) / self.gain
+
+    @property
     def safe_slew(self) -> Array:
         """Speed at which the safe state is ramped to [units/s], shape (channels,); inf where nothing tells one."""
         return np.where(np.isfinite(self.slew), self.slew, (self.high - self.low) / SAFE_SWEEP)

@@ -89,9 +89,9 @@ def blender() -> Iterator[dict[str, Exit]]:
         settings.url, settings.protocol, settings.mode, settings.ramp = receiver.url, receiver.protocol, "jog", 0.0
         streaming.connect(scene)
         exits.until(lambda: streaming.status()["state"] == "ready", streaming.beat, str(streaming.status()))
+        streaming.arm(scene, fingers_out=True)
         for channel in settings.channels:
             channel.jog = exits.far(receiver.protocol)[channel.name]
-        streaming.arm(scene)
         exits.until(receiver.reached, streaming.beat, f"far from safe: {streaming.status()}")
         receiver.ask("mark")
 

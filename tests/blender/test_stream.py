@@ -157,7 +157,7 @@ def test_cancel_gives_back_what_had_been_set_before(scene: Any) -> None:
     before = calibration_rows.rows_of(channels)
     bpy.ops.dermis.stream_calibrate(action="BEGIN")
     channels[1].zero, channels[1].gain, channels[0].use_limits = 0.3, -2.0, True
-    bpy.ops.dermis.stream_calibrate(action="CENTRE")
+    bpy.ops.dermis.stream_calibrate(action="SAFE")
     assert [c.jog for c in channels] == [0.0, 0.0] and channels[1].gain == -2.0
     bpy.ops.dermis.stream_calibrate(action="CANCEL")
     assert calibration_rows.rows_of(channels) == before

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,11 +11,11 @@ from typing import Any
 import bpy
 import pytest
 
-from blender_addon import streaming, streaming_paths, streaming_tracks
+from blender_addon import preferences, results, streaming, streaming_paths, streaming_tracks
 from blender_addon.preferences import core_module
 
 from . import build
-from .test_stream import a_track, scene, state, wait
+from .test_stream import HAPTIP, a_track, scene, state, wait
 
 pytestmark = pytest.mark.real_time
 __all__ = ["scene"]
@@ -51,7 +53,7 @@ def test_a_file_that_a_file_names_is_read_by_nobody(scene: Any, tmp_path: Path, 
     """Reading /dev/zero would never end."""
     found = arrived(tmp_path, **{name: "/dev/null", "mode": mode}).dermis_stream
     found[name] = "/dev/zero"  # as the file holds it: nobody set it
-    for work in (bpy.ops.dermis.stream_connect, lambda: bpy.ops.dermis.stream_calibrate(action="CENTRE")):
+    for work in (bpy.ops.dermis.stream_connect, lambda: bpy.ops.dermis.stream_calibrate(action="SAFE")):
         if name == "track_file" or work is bpy.ops.dermis.stream_connect:
             with pytest.raises(RuntimeError, match="nobody has confirmed.*read /dev/zero"):
                 work()
@@ -133,15 +135,31 @@ def test_a_screen_cannot_jump() -> None:
 
 
 def test_the_panel_hears_of_a_sender_that_is_still_on_the_way(scene: Any) -> None:
-    """A real sender that is let go, and still runs."""
-    import os
-    import signal
-
-    streaming.connect(scene)
-    wait(state("ready"))
-    client = streaming._client
-    streaming._leaving.append(client)
-    assert streaming.leaving() == ["The device goes to its safe state"]
-    os.kill(client.pid, signal.SIGTERM)
-    client._process.wait(5)
-    assert streaming.leaving() == []
+    """A board that knows no safe state is driven there after Disconnect too, at a preset's own speed."""
+    library = core_module("presets").Library
+    slow = library().load("devices", HAPTIP)
+    for channel in slow["channels"]:
+        channel["slew"] = {"value": 0.5, "unit": "rad/s", "source": "chosen: slow"} if channel.get("actuator") else None
+    folder = preferences.presets_folder() / "devices"
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "slow_haptip.json"
+    path.write_text(json.dumps(slow))
+    try:
+        settings = scene.dermis_stream
+        results.forget()
+        bpy.data.objects["Finger"].dermis.finger.devices[0].preset = "slow_haptip"
+        settings.protocol, settings.mode, settings.ramp = "maestro", "jog", 0.1
+        streaming.connect(scene)
+        wait(state("ready"))
+        streaming.arm(scene, fingers_out=True)
+        settings.channels[0].jog = 0.4
+        wait(lambda s: s["armed"] and s["values"][0] > 0.39)
+        bpy.ops.dermis.stream_disconnect()
+        assert not streaming.connected() and "going to the safe state" in streaming.leaving()
+        end = time.monotonic() + 10
+        while streaming.leaving():
+            assert time.monotonic() < end, streaming.leaving()
+            streaming.beat()
+            time.sleep(0.02)
+    finally:
+        path.unlink()

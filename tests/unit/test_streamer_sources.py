@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from core.calibration import Calibration
 from core.devices.spec import Channel, DeviceSpec, from_preset
 from core.formats import csv
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
 from core.stream.clock import DeviceClock, RoundTrips
-from core.stream.source import Play
+from core.stream.gate import Gate
+from core.stream.source import Jog, Play, follow_values
 from core.stream.transport import Transport
 from core.stream.url import Url
 from core.stream.wire import Wire
@@ -162,7 +164,7 @@ def test_a_wrong_device_is_refused_in_words() -> None:
     assert lab.streamer.state == "fault" and "wrong device" in lab.streamer.words
 
 
-def test_play_reads_between_samples_and_rests_outside() -> None:
+def test_play_reads_between_samples_and_is_safe_outside() -> None:
     spec = DeviceSpec("d", "D", "t", 10.0, (Channel("a", "m", -1.0, 5.0, rest=-1.0, actuator="m"),))
     for times in (np.array([0.0, 0.1, 0.2]), np.array([0.0, 0.1, 0.3])):
         play = Play(Wire.of(spec), CommandTrack(spec, times, np.array([[0.0], [1.0], [3.0]])))
@@ -170,6 +172,22 @@ def test_play_reads_between_samples_and_rests_outside() -> None:
         assert play.value(float(times[2]))[0] == 3.0 and play.value(0.1)[0] == pytest.approx(1.0)
         assert play.value(-0.01)[0] == -1.0 and play.value(0.31)[0] == -1.0
         assert play.value(0.15)[0] == pytest.approx(1.0 + 2.0 * 0.05 / (times[2] - 0.1))
+
+
+def test_what_nobody_asks_for_is_the_safe_state_not_rest() -> None:
+    """At rest a thimble is level at the first contact of one finger, and presses a thicker one."""
+    spec = Library().device("thimble_3rrs")
+    names = [c.name for c in spec.channels if c.actuator]
+    turned = Calibration.of(spec).with_entry(names[0], zero=0.1, gain=-1.0)
+    times, rest = np.array([0.0, 0.1]), np.array([c.rest for c in spec.channels])
+    for wire in (Wire.of(spec), Wire.of(spec, turned)):
+        gate, play = Gate(wire), Play(wire, CommandTrack(spec, times, np.tile(rest, (2, 1))))
+        for wanted in (play.value(-0.01), play.value(0.2), follow_values(wire, ()), Jog(wire, {}).wanted(0.0, 0.0)):
+            np.testing.assert_allclose(gate.driven(wanted), wire.safe, atol=1e-12)
+        assert play.value(0.05).tolist() == [0.0] * 3, "and the track as it is"
+    screen = Library().device("electrovibration")
+    wire = Wire.of(screen, Calibration.of(screen).with_entry("amplitude", zero=20.0, gain=2.0))
+    assert Gate(wire).driven(Jog(wire, {}).wanted(0.0, 0.0))[0] == 0.0, "0 V stays 0 V"
 
 
 def test_safe_states_of_the_presets() -> None:

@@ -75,6 +75,11 @@ class Bench:
         adapter = self.streamer.adapter
         return adapter if isinstance(adapter, Native) else None
 
+    @property
+    def answers(self) -> bool:
+        """Tell whether the board speaks the native protocol, whether or not there is a link just now."""
+        return self._wish.protocol == Native.name
+
     def connect(self) -> None:
         """Connect, and wait until the device has been recognised.
 

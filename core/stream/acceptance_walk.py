@@ -150,7 +150,7 @@ class Walk:
         if not np.isfinite(wire.slew).any():
             yield Check("speed", what, "does not apply", limit="the preset declares no speed")
             return
-        if self.bench.native is None:
+        if not self.bench.answers:
             yield Check("speed", what, "not tried", limit="this board does not report a pose")
             return
         self._ready()
@@ -189,7 +189,7 @@ class Walk:
     def silence(self) -> Iterator[Check]:
         """When the board's own watchdog acts: the shortest silence after which it is safe, found by halving."""
         what = "nothing is sent while armed and moved away"
-        if self.bench.native is None:
+        if not self.bench.answers:
             self._moved_away()
             self.person.tell("This program is silent until you have answered.")
             with self.bench.silent():
@@ -218,7 +218,7 @@ class Walk:
     def flood(self) -> Iterator[Check]:
         """Whether rubbish on the line keeps the watchdog from acting."""
         what = f"{len(FLOODS)} kinds of rubbish for {SAFE_MS:g} ms each"
-        if self.bench.native is None:  # it may be a position far beyond what the mechanism can bear
+        if not self.bench.answers:  # it may be a position far beyond what the mechanism can bear
             yield Check("flood", what, "not tried", limit="without a check sum a board takes rubbish for commands")
             return
         safe = {}

@@ -77,8 +77,8 @@ class Bench:
 
     @property
     def answers(self) -> bool:
-        """Tell whether the board can be asked how it is, also while there is no link: a watchdog's end lets it go."""
-        return self._wish.protocol == "native"
+        """Tell whether the board speaks the native protocol, whether or not there is a link just now."""
+        return self._wish.protocol == Native.name
 
     def connect(self) -> None:
         """Connect, and wait until the device has been recognised.

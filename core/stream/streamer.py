@@ -434,12 +434,14 @@ class Streamer:
     def _recalibrate(self, now: float) -> None:
         """Take another calibration under way: the device blends over to it."""
         assert self.wire is not None and self.gate is not None
-        self.wire = Wire.of(self.wire.spec, self.wish.calibrated())
+        before, self.wire = self.wire.safe, Wire.of(self.wire.spec, self.wish.calibrated())
         self.gate.wire = self.wire
         if self.adapter is not None:
             self.adapter.wire = self.wire  # its safe pose may be another one
         if self._phase == "live":
             self.gate.blend(self.pace.next, RECALIBRATING)
+        if self.armed and self.adapter is not None and self.adapter.watchdog and (before != self.wire.safe).any():
+            self.words = "Until you stop and arm again, the device's own safe pose is that of the calibration before"
 
     def _choose_source(self, now: float) -> None:
         """Make what the mode asks for; what cannot be made leaves the device safe and says why."""

@@ -265,6 +265,19 @@ def test_rubbish_is_not_sent_to_a_board_that_takes_it_for_commands() -> None:
     bench.end()
 
 
+@pytest.mark.real_time
+def test_rubbish_is_tried_also_where_a_watchdog_has_just_ended_the_link() -> None:
+    bench = bench_for("haptip")
+    bench.connect()
+    walk = Walk(bench, Yes(), [])
+    walk._moved_away()
+    bench.silence(0.1)
+    bench.until(lambda: bench.streamer.link is None, 2.0)
+    assert bench.native is None
+    assert [check.outcome for check in walk.flood()] == ["passed"]
+    assert bench.end() == ""
+
+
 @posix
 @pytest.mark.real_time
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])

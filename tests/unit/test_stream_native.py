@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from core.calibration import Calibration
 from core.errors import DermisError
 from core.presets import Library
 from core.stream import adapter, packets
@@ -107,6 +108,23 @@ def test_to_arm_what_is_armed_moves_nothing() -> None:
     lab.arm()
     lab.run(0.3, lambda: path.append(lab.at))
     assert np.ptp(np.array(path), axis=0).max() < 1e-3 and lab.streamer.armed
+
+
+def test_a_calibration_under_way_says_that_the_device_knows_the_safe_pose_of_before() -> None:
+    """What is safe is configured before arming, and nobody changes it under way."""
+    lab = moved_away()
+    made = Calibration.of(Library().device("cable_platform")).with_entry("motor_1", zero=0.3)
+    lab.set(calibration=made.dumps())
+    lab.run(0.5)
+    assert lab.streamer.armed and "safe pose is that of the calibration before" in lab.streamer.words
+    lab.stops += 1
+    lab.run(0.5)
+    lab.arm()
+    lab.run(0.5)
+    assert lab.streamer.armed and not lab.streamer.words
+    lab.stops += 1
+    lab.run(0.5)
+    assert lab.streamer.wire is not None and np.allclose(lab.at, lab.streamer.wire.safe, atol=1e-3)
 
 
 @pytest.mark.parametrize("lost", [0, 3])

@@ -23,6 +23,7 @@ _status: dict[str, Any] = {}
 _note = ""  # what Blender's side has to say beside the sender
 _published: tuple[float | None, tuple[float, ...]] = (None, ())  # time and values of the last beat
 _beats = 0
+_restored = False  # undo or redo has brought other settings, and the sender has not heard of them
 _ports: list[tuple[str, str]] = []
 
 
@@ -85,13 +86,13 @@ def connect(scene: bpy.types.Scene) -> None:
 
 def close() -> None:
     """Stop, disconnect and end the sender. Safe to call at any time."""
-    global _client, _note, _published, _status
+    global _client, _note, _published, _restored, _status
     if bpy.app.timers.is_registered(_on_timer):
         bpy.app.timers.unregister(_on_timer)
     client, _client = _client, None
     if client is not None:
         client.close()
-    _status, _note, _published = {}, "", (None, ())
+    _status, _note, _published, _restored = {}, "", (None, ()), False
     streaming_tracks.forget()
 
 
@@ -143,13 +144,16 @@ def beat() -> None:
 
     While something steps through the frames, what was published last holds: nobody plays then, and nobody scrubs.
     """
-    global _published, _status
+    global _published, _restored, _status
     if _client is None:
         return
     scene = _streaming_scene()
     if scene is None:  # removed, or undone
         close()
         return
+    if _restored:
+        _restored = False
+        changed()  # the device blends over to what the panel now says
     playing = False
     if not streaming_hold.held():
         if streaming_tracks.outdated(scene):
@@ -213,9 +217,10 @@ def _on_load(*_: Any) -> None:
 
 @persistent
 def _on_history(*_: Any) -> None:
-    if _client is not None:
-        changed()  # undo brings settings back without a word; the device blends over to what the panel now says
-        beat()
+    # Settings came back without a word. The next beat passes them on: what is changed in here belongs to no step of
+    # undo, and the scene that Blender restored is not evaluated yet.
+    global _restored
+    _restored = _client is not None
 
 
 _keys: list[tuple[Any, Any]] = []

@@ -36,6 +36,7 @@ _leaving = ""  # what senders still do that were let go
 _published: tuple[float | None, tuple[float, ...]] = (None, ())  # time and values of the last beat
 _mode = ""  # at the last beat
 _beats = 0
+_restored = False  # undo or redo has brought other settings, and the sender has not heard of them
 _ports: list[tuple[str, str]] = []
 
 
@@ -109,13 +110,13 @@ def close() -> None:
 
     Safe to call at any time.
     """
-    global _client, _leaving, _note, _published, _status
+    global _client, _leaving, _note, _published, _restored, _status
     client, _client = _client, None
     if client is not None:
         client.close()
         _leaving = core_module("stream.client").leaving()
         _start_timer()
-    _status, _note, _published = {}, "", (None, ())
+    _status, _note, _published, _restored = {}, "", (None, ()), False
     streaming_answer.forget()
     streaming_tracks.forget()
 
@@ -196,7 +197,7 @@ def beat() -> None:
 
     While something steps through the frames, what was published last holds: nobody plays then, and nobody scrubs.
     """
-    global _leaving, _mode, _published, _status
+    global _leaving, _mode, _published, _restored, _status
     if _leaving:
         _leaving = core_module("stream.client").leaving()
     if _client is None:
@@ -205,6 +206,9 @@ def beat() -> None:
     if scene is None:  # removed, or undone
         close()
         return
+    if _restored:
+        _restored = False
+        _take_back(scene)
     playing = False
     if not streaming_hold.held():
         if streaming_tracks.outdated(scene):
@@ -220,6 +224,21 @@ def beat() -> None:
         _client.disarm()
     said = (_note, met, _status.get("words"), (_status.get("received") or {}).get("record"))
     _status["words"] = "; ".join(filter(None, said))
+
+
+def _take_back(scene: bpy.types.Scene) -> None:
+    """Pass on what undo brought back: the device blends over to what the panel now says.
+
+    From another mode back to moving by hand it goes to its safe state instead: the positions are from some time ago.
+    """
+    global _note
+    turned = _status.get("armed") and scene.dermis_stream.mode == "jog" != _mode
+    if turned:
+        disarm()
+    changed()
+    if turned:
+        said = "undo turned to Jog, so the device goes to its safe state: arm it again"
+        _note = "; ".join(filter(None, (_note, said)))
 
 
 def _shown(scene: bpy.types.Scene) -> tuple[float, tuple[float, ...]]:
@@ -287,22 +306,10 @@ def _on_load(*_: Any) -> None:
 
 @persistent
 def _on_history(*_: Any) -> None:
-    """Pass on what undo brought back without a word: the device blends over to what the panel now says.
-
-    From another mode back to moving by hand it goes to its safe state instead: the positions are from some time ago.
-    """
-    global _note
-    if _client is None:
-        return
-    scene = _streaming_scene()
-    turned = scene is not None and _status.get("armed") and scene.dermis_stream.mode == "jog" != _mode
-    if turned:
-        disarm()
-    changed()
-    if turned:
-        said = "undo turned to Jog, so the device goes to its safe state: arm it again"
-        _note = "; ".join(filter(None, (_note, said)))
-    beat()
+    # Settings came back without a word. The next beat passes them on: what is changed in here belongs to no step of
+    # undo, and the scene that Blender restored is not evaluated yet.
+    global _restored
+    _restored = _client is not None
 
 
 _keys: list[tuple[Any, Any]] = []

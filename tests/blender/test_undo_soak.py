@@ -171,7 +171,7 @@ class Walk:
 def test_settings(seed: int) -> None:
     walk = Walk(seed)
     undone, redone = walk.go(walk.settings)
-    assert undone > 100 and redone > 100
+    assert undone > 50 and redone > 50
 
 
 @pytest.mark.parametrize("seed", (3, 4))
@@ -180,4 +180,4 @@ def test_settings_and_data_blocks(seed: int) -> None:
     preferences.view.show_developer_ui = preferences.experimental.use_undo_legacy = True
     walk = Walk(seed)
     undone, redone = walk.go((*walk.settings, *walk.blocks, *walk.blocks))
-    assert undone > 100 and redone > 100
+    assert undone > 50 and redone > 50

@@ -25,6 +25,7 @@ from .virtual_link import open_link
 from .wire import Array, Wire
 from .wish import Wish
 
+SAFE_MS = 100.0  # by then silence or a flood has ended in the safe state [ms]
 FLOOD_RATE = 50_000.0  # as fast as a serial line of 500,000 baud [bytes/s]
 POSE_EVERY = 0.05  # an answer that takes longer is asked for again [s]
 CONNECTING, ARMING = 6.0, 3.0  # a board that resets when its port is opened needs 2 s [s]

@@ -5,25 +5,19 @@ from __future__ import annotations
 import contextlib
 import random
 import signal
-import subprocess
-import tempfile
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from ..errors import DermisError
-from ..formats import csv
-from ..track import CommandTrack
-from ..work import command, environment
 from .acceptance import Check, judged
-from .acceptance_bench import FLOODS, RAMPING, Bench
+from .acceptance_bench import FLOODS, SAFE_MS, Bench
+from .acceptance_player import play_and_end
 from .packets import DeviceState, Reach
-from .wire import Array, Wire
+from .wire import Array
 
-SAFE_MS = 100.0  # by then silence or a flood has ended in the safe state [ms]
 STOP_MS = 20.0  # by then a stop has arrived at the board [ms]
 ROUND_TRIP_MS = 20.0  # a link slower than this cannot stop in time [ms]
 RATE_SECONDS, RATE_LOSS = 5.0, 1e-3
@@ -31,7 +25,6 @@ AWAY = 0.3  # part of the way from the safe pose to the far end of the range tha
 SPEED_WINDOW = 0.01  # a speed is taken over at least this long [s] ...
 SPEED_SLACK = 1.5  # ... and may seem this much faster, since a pose's age is known to a few milliseconds only
 CLOSE = 0.02  # part of the range within which a pose counts as reached
-PLAY_SECONDS = 30.0
 MOTORS = 8  # that a person is asked about one by one
 ATTEMPTS = 3  # to be armed and moved away
 
@@ -263,7 +256,9 @@ class Walk:
                 continue
             self.person.tell(f"Another program plays a slow movement and is ended: {name}.")
             with self.bench.apart():
-                said = self._played_and_ended(getattr(signal, number))
+                said = play_and_end(
+                    self.bench, self._away, self.play, getattr(signal, number), self._seconds(self._away)
+                )
             seen = self.person.ask(f"Is it {self._home} now, or has it let go, if that is its safe state?")
             self.bench.bring_home()
             pose = self.bench.pose()  # a board that is reset when its port is opened has forgotten it
@@ -372,40 +367,6 @@ class Walk:
         counters = self.bench.streamer.adapter.counters if self.bench.streamer.adapter else {}
         return sum(int(counters.get(f"{name} at the device", 0)) for name in ("lost", "damaged"))
 
-    def _played_and_ended(self, number: signal.Signals) -> str:
-        """Play a slow movement in another process and send it a signal on its way; return why it did not, or ''."""
-        with tempfile.TemporaryDirectory(prefix="dermis-accept-") as folder:
-            track = Path(folder) / "slow.csv"
-            csv.write(slow_track(self.bench.wire, self._away), track)
-            pipe, verb = subprocess.PIPE, command("stream", "play", str(track), *self.play, "--yes")
-            child = subprocess.Popen(verb, env=environment(), stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe)
-            longest = 30.0 + min(self.bench.wire.safe_seconds, RAMPING)
-            try:
-                self.bench.until(lambda: child.poll() is not None, 6.0)  # its start, a board's reset, the ramp
-                if child.poll() is not None:
-                    return "it did not play: " + child.communicate()[1].decode("utf-8", "replace").strip()[-200:]
-                child.send_signal(number)
-                _, said = child.communicate(timeout=longest)
-            except subprocess.TimeoutExpired as error:
-                raise DermisError("the playing program did not end", value=number.name) from error
-            finally:
-                _ended(child, longest)
-            # A killed program leaves the board to its watchdog.
-            self.bench.run(SAFE_MS / 1e3 + self._seconds(self._away))
-            if child.returncode == (-number if number.name == "SIGKILL" else 128 + number):
-                return ""
-            return f"it ended with {child.returncode}: " + said.decode("utf-8", "replace").strip()[-200:]
-
-
-def _ended(child: subprocess.Popen[bytes], longest: float) -> None:
-    """End a program that plays, its device safe first; kill it only if it does not [s]."""
-    if child.poll() is None:
-        child.terminate()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            child.communicate(timeout=longest)
-    child.kill()
-    child.communicate()
-
 
 def fastest_over(poses: list[tuple[float, Array]], window: float) -> Array:
     """Return each channel's largest speed [units/s] between poses that lie at least a window [s] apart."""
@@ -415,15 +376,3 @@ def fastest_over(poses: list[tuple[float, Array]], window: float) -> Array:
             fastest = np.maximum(fastest, np.abs(pose - start) / (at - before))
             before, start = at, pose
     return fastest
-
-
-def slow_track(wire: Wire, away: Array) -> CommandTrack:
-    """Return a slow movement between the safe pose and another one [units], as a track of the device."""
-    spec = wire.spec
-    times = np.arange(int(PLAY_SECONDS * spec.rate)) / spec.rate
-    values = np.tile([c.rest for c in spec.channels], (len(times), 1)).astype(np.float64)
-    part = 0.5 - 0.5 * np.cos(2 * np.pi * times / 4.0)
-    for k, column in enumerate(wire.columns):
-        goal, start = (away[k] - wire.zero[k]) / wire.gain[k], (wire.safe[k] - wire.zero[k]) / wire.gain[k]
-        values[:, column] = start + part * (goal - start)
-    return CommandTrack(spec, times, values)

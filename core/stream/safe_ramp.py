@@ -9,9 +9,8 @@ import numpy as np
 
 from .gate import Gate, way_seconds
 from .packets import Reach
-from .wire import Array, Wire
+from .wire import SAFE_SWEEP, Array, Wire
 
-UNLIMITED = 1.0  # a channel without a speed limit crosses its range in this time [s]
 STUBBORN = 1.0  # a link that takes nothing for this long will not [s]
 
 
@@ -72,5 +71,5 @@ def speeds(wire: Wire, start: Array) -> Array:
     """Return how fast each channel may go [units/s]: as declared; without that, its range or its way in a second."""
     if wire.reach == Reach.AT_ONCE:
         return np.full(wire.count, np.inf)
-    span = np.where(np.isfinite(wire.high - wire.low), wire.high - wire.low, np.abs(wire.safe - start))
-    return np.where(np.isfinite(wire.slew), wire.slew, np.maximum(span, 1e-12) / UNLIMITED)
+    own = np.maximum(np.abs(wire.safe - start), 1e-12) / SAFE_SWEEP  # of what has no range either
+    return np.where(np.isfinite(wire.safe_slew), wire.safe_slew, own)

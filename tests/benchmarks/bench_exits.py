@@ -147,7 +147,8 @@ def _pose_after_kill(key: str, jog: dict[str, float], seconds: float) -> float:
     """Jog a device for some time, kill its sender; return after how long it stood in its safe pose [s]."""
     receiver = Receiver(key)
     try:
-        with streaming_to(receiver.url, key, mode="jog", jog=jog, ramp=0.0) as client:
+        url = f"{receiver.url}?baud=1000000"  # 128 pins are more than the usual line carries
+        with streaming_to(url, key, mode="jog", jog=jog, ramp=0.0) as client:
             beats(client, seconds, time.sleep)
             if not client.status()["armed"]:
                 raise RuntimeError(client.status()["words"])

@@ -22,7 +22,8 @@ from core.stream import native
 from core.stream.acceptance import Check, Report, judged
 from core.stream.acceptance_bench import Bench
 from core.stream.acceptance_command import CHECKS, _tried
-from core.stream.acceptance_walk import Walk, fastest_over, slow_track
+from core.stream.acceptance_player import slow_track
+from core.stream.acceptance_walk import Walk, fastest_over
 from core.stream.wire import Wire
 from core.stream.wish import Wish
 from core.work import command, environment

@@ -107,6 +107,7 @@ def only(*names: str) -> list[str]:
 
 
 @posix
+@pytest.mark.long
 @pytest.mark.real_time
 def test_a_good_device_passes_stop_silence_flood_and_a_killed_program(boxes: Any, tmp_path: Path) -> None:
     pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
@@ -243,6 +244,7 @@ def test_a_calibrated_device_goes_where_it_is_meant_to() -> None:
     assert bench.end() == "" and bench.streamer.link is None
 
 
+@pytest.mark.long
 @pytest.mark.real_time
 def test_every_pin_is_tried_and_no_speed_is_asked_of_valves() -> None:
     bench = bench_for("pin_array_128")
@@ -266,6 +268,7 @@ def test_rubbish_is_not_sent_to_a_board_that_takes_it_for_commands() -> None:
     bench.end()
 
 
+@pytest.mark.long
 @pytest.mark.real_time
 def test_rubbish_is_tried_also_where_a_watchdog_has_just_ended_the_link() -> None:
     bench = bench_for("haptip")
@@ -280,6 +283,7 @@ def test_rubbish_is_tried_also_where_a_watchdog_has_just_ended_the_link() -> Non
 
 
 @posix
+@pytest.mark.long
 @pytest.mark.real_time
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
 def test_a_signal_in_the_middle_brings_the_device_home(boxes: Any, tmp_path: Path, name: str) -> None:
@@ -294,7 +298,9 @@ def test_a_signal_in_the_middle_brings_the_device_home(boxes: Any, tmp_path: Pat
         run.stdin.flush()
         said = ""
         while "has it let go" not in said:
-            said += run.stdout.read(1)
+            letter = run.stdout.read(1)
+            assert letter, f"it ended too soon: {said}"
+            said += letter
         number = getattr(signal, name)
         for _ in range(2):
             run.send_signal(number)
@@ -306,6 +312,7 @@ def test_a_signal_in_the_middle_brings_the_device_home(boxes: Any, tmp_path: Pat
 
 
 @posix
+@pytest.mark.long
 @pytest.mark.real_time
 def test_what_another_program_has_left_anywhere_is_brought_home(boxes: Any) -> None:
     pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
@@ -324,14 +331,17 @@ def test_what_another_program_has_left_anywhere_is_brought_home(boxes: Any) -> N
 
 
 @posix
+@pytest.mark.long
 @pytest.mark.real_time
-def test_a_device_that_dies_in_the_middle_fails_and_is_not_called_safe(boxes: Any) -> None:
+def test_a_device_that_dies_in_the_middle_fails_and_is_not_called_safe(boxes: Any, tmp_path: Path) -> None:
     pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
-    box = boxes("pty", "maestro", "cable_platform")
-    bench = bench_for("cable_platform", "maestro", box.url)
+    box, port = boxes("pty", "maestro", "cable_platform"), tmp_path / "port"
+    port.symlink_to(box.url)  # the system gives the name of a pty that has gone to the next one of anybody
+    bench = bench_for("cable_platform", "maestro", str(port))
     bench.connect()
     walk = Walk(bench, Yes(), [])
     bench.arm()
+    port.unlink()
     box.process.kill()
     box.process.wait()
     tried = list(_tried("motors", walk.motors)) + list(_tried("rate", walk.rate))

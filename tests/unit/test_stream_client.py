@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-import tempfile
 import time
-from pathlib import Path
 
 import pytest
 
@@ -21,12 +19,6 @@ pytestmark = [pytest.mark.real_time, posix]
 serial = pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
 
 
-def left_over() -> set[Path]:
-    """Return the files of senders."""
-    folders = (Path(tempfile.gettempdir()), Path("/dev/shm"))
-    return {path for folder in folders for path in folder.glob("dermis-[sb]*")}
-
-
 def far(client: SenderClient, receiver: Receiver) -> None:
     exits.connect(client, receiver)
     exits.until(receiver.reached, client.beat, "far from safe")
@@ -34,9 +26,10 @@ def far(client: SenderClient, receiver: Receiver) -> None:
 
 
 def test_closing_waits_for_no_ramp_and_leaves_nothing_behind() -> None:
-    before = left_over()
     with Receiver("maestro") as receiver:
         client = SenderClient()
+        board = client._board.path
+        assert board.exists()
         far(client, receiver)
         began = time.perf_counter()
         client.close()
@@ -46,7 +39,7 @@ def test_closing_waits_for_no_ramp_and_leaves_nothing_behind() -> None:
         assert "going to the safe state" in module.leaving() and receiver.url in module.leaving()
         exits.until(lambda: not client.alive, lambda: None, "it ends by itself")
         assert receiver.judgement()["safe"]
-    assert module.leaving() == "" and left_over() <= before
+    assert module.leaving() == "" and not board.exists()
 
 
 def test_a_port_is_waited_for_in_words_while_its_sender_of_before_finishes() -> None:

@@ -141,7 +141,7 @@ class Environment(NamedTuple):
             "BLENDER_USER_RESOURCES",
             "BLENDER_USER_EXTENSIONS",
             "PYTHONDONTWRITEBYTECODE",
-        )  # fmt: skip  Blender writes bytecode, so what is measured does too
+        )  # Blender writes bytecode, so what is measured does too
         kept = {k: v for k, v in os.environ.items() if k not in dropped}
         fixed = {"PYTHONNOUSERSITE": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1"}
         return {**kept, **fixed, **({"PYTHONPATH": str(self.wheels)} if wheels else {}), **more}
@@ -175,8 +175,18 @@ def environment() -> Environment:
         version = f"{sys.version_info[0]}.{sys.version_info[1]}"
         source = wheel_folder(python, this_platform(), version)
         shutil.rmtree(wheels, ignore_errors=True)
-        pip(python, "install", "--no-index", "--find-links", str(source), "--no-deps", "--target", str(wheels),
-            "-r", str(lock))  # fmt: skip
+        pip(
+            python,
+            "install",
+            "--no-index",
+            "--find-links",
+            str(source),
+            "--no-deps",
+            "--target",
+            str(wheels),
+            "-r",
+            str(lock),
+        )
         stamp(wheels, lock)
     return Environment(python, wheels)
 
@@ -232,8 +242,20 @@ def wheel_folder(python: Path, target: str, version: str) -> Path:
         part = Path(tempfile.mkdtemp(prefix="part-", dir=folder.parent))
         try:
             tags = [word for tag in PLATFORMS[target] for word in ("--platform", tag)]
-            pip(python, "download", "--no-deps", "--implementation", "cp", "--python-version", version, *tags,
-                "-d", str(part), "-r", str(lock))  # fmt: skip
+            pip(
+                python,
+                "download",
+                "--no-deps",
+                "--implementation",
+                "cp",
+                "--python-version",
+                version,
+                *tags,
+                "-d",
+                str(part),
+                "-r",
+                str(lock),
+            )
             stamp(part, lock)
             shutil.rmtree(folder, ignore_errors=True)
             os.replace(part, folder)

@@ -1,32 +1,32 @@
 """Dermis in Blender: animate a finger, get a command track for a tactile device."""
 
-PACKAGE = __package__  # the three-part name in an installed extension; extension_path_user takes no other
-
-from . import (  # noqa: E402
-    commands,
-    handlers,
-    jobs,
-    operators,
-    overlay,
-    panels,
-    pin_view,
-    platform_view,
-    preferences,
-    properties,
-    properties_design,
-    properties_skin,
-    properties_stream,
-    properties_thimble,
-    skin_live,
-    skin_view,
-    streaming,
-    thimble_view,
-)
+from . import commands, handlers, jobs, operators, panels, preferences
+from .design import design_properties
+from .preview import skin_preview
+from .properties import scene_properties, skin_properties, thimble_view_properties
+from .streaming import session, streaming_properties
+from .viewport import overlay, pin_view, platform_view, skin_view, thimble_view
 
 MODULES = (
-    preferences, properties_skin, properties_thimble, properties, properties_design, properties_stream, jobs, operators,
-    panels, overlay, pin_view, thimble_view, platform_view, skin_live, skin_view, handlers, streaming, commands,
-)  # fmt: skip
+    preferences,
+    skin_properties,
+    thimble_view_properties,
+    scene_properties,
+    design_properties,
+    streaming_properties,
+    jobs,
+    operators,
+    panels,
+    overlay,
+    pin_view,
+    thimble_view,
+    platform_view,
+    skin_preview,
+    skin_view,
+    handlers,
+    session,
+    commands,
+)
 
 
 def register() -> None:

@@ -17,8 +17,9 @@ from typing import Any
 
 import bpy
 
-from . import jobs, sampling
+from . import jobs
 from ._core import core
+from .sampling import scene_sweep
 
 _errors = import_module(".errors", core.__name__)
 DermisError = _errors.DermisError
@@ -56,14 +57,14 @@ def render(options: argparse.Namespace) -> int:
     names = [s.name for s in bpy.data.scenes if any(o.dermis.role == "FINGER" for o in s.objects)]
     if not names:
         raise DermisError("no scene has a finger", where=options.blend, remedy="Make an object a finger")
-    file_names = import_module(".formats.file_names", core.__name__)
+    file_names = import_module(".track.file_names", core.__name__)
     taken = file_names.FileNames()
     folders = {name: taken.take(file_names.safe(bpy.path.clean_name(name))) for name in names}
     return max(_render(options, bpy.data.scenes[name], Path(options.out) / folder) for name, folder in folders.items())
 
 
 def _render(options: argparse.Namespace, scene: bpy.types.Scene, folder: Path) -> int:
-    outputs = import_module(".outputs", core.__name__)
+    outputs = import_module(".pipeline.outputs", core.__name__)
     made = jobs.drain(jobs.bake(scene, _library(options), span=_span(options)), _teller(options))
     _end_of_progress(options)
     if options.format or options.finger or options.part != "all":
@@ -71,7 +72,7 @@ def _render(options: argparse.Namespace, scene: bpy.types.Scene, folder: Path) -
     else:
         written, found = list(outputs.export(made, folder, plots=options.plots)), []
     if options.maps:
-        now = sampling.sample_now(scene, bpy.context.evaluated_depsgraph_get())
+        now = scene_sweep.sample_now(scene, bpy.context.evaluated_depsgraph_get())
         written += outputs.export_screen_maps(now, _library(options), folder)
     for path in written:
         print(path)
@@ -81,19 +82,31 @@ def _render(options: argparse.Namespace, scene: bpy.types.Scene, folder: Path) -
 def _parts(
     options: argparse.Namespace, scene: bpy.types.Scene, made: Any, folder: Path
 ) -> tuple[list[Path], list[Any]]:
-    from . import export_ranges, results
+    from .results import export_parts, store
 
-    span = _span(options) or sampling.frame_range(scene)
-    result = results.Result(made, float(sampling.frames_per_second(scene)), float(span[0]), -1, ())
+    span = _span(options) or scene_sweep.frame_range(scene)
+    result = store.Result(made, float(scene_sweep.frames_per_second(scene)), float(span[0]), -1, ())
     active = scene.objects.get(options.finger) if options.finger else scene.view_layers[0].objects.active
     if options.finger and active is None:
-        raise DermisError("no such finger", where=scene.name, value=options.finger,
-                          limit=", ".join(dict.fromkeys(o.finger for o in made.outputs)))  # fmt: skip
+        raise DermisError(
+            "no such finger",
+            where=scene.name,
+            value=options.finger,
+            limit=", ".join(dict.fromkeys(o.finger for o in made.outputs)),
+        )
     written: list[Path] = []
     found: list[Any] = []
     for form in dict.fromkeys(options.format or ["csv"]):
-        paths, more = export_ranges.write(scene, result, folder, form, options.part.upper(), active=active,
-                                          finger=options.finger or None, force=options.force)  # fmt: skip
+        paths, more = export_parts.write(
+            scene,
+            result,
+            folder,
+            form,
+            options.part.upper(),
+            active=active,
+            finger=options.finger or None,
+            force=options.force,
+        )
         written += paths
         found += more
     return written, found
@@ -101,9 +114,9 @@ def _parts(
 
 def sample(options: argparse.Namespace) -> int:
     """Sample a file's scene and write it for `python -m core render`."""
-    scene_file = import_module(".scene_file", core.__name__)
+    scene_file = import_module(".scene.scene_file", core.__name__)
     scene = _open(options)
-    tactile = sampling.sample(scene, span=_span(options))
+    tactile = scene_sweep.sample(scene, span=_span(options))
     try:
         scene_file.save(tactile, Path(options.out))
     finally:
@@ -120,17 +133,31 @@ def _parser() -> argparse.ArgumentParser:
     shared = argparse.ArgumentParser(add_help=False)
     shared.add_argument("blend", help="the .blend file")
     shared.add_argument("--scene", default="", help="name of the scene; the file's active one if left out")
-    shared.add_argument("--range", default="", metavar="FIRST:LAST", dest="span",
-                        help="frames to bake, both included; the scene's own if left out")  # fmt: skip
+    shared.add_argument(
+        "--range",
+        default="",
+        metavar="FIRST:LAST",
+        dest="span",
+        help="frames to bake, both included; the scene's own if left out",
+    )
     shared.add_argument("--quiet", action="store_true", help="no progress")
     one = commands.add_parser("render", parents=[shared], help="write a CSV track per finger and device")
     one.add_argument("--out", required=True, metavar="DIR", help="folder for the tracks; it is made if missing")
     one.add_argument("--plots", action="store_true", help="write a PNG plot beside each track")
-    one.add_argument("--format", action="append", default=[], choices=("csv", "json", "binary", "c"),
-                     help="write this format instead of CSV; more than once")  # fmt: skip
-    one.add_argument("--part", default="all", choices=("all", "preview", "markers", "action"),
-                     help="the preview range, a file from each marker to the next, or the frames of an action: "
-                          "the finger's, or else the active object's")  # fmt: skip
+    one.add_argument(
+        "--format",
+        action="append",
+        default=[],
+        choices=("csv", "json", "binary", "c"),
+        help="write this format instead of CSV; more than once",
+    )
+    one.add_argument(
+        "--part",
+        default="all",
+        choices=("all", "preview", "markers", "action"),
+        help="the preview range, a file from each marker to the next, or the frames of an action: "
+        "the finger's, or else the active object's",
+    )
     one.add_argument("--finger", default="", metavar="NAME", help="this finger only")
     one.add_argument("--all-scenes", action="store_true", help="every scene with a finger, a folder each")
     one.add_argument("--force", action="store_true", help="write tracks with errors as they are, with a note inside")
@@ -169,8 +196,9 @@ def _open(options: argparse.Namespace) -> bpy.types.Scene:
         return bpy.context.scene
     scene = bpy.data.scenes.get(options.scene)
     if scene is None:
-        raise DermisError("no such scene", where=str(path), value=options.scene,
-                          limit=", ".join(s.name for s in bpy.data.scenes))  # fmt: skip
+        raise DermisError(
+            "no such scene", where=str(path), value=options.scene, limit=", ".join(s.name for s in bpy.data.scenes)
+        )
     return scene
 
 
@@ -180,11 +208,13 @@ def _span(options: argparse.Namespace) -> tuple[int, int] | None:
     try:
         first, last = (int(part) for part in options.span.split(":"))
     except ValueError:
-        raise DermisError("the range is not understood", where="--range", value=options.span,
-                          limit="FIRST:LAST, such as 1:250") from None  # fmt: skip
+        raise DermisError(
+            "the range is not understood", where="--range", value=options.span, limit="FIRST:LAST, such as 1:250"
+        ) from None
     if max(abs(first), abs(last)) > LAST_FRAME:
-        raise DermisError("Blender has no such frame", where="--range", value=options.span,
-                          limit=f"{-LAST_FRAME} to {LAST_FRAME}")  # fmt: skip
+        raise DermisError(
+            "Blender has no such frame", where="--range", value=options.span, limit=f"{-LAST_FRAME} to {LAST_FRAME}"
+        )
     return first, last
 
 

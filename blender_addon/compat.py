@@ -40,9 +40,14 @@ def channelbag(owner: bpy.types.ID, *, action_name: str = "") -> Any:
 
 
 def set_keys(
-    owner: bpy.types.ID, path: str, index: int, frames: Sequence[float], values: Sequence[float], *,
+    owner: bpy.types.ID,
+    path: str,
+    index: int,
+    frames: Sequence[float],
+    values: Sequence[float],
+    *,
     interpolation: str = "LINEAR",
-) -> Any:  # fmt: skip
+) -> Any:
     """Replace the keys of one F-curve in one go, thousands at a time; return the F-curve.
 
     Args:

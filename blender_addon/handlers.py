@@ -1,7 +1,7 @@
 """Blender's application handlers: one table, and the record of what changed since the last bake.
 
 Everything here runs on every change and every frame, so it only notes things down. What was noted is read by
-`results` (is the bake out of date?) and `live` (may the trail go on?).
+`results.store` (is the bake out of date?) and `device_preview` (may the trail go on?).
 """
 
 from __future__ import annotations
@@ -14,8 +14,24 @@ import bpy
 from bpy.app.handlers import persistent
 
 # Changes of these types reach the sampled scene; others, such as screens and brushes, do not.
-_RELEVANT = ("Object", "Action", "Armature", "Camera", "Collection", "Curve", "Curves", "Image", "Key", "Lattice",
-             "Mesh", "MetaBall", "NodeTree", "Scene", "Speaker", "World")  # fmt: skip
+_RELEVANT = (
+    "Object",
+    "Action",
+    "Armature",
+    "Camera",
+    "Collection",
+    "Curve",
+    "Curves",
+    "Image",
+    "Key",
+    "Lattice",
+    "Mesh",
+    "MetaBall",
+    "NodeTree",
+    "Scene",
+    "Speaker",
+    "World",
+)
 
 _dirty: set[str] = set()
 _expected: set[str] = set()
@@ -99,9 +115,9 @@ def _on_depsgraph(_scene: bpy.types.Scene, depsgraph: Any = None) -> None:
             _edits += 1
             changed = True
     if changed and not bpy.app.background:
-        from . import skin_live
+        from .preview import skin_preview
 
-        skin_live.request()
+        skin_preview.request()
 
 
 @persistent
@@ -109,10 +125,10 @@ def _on_frame(scene: bpy.types.Scene, depsgraph: Any = None) -> None:
     # Without a window nobody looks; a sweep or a render job must not pay for a preview.
     if _muted or depsgraph is None or bpy.app.background or bpy.app.is_job_running("RENDER"):
         return
-    from . import live, skin_live
+    from .preview import device_preview, skin_preview
 
-    live.on_frame(scene)
-    skin_live.on_frame(scene, live.take_sample())
+    device_preview.on_frame(scene)
+    skin_preview.on_frame(scene, device_preview.take_sample())
 
 
 @persistent
@@ -130,17 +146,19 @@ def _on_load(*_: Any) -> None:
     _ticks += 1
     _dirty.clear()
     _dirty.add("file")
-    from . import finger_ids, reporting, results
+    from . import reporting
+    from .results import store
+    from .streaming import finger_ids
 
-    results.forget()
+    store.forget()
     reporting.clear()
     finger_ids.note()
 
 
 @persistent
 def _on_save(*_: Any) -> None:
-    from . import finger_ids
-    from .properties import stamp
+    from .properties.scene_properties import stamp
+    from .streaming import finger_ids
 
     finger_ids.settle()
     for scene in bpy.data.scenes:

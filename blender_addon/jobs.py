@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from . import reporting, sampling, streaming
+from . import reporting
 from ._core import core
+from .sampling import scene_sweep
+from .streaming import session
 
 _errors = import_module(".errors", core.__name__)
 
@@ -34,12 +36,12 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
     Raises:
         DermisError: the scene cannot be sampled or rendered.
     """
-    from . import platform_use, skin_models
+    from .devices import platform_devices, skin_models
 
-    pipeline = import_module(".pipeline", core.__name__)
+    pipeline = import_module(".pipeline.render", core.__name__)
     yield pipeline.Progress("preparing", 0, 1)
-    yield from platform_use.make_missing(scene)
-    tactile = sampling.sample(scene, span=span)
+    yield from platform_devices.make_missing(scene)
+    tactile = scene_sweep.sample(scene, span=span)
     sweep = tactile.chunks
     skins = skin_models.wanted(tactile, library)
     steps = pipeline.render(tactile, library, cache=skin_models.cache())
@@ -128,7 +130,7 @@ class Job:
         """Work for a while at each timer event; everything else waits, but Esc ends it."""
         if event.type == "ESC" and event.value == "PRESS":
             if event.shift:  # the key that stops a device, which this operator takes before anybody else hears it
-                streaming.stop()
+                session.stop()
             self._end(context)
             self.cancelled(context)
             self.report({"INFO"}, f"{self.job_title} was cancelled; nothing was changed")
@@ -202,4 +204,4 @@ def unregister() -> None:
     """Stop whatever still runs, so that nothing of the add-on works on after it."""
     while _running:
         _running.pop().close()
-    sampling.forget()
+    scene_sweep.forget()

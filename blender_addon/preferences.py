@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 from bpy.props import IntProperty
 
-from . import PACKAGE
+from ._core import PACKAGE
 
 
 def user_folder(name: str, *, create: bool = False) -> Path:
@@ -49,13 +49,19 @@ class DermisPreferences(bpy.types.AddonPreferences):
     bl_idname = PACKAGE
 
     cache_megabytes: IntProperty(
-        name="Stored Results [MB]", description="Bakes beyond this are deleted, oldest first; they can be baked again",
-        default=512, min=16, max=1_000_000,
-    )  # fmt: skip
+        name="Stored Results [MB]",
+        description="Bakes beyond this are deleted, oldest first; they can be baked again",
+        default=512,
+        min=16,
+        max=1_000_000,
+    )
     live_trail: IntProperty(
-        name="Live Trail [frames]", description="How many frames back the live preview remembers the movement",
-        default=48, min=2, max=1000,
-    )  # fmt: skip
+        name="Live Trail [frames]",
+        description="How many frames back the live preview remembers the movement",
+        default=48,
+        min=2,
+        max=1000,
+    )
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the settings."""

@@ -28,22 +28,22 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .bake import Bake, Output, Progress
     from .cache import Cache, cache_key
-    from .contact.gap import Surface
     from .devices.spec import Channel, DeviceSpec
     from .errors import DermisError, Finding, worst
     from .experiment import Match, Touch, fingertip, match, press
-    from .formats.csv import read as read_csv
-    from .formats.csv import write as write_csv
-    from .outputs import export
-    from .pipeline import render, run
-    from .plot import write_png, write_svg
+    from .pipeline.bake import Bake, Output, Progress
+    from .pipeline.outputs import export
+    from .pipeline.render import render, run
+    from .plot.track import write_png, write_svg
     from .presets import Library, PresetEntry
-    from .scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene
-    from .scene_file import load as load_scene
-    from .scene_file import save as save_scene
-    from .track import CommandTrack
+    from .scene.scene_file import load as load_scene
+    from .scene.scene_file import save as save_scene
+    from .scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene
+    from .surface.gap import Surface
+    from .track.command_track import CommandTrack
+    from .track.csv import read as read_csv
+    from .track.csv import write as write_csv
     from .work import Worker
 
 # name -> module, and the name there
@@ -54,39 +54,39 @@ _PUBLIC: dict[str, tuple[str, str]] = {
     "worst": ("errors", "worst"),
     # a touch without a scene
     "fingertip": ("experiment", "fingertip"),
-    "Surface": ("contact.gap", "Surface"),
+    "Surface": ("surface.gap", "Surface"),
     "press": ("experiment", "press"),
     "Touch": ("experiment", "Touch"),
     "match": ("experiment", "match"),
     "Match": ("experiment", "Match"),
     # a sampled scene
-    "TactileScene": ("scene", "TactileScene"),
-    "Finger": ("scene", "Finger"),
-    "DeviceUse": ("scene", "DeviceUse"),
-    "Body": ("scene", "Body"),
-    "Screen": ("scene", "Screen"),
-    "Mesh": ("scene", "Mesh"),
-    "Chunk": ("scene", "Chunk"),
-    "load_scene": ("scene_file", "load"),
-    "save_scene": ("scene_file", "save"),
+    "TactileScene": ("scene.tactile_scene", "TactileScene"),
+    "Finger": ("scene.tactile_scene", "Finger"),
+    "DeviceUse": ("scene.tactile_scene", "DeviceUse"),
+    "Body": ("scene.tactile_scene", "Body"),
+    "Screen": ("scene.tactile_scene", "Screen"),
+    "Mesh": ("scene.tactile_scene", "Mesh"),
+    "Chunk": ("scene.tactile_scene", "Chunk"),
+    "load_scene": ("scene.scene_file", "load"),
+    "save_scene": ("scene.scene_file", "save"),
     # presets
     "Library": ("presets", "Library"),
     "PresetEntry": ("presets", "PresetEntry"),
     "DeviceSpec": ("devices.spec", "DeviceSpec"),
     "Channel": ("devices.spec", "Channel"),
     # scene -> tracks
-    "render": ("pipeline", "render"),
-    "run": ("pipeline", "run"),
-    "export": ("outputs", "export"),
-    "Bake": ("bake", "Bake"),
-    "Output": ("bake", "Output"),
-    "Progress": ("bake", "Progress"),
+    "render": ("pipeline.render", "render"),
+    "run": ("pipeline.render", "run"),
+    "export": ("pipeline.outputs", "export"),
+    "Bake": ("pipeline.bake", "Bake"),
+    "Output": ("pipeline.bake", "Output"),
+    "Progress": ("pipeline.bake", "Progress"),
     # tracks, their files and pictures
-    "CommandTrack": ("track", "CommandTrack"),
-    "read_csv": ("formats.csv", "read"),
-    "write_csv": ("formats.csv", "write"),
-    "write_svg": ("plot", "write_svg"),
-    "write_png": ("plot", "write_png"),
+    "CommandTrack": ("track.command_track", "CommandTrack"),
+    "read_csv": ("track.csv", "read"),
+    "write_csv": ("track.csv", "write"),
+    "write_svg": ("plot.track", "write_svg"),
+    "write_png": ("plot.track", "write_png"),
     # what long work needs
     "Cache": ("cache", "Cache"),
     "cache_key": ("cache", "cache_key"),
@@ -94,11 +94,43 @@ _PUBLIC: dict[str, tuple[str, str]] = {
 }
 
 __all__ = [
-    "Bake", "Body", "Cache", "Channel", "Chunk", "CommandTrack", "DermisError", "DeviceSpec", "DeviceUse",
-    "Finding", "Finger", "Library", "Match", "Mesh", "Output", "PresetEntry", "Progress", "Screen", "Surface",
-    "TactileScene", "Touch", "Worker", "cache_key", "export", "fingertip", "load_scene", "match", "press",
-    "read_csv", "render", "run", "save_scene", "worst", "write_csv", "write_png", "write_svg",
-]  # fmt: skip
+    "Bake",
+    "Body",
+    "Cache",
+    "Channel",
+    "Chunk",
+    "CommandTrack",
+    "DermisError",
+    "DeviceSpec",
+    "DeviceUse",
+    "Finding",
+    "Finger",
+    "Library",
+    "Match",
+    "Mesh",
+    "Output",
+    "PresetEntry",
+    "Progress",
+    "Screen",
+    "Surface",
+    "TactileScene",
+    "Touch",
+    "Worker",
+    "cache_key",
+    "export",
+    "fingertip",
+    "load_scene",
+    "match",
+    "press",
+    "read_csv",
+    "render",
+    "run",
+    "save_scene",
+    "worst",
+    "write_csv",
+    "write_png",
+    "write_svg",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -15,13 +15,17 @@ from .files import check_folder, check_writable
 from .version import version
 
 if TYPE_CHECKING:
-    from .bake import Bake, Progress
     from .matching.screen_map import ScreenMap
-    from .track import CommandTrack
+    from .pipeline.bake import Bake, Progress
+    from .track.command_track import CommandTrack
 
 # What a child process may be asked to do: name -> module of this package, function.
-JOBS = {"probe": (".work", "probe"), "skin": (".skin.job", "make"), "collect": (".design.collect", "work"),
-        "adapt": (".matching.adapt", "adapt_job")}  # fmt: skip
+JOBS = {
+    "probe": (".work", "probe"),
+    "skin": (".skin.job", "make"),
+    "collect": (".design.collect", "work"),
+    "adapt": (".matching.adapt", "adapt_job"),
+}
 
 # What the extension brings along, and another Python may lack: module -> the name to install it by.
 LIBRARIES = {"scipy": "scipy", "onnxruntime": "onnxruntime", "serial": "pyserial"}
@@ -49,8 +53,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         package = LIBRARIES.get(str(error.name).partition(".")[0])
         if package is None:
             raise
-        print(f"error: this needs {error.name}, which this Python ({sys.executable}) does not have; "
-              f"install it: {sys.executable} -m pip install {package}", file=sys.stderr)  # fmt: skip
+        print(
+            f"error: this needs {error.name}, which this Python ({sys.executable}) does not have; "
+            f"install it: {sys.executable} -m pip install {package}",
+            file=sys.stderr,
+        )
         return REFUSED
     except KeyboardInterrupt:
         print("stopped", file=sys.stderr)
@@ -62,10 +69,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def render(options: argparse.Namespace) -> int:
     """Render a sampled scene and write its tracks."""
-    from . import outputs, pipeline, scene_file
-    from .formats import export as formats
-    from .formats.file_names import FileNames
+    from .pipeline import outputs
+    from .pipeline import render as pipeline
     from .presets import Library
+    from .scene import scene_file
+    from .track import export as formats
+    from .track.file_names import FileNames
 
     scene, library = scene_file.load(options.scene), Library(options.presets)
     bake = _drain(pipeline.render(scene, library), quiet=options.quiet)
@@ -95,8 +104,8 @@ def render(options: argparse.Namespace) -> int:
 
 def export(options: argparse.Namespace) -> int:
     """Write tracks in other formats, whole or a range of them."""
-    from .formats import export as formats
-    from .formats.file_names import FileNames
+    from .track import export as formats
+    from .track.file_names import FileNames
 
     failed, names = 0, FileNames()
     for path in options.tracks:  # a track that is still to be read is none to write over
@@ -124,7 +133,7 @@ def export(options: argparse.Namespace) -> int:
 
 def _export(track: CommandTrack, path: Path, form: str, force: bool) -> Path:
     """Write one track; tell what its check found."""
-    from .formats import export as formats
+    from .track import export as formats
 
     _tell(formats.write(track, path, form, force=force), sys.stderr)
     return path
@@ -132,9 +141,9 @@ def _export(track: CommandTrack, path: Path, form: str, force: bool) -> Path:
 
 def compare(options: argparse.Namespace) -> int:
     """Say how far each matching method of a pin array would miss for a sampled scene."""
-    from . import scene_file
     from .matching import pin_report
     from .presets import Library
+    from .scene import scene_file
 
     scene, library = scene_file.load(options.scene), Library(options.presets)
     compared = pin_report.compare_scene(scene, library, finer=options.finer)
@@ -146,22 +155,28 @@ def compare(options: argparse.Namespace) -> int:
 
 def check(options: argparse.Namespace) -> int:
     """Check a track and say what is wrong with it."""
-    from .formats import check as checks
-    from .formats import export as formats
     from .presets import Library
+    from .track import check as checks
+    from .track import export as formats
 
     track, library = formats.read(options.track), Library(options.presets)
     findings = (*checks.preset_findings(track, library), *checks.findings_of(checks.by_preset(track, library)))
     if options.json:
         report = {
-            "file": str(options.track), "device": track.spec.key, "samples": len(track.times),
-            "duration_s": track.duration, "rate_hz": track.spec.rate,
-            "worst": worst(findings), "findings": [f.as_dict() for f in findings],
-        }  # fmt: skip
+            "file": str(options.track),
+            "device": track.spec.key,
+            "samples": len(track.times),
+            "duration_s": track.duration,
+            "rate_hz": track.spec.rate,
+            "worst": worst(findings),
+            "findings": [f.as_dict() for f in findings],
+        }
         print(json.dumps(report, indent=1, ensure_ascii=False, default=str))
         return FAILED if worst(findings) == "error" else 0
-    print(f"{options.track}: {track.spec.name}, {len(track.channels)} channels, {len(track.times)} samples, "
-          f"{track.duration:.6g} s at {track.spec.rate:g} Hz")  # fmt: skip
+    print(
+        f"{options.track}: {track.spec.name}, {len(track.channels)} channels, {len(track.times)} samples, "
+        f"{track.duration:.6g} s at {track.spec.rate:g} Hz"
+    )
     status = _tell(findings, sys.stdout)
     if not findings:
         print("no findings")
@@ -177,27 +192,39 @@ def work(options: argparse.Namespace) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m core", description="Dermis without Blender: render sampled scenes, check command tracks.",
+        prog="python -m core",
+        description="Dermis without Blender: render sampled scenes, check command tracks.",
         epilog="Exit status: 0; 1 where a finding has the severity error; 2 where nothing could be done.",
-    )  # fmt: skip
+    )
     parser.add_argument("--version", action="version", version=f"dermis {version()}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    one = commands.add_parser("render", help="render a sampled scene to one CSV track per finger and device",
-                              description="Render a sampled scene to one CSV track per finger and device.")  # fmt: skip
+    one = commands.add_parser(
+        "render",
+        help="render a sampled scene to one CSV track per finger and device",
+        description="Render a sampled scene to one CSV track per finger and device.",
+    )
     one.add_argument("scene", type=Path, metavar="FILE", help="a scene sampled to a file (.npz)")
     one.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the tracks; made if needed")
     one.add_argument("--plots", action="store_true", help="also write a picture of each track")
     one.add_argument("--maps", action="store_true", help="also write the maps of touch screens, for real fingers")
     one.add_argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
-    one.add_argument("--format", action="append", default=[], choices=("json", "binary", "c"),
-                     help="also write this format; more than once")  # fmt: skip
+    one.add_argument(
+        "--format",
+        action="append",
+        default=[],
+        choices=("json", "binary", "c"),
+        help="also write this format; more than once",
+    )
     one.add_argument("--force", action="store_true", help="write those formats in spite of errors")
     one.add_argument("--quiet", action="store_true", help="no progress")
     one.set_defaults(run=render, writes={"out": True})
 
-    one = commands.add_parser("export", help="write tracks in another format, or a range of them",
-                              description="Write command tracks in another format, or a range of them.")  # fmt: skip
+    one = commands.add_parser(
+        "export",
+        help="write tracks in another format, or a range of them",
+        description="Write command tracks in another format, or a range of them.",
+    )
     one.add_argument("tracks", type=Path, nargs="+", metavar="TRACK", help="command tracks: CSV, JSON or binary")
     one.add_argument("--format", required=True, choices=("csv", "json", "binary", "c"), help="what to write")
     one.add_argument("--out", type=Path, metavar="DIR", help="folder; beside each track if left out")
@@ -207,36 +234,48 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("--force", action="store_true", help="write in spite of errors, with a note in the header")
     one.set_defaults(run=export, writes={"out": True})
 
-    from .stream.command_line import add_parser
+    from .command_line.stream import add_parser
 
     add_parser(commands, _load_screen)
 
-    from .design.command_line import add_parser as add_design
+    from .command_line.design import add_parser as add_design
 
     add_design(commands)
 
-    from .thimble_command import add_parser as add_thimble
+    from .command_line.thimble import add_parser as add_thimble
 
     add_thimble(commands)
 
     text = "Say how far each matching method of a pin array would miss for a sampled scene."
-    one = commands.add_parser("compare", help="how far each matching method of a pin array would miss",
-                              description=text)  # fmt: skip
+    one = commands.add_parser(
+        "compare", help="how far each matching method of a pin array would miss", description=text
+    )
     one.add_argument("scene", type=Path, metavar="FILE", help="a scene sampled to a file (.npz)")
-    one.add_argument("--finer", default="", choices=["", "fine", "reference"], metavar="LEVEL",
-                     help="also judge the commands on a finer mesh: fine or reference")  # fmt: skip
+    one.add_argument(
+        "--finer",
+        default="",
+        choices=["", "fine", "reference"],
+        metavar="LEVEL",
+        help="also judge the commands on a finer mesh: fine or reference",
+    )
     one.add_argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
     one.set_defaults(run=compare)
 
-    one = commands.add_parser("check", help="check a track against its device's limits",
-                              description="Check a track against the limits of its device preset.")  # fmt: skip
+    one = commands.add_parser(
+        "check",
+        help="check a track against its device's limits",
+        description="Check a track against the limits of its device preset.",
+    )
     one.add_argument("track", type=Path, metavar="TRACK", help="a command track: CSV, JSON or binary")
     one.add_argument("--json", action="store_true", help="the report as JSON")
     one.add_argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
     one.set_defaults(run=check)
 
-    one = commands.add_parser("work", help="take jobs from a parent process (not for people)",
-                              description="Take jobs as JSON lines from standard input.")  # fmt: skip
+    one = commands.add_parser(
+        "work",
+        help="take jobs from a parent process (not for people)",
+        description="Take jobs as JSON lines from standard input.",
+    )
     one.set_defaults(run=work)
     return parser
 

@@ -108,8 +108,11 @@ class Calibration:
             highs = [v for v in (channel.high, entry.high) if v is not None]
             low, high = max(lows, default=-math.inf), min(highs, default=math.inf)
             if low > high:
-                raise DermisError("the limits of preset and calibration leave nothing",
-                                  where=f"{where}, {channel.name}", value=f"{low:g} to {high:g}")  # fmt: skip
+                raise DermisError(
+                    "the limits of preset and calibration leave nothing",
+                    where=f"{where}, {channel.name}",
+                    value=f"{low:g} to {high:g}",
+                )
             rows.append((entry.zero, entry.gain, low, high))
         table = np.array(rows, dtype=np.float64)
         return tuple(table.T.copy())
@@ -117,16 +120,29 @@ class Calibration:
     def findings(self, spec: DeviceSpec) -> tuple[Finding, ...]:
         """Return what a person should know before it is used with a device."""
         if self.spec_hash and self.spec_hash != spec.hash:
-            return (Finding("warning", "calibration-of-another-preset", "the preset has changed since the calibration",
-                            where=f"calibration of '{self.device}'", value=spec.hash, limit=self.spec_hash,
-                            remedy="Look at each actuator again"),)  # fmt: skip
+            return (
+                Finding(
+                    "warning",
+                    "calibration-of-another-preset",
+                    "the preset has changed since the calibration",
+                    where=f"calibration of '{self.device}'",
+                    value=spec.hash,
+                    limit=self.spec_hash,
+                    remedy="Look at each actuator again",
+                ),
+            )
         return ()
 
     def dumps(self) -> str:
         """Return the calibration as JSON; equal ones give equal text."""
-        plain = {"schema": SCHEMA, "name": self.name, "serial": self.serial, "device": self.device,
-                 "spec_hash": self.spec_hash,
-                 "actuators": {name: asdict(self.entries[name]) for name in sorted(self.entries)}}  # fmt: skip
+        plain = {
+            "schema": SCHEMA,
+            "name": self.name,
+            "serial": self.serial,
+            "device": self.device,
+            "spec_hash": self.spec_hash,
+            "actuators": {name: asdict(self.entries[name]) for name in sorted(self.entries)},
+        }
         return json.dumps(plain, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
     def save(self, path: Path) -> None:
@@ -177,8 +193,12 @@ class Calibration:
 
 def _check_text(text: object, where: str) -> None:
     if not isinstance(text, str) or len(text) > _LONGEST or not (text.isprintable() and text == text.strip()):
-        raise DermisError("not a text of one line", where=where, value=repr(text)[:80],
-                          limit=f"at most {_LONGEST} characters that can be seen")  # fmt: skip
+        raise DermisError(
+            "not a text of one line",
+            where=where,
+            value=repr(text)[:80],
+            limit=f"at most {_LONGEST} characters that can be seen",
+        )
 
 
 def _check(entry: Entry, where: str) -> None:

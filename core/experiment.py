@@ -12,14 +12,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .contact.bodies import ContactBody
-from .contact.gap import Surface
-from .contact.path import PathSolver
+from .contact.solver.bodies import ContactBody
+from .contact.solver.path import PathSolver
 from .devices.spec import DeviceSpec
 from .errors import DermisError, Finding
 from .presets import Library
 from .skin.model import MATERIAL_PARAMETERS, SkinModel, skin_from_parameters
 from .stimulus import Stimulus, von_mises
+from .surface.gap import Surface
 
 Array = NDArray[np.float64]
 
@@ -160,9 +160,12 @@ def press(
 
 
 def match(
-    touch: Stimulus, device: str | DeviceSpec = "pin_array_128", method: str | None = None, *,
+    touch: Stimulus,
+    device: str | DeviceSpec = "pin_array_128",
+    method: str | None = None,
+    *,
     presets: Library | None = None,
-) -> Match:  # fmt: skip
+) -> Match:
     """Return the commands that make a device feel most like a touch, within the device's limits.
 
     Args:
@@ -179,8 +182,13 @@ def match(
         "thimble": _match_thimble,
     }
     if spec.kind not in matchers:
-        raise DermisError("one touch by itself is matched on pins and thimbles only", where=spec.key, value=spec.kind,
-                          limit=", ".join(matchers), remedy="Render a scene with this device")  # fmt: skip
+        raise DermisError(
+            "one touch by itself is matched on pins and thimbles only",
+            where=spec.key,
+            value=spec.kind,
+            limit=", ".join(matchers),
+            remedy="Render a scene with this device",
+        )
     return matchers[spec.kind](touch, spec, method)
 
 
@@ -195,8 +203,9 @@ def _match_pins(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Match:
     found = PinSolver(ready.matcher, chosen, force_limit=ready.pins.force_limit).solve(touch.force)
     error = found.displacement_error if chosen.startswith("DM") else found.force_error
     commands = dict(zip((c.name for c in spec.channels), found.forces.tolist(), strict=True))
-    return Match(spec, chosen, commands, error, found.optimality,
-                 Stimulus(touch.skin, rendered_force(ready, found.forces)))  # fmt: skip
+    return Match(
+        spec, chosen, commands, error, found.optimality, Stimulus(touch.skin, rendered_force(ready, found.forces))
+    )
 
 
 def _match_thimble(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Match:
@@ -208,8 +217,14 @@ def _match_thimble(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Mat
         raise DermisError(use.findings[0].what, where=spec.key, value=method, limit="stress, force, geometry")
     found = match_touch(use, touch.force[None])
     names = [c.name for c in spec.channels if c.actuator]
-    return Match(spec, use.method, dict(zip(names, found.angles[0].tolist(), strict=True)), float(found.mismatch[0]),
-                 float(found.kkt[0]), Stimulus(touch.skin, found.force[0].astype(np.float64)))  # fmt: skip
+    return Match(
+        spec,
+        use.method,
+        dict(zip(names, found.angles[0].tolist(), strict=True)),
+        float(found.mismatch[0]),
+        float(found.kkt[0]),
+        Stimulus(touch.skin, found.force[0].astype(np.float64)),
+    )
 
 
 def _first_contact(skin: SkinModel, body: ContactBody) -> float:

@@ -54,8 +54,9 @@ def check_folder(path: Path) -> Path:
     """
     path = Path(path)
     if not os.path.isdir(path):  # which has an answer for names that no system takes, too
-        raise DermisError("not a folder" if os.path.exists(path) else "no such folder", where=str(path),
-                          remedy="Check the path")  # fmt: skip
+        raise DermisError(
+            "not a folder" if os.path.exists(path) else "no such folder", where=str(path), remedy="Check the path"
+        )
     return path
 
 
@@ -97,8 +98,9 @@ def _check_regular(status: os.stat_result, where: str) -> None:
     if not stat.S_ISREG(status.st_mode):
         kinds = ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISSOCK, "a socket"))
         kind = next((name for is_one, name in kinds if is_one(status.st_mode)), "a device")
-        raise DermisError("the file cannot be read", where=where, value=kind, limit="a regular file",
-                          remedy="Choose a file")  # fmt: skip
+        raise DermisError(
+            "the file cannot be read", where=where, value=kind, limit="a regular file", remedy="Choose a file"
+        )
 
 
 def _unreadable(error: Exception, where: str, path: Path) -> DermisError:
@@ -164,8 +166,12 @@ def check_writable(path: Path, *, folder: bool = False) -> Path:
 
 def _unwritable(error: OSError | ValueError, path: Path) -> DermisError:
     said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return DermisError("the file cannot be written", where=str(path), value=said,
-                       remedy="Choose a folder that exists, is writable and has room")  # fmt: skip
+    return DermisError(
+        "the file cannot be written",
+        where=str(path),
+        value=said,
+        remedy="Choose a folder that exists, is writable and has room",
+    )
 
 
 def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:

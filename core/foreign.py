@@ -29,9 +29,24 @@ DEEPEST = 32  # objects and lists in one another; presets have 6
 
 # What the parsers of Python, numpy and zlib throw at damage; numpy reads headers with Python's own tokenizer.
 DAMAGE: tuple[type[Exception], ...] = (
-    OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, EOFError, MemoryError, ArithmeticError,
-    RuntimeError, SyntaxError, SystemError, TokenError, struct.error, zlib.error, lzma.LZMAError, zipfile.BadZipFile,
-)  # fmt: skip
+    OSError,
+    ValueError,
+    KeyError,
+    IndexError,
+    TypeError,
+    AttributeError,
+    EOFError,
+    MemoryError,
+    ArithmeticError,
+    RuntimeError,
+    SyntaxError,
+    SystemError,
+    TokenError,
+    struct.error,
+    zlib.error,
+    lzma.LZMAError,
+    zipfile.BadZipFile,
+)
 
 
 @contextmanager
@@ -61,12 +76,21 @@ def check_size(size: int, where: str, most: int = MOST_BYTES, *, packed: int | N
         DermisError: more than `most`; or more than `FREELY` and more than `EXPANDS` times what they come out of.
     """
     if size > most:
-        raise DermisError("too large to be read", where=where, value=f"{size} bytes", limit=f"{most} bytes",
-                          remedy="Split it, or reduce its resolution")  # fmt: skip
+        raise DermisError(
+            "too large to be read",
+            where=where,
+            value=f"{size} bytes",
+            limit=f"{most} bytes",
+            remedy="Split it, or reduce its resolution",
+        )
     if packed is not None and size > max(FREELY, EXPANDS * packed):
-        raise DermisError("unpacks to far more than it holds", where=where, value=f"{size} bytes out of {packed}",
-                          limit=f"{FREELY} bytes, or {EXPANDS} times the packed size",
-                          remedy="Save it without compression if it is meant so")  # fmt: skip
+        raise DermisError(
+            "unpacks to far more than it holds",
+            where=where,
+            value=f"{size} bytes out of {packed}",
+            limit=f"{FREELY} bytes, or {EXPANDS} times the packed size",
+            remedy="Save it without compression if it is meant so",
+        )
 
 
 def text_of(data: bytes, where: str, encoding: str = "utf-8") -> str:
@@ -78,8 +102,13 @@ def text_of(data: bytes, where: str, encoding: str = "utf-8") -> str:
     try:
         return data.decode(encoding)
     except UnicodeDecodeError as error:
-        raise DermisError("not UTF-8 text", where=f"{where}, byte {error.start}", value=f"0x{data[error.start]:02x}",
-                          limit="UTF-8", remedy="Save the file as UTF-8") from error  # fmt: skip
+        raise DermisError(
+            "not UTF-8 text",
+            where=f"{where}, byte {error.start}",
+            value=f"0x{data[error.start]:02x}",
+            limit="UTF-8",
+            remedy="Save the file as UTF-8",
+        ) from error
 
 
 def json_of(data: bytes | str, where: str, most: int = MOST_SETTINGS, *, constants: bool = False) -> Any:
@@ -107,15 +136,20 @@ def json_of(data: bytes | str, where: str, most: int = MOST_SETTINGS, *, constan
 
     def whole(digits: str) -> int:
         if len(digits) > LONGEST_INTEGER:
-            raise DermisError("not a number that can be used", where=where, value=f"{digits[:12]}...",
-                              limit=f"{LONGEST_INTEGER} digits")  # fmt: skip
+            raise DermisError(
+                "not a number that can be used",
+                where=where,
+                value=f"{digits[:12]}...",
+                limit=f"{LONGEST_INTEGER} digits",
+            )
         return int(digits)
 
     try:
         value = json.loads(text, parse_constant=None if constants else refuse, parse_int=whole, object_pairs_hook=once)
     except json.JSONDecodeError as error:
-        raise DermisError("not JSON", where=f"{where}, line {error.lineno}, column {error.colno}",
-                          value=error.msg) from error  # fmt: skip
+        raise DermisError(
+            "not JSON", where=f"{where}, line {error.lineno}, column {error.colno}", value=error.msg
+        ) from error
     except RecursionError as error:
         raise DermisError("nested too deeply", where=where, limit=f"{DEEPEST} levels") from error
     except DermisError:
@@ -127,17 +161,25 @@ def json_of(data: bytes | str, where: str, most: int = MOST_SETTINGS, *, constan
         try:
             json.dumps(value, ensure_ascii=False).encode("utf-8")
         except UnicodeEncodeError as error:
-            raise DermisError("half a character (a lone surrogate)", where=where, value=ascii(error.object)[:80],
-                              remedy="Write the whole character, or its two halves together") from error  # fmt: skip
+            raise DermisError(
+                "half a character (a lone surrogate)",
+                where=where,
+                value=ascii(error.object)[:80],
+                remedy="Write the whole character, or its two halves together",
+            ) from error
     return value
 
 
 def _check_depth(value: Any, where: str) -> None:
     level = [value]
     for _ in range(DEEPEST + 1):
-        level = [inner for outer in level if isinstance(outer, dict | list)
-                 for inner in (outer.values() if isinstance(outer, dict) else outer)
-                 if isinstance(inner, dict | list)]  # fmt: skip
+        level = [
+            inner
+            for outer in level
+            if isinstance(outer, dict | list)
+            for inner in (outer.values() if isinstance(outer, dict) else outer)
+            if isinstance(inner, dict | list)
+        ]
         if not level:
             return
     raise DermisError("nested too deeply", where=where, limit=f"{DEEPEST} levels")

@@ -109,8 +109,9 @@ def _hermite(values: Array, slopes: Array, width: Array, interval: NDArray[np.in
     h = width[interval, None]
     up = part * part * (3 - 2 * part)
     result = (
-        low + (high - low) * up
+        low
+        + (high - low) * up
         + h * (slopes[interval] * part * (1 - part) ** 2 - slopes[interval + 1] * part * part * (1 - part))
-    )  # fmt: skip
+    )
     # The monotone cubic stays between its ends; this takes away what rounding adds.
     return np.clip(result, np.minimum(low, high), np.maximum(low, high))

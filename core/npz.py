@@ -87,9 +87,13 @@ class ArrayFile:
             there = ", ".join(self._members)[:200]
             raise DermisError(f"not {self._kind}, or damaged: a part is missing", where=place, limit=there)
         if info.compress_type not in _METHODS or info.flag_bits & 0x61:  # encrypted, patched
-            raise DermisError("packed in a way that is not read here", where=place,
-                              value=f"method {info.compress_type}, flags {info.flag_bits:#x}",
-                              limit="stored or deflated", remedy="Write it with numpy.savez")  # fmt: skip
+            raise DermisError(
+                "packed in a way that is not read here",
+                where=place,
+                value=f"method {info.compress_type}, flags {info.flag_bits:#x}",
+                limit="stored or deflated",
+                remedy="Write it with numpy.savez",
+            )
         self._budget += info.file_size  # of all that was read: members may lie over one another
         check_size(self._budget, place, packed=None if self._trusted else self._size)
         with damage_told("the archive is damaged", place):
@@ -140,15 +144,26 @@ def _array(file: IO[bytes], size: int, where: str) -> NDArray[Any]:
         body = size - file.tell()
     count = math.prod(shape)
     if kind.hasobject or kind.kind not in KINDS or kind.itemsize == 0:
-        raise DermisError("the array cannot be read: it holds neither numbers nor texts", where=where,
-                          value=str(kind)[:80],
-                          remedy="Write it without objects: nothing is unpickled here")  # fmt: skip
+        raise DermisError(
+            "the array cannot be read: it holds neither numbers nor texts",
+            where=where,
+            value=str(kind)[:80],
+            remedy="Write it without objects: nothing is unpickled here",
+        )
     if any(n < 0 for n in shape) or len(shape) > 8 or count * kind.itemsize != body:
-        raise DermisError("the array cannot be read: it has another size than it declares", where=where,
-                          value=f"{body} bytes", limit=f"{str(shape)[:60]} of {kind}")  # fmt: skip
+        raise DermisError(
+            "the array cannot be read: it has another size than it declares",
+            where=where,
+            value=f"{body} bytes",
+            limit=f"{str(shape)[:60]} of {kind}",
+        )
     if not count and max(shape) > EMPTY_SIDE:
-        raise DermisError("the array cannot be read: it is empty and endless", where=where, value=str(shape)[:60],
-                          limit=f"{EMPTY_SIDE}")  # fmt: skip
+        raise DermisError(
+            "the array cannot be read: it is empty and endless",
+            where=where,
+            value=str(shape)[:60],
+            limit=f"{EMPTY_SIDE}",
+        )
     check_size(body, where, MOST_BYTES)
     with damage_told("the array is damaged", where):
         flat = np.empty(count, kind)
@@ -173,5 +188,9 @@ def _check_directory(file: IO[bytes], size: int, where: str) -> None:
     if tail[max(end - 76, 0) : end - 72] == b"PK\6\6":  # 64 bits
         lengths.append(int.from_bytes(tail[end - 36 : end - 28], "little"))
     if max(lengths, default=0) > MOST_DIRECTORY:
-        raise DermisError("the archive has too many members", where=where, value=f"{max(lengths)} bytes of names",
-                          limit=f"{MOST_DIRECTORY} bytes")  # fmt: skip
+        raise DermisError(
+            "the archive has too many members",
+            where=where,
+            value=f"{max(lengths)} bytes of names",
+            limit=f"{MOST_DIRECTORY} bytes",
+        )

@@ -32,8 +32,12 @@ def read_rows(path: Path) -> Array:
     rows = [[_number(field) for field in line.split(",")] for _, line in lines]
     for (line, _), row in zip(lines, rows, strict=True):
         if len(row) != len(rows[0]):
-            raise DermisError("a row has another number of values than the first", where=f"{where}, line {line}",
-                              value=len(row), limit=str(len(rows[0])))  # fmt: skip
+            raise DermisError(
+                "a row has another number of values than the first",
+                where=f"{where}, line {line}",
+                value=len(row),
+                limit=str(len(rows[0])),
+            )
     return np.array([[np.nan if v is None else v for v in row] for row in rows], np.float64)
 
 

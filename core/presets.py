@@ -30,15 +30,30 @@ SCHEMAS = {
 
 # What a haptic material may set, with the SI unit of each quantity; 'bool' for switches, 'text' for choices.
 MATERIAL_PARAMETERS = {
-    "friction": "1", "surface_stiffness": "Pa/m", "mass": "kg",
-    "transient_on": "bool", "transient_amplitude": "1/(m/s)", "transient_decay": "1/s", "transient_frequency": "Hz",
-    "texture_on": "bool", "texture_amplitude_x": "1", "texture_amplitude_y": "1",
-    "texture_period_x": "m", "texture_period_y": "m", "texture_speed_threshold": "m/s",
-    "weight_on": "bool", "weight_acceleration": "1/(m/s^2)", "weight_gravity": "1/(m/s^2)",
-    "content_on": "bool", "content_kind": "text", "content_amplitude": "1/m",
-    "content_length": "m", "content_size": "m", "content_damping": "1",
+    "friction": "1",
+    "surface_stiffness": "Pa/m",
+    "mass": "kg",
+    "transient_on": "bool",
+    "transient_amplitude": "1/(m/s)",
+    "transient_decay": "1/s",
+    "transient_frequency": "Hz",
+    "texture_on": "bool",
+    "texture_amplitude_x": "1",
+    "texture_amplitude_y": "1",
+    "texture_period_x": "m",
+    "texture_period_y": "m",
+    "texture_speed_threshold": "m/s",
+    "weight_on": "bool",
+    "weight_acceleration": "1/(m/s^2)",
+    "weight_gravity": "1/(m/s^2)",
+    "content_on": "bool",
+    "content_kind": "text",
+    "content_amplitude": "1/m",
+    "content_length": "m",
+    "content_size": "m",
+    "content_damping": "1",
     "held_mode": "text",
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)
@@ -93,16 +108,19 @@ class Library:
         entries = self._entries(group)
         if key not in entries:
             raise DermisError(
-                f"no such preset in {group}", where=", ".join(str(folder / group) for folder, _ in self._folders),
-                value=key, limit=", ".join(entries) or "none found",
+                f"no such preset in {group}",
+                where=", ".join(str(folder / group) for folder, _ in self._folders),
+                value=key,
+                limit=", ".join(entries) or "none found",
                 remedy="Choose another one, or put the file back",
-            )  # fmt: skip
+            )
         entry, preset = entries[key]
         if entry.error is not None:
             raise DermisError(
-                f"the preset is broken: {entry.error.rstrip('.')}", where=str(entry.path),
+                f"the preset is broken: {entry.error.rstrip('.')}",
+                where=str(entry.path),
                 remedy="Correct the file" + (", or delete it to get the built-in one back" if entry.overrides else ""),
-            )  # fmt: skip
+            )
         return json.loads(json.dumps(preset))  # a copy of its own: presets are shared and cached
 
     def device(self, key: str) -> DeviceSpec:
@@ -187,9 +205,12 @@ def check(group: str, key: str, preset: Mapping[str, Any]) -> None:
         newer = isinstance(schema, str) and schema.startswith(f"{kind} ") and schema[len(kind) + 1 :].isdigit()
         newer = newer and int(str(schema)[len(kind) + 1 :]) > int(number)
         raise DermisError(
-            "made for a newer version of Dermis" if newer else "unknown schema", where=where, value=schema,
-            limit=known, remedy="Update Dermis" if newer else "",
-        )  # fmt: skip
+            "made for a newer version of Dermis" if newer else "unknown schema",
+            where=where,
+            value=schema,
+            limit=known,
+            remedy="Update Dermis" if newer else "",
+        )
     if not isinstance(preset.get("name"), str) or not preset["name"].strip():
         raise DermisError("'name' is missing or not a text", where=where, value=preset.get("name"))
     if group == "devices":

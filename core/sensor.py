@@ -71,8 +71,11 @@ def electrode_sensor(skin: SkinModel, layout: Array = LAYOUT, spread: float = SP
     """
     layout = np.asarray(layout, np.float64)
     if layout.ndim != 2 or layout.shape[1:] != (2,) or not np.isfinite(layout).all() or not spread > 0:
-        raise DermisError("electrodes need places (c, 2) and a spread above zero", where="virtual sensor",
-                          value=f"{layout.shape}, {spread}")  # fmt: skip
+        raise DermisError(
+            "electrodes need places (c, 2) and a spread above zero",
+            where="virtual sensor",
+            value=f"{layout.shape}, {spread}",
+        )
     positions, normals = skin.positions, skin.normals
     half, tip = float(np.abs(positions[:, 0]).max()), float(positions[:, 1].max())
     wanted = layout * np.array([half, tip])
@@ -107,12 +110,17 @@ def read_stimuli(path: Path, channels: int) -> tuple[Array, Array]:
             times, stimuli = archive.array("times"), archive.array("stimuli")
         for name, array in (("times", times), ("stimuli", stimuli)):
             if array.dtype.kind not in "buif":
-                raise DermisError("the stimuli cannot be read: they are no numbers", where=f"{where}, {name}",
-                                  value=str(array.dtype))  # fmt: skip
+                raise DermisError(
+                    "the stimuli cannot be read: they are no numbers", where=f"{where}, {name}", value=str(array.dtype)
+                )
         times, stimuli = times.astype(np.float64), stimuli.astype(np.float64)
     if times.ndim != 1 or stimuli.ndim != 2 or stimuli.shape != (len(times), channels) or len(times) == 0:
-        raise DermisError("the stimuli have another shape", where=where, value=stimuli.shape,
-                          limit=f"(n, {channels}) after the times, separated by commas")  # fmt: skip
+        raise DermisError(
+            "the stimuli have another shape",
+            where=where,
+            value=stimuli.shape,
+            limit=f"(n, {channels}) after the times, separated by commas",
+        )
     bad = np.flatnonzero(~np.isfinite(stimuli).all(axis=1) | ~np.isfinite(times))
     if len(bad):
         raise DermisError("a stimulus is not finite", where=f"{where}, row {bad[0] + 1}")

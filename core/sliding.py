@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DermisError
-from .scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
+from .scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
 
 Array = NDArray[np.float64]
 

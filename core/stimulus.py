@@ -104,6 +104,8 @@ class Stimulus:
     def summary(self) -> dict[str, Any]:
         """Return what a result file keeps of a frame, without solving for anything."""
         return {
-            "normal_force": float(self._push.sum()), "resultant": self.resultant.tolist(),
-            "centre_of_pressure": self.centre_of_pressure.tolist(), "energy": self.energy,
-        }  # fmt: skip
+            "normal_force": float(self._push.sum()),
+            "resultant": self.resultant.tolist(),
+            "centre_of_pressure": self.centre_of_pressure.tolist(),
+            "energy": self.energy,
+        }

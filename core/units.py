@@ -10,21 +10,51 @@ from .errors import DermisError
 
 # unit -> (SI unit, factor): value_in_SI = value * factor
 UNITS: dict[str, tuple[str, float]] = {
-    "m": ("m", 1.0), "mm": ("m", 1e-3), "um": ("m", 1e-6), "cm": ("m", 1e-2),
-    "m/s": ("m/s", 1.0), "mm/s": ("m/s", 1e-3),
-    "m/s^2": ("m/s^2", 1.0), "mm/s^2": ("m/s^2", 1e-3),
-    "rad": ("rad", 1.0), "deg": ("rad", math.pi / 180.0),
-    "rad/s": ("rad/s", 1.0), "deg/s": ("rad/s", math.pi / 180.0),
-    "s": ("s", 1.0), "ms": ("s", 1e-3), "us": ("s", 1e-6),
-    "Hz": ("Hz", 1.0), "kHz": ("Hz", 1e3), "1/s": ("1/s", 1.0),
-    "1/(m/s)": ("1/(m/s)", 1.0), "1/(m/s^2)": ("1/(m/s^2)", 1.0), "1/m": ("1/m", 1.0),
-    "N": ("N", 1.0), "mN": ("N", 1e-3), "N*m": ("N*m", 1.0), "mN*m": ("N*m", 1e-3),
-    "N/m": ("N/m", 1.0), "N/mm": ("N/m", 1e3),
-    "Pa": ("Pa", 1.0), "kPa": ("Pa", 1e3), "MPa": ("Pa", 1e6), "Pa/m": ("Pa/m", 1.0), "MPa/m": ("Pa/m", 1e6),
-    "kg": ("kg", 1.0), "g": ("kg", 1e-3), "V": ("V", 1.0), "bit/s": ("bit/s", 1.0), "kbit/s": ("bit/s", 1e3),
-    "N/s": ("N/s", 1.0), "N*m/s": ("N*m/s", 1.0), "Pa/s": ("Pa/s", 1.0), "V/s": ("V/s", 1.0), "Hz/s": ("Hz/s", 1.0),
-    "1": ("1", 1.0), "%": ("1", 1e-2),
-}  # fmt: skip
+    "m": ("m", 1.0),
+    "mm": ("m", 1e-3),
+    "um": ("m", 1e-6),
+    "cm": ("m", 1e-2),
+    "m/s": ("m/s", 1.0),
+    "mm/s": ("m/s", 1e-3),
+    "m/s^2": ("m/s^2", 1.0),
+    "mm/s^2": ("m/s^2", 1e-3),
+    "rad": ("rad", 1.0),
+    "deg": ("rad", math.pi / 180.0),
+    "rad/s": ("rad/s", 1.0),
+    "deg/s": ("rad/s", math.pi / 180.0),
+    "s": ("s", 1.0),
+    "ms": ("s", 1e-3),
+    "us": ("s", 1e-6),
+    "Hz": ("Hz", 1.0),
+    "kHz": ("Hz", 1e3),
+    "1/s": ("1/s", 1.0),
+    "1/(m/s)": ("1/(m/s)", 1.0),
+    "1/(m/s^2)": ("1/(m/s^2)", 1.0),
+    "1/m": ("1/m", 1.0),
+    "N": ("N", 1.0),
+    "mN": ("N", 1e-3),
+    "N*m": ("N*m", 1.0),
+    "mN*m": ("N*m", 1e-3),
+    "N/m": ("N/m", 1.0),
+    "N/mm": ("N/m", 1e3),
+    "Pa": ("Pa", 1.0),
+    "kPa": ("Pa", 1e3),
+    "MPa": ("Pa", 1e6),
+    "Pa/m": ("Pa/m", 1.0),
+    "MPa/m": ("Pa/m", 1e6),
+    "kg": ("kg", 1.0),
+    "g": ("kg", 1e-3),
+    "V": ("V", 1.0),
+    "bit/s": ("bit/s", 1.0),
+    "kbit/s": ("bit/s", 1e3),
+    "N/s": ("N/s", 1.0),
+    "N*m/s": ("N*m/s", 1.0),
+    "Pa/s": ("Pa/s", 1.0),
+    "V/s": ("V/s", 1.0),
+    "Hz/s": ("Hz/s", 1.0),
+    "1": ("1", 1.0),
+    "%": ("1", 1e-2),
+}
 
 
 def to_si(value: Any, unit: str, *, where: str = "") -> Any:
@@ -58,9 +88,11 @@ def quantity(field: Mapping[str, Any] | float | int, *, where: str = "") -> Any:
         field = {"value": field, "unit": "1"}
     if "value" not in field or "unit" not in field:
         raise DermisError(
-            "a quantity needs 'value' and 'unit'", where=where, value=dict(field),
+            "a quantity needs 'value' and 'unit'",
+            where=where,
+            value=dict(field),
             remedy='Write it as {"value": 5, "unit": "mm", "source": "..."}',
-        )  # fmt: skip
+        )
     value = field["value"]
     if not isinstance(field["unit"], str):
         raise DermisError("unknown unit", where=where, value=field["unit"], limit=", ".join(UNITS))

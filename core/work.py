@@ -66,9 +66,14 @@ class Worker:
         self._log = (self._folder / "stderr").open("wb")
         try:
             self._process = subprocess.Popen(
-                command("work"), env=environment(), cwd=self._folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                stderr=self._log, creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-            )  # fmt: skip
+                command("work"),
+                env=environment(),
+                cwd=self._folder,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._log,
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            )
         except OSError as error:
             self._log.close()
             shutil.rmtree(self._folder, ignore_errors=True)
@@ -168,8 +173,11 @@ class Worker:
             self._process.wait(GRACE)
         with contextlib.suppress(OSError):
             said = (self._folder / "stderr").read_bytes().decode("utf-8", "replace").strip()
-            return DermisError("the worker ended before its job did", where=f"process {self.pid}",
-                               value=f"status {self._process.returncode}: {said[-500:]}")  # fmt: skip
+            return DermisError(
+                "the worker ended before its job did",
+                where=f"process {self.pid}",
+                value=f"status {self._process.returncode}: {said[-500:]}",
+            )
         return DermisError("the worker ended before its job did", where=f"process {self.pid}")
 
 
@@ -222,14 +230,26 @@ def _do(request: Mapping[str, Any], jobs: Mapping[str, tuple[str, str]], replies
             arrays = {k: loaded[k] for k in loaded.files}
         write_npz(Path(request["out"]), job(arrays, request["parameters"], report))
     except DermisError as error:
-        return {"error": {"what": error.what, "where": error.where, "value": _plain(error.value),
-                          "limit": error.limit, "remedy": error.remedy}}  # fmt: skip
+        return {
+            "error": {
+                "what": error.what,
+                "where": error.where,
+                "value": _plain(error.value),
+                "limit": error.limit,
+                "remedy": error.remedy,
+            }
+        }
     except Exception as error:  # a bug must reach the person who waits for the result, and the log
         import traceback
 
         traceback.print_exc()
-        return {"error": {"what": f"the job failed: {type(error).__name__}", "where": f"job '{request.get('job')}'",
-                          "value": str(error)}}  # fmt: skip
+        return {
+            "error": {
+                "what": f"the job failed: {type(error).__name__}",
+                "where": f"job '{request.get('job')}'",
+                "value": str(error),
+            }
+        }
     return {"done": True}
 
 

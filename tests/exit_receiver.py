@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from core.presets import Library
-from core.stream.packets import DeviceState
-from core.stream.virtual_device import Server, make
-from core.stream.virtual_program import Endpoint
+from core.stream.protocols.packets import DeviceState
+from core.stream.virtual.device import Server, make
+from core.stream.virtual.program import Endpoint
 from core.stream.wire import Array, Wire
 
 QUANTUM = 2e-3  # of a channel's range: what the coarsest protocol can tell apart
@@ -115,8 +115,13 @@ def main(protocol: str, key: str, baud: str) -> None:
             return
         if question == "mark":
             judged.mark()
-        answer = {"safe": judged.safe, "told": judged.told().tolist(), "ahead": judged.ahead, "steps": judged.steps,
-                  "quiet": time.perf_counter() - judged.heard}  # fmt: skip
+        answer = {
+            "safe": judged.safe,
+            "told": judged.told().tolist(),
+            "ahead": judged.ahead,
+            "steps": judged.steps,
+            "quiet": time.perf_counter() - judged.heard,
+        }
         print(json.dumps(answer), flush=True)
 
 

@@ -15,16 +15,23 @@ from typing import Any
 
 import numpy as np
 
-from core.formats import binary
 from core.presets import Library
 from core.stream.client import SenderClient
-from core.track import CommandTrack
+from core.track import binary
+from core.track.command_track import CommandTrack
 from core.work import command, environment
 
 PROTOCOLS = ("native", "maestro", "servo-animation", "torque", "osc")
-SIGNALS = {name: getattr(signal, number, signal.SIGTERM) for name, number in (
-    ("Ctrl-C", "SIGINT"), ("TERM", "SIGTERM"), ("HUP", "SIGHUP"), ("Ctrl-Z", "SIGTSTP"), ("Ctrl-backslash", "SIGQUIT"),
-)}  # fmt: skip
+SIGNALS = {
+    name: getattr(signal, number, signal.SIGTERM)
+    for name, number in (
+        ("Ctrl-C", "SIGINT"),
+        ("TERM", "SIGTERM"),
+        ("HUP", "SIGHUP"),
+        ("Ctrl-Z", "SIGTSTP"),
+        ("Ctrl-backslash", "SIGQUIT"),
+    )
+}
 BAUD = 115_200
 AHEAD = 0.03  # a step may seem this far ahead of its speed, when it came later than sent and the next one did not [s]
 QUIET = 0.1  # nothing more comes after such a silence [s]
@@ -47,8 +54,11 @@ class Receiver:
         self.protocol, self.key = protocol, device_for(protocol)
         self.process = subprocess.Popen(
             [sys.executable, str(Path(__file__).with_name("exit_receiver.py")), protocol, self.key, str(BAUD)],
-            env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        )  # fmt: skip
+            env=environment(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
         self.url = str(self._line()["url"])
 
     def ask(self, question: str) -> dict[str, Any]:
@@ -93,8 +103,9 @@ class Receiver:
 def connect(client: SenderClient, receiver: Receiver) -> None:
     """Connect and jog far from the safe state."""
     preset = Library().load("devices", receiver.key)
-    client.connect(receiver.url, receiver.protocol, receiver.key, preset, mode="jog", jog=far(receiver.protocol),
-                   ramp=0.0)  # fmt: skip
+    client.connect(
+        receiver.url, receiver.protocol, receiver.key, preset, mode="jog", jog=far(receiver.protocol), ramp=0.0
+    )
     client.beat()
     client.wait("ready", 20)
     client.beat()
@@ -148,10 +159,25 @@ def track_for(receiver: Receiver, folder: Path) -> Path:
 def player(receiver: Receiver, folder: Path, *more: str) -> Iterator[subprocess.Popen[str]]:
     """Give a `stream play` whose device stands far from its safe state."""
     process = subprocess.Popen(
-        command("stream", "play", str(track_for(receiver, folder)), "--url", receiver.url, "--protocol",
-                receiver.protocol, "--ramp", "0", "--yes", *more),
-        env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        command(
+            "stream",
+            "play",
+            str(track_for(receiver, folder)),
+            "--url",
+            receiver.url,
+            "--protocol",
+            receiver.protocol,
+            "--ramp",
+            "0",
+            "--yes",
+            *more,
+        ),
+        env=environment(),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     try:
         until(receiver.reached, lambda: None, "far from safe")
         receiver.ask("mark")
@@ -200,9 +226,13 @@ def by_close(receiver: Receiver) -> None:
 def by_quit(receiver: Receiver) -> None:
     """End the process that started the sender."""
     root = str(Path(__file__).parents[1])
-    parent = subprocess.Popen([sys.executable, "-c", PARENT, receiver.protocol, receiver.key, receiver.url],
-                              env=environment() | {"PYTHONPATH": os.pathsep.join([root, *filter(None, sys.path)])},
-                              stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)  # fmt: skip
+    parent = subprocess.Popen(
+        [sys.executable, "-c", PARENT, receiver.protocol, receiver.key, receiver.url],
+        env=environment() | {"PYTHONPATH": os.pathsep.join([root, *filter(None, sys.path)])},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     assert parent.stdin is not None and parent.stdout is not None
     try:
         pid = int(parent.stdout.readline())

@@ -102,9 +102,10 @@ class Bulge:
         sx, sy, sz = s.T
         cx, cy, cz = c.T
         both = np.pi**2 * (first + shear)
-        return np.stack([
-            both * sx * sy * sz + 3 * np.pi**2 * shear * sx * sy * sz, -both * cx * cy * sz, -both * cx * sy * cz,
-        ], axis=1)  # fmt: skip
+        return np.stack(
+            [both * sx * sy * sz + 3 * np.pi**2 * shear * sx * sy * sz, -both * cx * cy * sz, -both * cx * sy * cz],
+            axis=1,
+        )
 
 
 # Contact on a half-space ---------------------------------------------------------------------------------------------

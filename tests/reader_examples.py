@@ -18,15 +18,15 @@ from core.devices.spec import Channel, DeviceSpec
 from core.files import write_npz
 from core.matching.screen_map import ScreenMap
 from core.matching.table import SkinTable
-from core.scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, sample_frames
+from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, sample_frames
 from core.skin import file as skin_file
-from core.stream import packets
+from core.stream.protocols import packets
 from core.stream.wire import Wire
 from core.surrogate import store as surrogate_store
 from core.surrogate.network import Network
 from core.surrogate.ridge import QuadraticRidge
 from core.surrogate.subspace import Subspace
-from core.track import CommandTrack
+from core.track.command_track import CommandTrack
 
 
 def written(write: Callable[[Path], object], suffix: str = "") -> bytes:
@@ -41,11 +41,15 @@ def written(write: Callable[[Path], object], suffix: str = "") -> bytes:
 @cache
 def track() -> CommandTrack:
     spec = DeviceSpec(
-        "haptip", "A device", "thimble", 100.0,
+        "haptip",
+        "A device",
+        "thimble",
+        100.0,
         (Channel("x", "m", -1.0, 1.0, 200.0, 0.0, "a"), Channel("y", "rad", None, None, None, 0.25)),
         {"bandwidth.x": 10.0, "t": "é"},
-        {"bandwidth": 1e6, "bits_per_sample": 8.0}, stated_hash="0123456789abcdef",
-    )  # fmt: skip
+        {"bandwidth": 1e6, "bits_per_sample": 8.0},
+        stated_hash="0123456789abcdef",
+    )
     times = np.arange(12) / 100
     values = np.column_stack([np.sin(times), np.linspace(0, 0.1, 12)])
     meta = {"finger": "Index", "fps": "24/1", "frame_range": "1 3", "x.note": "\\ \n"}
@@ -76,8 +80,9 @@ def _png(colour: int, depth: int) -> bytes:
 
     channels = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}[colour]
     width = (8 * channels * depth + 7) // 8
-    rows = b"".join(bytes((k % 5,)) + bytes((i * 7 + k) % 251 if colour != 3 else 0 for i in range(width))
-                    for k in range(6))  # fmt: skip
+    rows = b"".join(
+        bytes((k % 5,)) + bytes((i * 7 + k) % 251 if colour != 3 else 0 for i in range(width)) for k in range(6)
+    )
     chunks = [(b"IHDR", struct.pack(">IIBBBBB", 8, 6, depth, colour, 0, 0, 0))]
     if colour == 3:
         chunks += [(b"PLTE", bytes(range(48))), (b"tRNS", b"\0\x80")]
@@ -101,17 +106,23 @@ def all_images() -> list[bytes]:
     grey = np.arange(48, dtype=np.uint8).reshape(6, 8)
     return [
         *(_png(colour, depth) for colour, depth in ((0, 1), (0, 8), (0, 16), (2, 8), (3, 4), (4, 8), (6, 16))),
-        _npy(grey), _npy(grey / 48.0), _npy(np.zeros((6, 8, 4), np.float32)),
-        b"P5\n# c\n8 6 255\n" + grey.tobytes(), b"P6 8 2 65535 " + bytes(96), b"P2\n8 6\n255\n" + b" 17" * 48,
-        b"P3 2 2 9\n" + b"1 2 3\n" * 4, b"Pf\n8 6\n-1.0\n" + np.zeros(48, "<f4").tobytes(),
+        _npy(grey),
+        _npy(grey / 48.0),
+        _npy(np.zeros((6, 8, 4), np.float32)),
+        b"P5\n# c\n8 6 255\n" + grey.tobytes(),
+        b"P6 8 2 65535 " + bytes(96),
+        b"P2\n8 6\n255\n" + b" 17" * 48,
+        b"P3 2 2 9\n" + b"1 2 3\n" * 4,
+        b"Pf\n8 6\n-1.0\n" + np.zeros(48, "<f4").tobytes(),
         b"PF\n2 2\n1.0\n" + np.ones(12, ">f4").tobytes(),
-    ]  # fmt: skip
+    ]
 
 
 def skin_table() -> bytes:
     rng = np.random.default_rng(1)
-    made = SkinTable(rng.random((12, 3)), rng.integers(0, 4095, (12, 20)).astype(np.uint16), 0, np.ones(3), 0.0,
-                     {"device": "dev"})  # fmt: skip
+    made = SkinTable(
+        rng.random((12, 3)), rng.integers(0, 4095, (12, 20)).astype(np.uint16), 0, np.ones(3), 0.0, {"device": "dev"}
+    )
     return written(made.save, ".npz")
 
 
@@ -119,8 +130,14 @@ def screen_map() -> bytes:
     from core.devices.friction_screen import FrictionScreen
 
     heights = np.tile(np.linspace(0, 1, 6, dtype=np.float32), (2, 4, 1))
-    made = ScreenMap(heights, (0.1, 0.08), 1e-3, FrictionScreen.of(presets.Library().device("electrovibration")),
-                     scale=10.0, highest=1.0)  # fmt: skip
+    made = ScreenMap(
+        heights,
+        (0.1, 0.08),
+        1e-3,
+        FrictionScreen.of(presets.Library().device("electrovibration")),
+        scale=10.0,
+        highest=1.0,
+    )
     return written(made.save, ".npz")
 
 
@@ -140,8 +157,14 @@ def mesh_arrays() -> bytes:
 
 def _network() -> Network:
     rng = np.random.default_rng(2)
-    return Network(*(rng.random(shape) for shape in ((5,),)), np.ones(5), rng.random((4, 5)), rng.random(4),
-                   rng.random((2, 4)), rng.random(2))  # fmt: skip
+    return Network(
+        *(rng.random(shape) for shape in ((5,),)),
+        np.ones(5),
+        rng.random((4, 5)),
+        rng.random(4),
+        rng.random((2, 4)),
+        rng.random(2),
+    )
 
 
 SKIN = SimpleNamespace(key="skin", pad_count=4, material=SimpleNamespace(modulus=1e5))
@@ -157,12 +180,18 @@ def thimble() -> Any:
 def _surrogate() -> surrogate_store.Surrogate:
     rng = np.random.default_rng(3)
     spaces = surrogate_store.Descriptors(
-        Subspace(rng.random(6), rng.random((2, 6)), rng.random(7)), rng.random((2, 12)),
+        Subspace(rng.random(6), rng.random((2, 6)), rng.random(7)),
+        rng.random((2, 12)),
         Subspace(rng.random(12), rng.random((2, 12)), rng.random(13)),
-    )  # fmt: skip
+    )
     ridge = QuadraticRidge(rng.random(5), np.ones(5), rng.random(2), rng.random((2, 5)), rng.random((2, 5, 5)))
-    meta = {"schema": surrogate_store.SCHEMA, "skin": "skin", "device": surrogate_store.device_key(thimble()),
-            "friction": 0.6, "modulus": 1e5}  # fmt: skip
+    meta = {
+        "schema": surrogate_store.SCHEMA,
+        "skin": "skin",
+        "device": surrogate_store.device_key(thimble()),
+        "friction": 0.6,
+        "modulus": 1e5,
+    }
     return surrogate_store.Surrogate(spaces, ridge, _network(), meta)
 
 
@@ -200,13 +229,17 @@ def frames() -> list[bytes]:
     counts = np.array([1, 65535], np.uint16)
     welcome = packets.Welcome(2, 2, b"12345678", bytes(8), 77, 1, 16, counts, 50)
     bodies = [
-        (packets.Kind.WELCOME, welcome.body()), (packets.Kind.STATE, packets.state(2, 3)),
+        (packets.Kind.WELCOME, welcome.body()),
+        (packets.Kind.STATE, packets.state(2, 3)),
         (packets.Kind.SYNCED, packets.Synced(1, 2, 3, 4, 5, 6, 7, 8, 9).body()),
         (packets.Kind.NACK, packets.nack(1, 2)),
-        (packets.Kind.TOUCH, packets.touch(1, True, 0.1, 0.2)), (packets.Kind.HELLO, packets.hello(2, bytes(8))),
-        (packets.Kind.COMMAND, packets.command(7, counts, timed=True)), (packets.Kind.SYNC, bytes(4)),
-        (packets.Kind.CONFIGURE, packets.configure(50, 1, counts, counts)), (packets.Kind.ARM, b""),
-    ]  # fmt: skip
+        (packets.Kind.TOUCH, packets.touch(1, True, 0.1, 0.2)),
+        (packets.Kind.HELLO, packets.hello(2, bytes(8))),
+        (packets.Kind.COMMAND, packets.command(7, counts, timed=True)),
+        (packets.Kind.SYNC, bytes(4)),
+        (packets.Kind.CONFIGURE, packets.configure(50, 1, counts, counts)),
+        (packets.Kind.ARM, b""),
+    ]
     return [b"".join(packets.pack(kind, 1, i, body) for i, (kind, body) in enumerate(bodies))]
 
 

@@ -13,26 +13,27 @@ from typing import Any
 
 import numpy as np
 
-from core import calibration, images, number_rows, presets, scene_file, sensor
+from core import calibration, images, number_rows, presets, sensor
 from core.design import recordings
 from core.design.collect import _whole
 from core.errors import DermisError
 from core.files import read_bytes
-from core.formats import binary, c_header, check, csv, export, json_track
 from core.matching.screen_map import ScreenMap
 from core.matching.table import SkinTable
+from core.scene import scene_file
 from core.skin import file as skin_file
 from core.skin import own_mesh
 from core.skin import store as skin_store
-from core.stream import packets
-from core.stream.native import Native
-from core.stream.osc import Osc, bundle, message_head, read_bundle, read_message
-from core.stream.torque import Torque
+from core.stream.protocols import packets
+from core.stream.protocols.native import Native
+from core.stream.protocols.osc import Osc, bundle, message_head, read_bundle, read_message
+from core.stream.protocols.torque import Torque
 from core.stream.wire import Wire
 from core.stream.wish import wish_of
 from core.surrogate import onnx, table
 from core.surrogate import store as surrogate_store
-from core.track import CommandTrack
+from core.track import binary, c_header, check, csv, export, json_track
+from core.track.command_track import CommandTrack
 from tests import reader_examples as ex
 
 
@@ -214,90 +215,201 @@ SAMPLES = {"x": np.ones((4, 3)), "channels": np.ones((4, 2)), "memory": np.ones(
 STIMULI = {"times": np.arange(4.0), "stimuli": np.ones((4, 2))}
 ENDS = np.array([[0.0] * 3, [1.0] * 3])
 TOUCH = b"/dermis/touch\0\0\0,iff\0\0\0\0" + bytes(12)
-PACKETS = ("Decoder._packet", "Welcome.read", "Synced.read", "read_command", "read_configure", "read_hello",
-           "read_nack", "read_touch", "u32")  # fmt: skip
+PACKETS = (
+    "Decoder._packet",
+    "Welcome.read",
+    "Synced.read",
+    "read_command",
+    "read_configure",
+    "read_hello",
+    "read_nack",
+    "read_touch",
+    "u32",
+)
 
 READERS = (
-    _reader("CSV track", "core.formats.csv:read core.formats.export:read core.formats.csv_header:_from_json", ".csv",
-            _tracks(csv.dumps), _use_track(export.read)),
-    _reader("JSON track", "core.formats.json_track:read core.formats.json_track:loads", ".json",
-            _tracks(json_track.dumps), _use_track(json_track.read)),
-    _reader("binary track", "core.formats.binary:read core.formats.binary:loads", ".dtrack",
-            _tracks(binary.dumps), _use_track(binary.read)),
-    _reader("scene", "core.scene_file:load core.scene_file:SceneChunks.__iter__ core.scene_file:_header", ".npz",
-            lambda: [ex.written(lambda path: scene_file.save(ex.scene(), path))], _use_scene),
-    _reader("image", "core.images:read core.images.npy:decode core.images.png:_chunks core.images.png:_header "
-            "core.images.png:_filtered core.images.png:_transparent core.images.png:_painted core.images.netpbm:_raw "
-            "core.images.netpbm:_floats", ".png", ex.all_images, images.read),
-    _reader("rows of numbers", "core.number_rows:read_rows", ".csv", lambda: [b"a,b\n1,2\n3,nan\n# c\n4,5\n"],
-            number_rows.read_rows),
+    _reader(
+        "CSV track",
+        "core.track.csv:read core.formats.export:read core.formats.csv_header:_from_json",
+        ".csv",
+        _tracks(csv.dumps),
+        _use_track(export.read),
+    ),
+    _reader(
+        "JSON track",
+        "core.track.json_track:read core.formats.json_track:loads",
+        ".json",
+        _tracks(json_track.dumps),
+        _use_track(json_track.read),
+    ),
+    _reader(
+        "binary track",
+        "core.track.binary:read core.formats.binary:loads",
+        ".dtrack",
+        _tracks(binary.dumps),
+        _use_track(binary.read),
+    ),
+    _reader(
+        "scene",
+        "core.scene.scene_file:load core.scene_file:SceneChunks.__iter__ core.scene_file:_header",
+        ".npz",
+        lambda: [ex.written(lambda path: scene_file.save(ex.scene(), path))],
+        _use_scene,
+    ),
+    _reader(
+        "image",
+        "core.images:read core.images.npy:decode core.images.png:_chunks core.images.png:_header "
+        "core.images.png:_filtered core.images.png:_transparent core.images.png:_painted core.images.netpbm:_raw "
+        "core.images.netpbm:_floats",
+        ".png",
+        ex.all_images,
+        images.read,
+    ),
+    _reader(
+        "rows of numbers",
+        "core.number_rows:read_rows",
+        ".csv",
+        lambda: [b"a,b\n1,2\n3,nan\n# c\n4,5\n"],
+        number_rows.read_rows,
+    ),
     _reader("look-up table", "core.matching.table:SkinTable.load", ".npz", lambda: [ex.skin_table()], _use_table),
-    _reader("screen map", "core.matching.screen_map:ScreenMap.load", ".npz", lambda: [ex.screen_map()],
-            _use_screen_map),
-    _reader("calibration", "core.calibration:Calibration.load core.calibration:Calibration.loads", ".json",
-            lambda: [ex.calibration_text()], _use_calibration),
+    _reader(
+        "screen map", "core.matching.screen_map:ScreenMap.load", ".npz", lambda: [ex.screen_map()], _use_screen_map
+    ),
+    _reader(
+        "calibration",
+        "core.calibration:Calibration.load core.calibration:Calibration.loads",
+        ".json",
+        lambda: [ex.calibration_text()],
+        _use_calibration,
+    ),
     _reader("device preset", "core.presets:read", ".json", _presets("devices", *DEVICES), _use_library("devices")),
     _reader("material preset", "core.presets:read", ".json", _presets("materials", "wood"), _use_library("materials")),
     _reader("skin preset", "core.presets:read", ".json", _presets("skins", "index_medium"), _use_library("skins")),
-    _reader("mesh, JSON", "core.skin.file:_read_json core.skin.own_mesh:digest", ".json",
-            lambda: [json.dumps(ex.TETRAHEDRON).encode()], _either(own_mesh.digest, skin_file.load_mesh)),
+    _reader(
+        "mesh, JSON",
+        "core.skin.file:_read_json core.skin.own_mesh:digest",
+        ".json",
+        lambda: [json.dumps(ex.TETRAHEDRON).encode()],
+        _either(own_mesh.digest, skin_file.load_mesh),
+    ),
     _reader("mesh, arrays", "core.skin.file:_read_npz", ".npz", lambda: [ex.mesh_arrays()], skin_file.load_mesh),
     _reader("cached skin", "core.skin.store:read_model", ".npz", lambda: [ex.npz(**MODEL)], skin_store.read_model),
-    _reader("cached responses", "core.skin.store:read_table", ".npz", lambda: [ex.npz(table=np.zeros((3, 3), "<f4"))],
-            lambda path: skin_store.read_table(path, (3, 3))),
-    _reader("part of a sweep", "core.design.collect:_read_part", ".npz",
-            lambda: [ex.npz(commands=np.zeros((2, 3)), readings=np.zeros((2, 20)), left=np.zeros(3))], _whole),
-    _reader("ONNX", "core.surrogate.onnx:OnnxFit.__init__ core.surrogate.onnx:read_meta", ".onnx",
-            lambda: [ex.surrogate_files()[1]], _use_onnx),
-    _reader("surrogate", "core.surrogate.store:load", ".npz", lambda: [ex.surrogate_files()[0]], _use_surrogate,
-            beside=_write_graph),
+    _reader(
+        "cached responses",
+        "core.skin.store:read_table",
+        ".npz",
+        lambda: [ex.npz(table=np.zeros((3, 3), "<f4"))],
+        lambda path: skin_store.read_table(path, (3, 3)),
+    ),
+    _reader(
+        "part of a sweep",
+        "core.design.collect:_read_part",
+        ".npz",
+        lambda: [ex.npz(commands=np.zeros((2, 3)), readings=np.zeros((2, 20)), left=np.zeros(3))],
+        _whole,
+    ),
+    _reader(
+        "ONNX",
+        "core.surrogate.onnx:OnnxFit.__init__ core.surrogate.onnx:read_meta",
+        ".onnx",
+        lambda: [ex.surrogate_files()[1]],
+        _use_onnx,
+    ),
+    _reader(
+        "surrogate",
+        "core.surrogate.store:load",
+        ".npz",
+        lambda: [ex.surrogate_files()[0]],
+        _use_surrogate,
+        beside=_write_graph,
+    ),
     _reader("sample table", "core.surrogate.table:read_table", ".npz", lambda: [ex.npz(**SAMPLES)], table.read_table),
-    _reader("sample table, CSV", "core.surrogate.table:read_table", ".csv", lambda: [b"1,2,3,4\n5,6,7,8\n"],
-            table.read_table),
-    _reader("stimuli", "core.sensor:read_stimuli", ".npz", lambda: [ex.npz(**STIMULI)],
-            lambda path: sensor.read_stimuli(path, 2)),
-    _reader("stimuli, CSV", "core.sensor:read_stimuli", ".csv", lambda: [b"t,a,b\n0,1,2\n1,2,3\n"],
-            lambda path: sensor.read_stimuli(path, 2)),
-    _reader("recording", "core.design.recordings:_columns", ".csv", lambda: [ex.recording()],
-            recordings.read_recording),
-    _reader("recorded table", "core.design.recordings:_columns", ".csv", lambda: [ex.recorded_table()],
-            lambda path: recordings.read_table(path, np.ones(3), ENDS)),
-    _reader("packets", " ".join(f"core.stream.packets:{name}" for name in PACKETS), ".bin", ex.frames, _use_frames,
-            file=False),
-    _reader("OSC", "core.stream.osc:read_message core.stream.osc:read_bundle", ".bin",
-            lambda: [bundle(1, [message_head("/dermis/touch") + bytes(4)]), TOUCH], _use_osc, file=False),
-    _reader("torque board", "core.stream.torque:Torque.receive", ".bin", lambda: [b"DA\1\0" + bytes(8)], _use_torque,
-            file=False),
+    _reader(
+        "sample table, CSV",
+        "core.surrogate.table:read_table",
+        ".csv",
+        lambda: [b"1,2,3,4\n5,6,7,8\n"],
+        table.read_table,
+    ),
+    _reader(
+        "stimuli",
+        "core.sensor:read_stimuli",
+        ".npz",
+        lambda: [ex.npz(**STIMULI)],
+        lambda path: sensor.read_stimuli(path, 2),
+    ),
+    _reader(
+        "stimuli, CSV",
+        "core.sensor:read_stimuli",
+        ".csv",
+        lambda: [b"t,a,b\n0,1,2\n1,2,3\n"],
+        lambda path: sensor.read_stimuli(path, 2),
+    ),
+    _reader(
+        "recording", "core.design.recordings:_columns", ".csv", lambda: [ex.recording()], recordings.read_recording
+    ),
+    _reader(
+        "recorded table",
+        "core.design.recordings:_columns",
+        ".csv",
+        lambda: [ex.recorded_table()],
+        lambda path: recordings.read_table(path, np.ones(3), ENDS),
+    ),
+    _reader(
+        "packets",
+        " ".join(f"core.stream.protocols.packets:{name}" for name in PACKETS),
+        ".bin",
+        ex.frames,
+        _use_frames,
+        file=False,
+    ),
+    _reader(
+        "OSC",
+        "core.stream.protocols.osc:read_message core.stream.protocols.osc:read_bundle",
+        ".bin",
+        lambda: [bundle(1, [message_head("/dermis/touch") + bytes(4)]), TOUCH],
+        _use_osc,
+        file=False,
+    ),
+    _reader(
+        "torque board",
+        "core.stream.protocols.torque:Torque.receive",
+        ".bin",
+        lambda: [b"DA\1\0" + bytes(8)],
+        _use_torque,
+        file=False,
+    ),
     _reader("wish", "", ".json", lambda: [ex.wish()], _use_wish, file=False),
-)  # fmt: skip
+)
 
 # What reads, and reads nothing of others: functions, or whole modules, and why they are in no table.
 OWN = {
-    "core.contact.path:PathSolver._remember": "unpacks what it packed",
-    "core.contact.path:PathSolver.adopt": "unpacks what it packed",
+    "core.contact.solver.path:PathSolver._remember": "unpacks what it packed",
+    "core.contact.solver.path:PathSolver.adopt": "unpacks what it packed",
     "core.matching.screen_map:ScreenMap.save": "writes",
     "core.matching.table:SkinTable.save": "writes",
     "core.presets:Library.load": "copies what it holds",
-    "core.scene_file:save": "writes",
+    "core.scene.scene_file:save": "writes",
     "core.skin.blas:_libraries": "the system's list of this process's libraries",
     "core.skin.store:write_model": "writes",
     "core.skin.store:write_table": "writes",
     "core.stream.board": "a board of its own: whole by its check sum, or not there; what it holds is the reader 'wish'",
     "core.stream.outbox:Outbox._may_leave": "asks whether a bucket is open",
-    "core.stream.record:_opened": "writes a record",
+    "core.stream.links.record:_opened": "writes a record",
     "core.stream.sender": "its own parent's board",
-    "core.stream.serial_port": "a port, not a file",
-    "core.stream.sockets:Tcp._queued": "a number of the system's",
+    "core.stream.links.serial_port": "a port, not a file",
+    "core.stream.links.sockets:Tcp._queued": "a number of the system's",
     "core.stream.streamer": "a link, not a file",
-    "core.stream.transport": "the system's list of processes",
-    "core.stream.virtual_others:TorqueDevice.feed": "the other end of the reader 'torque board', in the box",
+    "core.stream.links.transport": "the system's list of processes",
+    "core.stream.virtual.others:TorqueDevice.feed": "the other end of the reader 'torque board', in the box",
     "core.surrogate.network:train": "unpacks what it packed",
     "core.surrogate.store:save": "writes",
     "core.version:version": "the manifest beside the program",
     "core.work": "its own child, its arrays and its log",
-    "blender_addon.built_devices:_table": "tests/blender/test_readers.py damages it",
-    "blender_addon.results:_read": "tests/blender/test_readers.py damages it",
-    "blender_addon.results:_write": "writes",
-    "blender_addon.streaming_tracks:track_path": "writes",
-    "blender_addon.thimble_adapt:status": "tests/blender/test_readers.py damages it",
+    "blender_addon.streaming.built_devices:_table": "tests/blender/test_readers.py damages it",
+    "blender_addon.results.store:_read": "tests/blender/test_readers.py damages it",
+    "blender_addon.results.store:_write": "writes",
+    "blender_addon.streaming.streamed_track:track_path": "writes",
+    "blender_addon.devices.thimble_adaptation:status": "tests/blender/test_readers.py damages it",
 }

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core.contact.bodies import ContactBody
-from core.contact.gap import GapQuery
-from core.contact.path import PathSolver
-from core.contact.plane import Plane
+from core.contact.solver.bodies import ContactBody
+from core.contact.solver.path import PathSolver
 from core.skin.model import SkinModel
+from core.surface.gap import GapQuery
+from core.surface.plane import Plane
 
 Array = NDArray[np.float64]
 
@@ -32,10 +32,13 @@ class Solid(Plane):
         near = gap <= reach
         n = len(gap)
         return GapQuery(
-            np.where(near, gap, np.inf), np.where(near[:, None], normal, 0.0),
-            np.where(near[:, None], points - gap[:, None] * normal, np.nan), np.where(near, 0, -1), np.zeros((n, 3)),
+            np.where(near, gap, np.inf),
+            np.where(near[:, None], normal, 0.0),
+            np.where(near[:, None], points - gap[:, None] * normal, np.nan),
+            np.where(near, 0, -1),
+            np.zeros((n, 3)),
             np.zeros(n, bool),
-        )  # fmt: skip
+        )
 
 
 def ball(radius: float) -> Solid:
@@ -199,8 +202,14 @@ def foam(count: int = 120) -> Touch:
 
 def rod_at(y: float, count: int = 60, depth: float = 1.0, slides: float = 0.0, friction: float = 0.6) -> Touch:
     """Return a thin rod across the finger, pressed at y [mm] of the pad, and slid by `slides` [mm] along the finger."""
-    return make("rod", rod(3e-3), count, friction=friction, depth=[(0, -0.2), (0.3, depth), (0.8, depth), (1, -0.2)],
-                y=[(0, y), (0.3, y), (0.8, y + slides), (1, y + slides)])  # fmt: skip
+    return make(
+        "rod",
+        rod(3e-3),
+        count,
+        friction=friction,
+        depth=[(0, -0.2), (0.3, depth), (0.8, depth), (1, -0.2)],
+        y=[(0, y), (0.3, y), (0.8, y + slides), (1, y + slides)],
+    )
 
 
 def shaken_block(count: int = 120) -> Touch:

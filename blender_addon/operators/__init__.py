@@ -5,10 +5,20 @@ import bpy
 from . import add, bake, calibration, design, devices, export, housekeeping, pins, roles, skin, stream, thimble, tracks
 
 CLASSES: tuple[type, ...] = (
-    *add.CLASSES, *roles.CLASSES, *devices.CLASSES, *bake.CLASSES, *export.CLASSES, *housekeeping.CLASSES,
-    *skin.CLASSES, *pins.CLASSES, *stream.CLASSES, *calibration.CLASSES, *tracks.CLASSES, *thimble.CLASSES,
+    *add.CLASSES,
+    *roles.CLASSES,
+    *devices.CLASSES,
+    *bake.CLASSES,
+    *export.CLASSES,
+    *housekeeping.CLASSES,
+    *skin.CLASSES,
+    *pins.CLASSES,
+    *stream.CLASSES,
+    *calibration.CLASSES,
+    *tracks.CLASSES,
+    *thimble.CLASSES,
     *design.CLASSES,
-)  # fmt: skip
+)
 
 
 def register() -> None:

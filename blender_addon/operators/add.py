@@ -5,11 +5,11 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 from mathutils import Euler, Matrix
 
-from .. import properties
+from ..properties import scene_properties
 
 
 def _unit(scene: bpy.types.Scene) -> float:
-    from ..sampling_roster import metres_per_unit
+    from ..sampling.participants import metres_per_unit
 
     return metres_per_unit(scene)
 
@@ -22,7 +22,7 @@ def _place(context: bpy.types.Context, obj: bpy.types.Object) -> None:
         other.select_set(False)
     obj.select_set(True)
     context.view_layer.objects.active = obj
-    properties.stamp(context.scene)
+    scene_properties.stamp(context.scene)
 
 
 def _zoom(context: bpy.types.Context) -> None:
@@ -54,7 +54,7 @@ class DERMIS_OT_add_finger(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
-        from ..fingertip import mesh
+        from ..fingertip_mesh import mesh
 
         obj = bpy.data.objects.new("Finger", mesh(_unit(context.scene)))
         _place(context, obj)
@@ -76,9 +76,10 @@ class DERMIS_OT_add_screen(bpy.types.Operator):
     width: FloatProperty(name="Width", default=120.0, min=1.0, soft_max=600.0, unit="CAMERA")
     depth: FloatProperty(name="Height", default=75.0, min=1.0, soft_max=600.0, unit="CAMERA")
     relief: EnumProperty(
-        name="Relief", description="What there is to feel at first",
+        name="Relief",
+        description="What there is to feel at first",
         items=(("BUMPS", "Bumps", "An image of round bumps to start from"), ("NONE", "None", "Choose an image later")),
-    )  # fmt: skip
+    )
     frame_view: BoolProperty(name="Zoom In", description="Bring the screen into view", default=True)
 
     @classmethod
@@ -89,7 +90,7 @@ class DERMIS_OT_add_screen(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
-        from .. import demo_scene
+        from ..demos import demo_scene
 
         size = (self.width * 1e-3, self.depth * 1e-3)
         image = demo_scene.bumps_image(size) if self.relief == "BUMPS" else None
@@ -109,8 +110,8 @@ class DERMIS_OT_demo_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
-        from .. import demo_scene
-        from ..panels import choices
+        from .. import choices
+        from ..demos import demo_scene
 
         choices.refresh()
         scene = demo_scene.build(choices.first_of_kind("shear_tactor"), choices.first_of_kind("friction_screen"))

@@ -4,8 +4,10 @@ from typing import Any
 
 import bpy
 
-from .. import jobs, live, reporting, results
+from .. import jobs, reporting
 from ..preferences import library
+from ..preview import device_preview
+from ..results import store
 
 
 class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
@@ -24,7 +26,7 @@ class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return sampling and rendering as one generator."""
-        from ..panels import choices
+        from .. import choices
 
         choices.refresh()  # the list of devices shall say what this bake sees
         return jobs.bake(context.scene, library())
@@ -32,11 +34,11 @@ class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Keep the result in memory and outside the .blend; say what it is worth."""
         scene = context.scene
-        live.reset()
-        kept = results.keep(scene, result)
+        device_preview.reset()
+        kept = store.keep(scene, result)
         found = list(result.all_findings)
         try:
-            results.store(scene, kept)
+            store.store(scene, kept)
         except ValueError as error:  # a full disk must not cost the bake
             found.append(reporting.as_finding(error))
         tracks, skins = len(result.outputs), len(result.skins)

@@ -9,14 +9,9 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
-from .. import (
-    built_devices,
-    calibration_offers,
-    reporting,
-    streaming_answer,
-    streaming_calibration,
-)
+from .. import reporting
 from ..preferences import core_module, user_folder
+from ..streaming import board_identity, built_devices, calibration_offers, device_calibration
 from .stream import File, Streaming
 
 
@@ -32,11 +27,11 @@ class DERMIS_OT_stream_calibrate(Streaming, bpy.types.Operator):
         """Do what was chosen."""
         scene = context.scene
         if self.action == "BEGIN":
-            streaming_calibration.begin_calibration(scene)
+            device_calibration.begin_calibration(scene)
         elif self.action == "CANCEL":
-            streaming_calibration.cancel_calibration(scene)
+            device_calibration.cancel_calibration(scene)
         else:
-            streaming_calibration.retract(scene)
+            device_calibration.retract(scene)
         return None
 
 
@@ -51,13 +46,14 @@ class DERMIS_OT_calibration_use(Streaming, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Put it on."""
-        streaming_calibration.use(context.scene, self.file)
-        return streaming_answer.advice(context.scene)
+        device_calibration.use(context.scene, self.file)
+        return board_identity.advice(context.scene)
 
 
 class Named(Streaming):
-    name: StringProperty(name="Name", description="As the device is marked: 'left thimble, red tape'",
-                         options={"SKIP_SAVE"})  # fmt: skip
+    name: StringProperty(
+        name="Name", description="As the device is marked: 'left thimble, red tape'", options={"SKIP_SAVE"}
+    )
 
     def ask(self: Any, context: bpy.types.Context, title: str) -> set[str]:
         """Ask for name and serial number."""
@@ -71,16 +67,19 @@ class DERMIS_OT_calibration_keep(Named, bpy.types.Operator):
     bl_idname = "dermis.calibration_keep"
     bl_label = "Save Built Device"
 
-    serial: StringProperty(name="Serial Number", description="What the device answers with, or that of its USB port; "
-                           "empty where it has none", options={"SKIP_SAVE"})  # fmt: skip
+    serial: StringProperty(
+        name="Serial Number",
+        description="What the device answers with, or that of its USB port; empty where it has none",
+        options={"SKIP_SAVE"},
+    )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Propose what is known."""
         try:
-            one = streaming_calibration.worn_by(context.scene)
+            one = device_calibration.worn_by(context.scene)
         except core_module("errors").DermisError as error:
             return reporting.report_error(self, error, "Streaming")
-        answered = streaming_answer.answered()
+        answered = board_identity.answered()
         self.name = one.made.name if one is not None else ""
         self.serial = (one.made.serial if one is not None else "") or next(iter(answered), "")
         return self.ask(context, "Save Built Device")
@@ -95,7 +94,7 @@ class DERMIS_OT_calibration_keep(Named, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Write the file."""
-        saved = streaming_calibration.keep(context.scene, self.name, self.serial)
+        saved = device_calibration.keep(context.scene, self.name, self.serial)
         return f"Saved '{saved.made.name}'; {context.scene.dermis_stream.channels_of} wears it"
 
 
@@ -163,7 +162,7 @@ class DERMIS_OT_calibration_save(File, bpy.types.Operator):
             raise core_module("errors").DermisError("no name for the file", value=self.filepath)
         if path.suffix.lower() != ".json":  # appended: what follows the last dot of a name may be a part of it
             path = path.with_name(f"{path.name}.json")
-        streaming_calibration.export(context.scene, path)
+        device_calibration.export(context.scene, path)
         return f"Wrote {path}"
 
 
@@ -176,13 +175,18 @@ class DERMIS_OT_calibration_load(File, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Read the file."""
-        found = streaming_calibration.load(context.scene, Path(bpy.path.abspath(self.filepath)))
+        found = device_calibration.load(context.scene, Path(bpy.path.abspath(self.filepath)))
         reporting.show(found, "Calibration")
         return str(found[0]) if found else "Calibration read"
 
 
 CLASSES: tuple[type, ...] = (
-    DERMIS_OT_stream_calibrate, DERMIS_OT_calibration_use, DERMIS_OT_calibration_keep,
-    DERMIS_OT_calibration_keep_found, DERMIS_OT_calibration_drop_found, DERMIS_OT_calibration_folder,
-    DERMIS_OT_calibration_save, DERMIS_OT_calibration_load,
-)  # fmt: skip
+    DERMIS_OT_stream_calibrate,
+    DERMIS_OT_calibration_use,
+    DERMIS_OT_calibration_keep,
+    DERMIS_OT_calibration_keep_found,
+    DERMIS_OT_calibration_drop_found,
+    DERMIS_OT_calibration_folder,
+    DERMIS_OT_calibration_save,
+    DERMIS_OT_calibration_load,
+)

@@ -7,13 +7,17 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
-from .. import demo_motors, design_results, handlers, jobs, live, platform_live, platform_use, reporting
+from .. import handlers, jobs, reporting
+from ..demos import demo_motors
+from ..design import design_results
+from ..devices import platform_devices
 from ..preferences import core_module
+from ..preview import device_preview, platform_preview
 
 
 def _worn(context: bpy.types.Context) -> Any:
     obj = context.object
-    return platform_use.device_of(obj) if obj is not None and obj.dermis.role == "FINGER" else None
+    return platform_devices.device_of(obj) if obj is not None and obj.dermis.role == "FINGER" else None
 
 
 class DERMIS_OT_make_table(jobs.Job, bpy.types.Operator):
@@ -33,13 +37,13 @@ class DERMIS_OT_make_table(jobs.Job, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the sweep."""
-        return platform_use.make(context.object, _worn(context))
+        return platform_devices.make(context.object, _worn(context))
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Say how large it is."""
         handlers.mark_dirty(context.object.name)
-        platform_live.reset()
-        live.reset()
+        platform_preview.reset()
+        device_preview.reset()
         asked = result.meta.get("asked", len(result.commands))
         self.report({"INFO"}, f"Swept {asked:,} configurations; {len(result.commands) - 1:,} of them touch")
         return {"FINISHED"}
@@ -52,9 +56,14 @@ class DERMIS_OT_add_design_touch(bpy.types.Operator):
     bl_label = "Add Touch"
     bl_options = {"REGISTER", "UNDO"}
 
-    kind: EnumProperty(name="Kind", items=(("SCENE", "This Scene", "This scene's bake"),
-                                           ("BAKED", "All Baked Scenes", "Every scene of this file that is baked"),
-                                           ("FILE", "Recording", "A CSV of a 20-channel sensor")))  # fmt: skip
+    kind: EnumProperty(
+        name="Kind",
+        items=(
+            ("SCENE", "This Scene", "This scene's bake"),
+            ("BAKED", "All Baked Scenes", "Every scene of this file that is baked"),
+            ("FILE", "Recording", "A CSV of a 20-channel sensor"),
+        ),
+    )
     filepath: StringProperty(name="File", subtype="FILE_PATH")
     filter_glob: StringProperty(default="*.csv", options={"HIDDEN"})
 
@@ -67,13 +76,13 @@ class DERMIS_OT_add_design_touch(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
-        from .. import results
+        from ..results import store
 
         settings = context.scene.dermis_design
         if self.kind == "FILE":
             settings.touches.add().filepath = self.filepath
         else:
-            wanted = [context.scene] if self.kind == "SCENE" else [s for s in bpy.data.scenes if results.current(s)]
+            wanted = [context.scene] if self.kind == "SCENE" else [s for s in bpy.data.scenes if store.current(s)]
             known = {t.scene for t in settings.touches}
             for scene in wanted:
                 if scene not in known:
@@ -227,8 +236,8 @@ class DERMIS_OT_demo_motors_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
-        from .. import demo_skin
-        from ..panels import choices
+        from .. import choices
+        from ..demos import demo_skin
 
         choices.refresh()
         scene = demo_motors.build(self.touch, self.device, self.seed)
@@ -242,6 +251,12 @@ class DERMIS_OT_demo_motors_scene(bpy.types.Operator):
 
 
 CLASSES: tuple[type, ...] = (
-    DERMIS_OT_make_table, DERMIS_OT_add_design_touch, DERMIS_OT_remove_design_touch, DERMIS_OT_design,
-    DERMIS_OT_design_preset, DERMIS_OT_show_design, DERMIS_OT_save_design, DERMIS_OT_demo_motors_scene,
-)  # fmt: skip
+    DERMIS_OT_make_table,
+    DERMIS_OT_add_design_touch,
+    DERMIS_OT_remove_design_touch,
+    DERMIS_OT_design,
+    DERMIS_OT_design_preset,
+    DERMIS_OT_show_design,
+    DERMIS_OT_save_design,
+    DERMIS_OT_demo_motors_scene,
+)

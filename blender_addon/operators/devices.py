@@ -6,8 +6,9 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from .. import animation_paths, handlers, properties, reporting
+from .. import animation_paths, handlers, reporting
 from ..preferences import core_module, library
+from ..properties import scene_properties
 
 
 def _finger(context: bpy.types.Context, name: str) -> Any:
@@ -29,7 +30,7 @@ class DERMIS_OT_choose_device(bpy.types.Operator):
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         """Read the presets, then open the menu."""
-        from ..panels import choices
+        from .. import choices
 
         choices.refresh()
         choices.aim(self.finger)
@@ -61,7 +62,7 @@ class DERMIS_OT_add_device(bpy.types.Operator):
             return reporting.report_error(self, error, self.bl_label)
         obj.dermis.finger.devices.add().preset = self.preset
         obj.dermis.finger.active_device = len(obj.dermis.finger.devices) - 1
-        properties.stamp(context.scene)
+        scene_properties.stamp(context.scene)
         handlers.mark_dirty(obj.name)
         return {"FINISHED"}
 

@@ -7,8 +7,10 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from .. import properties, reporting, results, results_skin
+from .. import reporting
 from ..preferences import core_module, library
+from ..properties import scene_properties
+from ..results import store, stored_skins
 
 
 class DERMIS_OT_export_tracks(bpy.types.Operator):
@@ -18,15 +20,16 @@ class DERMIS_OT_export_tracks(bpy.types.Operator):
     bl_label = "Export Tracks"
     bl_options = {"REGISTER"}
 
-    directory: StringProperty(name="Folder", description="Where the files go; empty: the scene's output folder",
-                              subtype="DIR_PATH")  # fmt: skip
+    directory: StringProperty(
+        name="Folder", description="Where the files go; empty: the scene's output folder", subtype="DIR_PATH"
+    )
     plots: BoolProperty(name="With Plots", description="Write a PNG plot beside each track", default=False)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Need a bake."""
         cls.poll_message_set("Bake first")
-        return results.current(context.scene) is not None
+        return store.current(context.scene) is not None
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Write to the scene's output folder; ask where that is relative to a file that was never saved."""
@@ -40,10 +43,10 @@ class DERMIS_OT_export_tracks(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Write the files."""
-        errors, outputs = core_module("errors"), core_module("outputs")
+        errors, outputs = core_module("errors"), core_module("pipeline.outputs")
         scene = context.scene
         folder = Path(bpy.path.abspath(self.directory or scene.dermis.output_dir))
-        result = results.current(scene)
+        result = store.current(scene)
         if result is None:
             self.report({"ERROR"}, "Bake first")
             return {"CANCELLED"}
@@ -56,7 +59,7 @@ class DERMIS_OT_export_tracks(bpy.types.Operator):
                     remedy="Save the file, or choose another folder",
                 )
             written = list(outputs.export(result.bake, folder, plots=self.plots)) if result.bake.outputs else []
-            written += results_skin.export(result.bake, folder)
+            written += stored_skins.export(result.bake, folder)
             if not written:
                 raise errors.DermisError(
                     "neither tracks nor skins to export",
@@ -66,7 +69,7 @@ class DERMIS_OT_export_tracks(bpy.types.Operator):
         except errors.DermisError as error:
             return reporting.report_error(self, error, "Export")
         text = f"Wrote {len(written)} file{'' if len(written) == 1 else 's'} to {folder}"
-        if results.state(scene) == "stale":
+        if store.state(scene) == "stale":
             self.report({"WARNING"}, f"{text}. The scene has changed since the bake")
         else:
             self.report({"INFO"}, text)
@@ -91,16 +94,16 @@ class DERMIS_OT_export_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Sample and write."""
-        from .. import sampling
+        from ..sampling import scene_sweep
 
         errors = core_module("errors")
         path = Path(bpy.path.abspath(self.filepath))
         if not path.suffix:
             path = path.with_suffix(".npz")
         try:
-            tactile = sampling.sample(context.scene)
+            tactile = scene_sweep.sample(context.scene)
             try:
-                core_module("scene_file").save(tactile, path)
+                core_module("scene.scene_file").save(tactile, path)
             finally:
                 tactile.chunks.close()
         except errors.DermisError as error:
@@ -117,8 +120,9 @@ class DERMIS_OT_export_screen_maps(bpy.types.Operator):
     bl_label = "Export Screen Maps"
     bl_options = {"REGISTER"}
 
-    directory: StringProperty(name="Folder", description="Where the files go; empty: the scene's output folder",
-                              subtype="DIR_PATH")  # fmt: skip
+    directory: StringProperty(
+        name="Folder", description="Where the files go; empty: the scene's output folder", subtype="DIR_PATH"
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -134,12 +138,12 @@ class DERMIS_OT_export_screen_maps(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Write the files."""
-        from .. import sampling
+        from ..sampling import scene_sweep
 
-        errors, outputs = core_module("errors"), core_module("outputs")
+        errors, outputs = core_module("errors"), core_module("pipeline.outputs")
         folder = Path(bpy.path.abspath(self.directory or context.scene.dermis.output_dir))
         try:
-            scene = sampling.sample_now(context.scene, context.evaluated_depsgraph_get())
+            scene = scene_sweep.sample_now(context.scene, context.evaluated_depsgraph_get())
             written = outputs.export_screen_maps(scene, library(), folder)
         except errors.DermisError as error:
             return reporting.report_error(self, error, "Export Screen Maps")
@@ -159,11 +163,11 @@ class DERMIS_OT_load_result(bpy.types.Operator):
         errors = core_module("errors")
         scene: Any = context.scene
         try:
-            result = results.load(scene)
+            result = store.load(scene)
         except errors.DermisError as error:
             return reporting.report_error(self, error, "Stored bake")
         if result is None:
-            scene.dermis.bake_key = properties.DermisScene.bl_rna.properties["bake_key"].default
+            scene.dermis.bake_key = scene_properties.DermisScene.bl_rna.properties["bake_key"].default
             self.report({"WARNING"}, "The stored bake is gone; bake again")
             return {"CANCELLED"}
         reporting.show(result.bake.all_findings, f"Stored bake of {scene.name}")
@@ -171,5 +175,8 @@ class DERMIS_OT_load_result(bpy.types.Operator):
 
 
 CLASSES: tuple[type, ...] = (
-    DERMIS_OT_export_tracks, DERMIS_OT_export_scene, DERMIS_OT_export_screen_maps, DERMIS_OT_load_result,
-)  # fmt: skip
+    DERMIS_OT_export_tracks,
+    DERMIS_OT_export_scene,
+    DERMIS_OT_export_screen_maps,
+    DERMIS_OT_load_result,
+)

@@ -6,8 +6,9 @@ import re
 import bpy
 from bpy.props import IntProperty
 
-from .. import reporting, results
+from .. import reporting
 from ..preferences import presets_folder
+from ..results import store
 
 
 class DERMIS_OT_go_to_finding(bpy.types.Operator):
@@ -62,7 +63,7 @@ class DERMIS_OT_clear_results(bpy.types.Operator):
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         """Empty the folder."""
-        results.cache().clear()
+        store.cache().clear()
         self.report({"INFO"}, "Deleted the stored bakes")
         return {"FINISHED"}
 

@@ -6,18 +6,26 @@ from typing import Any
 import bpy
 from bpy.props import FloatProperty
 
-from .. import handlers, pin_reports, properties_skin, reporting, skin_models
+from .. import handlers, reporting
+from ..devices import skin_models
 from ..preferences import core_module
+from ..properties import skin_properties
+from ..results import pin_reports
 
 DEPTHS_MM = (0.5, 1.0, 1.5, 2.0)  # Source: [S1] section IV.D
 
 
 def _load(depth: float) -> Any:
     return FloatProperty(
-        name=f"Load at {depth:g} mm [N]", default=0.0,
+        name=f"Load at {depth:g} mm [N]",
+        default=0.0,
         description="What the scale reads with the finger pressed this deep; 0: not read",
-        min=-1e3, max=1e3, soft_min=0.0, soft_max=20.0, precision=3,
-    )  # fmt: skip
+        min=-1e3,
+        max=1e3,
+        soft_min=0.0,
+        soft_max=20.0,
+        precision=3,
+    )
 
 
 def _is_finger(context: bpy.types.Context) -> bool:
@@ -58,9 +66,9 @@ class DERMIS_OT_press_test(bpy.types.Operator):
         """Fit the factor and give it to the finger."""
         loads = [getattr(self, f"load_{k + 1}") for k in range(len(DEPTHS_MM))]
         read = [(1e-3 * d, f) for d, f in zip(DEPTHS_MM, loads, strict=True) if f != 0.0]
-        calibration = core_module("matching.calibration")
+        calibration = core_module("matching.press_test")
         skin = context.object.dermis.finger.skin
-        values = properties_skin.parameters(skin)
+        values = skin_properties.parameters(skin)
         try:
             with skin_models.one_thread():
                 model = skin_models.get({**values["skin"], "alpha": 1.0}, values["skin_level"], wait=True)
@@ -115,13 +123,15 @@ class DERMIS_OT_demo_pins_scene(bpy.types.Operator):
     depth: FloatProperty(name="Depth [mm]", description="How deep the plane is pressed", default=2.0, min=0.01, max=4.0)
     friction: FloatProperty(name="Friction", default=0.6, min=0.0, max=10.0, soft_max=1.0)
     direction: FloatProperty(
-        name="Direction", description="Of the movement: from the finger's right (0) to its tip (90)", default=0.0,
+        name="Direction",
+        description="Of the movement: from the finger's right (0) to its tip (90)",
+        default=0.0,
         subtype="ANGLE",
-    )  # fmt: skip
+    )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
-        from .. import demo_pins, demo_skin
+        from ..demos import demo_pins, demo_skin
 
         scene = demo_pins.build(1e-3 * self.depth, self.friction, self.direction)
         if context.window is None:

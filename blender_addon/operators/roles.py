@@ -6,8 +6,9 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from .. import handlers, properties, reporting
+from .. import handlers, reporting
 from ..preferences import core_module, library
+from ..properties import scene_properties
 
 
 def _meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
@@ -47,10 +48,10 @@ class DERMIS_OT_make_touchable(bpy.types.Operator):
                 fingers += 1  # a finger that is merely also selected stays one
                 continue
             obj.dermis.role = "TOUCHABLE"
-            properties.apply_parameters(obj.dermis.material, values)
+            scene_properties.apply_parameters(obj.dermis.material, values)
             if self.preset:
                 obj.dermis.material.preset = self.preset
-        properties.stamp(context.scene)
+        scene_properties.stamp(context.scene)
         if fingers:
             self.report({"INFO"}, f"Left {fingers} selected finger(s) or screen(s) as they are")
         return {"FINISHED"}
@@ -79,7 +80,7 @@ class DERMIS_OT_choose_material(bpy.types.Operator):
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         """Read the presets, then open the menu."""
-        from ..panels import choices
+        from .. import choices
 
         choices.refresh()
         bpy.ops.wm.call_menu(name="DERMIS_MT_materials")
@@ -95,9 +96,13 @@ class DERMIS_OT_set_role(bpy.types.Operator):
 
     role: EnumProperty(
         name="Role",
-        items=(("NONE", "Nothing", "Dermis ignores it"), ("FINGER", "Finger", "It feels"),
-               ("TOUCHABLE", "Touchable", "It can be felt"), ("SCREEN", "Touch Screen", "It renders friction")),
-    )  # fmt: skip
+        items=(
+            ("NONE", "Nothing", "Dermis ignores it"),
+            ("FINGER", "Finger", "It feels"),
+            ("TOUCHABLE", "Touchable", "It can be felt"),
+            ("SCREEN", "Touch Screen", "It renders friction"),
+        ),
+    )
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: Any) -> str:
@@ -117,7 +122,7 @@ class DERMIS_OT_set_role(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Set it."""
         context.object.dermis.role = self.role
-        properties.stamp(context.scene)
+        scene_properties.stamp(context.scene)
         handlers.mark_dirty(context.object.name)
         return {"FINISHED"}
 

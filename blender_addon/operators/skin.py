@@ -6,8 +6,11 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from .. import handlers, properties, properties_skin, reporting, skin_models, skin_view
+from .. import handlers, reporting
+from ..devices import skin_models
 from ..preferences import core_module, library
+from ..properties import scene_properties, skin_properties
+from ..viewport import skin_view
 
 
 def _fingers(context: bpy.types.Context) -> list[bpy.types.Object]:
@@ -37,7 +40,7 @@ class DERMIS_OT_choose_skin(bpy.types.Operator):
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         """Read the presets, then open the menu."""
-        from ..panels import choices
+        from .. import choices
 
         choices.refresh()
         bpy.ops.wm.call_menu(name="DERMIS_MT_skins")
@@ -67,10 +70,10 @@ class DERMIS_OT_apply_skin(bpy.types.Operator):
         except errors.DermisError as error:
             return reporting.report_error(self, error, self.bl_label)
         for obj in _fingers(context):
-            properties_skin.apply_preset(obj.dermis.finger.skin, values)
+            skin_properties.apply_preset(obj.dermis.finger.skin, values)
             obj.dermis.finger.skin.preset = self.preset
             handlers.mark_dirty(obj.name)
-        properties.stamp(context.scene)
+        scene_properties.stamp(context.scene)
         return {"FINISHED"}
 
 
@@ -82,10 +85,10 @@ class DERMIS_OT_reset_skin_range(bpy.types.Operator):
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         """Forget the largest value."""
-        from .. import skin_live
+        from ..preview import skin_preview
 
         skin_view.forget_range()
-        skin_live.redraw()
+        skin_preview.redraw()
         return {"FINISHED"}
 
 
@@ -112,13 +115,15 @@ class DERMIS_OT_demo_skin_scene(bpy.types.Operator):
 
     fingers: EnumProperty(
         name="Fingers",
-        items=(("ONE", "One", "One finger touches one thing after the other"),
-               ("FIVE", "Five", "Five fingers touch five things at once")),
-    )  # fmt: skip
+        items=(
+            ("ONE", "One", "One finger touches one thing after the other"),
+            ("FIVE", "Five", "Five fingers touch five things at once"),
+        ),
+    )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
-        from .. import demo_skin
+        from ..demos import demo_skin
 
         scene: Any = demo_skin.build(5 if self.fingers == "FIVE" else 1)
         if context.window is None:
@@ -131,6 +136,9 @@ class DERMIS_OT_demo_skin_scene(bpy.types.Operator):
 
 
 CLASSES: tuple[type, ...] = (
-    DERMIS_OT_choose_skin, DERMIS_OT_apply_skin, DERMIS_OT_reset_skin_range, DERMIS_OT_clear_skins,
+    DERMIS_OT_choose_skin,
+    DERMIS_OT_apply_skin,
+    DERMIS_OT_reset_skin_range,
+    DERMIS_OT_clear_skins,
     DERMIS_OT_demo_skin_scene,
-)  # fmt: skip
+)

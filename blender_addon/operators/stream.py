@@ -7,9 +7,10 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from .. import reporting, streaming, streaming_answer, streaming_paths
+from .. import reporting
 from ..panels.text import words
 from ..preferences import core_module
+from ..streaming import agreed_paths, board_identity, session
 
 
 class Streaming:
@@ -39,26 +40,30 @@ class DERMIS_OT_stream_connect(Streaming, bpy.types.Operator):
     bl_label = "Connect"
 
     confirmed: BoolProperty(  # type: ignore[valid-type]
-        name="Confirmed", description="The files that this .blend names may be read and written",
+        name="Confirmed",
+        description="The files that this .blend names may be read and written",
         options={"HIDDEN", "SKIP_SAVE"},
-    )  # fmt: skip
+    )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Ask about files that came with the .blend."""
-        if not streaming_paths.pending(context.scene.dermis_stream):
+        if not agreed_paths.pending(context.scene.dermis_stream):
             return self.execute(context)
         self.confirmed = True  # by the dialog's button
         found: set[str] = context.window_manager.invoke_props_dialog(
-            self, width=560, title="Files Named by This .blend", confirm_text="Use Them and Connect",
+            self,
+            width=560,
+            title="Files Named by This .blend",
+            confirm_text="Use Them and Connect",
             cancel_default=True,
-        )  # fmt: skip
+        )
         return found
 
     def draw(self, context: bpy.types.Context) -> None:
         """Name each file, and what happens to it."""
         layout = self.layout
         words(layout, "You did not choose these files: they came with the .blend. Go on only if you know them.", 640)
-        for claim in streaming_paths.pending(context.scene.dermis_stream):
+        for claim in agreed_paths.pending(context.scene.dermis_stream):
             box = layout.box()
             box.alert = claim.kind == "write"
             words(box, f"{claim.kind.capitalize()}: {claim.what}", 560, "ERROR" if claim.kind == "write" else "FILE")
@@ -67,9 +72,9 @@ class DERMIS_OT_stream_connect(Streaming, bpy.types.Operator):
     def work(self, context: bpy.types.Context) -> str | None:
         """Start the sender."""
         if self.confirmed:
-            streaming_paths.confirm(streaming_paths.pending(context.scene.dermis_stream))
-        streaming.connect(context.scene)
-        return streaming_answer.advice(context.scene) or None
+            agreed_paths.confirm(agreed_paths.pending(context.scene.dermis_stream))
+        session.connect(context.scene)
+        return board_identity.advice(context.scene) or None
 
 
 class DERMIS_OT_stream_disconnect(Streaming, bpy.types.Operator):
@@ -80,7 +85,7 @@ class DERMIS_OT_stream_disconnect(Streaming, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> str | None:
         """End the sender; a ramp to the safe state goes on by itself."""
-        streaming.close()
+        session.close()
         return core_module("stream.client").leaving() or None
 
 
@@ -96,7 +101,7 @@ class DERMIS_OT_stream_arm(Streaming, bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Ask for the finger to be out where the first pulse may jump."""
-        if not (streaming.connected() and streaming.pose_unknown()):
+        if not (session.connected() and session.pose_unknown()):
             return self.execute(context)
         self.fingers_out = True  # by the dialog's button
         found: set[str] = context.window_manager.invoke_props_dialog(
@@ -108,14 +113,19 @@ class DERMIS_OT_stream_arm(Streaming, bpy.types.Operator):
         """Say what may happen, and what the board cannot do."""
         box = self.layout.box()
         box.alert = True
-        words(box, "This device does not know where its motors are. The first pulse may jump at full speed. "
-              "Take the finger out, then press Arm.", 440, "ERROR")  # fmt: skip
-        if caution := streaming.caution(context.scene.dermis_stream.protocol):
+        words(
+            box,
+            "This device does not know where its motors are. The first pulse may jump at full speed. "
+            "Take the finger out, then press Arm.",
+            440,
+            "ERROR",
+        )
+        if caution := session.caution(context.scene.dermis_stream.protocol):
             words(self.layout.box(), caution, 440, "INFO")
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Arm once."""
-        streaming.arm(context.scene, fingers_out=self.fingers_out)
+        session.arm(context.scene, fingers_out=self.fingers_out)
         return None
 
 
@@ -128,9 +138,9 @@ class DERMIS_OT_stream_stop(bpy.types.Operator):
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         """Stop, and leave the key to others where nothing streams."""
-        if not streaming.connected():
+        if not session.connected():
             return {"PASS_THROUGH"}
-        streaming.stop()
+        session.stop()
         self.report({"WARNING"}, "Stopped: the device goes to its safe state")
         return {"FINISHED"}
 
@@ -143,7 +153,7 @@ class DERMIS_OT_stream_rescan(Streaming, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Look, and say how many there are."""
-        count = streaming.rescan()
+        count = session.rescan()
         return f"{count} serial port{'' if count == 1 else 's'}"
 
 
@@ -172,6 +182,10 @@ class File(Streaming):
 
 
 CLASSES: tuple[type, ...] = (
-    DERMIS_OT_stream_connect, DERMIS_OT_stream_disconnect, DERMIS_OT_stream_arm, DERMIS_OT_stream_stop,
-    DERMIS_OT_stream_rescan, DERMIS_OT_stream_use_port,
-)  # fmt: skip
+    DERMIS_OT_stream_connect,
+    DERMIS_OT_stream_disconnect,
+    DERMIS_OT_stream_arm,
+    DERMIS_OT_stream_stop,
+    DERMIS_OT_stream_rescan,
+    DERMIS_OT_stream_use_port,
+)

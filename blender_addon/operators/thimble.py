@@ -7,12 +7,15 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from .. import demo_thimble, handlers, jobs, reporting, thimble_adapt, thimble_plot, thimble_use
+from .. import handlers, jobs, reporting
+from ..demos import demo_thimble
+from ..devices import thimble_adaptation, thimble_devices
+from ..results import thimble_plot
 
 
 def _worn(context: bpy.types.Context) -> Any:
     obj = context.object
-    return thimble_use.device_of(obj) if obj is not None and obj.dermis.role == "FINGER" else None
+    return thimble_devices.device_of(obj) if obj is not None and obj.dermis.role == "FINGER" else None
 
 
 class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
@@ -31,15 +34,18 @@ class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the work of a child process."""
-        return thimble_adapt.adapt(context.object)
+        return thimble_adaptation.adapt(context.object)
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Say how good it is."""
-        thimble_use.forget()
+        thimble_devices.forget()
         handlers.mark_dirty(context.object.name)
         ridge, network = result["errors"].tolist()
-        self.report({"INFO"}, f"Adapted on {int(result['samples'])} samples: test error of the network "
-                    f"{100 * network:.1f} %, of the polynomial {100 * ridge:.1f} %")  # fmt: skip
+        self.report(
+            {"INFO"},
+            f"Adapted on {int(result['samples'])} samples: test error of the network "
+            f"{100 * network:.1f} %, of the polynomial {100 * ridge:.1f} %",
+        )
         return {"FINISHED"}
 
 
@@ -92,8 +98,8 @@ class DERMIS_OT_demo_thimble_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
-        from .. import demo_skin
-        from ..panels import choices
+        from .. import choices
+        from ..demos import demo_skin
 
         choices.refresh()
         scene = demo_thimble.build(self.touch)

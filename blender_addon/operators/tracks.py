@@ -8,8 +8,10 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from .. import export_ranges, reporting, results, streaming_tracks
+from .. import reporting
 from ..preferences import core_module, library
+from ..results import export_parts, store
+from ..streaming import streamed_track
 from .stream import File
 
 
@@ -26,11 +28,11 @@ class DERMIS_OT_load_track(File, bpy.types.Operator):
         settings = context.scene.dermis_stream
         before, settings.track_file = settings.track_file, self.filepath
         try:
-            track = streaming_tracks.load_file(context.scene)
+            track = streamed_track.load_file(context.scene)
         except core_module("errors").DermisError:
             settings.track_file = before
             raise
-        check = core_module("formats.check")
+        check = core_module("track.check")
         found = (*check.preset_findings(track, library()), *check.findings_of(track))
         reporting.show(found, f"Track {Path(self.filepath).name}")
         return f"{track.spec.name}: {len(track.times):,} samples, {track.duration:.2f} s"
@@ -45,18 +47,24 @@ class DERMIS_OT_export_as(bpy.types.Operator):
 
     form: EnumProperty(  # type: ignore[valid-type]
         name="Format",
-        items=(("csv", "CSV", "Version 1"), ("json", "JSON", "Every float exactly"),
-               ("binary", "Compact Binary", "Four bytes a value, with a check sum"),
-               ("c", "C Header", "With a player loop for a microcontroller")),
+        items=(
+            ("csv", "CSV", "Version 1"),
+            ("json", "JSON", "Every float exactly"),
+            ("binary", "Compact Binary", "Four bytes a value, with a check sum"),
+            ("c", "C Header", "With a player loop for a microcontroller"),
+        ),
         default="json",
-    )  # fmt: skip
+    )
     span: EnumProperty(  # type: ignore[valid-type]
         name="Range",
-        items=(("ALL", "Whole Bake", "Everything that was baked"), ("PREVIEW", "Preview Range", "The preview range"),
-               ("MARKERS", "Markers", "One file from each marker to the next"),
-               ("ACTION", "Action", "The frames of the active object's action")),
+        items=(
+            ("ALL", "Whole Bake", "Everything that was baked"),
+            ("PREVIEW", "Preview Range", "The preview range"),
+            ("MARKERS", "Markers", "One file from each marker to the next"),
+            ("ACTION", "Action", "The frames of the active object's action"),
+        ),
         default="ALL",
-    )  # fmt: skip
+    )
     active_only: BoolProperty(name="Active Finger Only", default=False)  # type: ignore[valid-type]
     all_scenes: BoolProperty(name="All Baked Scenes", default=False)  # type: ignore[valid-type]
     force: BoolProperty(name="Force", description="Write tracks with errors as they are", default=False)  # type: ignore[valid-type]
@@ -74,7 +82,7 @@ class DERMIS_OT_export_as(bpy.types.Operator):
         finger = (context.object.name if context.object is not None else "") if self.active_only else None
         try:
             parts, found = self._plan(context, folder, finger)
-            written, more = export_ranges.write_parts(parts, self.form, force=self.force)
+            written, more = export_parts.write_parts(parts, self.form, force=self.force)
             found += more
             if not written:
                 raise errors.DermisError("no track to export", remedy="Select a finger, or export all of them")
@@ -86,21 +94,28 @@ class DERMIS_OT_export_as(bpy.types.Operator):
 
     def _plan(
         self, context: bpy.types.Context, folder: Path, finger: str | None
-    ) -> tuple[list[export_ranges.Part], list[Any]]:
+    ) -> tuple[list[export_parts.Part], list[Any]]:
         """Return everything that is to be written, of all scenes: no file is written before all ranges are in order."""
-        file_names = core_module("formats.file_names")
-        scenes = [s for s in bpy.data.scenes if results.current(s)] if self.all_scenes else [context.scene]
+        file_names = core_module("track.file_names")
+        scenes = [s for s in bpy.data.scenes if store.current(s)] if self.all_scenes else [context.scene]
         names, prefixes = file_names.FileNames(), file_names.FileNames()
-        parts: list[export_ranges.Part] = []
+        parts: list[export_parts.Part] = []
         found: list[Any] = []
         for scene in scenes:
-            result = results.current(scene)
+            result = store.current(scene)
             if result is None:
                 raise core_module("errors").DermisError("nothing has been baked", where=scene.name, remedy="Bake first")
-            more, told = export_ranges.plan(
-                scene, result, folder, self.form, self.span, active=context.object, finger=finger, names=names,
+            more, told = export_parts.plan(
+                scene,
+                result,
+                folder,
+                self.form,
+                self.span,
+                active=context.object,
+                finger=finger,
+                names=names,
                 prefix=prefixes.take(file_names.safe(scene.name)) if self.all_scenes else "",
-            )  # fmt: skip
+            )
             parts += more
             found += told
         return parts, found

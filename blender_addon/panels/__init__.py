@@ -2,13 +2,26 @@
 
 import bpy
 
-from . import bake, calibration, choices, design, main, material, menus, object, pins, preview, skin, stream, thimble
+from .. import choices
+from . import bake, calibration, design, main, material, menus, object, pins, preview, skin, stream, thimble
 
 CLASSES: tuple[type, ...] = (
-    *main.CLASSES, *object.CLASSES, *material.CLASSES, *pins.CLASSES, *thimble.CLASSES, *design.OBJECT, *skin.OBJECT,
-    *bake.RESULT, *skin.VIEW, *preview.CLASSES, *design.SCENE, *stream.CLASSES, *calibration.CLASSES,
-    *bake.SETTINGS, *menus.CLASSES,
-)  # fmt: skip
+    *main.CLASSES,
+    *object.CLASSES,
+    *material.CLASSES,
+    *pins.CLASSES,
+    *thimble.CLASSES,
+    *design.OBJECT,
+    *skin.OBJECT,
+    *bake.RESULT,
+    *skin.VIEW,
+    *preview.CLASSES,
+    *design.SCENE,
+    *stream.CLASSES,
+    *calibration.CLASSES,
+    *bake.SETTINGS,
+    *menus.CLASSES,
+)
 
 
 def register() -> None:

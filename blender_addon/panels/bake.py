@@ -4,7 +4,8 @@ from typing import Any
 
 import bpy
 
-from .. import handlers, reporting, results
+from .. import handlers, reporting
+from ..results import store
 from .main import DermisPanel
 from .text import paragraph
 
@@ -46,17 +47,17 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Need a result, in memory or stored."""
-        return results.current(context.scene) is not None or bool(context.scene.dermis.bake_key)
+        return store.current(context.scene) is not None or bool(context.scene.dermis.bake_key)
 
     def draw_header(self, context: bpy.types.Context) -> None:
         """Mark a result that is out of date."""
-        if results.state(context.scene) == "stale":
+        if store.state(context.scene) == "stale":
             self.layout.label(text="", icon="ERROR")
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw tracks, counters and times."""
         layout, scene = self.layout, context.scene
-        state, result = results.state(scene), results.current(scene)
+        state, result = store.state(scene), store.current(scene)
         if result is None:
             paragraph(layout, context, "A bake of an earlier session is stored.")
             layout.operator("dermis.load_result", icon="FILE_REFRESH")

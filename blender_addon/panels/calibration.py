@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from .. import built_devices, calibration_offers, streaming_answer, streaming_calibration
+from ..streaming import board_identity, built_devices, calibration_offers, device_calibration
 from .main import DermisPanel
 from .text import paragraph
 
@@ -33,7 +33,7 @@ class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
         if ours:
             layout.label(text=settings.channels_of, icon="ANIM")
         row = layout.row(align=True)
-        if streaming_calibration.calibrating(scene):
+        if device_calibration.calibrating(scene):
             row.operator("dermis.stream_calibrate", text="Cancel", icon="LOOP_BACK").action = "CANCEL"
         else:
             row.operator("dermis.stream_calibrate", text="Begin", icon="MODIFIER").action = "BEGIN"
@@ -45,7 +45,7 @@ class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
         if not ours:
             paragraph(layout, context, "Connect once: the actuators are then listed here.")
             return
-        if streaming_calibration.unsaved(scene):
+        if device_calibration.unsaved(scene):
             paragraph(layout, context, "Changed, not saved.", "INFO")
         for channel in settings.channels:
             self._actuator(channel)
@@ -85,8 +85,8 @@ class DERMIS_MT_built(bpy.types.Menu):
         """Draw those that are known."""
         layout = self.layout
         layout.operator("dermis.calibration_use", text="Uncalibrated", icon="X").file = ""
-        key = streaming_calibration.owner_shown(context.scene).rpartition(": ")[2]
-        answered = streaming_answer.answered()
+        key = device_calibration.owner_shown(context.scene).rpartition(": ")[2]
+        answered = board_identity.answered()
         for built in built_devices.devices(key):
             icon = "LINKED" if built.made.serial in answered else "TOOL_SETTINGS"
             layout.operator("dermis.calibration_use", text=built.made.name, icon=icon).file = built.file

@@ -35,7 +35,7 @@ def of(scene: bpy.types.Scene) -> Census:
 
 
 def _count(scene: bpy.types.Scene) -> Census:
-    from ..properties import FILE_VERSION
+    from ..properties.scene_properties import FILE_VERSION
 
     named: dict[str, list[str]] = {"FINGER": [], "TOUCHABLE": [], "SCREEN": [], "NONE": []}
     idle = []
@@ -51,8 +51,14 @@ def _count(scene: bpy.types.Scene) -> Census:
         if role == "FINGER" and not busy:
             idle.append(obj.name)
     version = scene.dermis.file_version
-    return Census(tuple(named["FINGER"]), tuple(idle), tuple(named["TOUCHABLE"]), tuple(named["SCREEN"]),
-                  moving, version if version > FILE_VERSION else 0)  # fmt: skip
+    return Census(
+        tuple(named["FINGER"]),
+        tuple(idle),
+        tuple(named["TOUCHABLE"]),
+        tuple(named["SCREEN"]),
+        moving,
+        version if version > FILE_VERSION else 0,
+    )
 
 
 def _moves(obj: bpy.types.Object | None) -> bool:

@@ -5,8 +5,11 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import demo_motors, design_results, platform_use, results
+from ..demos import demo_motors
+from ..design import design_results
+from ..devices import platform_devices
 from ..preferences import core_module
+from ..results import store
 from .main import DermisPanel
 from .text import paragraph, properties
 
@@ -29,14 +32,14 @@ class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
     def poll(cls, context: bpy.types.Context) -> bool:
         """Need a finger with a platform."""
         obj = context.object
-        return obj is not None and obj.dermis.role == "FINGER" and platform_use.device_of(obj) is not None
+        return obj is not None and obj.dermis.role == "FINGER" and platform_devices.device_of(obj) is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the table's state, and the way to make it."""
         layout, obj = self.layout, context.object
-        device = platform_use.device_of(obj)
+        device = platform_devices.device_of(obj)
         try:
-            table = platform_use.table(obj, device)
+            table = platform_devices.table(obj, device)
         except core_module("errors").DermisError as error:
             paragraph(layout, context, str(error), "ERROR")
             return
@@ -68,7 +71,7 @@ class DERMIS_UL_design_touches(bpy.types.UIList):
             return
         row = layout.row()
         row.label(text=item.scene.name, icon="SCENE_DATA")
-        state = results.state(item.scene)
+        state = store.state(item.scene)
         if state != "fresh":
             row.label(text={"none": "not baked", "stale": "out of date", "earlier": "earlier"}[state], icon="ERROR")
 
@@ -88,8 +91,15 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, "Which touches shall a device render with as few motors as possible?")
         else:
             row = layout.row()
-            row.template_list("DERMIS_UL_design_touches", "", own, "touches", own, "active_touch",
-                              rows=max(2, min(len(own.touches), 6)))  # fmt: skip
+            row.template_list(
+                "DERMIS_UL_design_touches",
+                "",
+                own,
+                "touches",
+                own,
+                "active_touch",
+                rows=max(2, min(len(own.touches), 6)),
+            )
             row.operator("dermis.remove_design_touch", text="", icon="REMOVE")
         row = layout.row(align=True)
         for kind, text in (("SCENE", "This Scene"), ("BAKED", "All Baked"), ("FILE", "Recording")):
@@ -122,8 +132,12 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         for text in ("share %", *(f"{100 * p:.1f}" for p in reduction.components.explained)):
             grid.label(text=text)
         if not found.low_rank:
-            paragraph(box, context, "Not of low rank: no fewer motors both stay within the rule and explain the "
-                      "movement.", "INFO")  # fmt: skip
+            paragraph(
+                box,
+                context,
+                "Not of low rank: no fewer motors both stay within the rule and explain the movement.",
+                "INFO",
+            )
         count = min(own.motors or reduction.motors, n)
         self._couplings(box, found, reduction, count)
         layout.operator("dermis.show_design", icon="IMAGE_DATA")

@@ -2,7 +2,7 @@
 
 import bpy
 
-from .. import results
+from ..results import store
 from . import census
 from .text import paragraph
 
@@ -27,8 +27,13 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         found = census.of(scene)
         if found.newer:
             box = layout.box()
-            paragraph(box, context, f"This file was saved by a newer Dermis (its format {found.newer}). "
-                      "Update Dermis before you save it: newer settings are not shown here.", "ERROR")  # fmt: skip
+            paragraph(
+                box,
+                context,
+                f"This file was saved by a newer Dermis (its format {found.newer}). "
+                "Update Dermis before you save it: newer settings are not shown here.",
+                "ERROR",
+            )
         if not found.fingers and not found.touchables and not found.screens:
             self._welcome(context)
             return
@@ -39,13 +44,16 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         column.active = ready
         column.operator("dermis.bake", icon="REC")
         row = layout.row(align=True)
-        row.enabled = results.state(scene) != "none"
+        row.enabled = store.state(scene) != "none"
         row.operator("dermis.export_tracks", icon="EXPORT")
 
     def _welcome(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        paragraph(layout, context, "Animate a finger over an object; Dermis works out what a tactile device on that "
-                  "finger should do.")  # fmt: skip
+        paragraph(
+            layout,
+            context,
+            "Animate a finger over an object; Dermis works out what a tactile device on that finger should do.",
+        )
         column = layout.column(align=True)
         column.scale_y = 1.2
         column.operator("dermis.add_finger", text="1.  Add a Finger", icon="VIEW_PAN")
@@ -63,8 +71,12 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, "Next: add the finger that feels.", "RIGHTARROW")
             layout.operator("dermis.add_finger", icon="VIEW_PAN")
         elif not found.touchables and not found.screens:
-            paragraph(layout, context, "Next: give it something to touch. Select a mesh object and make it touchable, "
-                      "or add a touch screen.", "RIGHTARROW")  # fmt: skip
+            paragraph(
+                layout,
+                context,
+                "Next: give it something to touch. Select a mesh object and make it touchable, or add a touch screen.",
+                "RIGHTARROW",
+            )
             row = layout.row(align=True)
             row.operator("dermis.choose_material", text="Make Touchable", icon="MATERIAL")
             row.operator("dermis.add_screen", text="Touch Screen", icon="DESKTOP")
@@ -72,7 +84,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, f"Next: give {_names(found.idle)} a device.", "RIGHTARROW")
             operator = layout.operator("dermis.choose_device", icon="ADD")
             operator.finger = found.idle[0]
-        elif results.state(context.scene) == "none":
+        elif store.state(context.scene) == "none":
             first = "bake" if found.moving else "animate the finger, then bake; what does not move feels little"
             paragraph(layout, context, f"Next: {first}.", "RIGHTARROW")
 

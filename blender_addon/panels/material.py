@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from . import choices
+from .. import choices
 from .main import DermisPanel
 from .text import properties, role
 
@@ -67,8 +67,13 @@ class DERMIS_PT_texture(_Effect, bpy.types.Panel):
     bl_idname = "DERMIS_PT_texture"
     bl_label = "Texture"
     switch = "texture_on"
-    shown = ("texture_amplitude_x", "texture_amplitude_y", "texture_period_x_mm", "texture_period_y_mm",
-             "texture_speed_threshold_mm_s")  # fmt: skip
+    shown = (
+        "texture_amplitude_x",
+        "texture_amplitude_y",
+        "texture_period_x_mm",
+        "texture_period_y_mm",
+        "texture_speed_threshold_mm_s",
+    )
 
 
 class DERMIS_PT_weight(_Effect, bpy.types.Panel):
@@ -90,10 +95,13 @@ class DERMIS_PT_content(_Effect, bpy.types.Panel):
     def names(self, material: Any) -> tuple[str, ...]:
         """Return the properties that this kind of content has."""
         kind = material.content_kind
-        return ("content_kind", "content_amplitude",
-                *(("content_length_mm",) if kind in ("pendulum", "slosh") else ()),
-                *(("content_size_mm",) if kind in ("slosh", "loose") else ()),
-                *(("content_damping",) if kind != "child" else ()))  # fmt: skip
+        return (
+            "content_kind",
+            "content_amplitude",
+            *(("content_length_mm",) if kind in ("pendulum", "slosh") else ()),
+            *(("content_size_mm",) if kind in ("slosh", "loose") else ()),
+            *(("content_damping",) if kind != "child" else ()),
+        )
 
 
 class DERMIS_PT_held(DermisPanel, bpy.types.Panel):
@@ -118,5 +126,10 @@ class DERMIS_PT_held(DermisPanel, bpy.types.Panel):
 
 
 CLASSES: tuple[type, ...] = (
-    DERMIS_PT_material, DERMIS_PT_transient, DERMIS_PT_texture, DERMIS_PT_weight, DERMIS_PT_content, DERMIS_PT_held,
-)  # fmt: skip
+    DERMIS_PT_material,
+    DERMIS_PT_transient,
+    DERMIS_PT_texture,
+    DERMIS_PT_weight,
+    DERMIS_PT_content,
+    DERMIS_PT_held,
+)

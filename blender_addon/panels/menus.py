@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from . import choices
+from .. import choices
 
 
 class DERMIS_MT_add(bpy.types.Menu):

@@ -4,7 +4,8 @@ from typing import Any
 
 import bpy
 
-from . import choices, design, thimble
+from .. import choices
+from . import design, thimble
 from .main import DermisPanel
 from .text import paragraph, properties, role
 
@@ -204,5 +205,9 @@ class DERMIS_PT_pattern(DermisPanel, bpy.types.Panel):
 
 
 CLASSES: tuple[type, ...] = (
-    DERMIS_PT_object, DERMIS_UL_devices, DERMIS_PT_devices, DERMIS_PT_device, DERMIS_PT_pattern,
-)  # fmt: skip
+    DERMIS_PT_object,
+    DERMIS_UL_devices,
+    DERMIS_PT_devices,
+    DERMIS_PT_device,
+    DERMIS_PT_pattern,
+)

@@ -2,7 +2,7 @@
 
 import bpy
 
-from .. import pin_reports
+from ..results import pin_reports
 from .main import DermisPanel
 from .text import paragraph
 

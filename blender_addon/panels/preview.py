@@ -2,7 +2,7 @@
 
 import bpy
 
-from .. import live
+from ..preview import device_preview
 from . import census
 from .main import DermisPanel
 from .text import paragraph, quantity
@@ -28,7 +28,7 @@ class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
         row.prop(settings, "show_readout", toggle=True, icon="INFO", text="Readout")
         if settings.show_twin:
             layout.prop(settings, "twin_exaggeration", slider=True)
-        shown = live.preview(context.scene)
+        shown = device_preview.preview(context.scene)
         if shown is None:
             paragraph(layout, context, "Move along the timeline to see the devices at work.")
             return

@@ -4,8 +4,11 @@ from typing import Any
 
 import bpy
 
-from .. import properties_skin, skin_cards, skin_field, skin_live, skin_view
-from . import census, choices
+from .. import choices
+from ..preview import skin_preview
+from ..properties import skin_properties
+from ..viewport import skin_cards, skin_field, skin_view
+from . import census
 from .main import DermisPanel
 from .text import paragraph
 
@@ -53,7 +56,7 @@ class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
             row = column.row()
             row.active = False
             row.alignment = "RIGHT"
-            row.label(text=f"about {properties_skin.TETRAHEDRA[skin.level]} tetrahedra")
+            row.label(text=f"about {skin_properties.TETRAHEDRA[skin.level]} tetrahedra")
         _column(layout, skin, "young_kpa", "alpha")
         column = _column(layout, skin, "depth_mode")
         if skin.depth_mode == "compliant":
@@ -104,7 +107,7 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw quantity and range, then each finger's figures."""
         layout, scene = self.layout, context.scene
-        if not skin_live.any_shown(scene):
+        if not skin_preview.any_shown(scene):
             paragraph(layout, context, "No finger shows its skin: switch Skin on in a finger's Object panel.", "INFO")
             return
         view = scene.dermis.skin_view
@@ -116,10 +119,10 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
             row.operator("dermis.reset_skin_range", text="", icon="FILE_REFRESH")
         if view.range_mode == "fixed":
             column.prop(view, "maximum", text=f"Maximum [{skin_field.QUANTITIES[view.quantity].unit}]")
-        if skin_live.failure():
-            paragraph(layout, context, skin_live.failure(), "ERROR")
-        states = skin_live.states(scene)
-        if not states and not skin_live.failure():
+        if skin_preview.failure():
+            paragraph(layout, context, skin_preview.failure(), "ERROR")
+        states = skin_preview.states(scene)
+        if not states and not skin_preview.failure():
             paragraph(layout, context, "Move along the timeline to see what the skin feels.")
         for state in states:
             _figures(layout.box().column(align=True), context, state)
@@ -157,7 +160,7 @@ class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
         """Draw the counters of each finger."""
         column = self.layout.column(align=True)
         column.scale_y = 0.85
-        for state in skin_live.states(context.scene):
+        for state in skin_preview.states(context.scene):
             column.label(text=state.finger)
             for name, count in state.counters.items():
                 if count:
@@ -167,7 +170,7 @@ class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
             _pair(column, f"stress {name}", f"{count:,}", "BLANK1")
 
 
-def _figures(column: Any, context: bpy.types.Context, state: skin_live.SkinState) -> None:
+def _figures(column: Any, context: bpy.types.Context, state: skin_preview.SkinState) -> None:
     column.scale_y = 0.85
     icon = {"bake": "CHECKMARK", "live": "PLAY", "none": "TIME"}.get(state.source, "ERROR")
     column.label(text=state.finger, icon=icon)

@@ -4,14 +4,21 @@ from typing import Any
 
 import bpy
 
-from .. import calibration_offers, streaming, streaming_answer, streaming_tracks
+from ..streaming import board_identity, calibration_offers, session, streamed_track
 from .main import DermisPanel
 from .text import paragraph, quantity
 
 ICONS = {
-    "disconnected": "UNLINKED", "connecting": "SORTTIME", "ready": "LINKED", "armed": "PAUSE", "streaming": "PLAY",
-    "stopping": "SORTTIME", "stalled": "ERROR", "fault": "CANCEL", "dead": "CANCEL",
-}  # fmt: skip
+    "disconnected": "UNLINKED",
+    "connecting": "SORTTIME",
+    "ready": "LINKED",
+    "armed": "PAUSE",
+    "streaming": "PLAY",
+    "stopping": "SORTTIME",
+    "stalled": "ERROR",
+    "fault": "CANCEL",
+    "dead": "CANCEL",
+}
 
 
 class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
@@ -23,18 +30,18 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
 
     def draw_header(self, _context: bpy.types.Context) -> None:
         """Show in a closed panel too that something is connected, or may move."""
-        if streaming.connected():
-            now = streaming.status()
+        if session.connected():
+            now = session.status()
             row = self.layout.row()
             row.alert = bool(now.get("armed"))
             row.label(text="", icon=ICONS.get(now["state"], "QUESTION"))
-        elif streaming.leaving():
+        elif session.leaving():
             self.layout.label(text="", icon=ICONS["stopping"])
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw port, buttons and state."""
-        layout, settings, now = self.layout, context.scene.dermis_stream, streaming.status()
-        connected = streaming.connected()
+        layout, settings, now = self.layout, context.scene.dermis_stream, session.status()
+        connected = session.connected()
         column = layout.column(align=True)
         column.enabled = not connected
         row = column.row(align=True)
@@ -50,7 +57,7 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
             layout.label(text=bpy.path.basename(settings.track_file), icon="FILE")
         else:
             layout.prop(settings, "output", text="", icon="ANIM", placeholder="First device of the bake")
-        if settings.mode == "play" and (doubts := streaming_tracks.doubts(context.scene)):
+        if settings.mode == "play" and (doubts := streamed_track.doubts(context.scene)):
             paragraph(layout, context, doubts, "ERROR")
         if settings.mode == "jog":
             ours = calibration_offers.is_ours(settings) and len(settings.channels) > 0
@@ -68,7 +75,7 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
                 row.operator("dermis.stream_connect", text="Connect Again", icon="LINKED")
             else:
                 arm = row.row(align=True)
-                arm.enabled = now["state"] in streaming.READY and streaming.streams(context.scene)
+                arm.enabled = now["state"] in session.READY and session.streams(context.scene)
                 arm.operator("dermis.stream_arm", icon="PLAY")
         else:
             row.operator("dermis.stream_connect", icon="LINKED")
@@ -81,7 +88,7 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
 
     def _built(self, context: bpy.types.Context) -> None:
         """Draw which built device the finger wears: it decides how it is calibrated."""
-        shown = streaming_answer.shown(context.scene)
+        shown = board_identity.shown(context.scene)
         row = self.layout.row(align=True)
         row.alert = shown.wrong
         row.menu("DERMIS_MT_built", text=shown.name, icon="ERROR" if shown.wrong else "TOOL_SETTINGS")
@@ -90,13 +97,13 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
 
     def _state(self, context: bpy.types.Context, now: dict[str, Any]) -> None:
         layout = self.layout
-        if streaming.leaving():
-            paragraph(layout, context, streaming.leaving(), "TIME")
+        if session.leaving():
+            paragraph(layout, context, session.leaving(), "TIME")
         layout.label(text=now["state"].capitalize(), icon=ICONS.get(now["state"], "QUESTION"))
         if now.get("words"):
-            wrong = now["state"] != "ready" or streaming_answer.shown(context.scene).wrong
+            wrong = now["state"] != "ready" or board_identity.shown(context.scene).wrong
             paragraph(layout, context, now["words"], "ERROR" if wrong else "INFO")
-        if caution := streaming.caution(context.scene.dermis_stream.protocol):
+        if caution := session.caution(context.scene.dermis_stream.protocol):
             paragraph(layout, context, caution, "ERROR")
         for key in ("notice", "not_rendered"):
             if now.get(key):
@@ -166,7 +173,7 @@ class DERMIS_MT_ports(bpy.types.Menu):
         """Draw the list as it is known."""
         box = self.layout.operator("dermis.stream_use_port", text="The device in the box", icon="GHOST_ENABLED")
         box.port = "virtual:"
-        for name, description in streaming.found_ports():
+        for name, description in session.found_ports():
             self.layout.operator("dermis.stream_use_port", text=f"{name}  {description}").port = name
 
 

@@ -4,8 +4,10 @@ from typing import Any
 
 import bpy
 
-from .. import live, properties_skin, skin_models, thimble_adapt, thimble_live, thimble_use
+from ..devices import skin_models, thimble_adaptation, thimble_devices
 from ..preferences import core_module
+from ..preview import device_preview, thimble_preview
+from ..properties import skin_properties
 from .main import DermisPanel
 from .text import paragraph, properties
 
@@ -13,7 +15,7 @@ from .text import paragraph, properties
 def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
     """Draw what a thimble can be told, for the panel of device settings."""
     column = properties(layout, device, "thimble_method")
-    if device.thimble_method in thimble_use.LEARNED:
+    if device.thimble_method in thimble_devices.LEARNED:
         column.prop(device, "thimble_surrogate")
     column.prop(device, "thimble_hover_mm")
     column.prop(device, "thimble_calibrated")
@@ -35,12 +37,12 @@ class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
     def poll(cls, context: bpy.types.Context) -> bool:
         """Need a finger with a thimble."""
         obj = context.object
-        return obj is not None and obj.dermis.role == "FINGER" and thimble_use.device_of(obj) is not None
+        return obj is not None and obj.dermis.role == "FINGER" and thimble_devices.device_of(obj) is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the adaptation's state, the mismatch of this frame and the view's switches."""
         layout, obj = self.layout, context.object
-        device, view = thimble_use.device_of(obj), context.scene.dermis.thimble_view
+        device, view = thimble_devices.device_of(obj), context.scene.dermis.thimble_view
         column = layout.column()
         column.use_property_split = True
         column.prop(device, "thimble_method")
@@ -52,10 +54,10 @@ class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
             column = layout.column(align=True)
             paragraph(column, context, "Show the finger's skin to see target and rendered skin side by side.", "INFO")
             column.prop(obj.dermis.finger.skin, "shown", text="Show Skin", toggle=True)
-        shown = live.preview(context.scene)
+        shown = device_preview.preview(context.scene)
         rows = shown.rows if shown is not None else ()
         mine = next((r for r in rows if r.finger == obj.name and r.kind == "thimble"), None)
-        trouble = thimble_live.failure(obj.name)
+        trouble = thimble_preview.failure(obj.name)
         if trouble:
             paragraph(layout, context, trouble, "ERROR")
         elif mine is not None and "mismatch" in mine.signals:
@@ -66,10 +68,10 @@ class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
 
     def _adaptation(self, context: bpy.types.Context, obj: bpy.types.Object, device: Any) -> None:
         layout, errors = self.layout, core_module("errors")
-        skin = properties_skin.parameters(obj.dermis.finger.skin)
+        skin = skin_properties.parameters(obj.dermis.finger.skin)
         try:
             model = skin_models.get(skin["skin"], skin["skin_level"])
-            found = thimble_adapt.status(device, model) if model is not None else None
+            found = thimble_adaptation.status(device, model) if model is not None else None
         except errors.DermisError as error:
             paragraph(layout, context, str(error), "ERROR")
             return
@@ -79,9 +81,14 @@ class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
                 network, ridge = 100 * found["network_error"], 100 * found["ridge_error"]
                 words += f": network {network:.0f} %, polynomial {ridge:.0f} % off"
             paragraph(layout, context, words, "CHECKMARK")
-        elif device.thimble_method in thimble_use.LEARNED:
-            paragraph(layout, context, "Not adapted to this finger, so the direct method takes its place. Adapt it, "
-                      "which takes about a minute, or choose the direct method.", "ERROR")  # fmt: skip
+        elif device.thimble_method in thimble_devices.LEARNED:
+            paragraph(
+                layout,
+                context,
+                "Not adapted to this finger, so the direct method takes its place. Adapt it, "
+                "which takes about a minute, or choose the direct method.",
+                "ERROR",
+            )
         layout.operator("dermis.adapt_thimble", icon="FILE_REFRESH" if found is not None else "MOD_LATTICE")
 
 
@@ -93,7 +100,7 @@ class DERMIS_MT_thimble_demos(bpy.types.Menu):
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw one entry a scene."""
-        from ..demo_thimble import SCENES
+        from ..demos.demo_thimble import SCENES
 
         for key, scene in SCENES.items():
             self.layout.operator("dermis.demo_thimble_scene", text=scene.title, icon="SCENE_DATA").touch = key

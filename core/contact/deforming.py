@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
-from ..scene import Chunk, Mesh
-from .gap import Surface
-from .repairs import Repairs
+from ..scene.tactile_scene import Chunk, Mesh
+from ..surface.gap import Surface
+from ..surface.repairs import Repairs
+from ..surface.triangles import Array
 from .surfaces import box_of
-from .triangles import Array
 
 # What stands for an object whose vertices have not been numbers yet: too far away to be touched.
 AWAY = Mesh(np.array([[1e6, 1e6, 1e6], [1e6 + 1.0, 1e6, 1e6], [1e6, 1e6 + 1.0, 1e6]]), np.array([[0, 1, 2]], np.int32))
@@ -49,8 +49,12 @@ class Deforming:
         surfaces, boxes = {}, {}
         for b, meshes in chunk.surfaces.items():
             if len(meshes) != len(chunk.times):
-                raise DermisError("a deforming object needs one surface per sample", where=f"object '{self._names[b]}'",
-                                  value=len(meshes), limit=str(len(chunk.times)))  # fmt: skip
+                raise DermisError(
+                    "a deforming object needs one surface per sample",
+                    where=f"object '{self._names[b]}'",
+                    value=len(meshes),
+                    limit=str(len(chunk.times)),
+                )
             box = np.array([box_of(mesh) for mesh in meshes])  # of vertices that are no numbers it is none either
             good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(box), axis=(1, 2))
             if not good.all():

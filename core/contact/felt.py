@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import Finding
 from ..skin.model import SkinModel
-from .triangles import Array
+from ..surface.triangles import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .bodies import ContactBody, ContactFrame
-from .cone import along
-from .history import ContactHistory
-from .path import BONE
-from .triangles import Array, Indices
+from ..surface.triangles import Array, Indices
+from .solver.bodies import ContactBody, ContactFrame
+from .solver.cone import along
+from .solver.history import ContactHistory
+from .solver.path import BONE
 
 
 @dataclass(frozen=True, eq=False)

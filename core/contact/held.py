@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
-from ..scene import TactileScene
+from ..scene.tactile_scene import TactileScene
 from .encounter import Encounter, encounter
 from .sampled import SampledTouch
 
@@ -48,8 +48,9 @@ def held(touch: SampledTouch, scene: TactileScene, finger: int, body: int, times
     parameters = scene.bodies[body].parameters
     mode = parameters.get("held_mode", "auto")
     if mode not in MODES:
-        raise DermisError("unknown way of holding", where=f"object '{scene.bodies[body].name}'", value=mode,
-                          limit=", ".join(MODES))  # fmt: skip
+        raise DermisError(
+            "unknown way of holding", where=f"object '{scene.bodies[body].name}'", value=mode, limit=", ".join(MODES)
+        )
     if mode == "never":
         return None
     own = meet(touch, scene, finger, body, times)

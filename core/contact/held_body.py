@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Finding
-from ..scene import Body, Chunk, TactileScene
-from .bodies import ContactBody
-from .gap import Surface
+from ..scene.tactile_scene import Body, Chunk, TactileScene
+from ..surface.gap import Surface
+from ..surface.triangles import Array
 from .held import MODES, held
 from .held_object import HeldObject, HeldStep, HoldingFinger, Reach
 from .sampled import SampledTouch
-from .triangles import Array
+from .solver.bodies import ContactBody
 
 # Angular acceleration is the difference of angular velocity over this share of a sample to either side.
 SHARE = 1e-3
@@ -84,16 +84,27 @@ class HeldBody:
         """Frames in which it slipped, and whether fingers without a simulated skin hold it."""
         found = () if self._object is None else self._object.findings
         if self._shared:
-            shared = Finding("info", "held-together", "a finger holds another object too: this one follows its "
-                             "animated path there", where=f"object '{self._body.name}'", frame=self._shared[0],
-                             count=self._shared[1])  # fmt: skip
+            shared = Finding(
+                "info",
+                "held-together",
+                "a finger holds another object too: this one follows its animated path there",
+                where=f"object '{self._body.name}'",
+                frame=self._shared[0],
+                count=self._shared[1],
+            )
             found = (*found, shared)
         if not self._unseen:
             return found
-        unseen = Finding("info", "held-unseen", "it is held by a finger whose skin is not simulated: it follows its "
-                         "animated path there, and the contacts need not carry its weight",
-                         where=f"object '{self._body.name}'", remedy="Show the skin of every finger that holds it",
-                         frame=self._first_unseen, count=self._unseen)  # fmt: skip
+        unseen = Finding(
+            "info",
+            "held-unseen",
+            "it is held by a finger whose skin is not simulated: it follows its "
+            "animated path there, and the contacts need not carry its weight",
+            where=f"object '{self._body.name}'",
+            remedy="Show the skin of every finger that holds it",
+            frame=self._first_unseen,
+            count=self._unseen,
+        )
         return (*found, unseen)
 
     def shared(self, frame: float) -> None:
@@ -106,9 +117,8 @@ class HeldBody:
             self._object.let_go()
 
     def step(
-        self, sample: int, surface: Surface, turn: Array, origin: Array, reaches: Sequence[Reach | None],
-        frame: float,
-    ) -> HeldStep | None:  # fmt: skip
+        self, sample: int, surface: Surface, turn: Array, origin: Array, reaches: Sequence[Reach | None], frame: float
+    ) -> HeldStep | None:
         """Balance it at a sample; None where opposed fingers do not press it yet.
 
         Args:
@@ -121,9 +131,14 @@ class HeldBody:
             held_object.friction, held_object.softness, held_object.deforms = mine.friction, mine.softness, mine.deforms
             held_object.carry = mine.carry
         return held_object.step_among(
-            rigid(turn, origin), reaches, self._acceleration[sample], self._spin[sample], self._spin_rate[sample],
-            frame_number=frame, only_if_pressed=not self.keyed,
-        )  # fmt: skip
+            rigid(turn, origin),
+            reaches,
+            self._acceleration[sample],
+            self._spin[sample],
+            self._spin_rate[sample],
+            frame_number=frame,
+            only_if_pressed=not self.keyed,
+        )
 
     def body(self, finger_pose: Array, surface: Surface, turn: Array, origin: Array, sample: int) -> ContactBody:
         """Return it in a finger's frame, displaced as the last balance left it."""
@@ -135,10 +150,15 @@ class HeldBody:
         known = self._object
         if known is None:
             known = self._object = HeldObject(
-                surface, _mass(self._body.parameters), self._fingers, 0.0, centre=centre,
-                inertia=inertia_of(surface, _mass(self._body.parameters), centre), gravity=self._gravity,
+                surface,
+                _mass(self._body.parameters),
+                self._fingers,
+                0.0,
+                centre=centre,
+                inertia=inertia_of(surface, _mass(self._body.parameters), centre),
+                gravity=self._gravity,
                 name=f"object '{self._body.name}'",
-            )  # fmt: skip
+            )
         elif known.surface is not surface:
             known.surface, known.centre = surface, centre
             known.inertia = inertia_of(surface, known.mass, centre)

@@ -14,16 +14,16 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import DermisError, Finding
-from .balance import TOLERANCE, balance
-from .bodies import ContactBody, contact_frame
-from .cone import STICK, along
-from .gap import Surface
+from ..surface.gap import Surface
+from ..surface.plane import Plane
+from ..surface.triangles import Array
 from .grip import Grip, HeldStep, HoldingFinger, Reach
-from .history import ContactHistory
-from .notes import Notes
-from .plane import Plane
-from .solve import solve, status_of
-from .triangles import Array
+from .solver.balance import TOLERANCE, balance
+from .solver.bodies import ContactBody, contact_frame
+from .solver.cone import STICK, along
+from .solver.history import ContactHistory
+from .solver.notes import Notes
+from .solver.solve import solve, status_of
 
 __all__ = ["HeldObject", "HeldStep", "HoldingFinger", "Reach"]
 
@@ -49,9 +49,17 @@ class HeldObject:
     """
 
     def __init__(
-        self, surface: Surface | Plane, mass: float, fingers: Sequence[HoldingFinger], friction: float, *,
-        centre: Array | None = None, inertia: Array | None = None, gravity: Array = GRAVITY, name: str = "object",
-    ) -> None:  # fmt: skip
+        self,
+        surface: Surface | Plane,
+        mass: float,
+        fingers: Sequence[HoldingFinger],
+        friction: float,
+        *,
+        centre: Array | None = None,
+        inertia: Array | None = None,
+        gravity: Array = GRAVITY,
+        name: str = "object",
+    ) -> None:
         if not (np.isfinite(mass) and mass > 0.0):
             raise DermisError("a held object needs a mass", where=name, value=mass, limit="> 0 kg")
         if not fingers:
@@ -96,10 +104,15 @@ class HeldObject:
         return self._notes.findings()
 
     def step(
-        self, pose: Array, finger_poses: Sequence[Array], acceleration: Array | None = None,
-        angular_velocity: Array | None = None, angular_acceleration: Array | None = None, *,
+        self,
+        pose: Array,
+        finger_poses: Sequence[Array],
+        acceleration: Array | None = None,
+        angular_velocity: Array | None = None,
+        angular_acceleration: Array | None = None,
+        *,
         frame_number: float | None = None,
-    ) -> HeldStep:  # fmt: skip
+    ) -> HeldStep:
         """Solve the next frame of fingers that touch nothing else.
 
         Args:
@@ -109,18 +122,26 @@ class HeldObject:
             angular_velocity, angular_acceleration: in world space [rad/s], [rad/s^2].
         """
         nothing = ContactBody(self.surface)
-        reaches = [Reach(np.asarray(p, dtype=np.float64), (nothing,), 0, h)
-                   for p, h in zip(finger_poses, self._histories, strict=True)]  # fmt: skip
+        reaches = [
+            Reach(np.asarray(p, dtype=np.float64), (nothing,), 0, h)
+            for p, h in zip(finger_poses, self._histories, strict=True)
+        ]
         rates = acceleration, angular_velocity, angular_acceleration
         step = self.step_among(pose, reaches, *rates, frame_number=frame_number)
         assert step is not None
         return step
 
     def step_among(
-        self, pose: Array, reaches: Sequence[Reach | None], acceleration: Array | None = None,
-        angular_velocity: Array | None = None, angular_acceleration: Array | None = None, *,
-        frame_number: float | None = None, only_if_pressed: bool = False,
-    ) -> HeldStep | None:  # fmt: skip
+        self,
+        pose: Array,
+        reaches: Sequence[Reach | None],
+        acceleration: Array | None = None,
+        angular_velocity: Array | None = None,
+        angular_acceleration: Array | None = None,
+        *,
+        frame_number: float | None = None,
+        only_if_pressed: bool = False,
+    ) -> HeldStep | None:
         """Solve the next frame of fingers that may touch other bodies too.
 
         Args:
@@ -203,8 +224,9 @@ class HeldObject:
         """Forces that supply what is wanted; None if it slips."""
         index = [i for i, g in enumerate(everybody) if g is not None]
         grips = [g for g in everybody if g is not None]
-        forces, scaled = ([kept[i][g.near] for i, g in zip(index, grips, strict=True)]
-                          for kept in (self._forces, self._scaled))  # fmt: skip
+        forces, scaled = (
+            [kept[i][g.near] for i, g in zip(index, grips, strict=True)] for kept in (self._forces, self._scaled)
+        )
         found = balance(grips, forces, scaled, wanted, self._rho)
         if found is None:
             return None
@@ -228,9 +250,14 @@ class HeldObject:
         return forces, np.zeros(6), residual, iterations
 
     def _finish(
-        self, grips: Sequence[Grip | None], step: tuple[list[Array], Array, float, int],
-        reaches: Sequence[Reach | None], wanted: Array, pose: Array, holds: bool,
-    ) -> HeldStep:  # fmt: skip
+        self,
+        grips: Sequence[Grip | None],
+        step: tuple[list[Array], Array, float, int],
+        reaches: Sequence[Reach | None],
+        wanted: Array,
+        pose: Array,
+        holds: bool,
+    ) -> HeldStep:
         """Sum the forces up and move the anchors to where the nodes are now."""
         forces, _, residual, iterations = step
         on_object = np.zeros(6)
@@ -262,8 +289,18 @@ class HeldObject:
             slips.append(w)
         displacement = np.concatenate([self._shift, _vector(self._turn)])
         here = tuple(self._forces[i] for i, g in enumerate(grips) if g is not None)
-        return HeldStep(here, tuple(status), on_object, wanted, displacement, holds, residual, iterations,
-                        tuple(frames), tuple(slips))  # fmt: skip
+        return HeldStep(
+            here,
+            tuple(status),
+            on_object,
+            wanted,
+            displacement,
+            holds,
+            residual,
+            iterations,
+            tuple(frames),
+            tuple(slips),
+        )
 
     def _note(self, code: str, what: str, where: float) -> None:
         remedy = "Press harder, raise the friction, make it lighter, or key when it is held"

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ..surface.triangles import Array
 from .sampled import PairTouch
-from .triangles import Array
 
 
 @dataclass

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError
 from ..motion import rotations
-from ..scene import Body, Chunk
-from .gap import Surface
+from ..scene.tactile_scene import Body, Chunk
+from ..surface.gap import Surface
 from .surfaces import SAME_STRETCH, box_of, carried, surface_of
 
 Array = NDArray[np.float64]

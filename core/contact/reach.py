@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import Chunk, TactileScene
+from ..scene.tactile_scene import Chunk, TactileScene
 
 Array = NDArray[np.float64]
 

@@ -17,10 +17,21 @@ Array = NDArray[np.float64]
 VERSION = 1
 # Column -> unit, in the order of the file.
 COLUMNS = {
-    "frame": "1", "time": "s", "normal_force": "N", "tangential_force": "N", "force_x": "N", "force_y": "N",
-    "force_z": "N", "centre_x": "m", "centre_y": "m", "centre_z": "m", "depth": "m", "lift": "m", "sticking": "1",
+    "frame": "1",
+    "time": "s",
+    "normal_force": "N",
+    "tangential_force": "N",
+    "force_x": "N",
+    "force_y": "N",
+    "force_z": "N",
+    "centre_x": "m",
+    "centre_y": "m",
+    "centre_z": "m",
+    "depth": "m",
+    "lift": "m",
+    "sticking": "1",
     "slipping": "1",
-}  # fmt: skip
+}
 
 
 def resultants(touch: SkinTouch) -> dict[str, Array]:
@@ -38,8 +49,11 @@ def resultants(touch: SkinTouch) -> dict[str, Array]:
         whole = push.sum(axis=1)
         pressed = whole > 0.0
         centre[touch.contact[pressed]] = (push[pressed] @ touch.model.positions) / whole[pressed, None]
-    axes = {f"{name}_{axis}": values[:, i] for name, values in (("force", total), ("centre", centre))
-            for i, axis in enumerate("xyz")}  # fmt: skip
+    axes = {
+        f"{name}_{axis}": values[:, i]
+        for name, values in (("force", total), ("centre", centre))
+        for i, axis in enumerate("xyz")
+    }
     known = {"frame": touch.frames, "time": touch.times, **axes}
     return {name: np.asarray(known.get(name, getattr(touch, name, None)), np.float64) for name in COLUMNS}
 

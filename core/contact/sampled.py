@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ..errors import Finding
 from ..motion import Motion, MotionSamples, Spline
-from ..scene import Mesh
-from .centre import centre_of
+from ..scene.tactile_scene import Mesh
+from ..surface.centre import centre_of
 
 Array = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from ..errors import Finding
 from ..skin.model import SkinModel
-from .cone import SLIP, STICK
+from ..surface.triangles import Array
+from .compliant_bone import Yielded
 from .felt import SkinTouch
-from .triangles import Array
-from .yielding import Yielded
+from .solver.cone import SLIP, STICK
 
 _NOTHING = (0.0, 0.0, 0.0, 0.0, 0, 0)
 
@@ -39,10 +39,16 @@ class SkinRecord:
         across = solution.force - normal[:, None] * solution.normals
         self._contact.append(len(self._scalars))
         self._force.append(solution.force.astype(np.float32))
-        self._scalars.append((
-            float(normal.sum()), float(np.linalg.norm(across.sum(axis=0))), yielded.depth, yielded.lift,
-            int((solution.status == STICK).sum()), int((solution.status == SLIP).sum()),
-        ))  # fmt: skip
+        self._scalars.append(
+            (
+                float(normal.sum()),
+                float(np.linalg.norm(across.sum(axis=0))),
+                yielded.depth,
+                yielded.lift,
+                int((solution.status == STICK).sum()),
+                int((solution.status == SLIP).sum()),
+            )
+        )
 
     def touch(
         self, model: SkinModel, times: Array, frames: Array, findings: tuple[Finding, ...], skipped: Mapping[str, int]

@@ -21,18 +21,18 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
 from ..motion import rotations
-from ..scene import Chunk, TactileScene
+from ..scene.tactile_scene import Chunk, TactileScene
 from ..skin.model import SkinModel
-from .bodies import AWAY, ContactBody
+from .compliant_bone import Yielding
 from .felt import SkinTouch
 from .held_body import HeldBody, may_be_held, rigid
 from .held_object import HeldStep, HoldingFinger, Reach
-from .path import PathSolver
 from .posed import PosedBody
 from .sampled import SampledTouch
 from .skin_record import SkinRecord
+from .solver.bodies import AWAY, ContactBody
+from .solver.path import PathSolver
 from .stretch import Stretch
-from .yielding import Yielding
 
 __all__ = ["SkinSampler", "SkinTouch"]
 
@@ -134,8 +134,10 @@ class SkinSampler:
         """
         if self._kept:
             if touch is None:
-                raise DermisError("what is held can only be balanced with the touch of the whole range",
-                                  where=f"scene '{self._scene.name}'")  # fmt: skip
+                raise DermisError(
+                    "what is held can only be balanced with the touch of the whole range",
+                    where=f"scene '{self._scene.name}'",
+                )
             for _ in self.solve_held(touch):
                 pass
         times = np.concatenate(self._times) if self._times else np.zeros(0)

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..motion import rotations, singular
+from ..surface.triangles import Array
 from .surfaces import SAME_STRETCH
-from .triangles import Array
 
 
 class StretchRates:
@@ -22,9 +22,14 @@ class StretchRates:
         self._stretching: set[int] = set()
 
     def of(
-        self, b: int, times: Array, poses: Array, wanted: NDArray[np.intp], stretch: Array,
+        self,
+        b: int,
+        times: Array,
+        poses: Array,
+        wanted: NDArray[np.intp],
+        stretch: Array,
         before: tuple[float, Array] | None,
-    ) -> Array | None:  # fmt: skip
+    ) -> Array | None:
         """Return the velocity gradient of a body's carried space [1/s], shape (n, 3, 3): velocity = gradient @ point.
 
         It is the change of the stretch since the sample before; zero where there is none. None where the body keeps

@@ -18,13 +18,13 @@ from ..errors import DermisError, Finding
 from ..motion import rotations, singular
 from ..motion.vectors import turn as turned
 from ..motion.vectors import turn_back
-from ..scene import Chunk, TactileScene
-from .centre import centre_of
+from ..scene.tactile_scene import Chunk, TactileScene
+from ..surface.centre import centre_of
+from ..surface.gap import GapQuery, Surface
+from ..surface.repairs import Repairs
 from .deforming import Deforming
-from .gap import GapQuery, Surface
 from .pair import PairRecord
 from .reach import Reach
-from .repairs import Repairs
 from .sampled import SampledTouch
 from .stretch_rates import StretchRates
 from .surfaces import SAME_STRETCH, box_of, carried, surface_of
@@ -71,8 +71,12 @@ class TouchSampler:
         sizes = {"fingers": len(scene.fingers), "bodies": len(scene.bodies), "screens": len(scene.screens)}
         for name, size in sizes.items():
             if getattr(chunk, name).shape != (size, count, 4, 4):
-                raise DermisError(f"a chunk's {name} do not fit the scene", where=f"scene '{scene.name}'",
-                                  value=getattr(chunk, name).shape, limit=f"({size}, {count}, 4, 4)")  # fmt: skip
+                raise DermisError(
+                    f"a chunk's {name} do not fit the scene",
+                    where=f"scene '{scene.name}'",
+                    value=getattr(chunk, name).shape,
+                    limit=f"({size}, {count}, 4, 4)",
+                )
         if count == 0:
             return chunk
         names = [[item.name for item in items] for items in (scene.fingers, scene.bodies, scene.screens)]
@@ -81,8 +85,11 @@ class TouchSampler:
         screens = self._repairs.poses("screen", names[2], chunk.screens, chunk.frames)
         for i, name in enumerate(names[0]):
             if singular(fingers[i, :, :3, :3]).any():
-                raise DermisError("a finger of scale 0 has no direction", where=f"finger '{name}'",
-                                  remedy="Give the finger a scale other than 0")  # fmt: skip
+                raise DermisError(
+                    "a finger of scale 0 has no direction",
+                    where=f"finger '{name}'",
+                    remedy="Give the finger a scale other than 0",
+                )
         self._chunks.append(Chunk(chunk.frames, chunk.times, fingers, bodies, screens, {}, chunk.channels))
         own = self._reach.over(chunk)
         chunk, boxes = self._deforming.take(chunk)
@@ -151,19 +158,30 @@ class TouchSampler:
             elif body.mesh is not None:
                 boxes = box_of(body.mesh)[None]
             else:
-                raise DermisError("a deforming object has no surface", where=f"object '{body.name}'",
-                                  remedy="Give it faces, or stop it being touchable")  # fmt: skip
+                raise DermisError(
+                    "a deforming object has no surface",
+                    where=f"object '{body.name}'",
+                    remedy="Give it faces, or stop it being touchable",
+                )
             middle, half = boxes.mean(axis=1), (boxes[:, 1] - boxes[:, 0]) / 2.0
             linear = bodies[b, :, :3, :3]
-            yield (b, np.einsum("nij,nj->ni", linear, np.broadcast_to(middle, (len(linear), 3))) + bodies[b, :, :3, 3],
-                   np.einsum("nij,nj->ni", np.abs(linear), np.broadcast_to(half, (len(linear), 3))))  # fmt: skip
+            yield (
+                b,
+                np.einsum("nij,nj->ni", linear, np.broadcast_to(middle, (len(linear), 3))) + bodies[b, :, :3, 3],
+                np.einsum("nij,nj->ni", np.abs(linear), np.broadcast_to(half, (len(linear), 3))),
+            )
 
     # -- narrow phase --------------------------------------------------------------------------------------------
 
     def _narrow(
-        self, b: int, chunk: Chunk, fingers: Array, poses: Array, near: list[tuple[int, NDArray[np.intp]]],
+        self,
+        b: int,
+        chunk: Chunk,
+        fingers: Array,
+        poses: Array,
+        near: list[tuple[int, NDArray[np.intp]]],
         own: Array | None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Measure the gaps between one body and the pads that are near it."""
         wanted = np.unique(np.concatenate([index for _, index in near]))
         linear = poses[wanted, :3, :3]
@@ -228,10 +246,17 @@ class TouchSampler:
             left = left[~same]
 
     def _measure(
-        self, b: int, surface: Surface, near: list[tuple[int, NDArray[np.intp]]], local: dict[int, Array],
-        turn: Array, fingers: Array, velocity: Array | None, own_reach: Array | None,
+        self,
+        b: int,
+        surface: Surface,
+        near: list[tuple[int, NDArray[np.intp]]],
+        local: dict[int, Array],
+        turn: Array,
+        fingers: Array,
+        velocity: Array | None,
+        own_reach: Array | None,
         rates: Array | None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Ask the surface about all pads at once, and keep the samples at which it is within reach."""
         low, high = surface.box[0] - self._reach.longest, surface.box[1] + self._reach.longest
         samples = np.concatenate([index for _, index in near])

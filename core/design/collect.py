@@ -38,9 +38,16 @@ SPREAD_ROWS = 512  # rows that the reversed sweep is made for
 
 
 def collect(
-    spec: DeviceSpec, shape: FingertipShape, folder: Path, *, level: str = "draft", rows: int | None = None,
-    workers: int = 1, start: Callable[[], Any] | None = None, material: Mapping[str, float] | None = None,
-) -> Generator[tuple[int, int], None, SkinTable]:  # fmt: skip
+    spec: DeviceSpec,
+    shape: FingertipShape,
+    folder: Path,
+    *,
+    level: str = "draft",
+    rows: int | None = None,
+    workers: int = 1,
+    start: Callable[[], Any] | None = None,
+    material: Mapping[str, float] | None = None,
+) -> Generator[tuple[int, int], None, SkinTable]:
     """Sweep a device's configurations on a fingertip; yield (rows done, rows in all), return the table.
 
     Args:
@@ -112,14 +119,25 @@ def _part(spec: DeviceSpec, skin: SkinModel, commands: Array) -> dict[str, NDArr
 
 
 def _shared(
-    spec: DeviceSpec, shape: FingertipShape, level: str, material: Mapping[str, float], commands: Array,
-    todo: list[tuple[int, Path]], workers: int, start: Callable[[], Any] | None,
-) -> Generator[int, None, None]:  # fmt: skip
+    spec: DeviceSpec,
+    shape: FingertipShape,
+    level: str,
+    material: Mapping[str, float],
+    commands: Array,
+    todo: list[tuple[int, Path]],
+    workers: int,
+    start: Callable[[], Any] | None,
+) -> Generator[int, None, None]:
     """Hand parts to child processes as they become free; yield how many rows each finished part had, or 0."""
     from ..work import Worker
 
-    parameters = {"key": spec.key, "preset": dict(spec.source), "shape": asdict(shape), "level": level,
-                  "material": dict(material)}  # fmt: skip
+    parameters = {
+        "key": spec.key,
+        "preset": dict(spec.source),
+        "shape": asdict(shape),
+        "level": level,
+        "material": dict(material),
+    }
     queue = list(reversed(todo))
     crew = [(start or Worker)() for _ in range(min(workers, len(todo)))]
     running: dict[int, tuple[Any, Path, int]] = {}
@@ -167,8 +185,14 @@ def _joined(spec: DeviceSpec, skin: SkinModel, paths: list[Path], asked: int, le
         counts.append(part["readings"])
         left += part["left"]
     rest, unbalanced, saturated = (int(v) for v in left)
-    meta = {"asked": asked, "rest_rows": rest, "unbalanced_rows": unbalanced, "saturated_rows": saturated,
-            "level": level, "tetrahedra": len(skin.mesh.tetrahedra)}  # fmt: skip
+    meta = {
+        "asked": asked,
+        "rest_rows": rest,
+        "unbalanced_rows": unbalanced,
+        "saturated_rows": saturated,
+        "level": level,
+        "tetrahedra": len(skin.mesh.tetrahedra),
+    }
     return assemble(spec, skin, readings_of(skin), np.vstack(commands), np.vstack(counts), meta)
 
 

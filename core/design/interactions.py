@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
-from ..scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
+from ..scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
 
 Array = NDArray[np.float64]
 
@@ -67,9 +67,14 @@ STOPS: dict[str, tuple[tuple[float, float], ...]] = {
 
 
 def interaction(
-    name: str, skin: Array, *, seed: int = 0, wobble: Wobble = WOBBLE, devices: tuple[DeviceUse, ...] = (),
+    name: str,
+    skin: Array,
+    *,
+    seed: int = 0,
+    wobble: Wobble = WOBBLE,
+    devices: tuple[DeviceUse, ...] = (),
     repetitions: int = REPETITIONS,
-) -> TactileScene:  # fmt: skip
+) -> TactileScene:
     """Return one of the six interactions as a scene.
 
     Args:
@@ -92,10 +97,15 @@ def interaction(
     poses = plane_poses(name, times, skin, np.random.default_rng([seed, NAMES.index(name)]), wobble, repetitions)
     still = np.tile(np.eye(4), (1, len(times), 1, 1))
     return TactileScene(
-        name=f"Interaction {name}, seed {seed}", fps=FPS, frame_range=(1, last), rate=RATE,
-        fingers=(Finger("Index", devices),), bodies=(Body("Surface", slab(), {"friction": FRICTION}),), screens=(),
+        name=f"Interaction {name}, seed {seed}",
+        fps=FPS,
+        frame_range=(1, last),
+        rate=RATE,
+        fingers=(Finger("Index", devices),),
+        bodies=(Body("Surface", slab(), {"friction": FRICTION}),),
+        screens=(),
         chunks=[Chunk(frames, times, still, poses[None], np.zeros((0, len(times), 4, 4)))],
-    )  # fmt: skip
+    )
 
 
 def plane_poses(
@@ -158,8 +168,9 @@ def _wobble(rng: np.random.Generator, times: Array, bandwidth: float, count: int
     phases, weights = rng.uniform(0.0, 2.0 * np.pi, (waves, count)), rng.standard_normal((waves, count))
     weights /= np.sqrt(0.5 * (weights**2).sum(axis=0))
     angle = 2.0 * np.pi * np.arange(1, waves + 1)[:, None] * (times - times[0]) / duration
-    return np.stack([(weights[:, j : j + 1] * np.sin(angle + phases[:, j : j + 1])).sum(axis=0)
-                     for j in range(count)], axis=1)  # fmt: skip
+    return np.stack(
+        [(weights[:, j : j + 1] * np.sin(angle + phases[:, j : j + 1])).sum(axis=0) for j in range(count)], axis=1
+    )
 
 
 def _about(axis: str, angle: Array) -> Array:

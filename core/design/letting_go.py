@@ -31,6 +31,7 @@ def coupled_safe(made: DeviceSpec, original: DeviceSpec, commands: Array) -> dic
     if not room >= CLEAR:
         return None
     why = f"nearest to the original device's safe pose; {1e3 * room:.1f} mm below a finger of {1e3 * THICKEST:g} mm"
-    values = {c.name: {"value": float(v), "unit": "1", "source": why}
-              for c, v in zip(made.channels, commands, strict=True)}  # fmt: skip
+    values = {
+        c.name: {"value": float(v), "unit": "1", "source": why} for c, v in zip(made.channels, commands, strict=True)
+    }
     return {"reach": safe_state(original).reach, "values": values, "source": why}

@@ -73,10 +73,17 @@ def same_channels(recording: Recording, table: SkinTable) -> None:
     if known is None or tuple(known) == recording.channels:
         return
     i = next(i for i, (own, other) in enumerate(zip(recording.channels, known, strict=True)) if own != other)
-    what = "the channels stand in another order than in the table" if set(known) == set(recording.channels) else (
-        "a channel is not one of the table's")  # fmt: skip
-    raise DermisError(what, where=f"recording '{recording.name}', channel {i + 1}", value=recording.channels[i],
-                      limit=f"'{known[i]}', as in {table.meta.get('source', 'the table')}")  # fmt: skip
+    what = (
+        "the channels stand in another order than in the table"
+        if set(known) == set(recording.channels)
+        else ("a channel is not one of the table's")
+    )
+    raise DermisError(
+        what,
+        where=f"recording '{recording.name}', channel {i + 1}",
+        value=recording.channels[i],
+        limit=f"'{known[i]}', as in {table.meta.get('source', 'the table')}",
+    )
 
 
 def read_table(path: Path, scale: Array, ends: Array | None = None) -> SkinTable:
@@ -97,16 +104,25 @@ def read_table(path: Path, scale: Array, ends: Array | None = None) -> SkinTable
     where = str(path)
     commands, readings = values[:, :motors], values[:, motors:]
     if len(commands) < NEIGHBOURS:
-        raise DermisError("too few rows", where=where, value=len(commands), limit=f">= {NEIGHBOURS}",
-                          remedy="Record more configurations of the device")  # fmt: skip
+        raise DermisError(
+            "too few rows",
+            where=where,
+            value=len(commands),
+            limit=f">= {NEIGHBOURS}",
+            remedy="Record more configurations of the device",
+        )
     _channels(readings, names[motors:], where)
     if ends is not None:
         outside = np.argwhere((commands < ends[0] - SLACK * scale) | (commands > ends[1] + SLACK * scale))
         if len(outside):
             i, j = outside[0]
-            raise DermisError("a command is beyond the motor's range", where=f"{where}, line {i + 2}, {names[j]}",
-                              value=float(commands[i, j]), limit=f"{ends[0, j]:.4g} to {ends[1, j]:.4g}, in SI",
-                              remedy="Write rad and m, not degrees and mm, or mend the preset's range")  # fmt: skip
+            raise DermisError(
+                "a command is beyond the motor's range",
+                where=f"{where}, line {i + 2}, {names[j]}",
+                value=float(commands[i, j]),
+                limit=f"{ends[0, j]:.4g} to {ends[1, j]:.4g}, in SI",
+                remedy="Write rad and m, not degrees and mm, or mend the preset's range",
+            )
     still = np.flatnonzero(np.ptp(commands, axis=0) == 0.0)
     if len(still):
         raise DermisError("a motor never moves", where=where, value=names[int(still[0])])
@@ -115,8 +131,12 @@ def read_table(path: Path, scale: Array, ends: Array | None = None) -> SkinTable
     rest = int(first[group])
     keep = inverse.ravel() != group
     keep[rest] = True
-    meta = {"source": path.name, "asked": len(commands), "rest_rows": int((~keep).sum()) + 1,
-            "channels": names[motors:]}  # fmt: skip
+    meta = {
+        "source": path.name,
+        "asked": len(commands),
+        "rest_rows": int((~keep).sum()) + 1,
+        "channels": names[motors:],
+    }
     return SkinTable(commands[keep], readings[keep].astype(np.uint16), int(keep[:rest].sum()), scale, 0.0, meta)
 
 
@@ -133,17 +153,28 @@ def _columns(path: Path, leading: int, wanted: str) -> tuple[list[str], Array]:
     names = [name.strip() for name in lines[0].split(separator)]
     columns = leading + CHANNELS
     if names and names[-1] == "":
-        raise DermisError("lines end with a separator", where=where, value=lines[0][-12:],
-                          remedy="Remove it: it stands for an empty channel")  # fmt: skip
+        raise DermisError(
+            "lines end with a separator",
+            where=where,
+            value=lines[0][-12:],
+            remedy="Remove it: it stands for an empty channel",
+        )
     if len(names) != columns:
         if len(lines) in (columns, columns + 1) and len(names) > columns:
             raise DermisError(
-                "the file is transposed", where=where, value=f"{len(lines)} lines of {len(names)} values",
-                limit=wanted, remedy="Write one line for each sample, one column for each channel",
-            )  # fmt: skip
+                "the file is transposed",
+                where=where,
+                value=f"{len(lines)} lines of {len(names)} values",
+                limit=wanted,
+                remedy="Write one line for each sample, one column for each channel",
+            )
         few = len(names) < columns
-        raise DermisError("channels are missing" if few else "there are extra channels", where=where,
-                          value=f"{len(names)} columns", limit=f"{columns}: {wanted}")  # fmt: skip
+        raise DermisError(
+            "channels are missing" if few else "there are extra channels",
+            where=where,
+            value=f"{len(names)} columns",
+            limit=f"{columns}: {wanted}",
+        )
     if _is_number(names[0]):
         raise DermisError("the line of names is missing", where=where, value=names[0], limit=wanted)
     if len(set(names)) != len(names):
@@ -156,8 +187,9 @@ def _columns(path: Path, leading: int, wanted: str) -> tuple[list[str], Array]:
         if len(cells) != columns:
             if len(cells) == columns + 1 and cells[-1].strip() == "":
                 raise DermisError("the line ends with a separator", where=place, remedy="Remove it")
-            raise DermisError("the line has another length", where=place, value=f"{len(cells)} values",
-                              limit=str(columns))  # fmt: skip
+            raise DermisError(
+                "the line has another length", where=place, value=f"{len(cells)} values", limit=str(columns)
+            )
         try:
             values[i] = [float(cell) for cell in cells]
         except ValueError as error:
@@ -166,8 +198,12 @@ def _columns(path: Path, leading: int, wanted: str) -> tuple[list[str], Array]:
     wrong = np.argwhere(~np.isfinite(values))
     if len(wrong):
         i, j = wrong[0]
-        raise DermisError("a value is not finite", where=f"{where}, line {i + 2}, {names[j]}", value=str(values[i, j]),
-                          remedy="Leave the sample out, or repair it")  # fmt: skip
+        raise DermisError(
+            "a value is not finite",
+            where=f"{where}, line {i + 2}, {names[j]}",
+            value=str(values[i, j]),
+            remedy="Leave the sample out, or repair it",
+        )
     return names, values
 
 
@@ -176,19 +212,30 @@ def _channels(readings: Array, names: list[str], where: str) -> None:
     outside = np.argwhere((readings < 0) | (readings > FULL_SCALE))
     if len(outside):
         i, j = outside[0]
-        raise DermisError("out of the sensor's scale", where=f"{where}, line {i + 2}, {names[j]}",
-                          value=float(readings[i, j]), limit=f"0 to {FULL_SCALE} counts")  # fmt: skip
+        raise DermisError(
+            "out of the sensor's scale",
+            where=f"{where}, line {i + 2}, {names[j]}",
+            value=float(readings[i, j]),
+            limit=f"0 to {FULL_SCALE} counts",
+        )
     for j, name in enumerate(names):
         series = readings[:, j]
         full = float(((series <= 0) | (series >= FULL_SCALE)).mean())
         if full > SATURATED:
             raise DermisError(
-                "the channel is saturated", where=f"{where}, {name}", value=f"{100 * full:.0f} % of the time",
-                limit=f"{100 * SATURATED:.0f} %", remedy="Touch less deeply, or leave the part out",
-            )  # fmt: skip
+                "the channel is saturated",
+                where=f"{where}, {name}",
+                value=f"{100 * full:.0f} % of the time",
+                limit=f"{100 * SATURATED:.0f} %",
+                remedy="Touch less deeply, or leave the part out",
+            )
         if np.ptp(series) == 0.0:
-            raise DermisError("the channel is constant", where=f"{where}, {name}", value=float(series[0]),
-                              remedy="Look at the sensor: an electrode that reads one value is dead")  # fmt: skip
+            raise DermisError(
+                "the channel is constant",
+                where=f"{where}, {name}",
+                value=float(series[0]),
+                remedy="Look at the sensor: an electrode that reads one value is dead",
+            )
 
 
 def _is_number(text: str) -> bool:

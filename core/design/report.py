@@ -103,26 +103,44 @@ def design(spec: DeviceSpec, table: SkinTable, sensed: Mapping[str, Array]) -> D
             raise DermisError("too few samples", where=f"interaction '{name}'", value=len(values), limit=">= 2")
         full = ((values <= 0) | (values >= FULL_SCALE)).mean(axis=0)
         if full.max() > SATURATED:
-            raise DermisError("the sensor is at the end of its scale", where=f"interaction '{name}', channel "
-                              f"{full.argmax() + 1}", value=f"{100 * full.max():.0f} % of the time",
-                              limit=f"{100 * SATURATED:.0f} %", remedy="Touch less deeply")  # fmt: skip
+            raise DermisError(
+                "the sensor is at the end of its scale",
+                where=f"interaction '{name}', channel {full.argmax() + 1}",
+                value=f"{100 * full.max():.0f} % of the time",
+                limit=f"{100 * SATURATED:.0f} %",
+                remedy="Touch less deeply",
+            )
         if (table.from_rest(values) <= max(table.hush, 0.0)).all():
-            raise DermisError("nothing is ever touched", where=f"interaction '{name}'",
-                              remedy="Choose a scene in which the finger touches something")  # fmt: skip
+            raise DermisError(
+                "nothing is ever touched",
+                where=f"interaction '{name}'",
+                remedy="Choose a scene in which the finger touches something",
+            )
     knee = knee_of(spec)
     commands = [commands_of(table, values) for values in targets.values()]
     joint = reduce(table, list(targets.values()), knee, commands=commands)
-    alone = tuple(
-        reduce(table, [values], knee, commands=[m]) for values, m in zip(targets.values(), commands, strict=True)
-    ) if len(targets) > 1 else (joint,)  # fmt: skip
+    alone = (
+        tuple(reduce(table, [values], knee, commands=[m]) for values, m in zip(targets.values(), commands, strict=True))
+        if len(targets) > 1
+        else (joint,)
+    )
     every = np.vstack(commands)
     amounts: dict[str, Array] = {}
     for found in joint:
         values = found.components.amounts(every, every.shape[1])
         amounts[found.choice] = np.stack([values.min(axis=0), values.max(axis=0)])
-    return Design(spec, tuple(targets), tuple(len(v) for v in targets.values()), knee, joint, alone,
-                  np.stack([every.min(axis=0), every.max(axis=0)]), amounts,
-                  {"rows": len(table.commands), **table.meta}, _doubts(table, targets, joint[0]))  # fmt: skip
+    return Design(
+        spec,
+        tuple(targets),
+        tuple(len(v) for v in targets.values()),
+        knee,
+        joint,
+        alone,
+        np.stack([every.min(axis=0), every.max(axis=0)]),
+        amounts,
+        {"rows": len(table.commands), **table.meta},
+        _doubts(table, targets, joint[0]),
+    )
 
 
 def _doubts(table: SkinTable, targets: Mapping[str, Array], found: Reduction) -> tuple[Finding, ...]:
@@ -132,11 +150,17 @@ def _doubts(table: SkinTable, targets: Mapping[str, Array], found: Reduction) ->
         away = table.from_rest(values)
         signal = float(np.sqrt((away[away > table.hush] ** 2).mean()))
         if error > POOR * signal:
-            doubts.append(Finding(
-                "warning", "poorly-rendered", "all motors together leave much of this touch, so the number says little",
-                f"interaction '{name}'", f"{error:.0f} of {signal:.0f} counts", f"{100 * POOR:g} %",
-                "Check that recording and table are of one sensor, or use a table that reaches this touch",
-            ))  # fmt: skip
+            doubts.append(
+                Finding(
+                    "warning",
+                    "poorly-rendered",
+                    "all motors together leave much of this touch, so the number says little",
+                    f"interaction '{name}'",
+                    f"{error:.0f} of {signal:.0f} counts",
+                    f"{100 * POOR:g} %",
+                    "Check that recording and table are of one sensor, or use a table that reaches this touch",
+                )
+            )
     return tuple(doubts)
 
 
@@ -182,16 +206,20 @@ def preset(found: Design, choice: Choice = "variance", motors: int | None = None
     channels = []
     for j in range(k):
         channel: dict[str, Any] = {
-            "name": f"motor_{j + 1}", "unit": "1", "actuator": f"motor_{j + 1}",
-            "low": {"value": 0.0, "unit": "1", "source": why}, "high": {"value": 1.0, "unit": "1", "source": why},
+            "name": f"motor_{j + 1}",
+            "unit": "1",
+            "actuator": f"motor_{j + 1}",
+            "low": {"value": 0.0, "unit": "1", "source": why},
+            "high": {"value": 1.0, "unit": "1", "source": why},
             "rest": {"value": float(rest[j]), "unit": "1", "source": "nearest to the original device at rest"},
-        }  # fmt: skip
+        }
         channels.append(channel)
         if slew is not None:
             why_slow = "so that no original motor goes faster than it could, all moving"
             channel["slew"] = {"value": float(slew), "unit": "1/s", "source": why_slow}
     made = {
-        **source, "schema": DEVICE_SCHEMA,
+        **source,
+        "schema": DEVICE_SCHEMA,
         "name": name or f"{_plain(spec.name)}, {k} motor{'s' if k > 1 else ''} for {', '.join(found.names)}"[:80],
         "channels": channels,
         "parameters": {
@@ -202,7 +230,7 @@ def preset(found: Design, choice: Choice = "variance", motors: int | None = None
             "coupling_high": {"value": [c.high for c in spec.channels], "unit": "1", "source": own},
             "coupling_unit": unit,
         },
-    }  # fmt: skip
+    }
     spec_made = from_preset("design", made)  # a preset that cannot be read must not be written
     letting_go = None if safe is None else coupled_safe(spec_made, spec, nearest(safe))
     return made if letting_go is None else {**made, "safe": letting_go}
@@ -225,10 +253,13 @@ def as_json(found: Design) -> dict[str, Any]:
     def one(reduction: Reduction) -> dict[str, Any]:
         parts, k = reduction.components, reduction.motors
         result: dict[str, Any] = {
-            "motors": k, "error_counts": reduction.error.tolist(), "percent": reduction.percent.tolist(),
-            "mean_percent": reduction.mean_percent.tolist(), "explained": parts.explained.tolist(),
+            "motors": k,
+            "error_counts": reduction.error.tolist(),
+            "percent": reduction.percent.tolist(),
+            "mean_percent": reduction.mean_percent.tolist(),
+            "explained": parts.explained.tolist(),
             "components": parts.directions.T.tolist(),
-        }  # fmt: skip
+        }
         if isinstance(radius, float):
             # as the paper draws them: multiples of the coefficients; the largest is the original pulley
             e = parts.directions[:, :k]
@@ -236,14 +267,20 @@ def as_json(found: Design) -> dict[str, Any]:
         return result
 
     return {
-        "device": found.spec.key, "knee_error": found.knee, "interactions": list(found.names),
-        "samples": list(found.samples), "low_rank": found.low_rank, "table": dict(found.table),
+        "device": found.spec.key,
+        "knee_error": found.knee,
+        "interactions": list(found.names),
+        "samples": list(found.samples),
+        "low_rank": found.low_rank,
+        "table": dict(found.table),
         "joint": {r.choice: one(r) for r in found.joint},
         "alone": {name: {r.choice: one(r) for r in each} for name, each in zip(found.names, found.alone, strict=True)},
-        "sensor": "virtual: 19 electrodes and pressure, 12 bits", "percentage": "mean of percentages",
+        "sensor": "virtual: 19 electrodes and pressure, 12 bits",
+        "percentage": "mean of percentages",
         "scaling": "commands centred, each over its motor's range",
-        "findings": [f.as_dict() for f in found.findings], "reversed_sweep_counts": dict(found.reversed_sweep),
-    }  # fmt: skip
+        "findings": [f.as_dict() for f in found.findings],
+        "reversed_sweep_counts": dict(found.reversed_sweep),
+    }
 
 
 def as_text(found: Design) -> str:
@@ -251,8 +288,9 @@ def as_text(found: Design) -> str:
     n = len(found.spec.channels)
     lines = [
         f"How many motors? {found.spec.name}, {n} motors, table of {found.table['rows']} rows",
-        f"rule: the fewest motors whose error is less than {100 * found.knee:g} % above that of all {n}", "",
-    ]  # fmt: skip
+        f"rule: the fewest motors whose error is less than {100 * found.knee:g} % above that of all {n}",
+        "",
+    ]
     for reduction in found.joint:
         parts = reduction.components
         lines.append(f"Components by {reduction.choice}: {reduction.motors} motor{'s' if reduction.motors > 1 else ''}")
@@ -270,12 +308,16 @@ def as_text(found: Design) -> str:
             lines.append(f"  {name}: " + ", ".join(str(r.motors) for r in each))
         lines.append("")
     if not found.low_rank:
-        lines.append("The commands are not of low rank: no fewer motors both stay within the rule and explain "
-                     f"{100 * LOW_RANK:g} % of the movement.")  # fmt: skip
+        lines.append(
+            "The commands are not of low rank: no fewer motors both stay within the rule and explain "
+            f"{100 * LOW_RANK:g} % of the movement."
+        )
     if found.reversed_sweep:
         apart = found.reversed_sweep
-        lines.append(f"Rows reached from deeper in instead of from rest read {apart['rms']:.1f} counts differently, at "
-                     f"worst {apart['worst']:.1f}: friction's doing.")  # fmt: skip
+        lines.append(
+            f"Rows reached from deeper in instead of from rest read {apart['rms']:.1f} counts differently, at "
+            f"worst {apart['worst']:.1f}: friction's doing."
+        )
     lines += [str(finding) for finding in found.findings]
     lines.append("Sensed by a virtual sensor in a linear skin; percentages are the mean over interactions.")
     return "\n".join(lines) + "\n"

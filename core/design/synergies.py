@@ -103,8 +103,11 @@ def components(commands: Array, scale: Array, metric: Array | None = None) -> Co
     """
     q, n = commands.shape
     if q < 2 or scale.shape != (n,):
-        raise DermisError("components need at least two samples, and a range for each motor", where="design",
-                          value=f"{commands.shape}, {scale.shape}")  # fmt: skip
+        raise DermisError(
+            "components need at least two samples, and a range for each motor",
+            where="design",
+            value=f"{commands.shape}, {scale.shape}",
+        )
     mean = commands.mean(axis=0)
     scaled = (commands - mean) / scale
     if np.abs(scaled).max() <= STILL:
@@ -173,11 +176,15 @@ def reduce(
             parts = components(own, table.scale, sensed_metric(own, readings_for(table, own), table.scale))
         else:
             parts = components(every, table.scale)
-        error = np.array([
-            [rendering_error(target, readings_for(table, m if k == n else parts.reconstructed(m, k)))
-             for k in range(1, n + 1)]
-            for target, m in zip(sensed, given, strict=True)
-        ])  # fmt: skip
+        error = np.array(
+            [
+                [
+                    rendering_error(target, readings_for(table, m if k == n else parts.reconstructed(m, k)))
+                    for k in range(1, n + 1)
+                ]
+                for target, m in zip(sensed, given, strict=True)
+            ]
+        )
         best = error[:, -1:]
         percent = 100.0 * (error - best) / np.maximum(best, np.sqrt(ROUNDED * table.readings.shape[1]))
         each = tuple(knee(row, limit) for row in percent)

@@ -18,12 +18,12 @@ from ..files import write_bytes
 from ..interpolate import interpolate
 from ..matching.platforms import ends_of, original_channels, scale_of
 from ..matching.table import SkinTable, belongs
-from ..scene import TactileScene
+from ..plot.motors import write_picture
+from ..scene.tactile_scene import TactileScene
 from ..skin.model import SkinModel
 from ..skin.shape import FingertipShape
 from .collect import collect, reversed_spread
 from .interactions import NOISE, RATE
-from .picture import write_picture
 from .recordings import Recording, read_recording, read_table, same_channels
 from .report import Design, as_json, as_text, design, preset, write_preset
 from .synergies import Choice
@@ -52,8 +52,9 @@ def sense_scene(
     """
     scene.validate()
     if not 0 <= finger < len(scene.fingers):
-        raise DermisError("no such finger", where=f"scene '{scene.name}'", value=finger,
-                          limit=f"0 to {len(scene.fingers) - 1}")  # fmt: skip
+        raise DermisError(
+            "no such finger", where=f"scene '{scene.name}'", value=finger, limit=f"0 to {len(scene.fingers) - 1}"
+        )
     sampler = SkinSampler(scene, {finger: skin})
     done = 0
     for chunk in scene.chunks:
@@ -74,9 +75,16 @@ def sense_touch(touch: SkinTouch, *, noise: float = NOISE, seed: int = 0) -> NDA
 
 
 def table_for(
-    spec: DeviceSpec, shape: FingertipShape, folder: Path, *, level: str = "draft", rows: int | None = ROWS,
-    workers: int = 0, file: Path | None = None, material: Mapping[str, float] | None = None,
-) -> Generator[Step, None, SkinTable]:  # fmt: skip
+    spec: DeviceSpec,
+    shape: FingertipShape,
+    folder: Path,
+    *,
+    level: str = "draft",
+    rows: int | None = ROWS,
+    workers: int = 0,
+    file: Path | None = None,
+    material: Mapping[str, float] | None = None,
+) -> Generator[Step, None, SkinTable]:
     """Return a device's table: read from a file (.npz collected, .csv recorded), or swept and kept in a folder.
 
     Raises:
@@ -102,9 +110,14 @@ def table_for(
 
 
 def answer(
-    spec: DeviceSpec, table: SkinTable, sensed: Sensed, *, noise: float = NOISE, skin: SkinModel | None = None,
+    spec: DeviceSpec,
+    table: SkinTable,
+    sensed: Sensed,
+    *,
+    noise: float = NOISE,
+    skin: SkinModel | None = None,
     spread: bool = False,
-) -> Generator[Step, None, Design]:  # fmt: skip
+) -> Generator[Step, None, Design]:
     """Return how many motors the sensed interactions need.
 
     Args:
@@ -151,8 +164,9 @@ def write(found: Design, folder: Path, *, choice: Choice = "variance", motors: i
     folder = Path(folder)
     made = preset(found, choice, motors)
     count = len(made["channels"])
-    paths = tuple(folder / name for name in ("report.txt", "report.json", "report.png",
-                                             f"{found.spec.key}_{count}_motors.json"))  # fmt: skip
+    paths = tuple(
+        folder / name for name in ("report.txt", "report.json", "report.png", f"{found.spec.key}_{count}_motors.json")
+    )
     write_bytes(paths[0], as_text(found).encode())
     text = json.dumps(as_json(found), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     write_bytes(paths[1], text.encode())

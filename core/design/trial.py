@@ -62,8 +62,14 @@ def sense(touch: SkinTouch, noise: float = NOISE, seed: int = 0) -> Counts:
 def judge(table: SkinTable, sensed: NDArray[Any], name: str, seed: int, limit: float = KNEE) -> Verdict:
     """Return how many motors one interaction needs, its components being its own."""
     found = reduce(table, [np.asarray(sensed, np.float64)], limit)
-    return Verdict(name, seed, EXPECTED[name], tuple(r.motors for r in found),
-                   tuple(tuple(r.percent[0].tolist()) for r in found), float(found[0].error[0, -1]))  # fmt: skip
+    return Verdict(
+        name,
+        seed,
+        EXPECTED[name],
+        tuple(r.motors for r in found),
+        tuple(tuple(r.percent[0].tolist()) for r in found),
+        float(found[0].error[0, -1]),
+    )
 
 
 def trial(

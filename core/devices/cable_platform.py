@@ -176,17 +176,27 @@ def mechanism(spec: DeviceSpec) -> CablePlatform:
     radius, base_radius, disc, drop, base_height, pulley, spring, bending, preload, cable, limit = (
         positive(p, name, where)
         for name in (
-            "platform_radius", "base_radius", "disc_radius", "rest_distance", "base_height", "pulley_radius",
-            "spring_stiffness", "spring_bending", "spring_preload", "cable_stiffness", "tension_limit",
+            "platform_radius",
+            "base_radius",
+            "disc_radius",
+            "rest_distance",
+            "base_height",
+            "pulley_radius",
+            "spring_stiffness",
+            "spring_bending",
+            "spring_preload",
+            "cable_stiffness",
+            "tension_limit",
         )
-    )  # fmt: skip
+    )
     angles = joint_angles(p, "joint_angles", MOTORS, where)
     joints, base = on_circle(radius, angles, 0.0), on_circle(base_radius, angles, base_height)
     rest = np.linalg.norm(joints + np.array([0.0, 0.0, -drop]) - base, axis=1)
     if np.ptp(rest) > 1e-9:
         raise DermisError("the cables must be equally long at rest", where=where, value=rest.tolist())
-    return CablePlatform(disc, joints, base, -drop, pulley, spring, bending, float(rest[0]) + preload / spring, cable,
-                         limit)  # fmt: skip
+    return CablePlatform(
+        disc, joints, base, -drop, pulley, spring, bending, float(rest[0]) + preload / spring, cable, limit
+    )
 
 
 def positive(p: Mapping[str, Any], name: str, where: str) -> float:
@@ -209,8 +219,12 @@ def joint_angles(p: Mapping[str, Any], name: str, count: int, where: str) -> Arr
     angles = np.sort(np.mod(np.asarray(value, np.float64), 2 * np.pi))
     between = np.diff(np.append(angles, angles[0] + 2 * np.pi))
     if between.min() < 1e-6 or between.max() >= np.pi:
-        raise DermisError(f"'{name}' must surround the middle", where=where, value=np.degrees(value).round(3).tolist(),
-                          limit="no two alike, none 180 degrees or more apart from the next")  # fmt: skip
+        raise DermisError(
+            f"'{name}' must surround the middle",
+            where=where,
+            value=np.degrees(value).round(3).tolist(),
+            limit="no two alike, none 180 degrees or more apart from the next",
+        )
     return np.asarray(value, np.float64)
 
 

@@ -54,12 +54,17 @@ def coupling_of(spec: DeviceSpec) -> Coupling | None:
     if "coupling" not in p:
         return None
     matrix = np.asarray(p["coupling"], np.float64)
-    offset, low, high = (np.asarray(p.get(name, []), np.float64)
-                         for name in ("coupling_offset", "coupling_low", "coupling_high"))  # fmt: skip
+    offset, low, high = (
+        np.asarray(p.get(name, []), np.float64) for name in ("coupling_offset", "coupling_low", "coupling_high")
+    )
     n, k = len(offset), len(spec.channels)
     if matrix.shape != (n, k) or low.shape != (n,) or high.shape != (n,) or not (high > low).all():
-        raise DermisError("the coupling does not fit the motors", where=where, value=f"{matrix.shape}, {n} offsets",
-                          limit=f"({n}, {k}), a range for each original motor")  # fmt: skip
+        raise DermisError(
+            "the coupling does not fit the motors",
+            where=where,
+            value=f"{matrix.shape}, {n} offsets",
+            limit=f"({n}, {k}), a range for each original motor",
+        )
     if np.linalg.matrix_rank(matrix) < k:
         raise DermisError("two motors of the coupling do the same", where=where)
     unit = spec.channels[0].unit if "coupling_unit" not in p else str(p["coupling_unit"])
@@ -74,5 +79,6 @@ def refuse_coupled(spec: DeviceSpec) -> None:
         DermisError: it has a coupling.
     """
     if "coupling" in spec.parameters:
-        raise DermisError("its motors are coupled already", where=f"device preset '{spec.key}'",
-                          remedy="Choose the original device")  # fmt: skip
+        raise DermisError(
+            "its motors are coupled already", where=f"device preset '{spec.key}'", remedy="Choose the original device"
+        )

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.cone import OPEN, SLIP, STICK
-from ..contact.solve import solve as solve_contact
+from ..contact.solver.cone import OPEN, SLIP, STICK
+from ..contact.solver.solve import solve as solve_contact
 from ..errors import DermisError
 from .disc_pose import FALLBACK_TOLERANCE, TOLERANCE, Disc, DiscPose, DiscSolution, FrictionState
 
@@ -111,9 +111,13 @@ class DiscContact:
             self.fallbacks += 1
             method = "fallback"
             found = solve_contact(
-                self._matrix, offset.ravel(), self.friction, normals=np.tile(pose.normal, (len(offset), 1)),
-                start=force, tolerance=FALLBACK_TOLERANCE,
-            )  # fmt: skip
+                self._matrix,
+                offset.ravel(),
+                self.friction,
+                normals=np.tile(pose.normal, (len(offset), 1)),
+                start=force,
+                tolerance=FALLBACK_TOLERANCE,
+            )
             force, w, slope, status, residual, more = self._newton(pose, offset, change, found.force, steps=1)
             if residual > found.residual:
                 force, w, status, residual = found.force, found.displacement, found.status, found.residual

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.bodies import ContactBody
-from ..contact.cone import OPEN
-from ..contact.gap import GapQuery
-from ..contact.plane import Plane
+from ..contact.solver.bodies import ContactBody
+from ..contact.solver.cone import OPEN
+from ..surface.gap import GapQuery
+from ..surface.plane import Plane
 from .thimble import PlatformPose, Thimble
 
 Array = NDArray[np.float64]

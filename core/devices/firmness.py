@@ -59,8 +59,13 @@ def posture(device: Thimble, psi: float, theta: float, z: float) -> tuple[list[f
         angles.append(angle - device.servo_zero)
         out, rise = r - crank * math.cos(angle), h - crank * math.sin(angle)  # the rod, of length L2
         curve = bent * m * across - 0.5
-        rows.append((out * (curve * up_psi - 2.0 * bent * m_psi) - rise * m_psi,
-                     out * (curve * up_theta - 2.0 * bent * m_theta) - rise * m_theta, rise))  # fmt: skip
+        rows.append(
+            (
+                out * (curve * up_psi - 2.0 * bent * m_psi) - rise * m_psi,
+                out * (curve * up_theta - 2.0 * bent * m_theta) - rise * m_theta,
+                rise,
+            )
+        )
     (a, b, c), (d, e, f), (g, i, j) = rows
     volume = a * (e * j - f * i) - b * (d * j - f * g) + c * (d * i - e * g)
     return angles, device.side * volume / (UPRIGHT * rod * rod * rod)
@@ -87,9 +92,13 @@ def firmness(device: Thimble, psi: float, theta: float, z: float) -> tuple[float
     k, mm = 1.0 / (1.0 + az), m[:, None, None]
     crossed = m_1[:, :, None] * az_1
     r_1 = -az_1 / 2 - 4 * k * m[:, None] * m_1 + 2 * k**2 * m[:, None] ** 2 * az_1
-    r_2 = (-az_2 / 2 - 4 * k * (m_1[:, :, None] * m_1[:, None, :] + mm * m_2)
-           + 4 * k**2 * mm * (crossed + crossed.transpose(0, 2, 1))
-           - 4 * k**3 * mm**2 * np.outer(az_1, az_1) + 2 * k**2 * mm**2 * az_2)  # fmt: skip
+    r_2 = (
+        -az_2 / 2
+        - 4 * k * (m_1[:, :, None] * m_1[:, None, :] + mm * m_2)
+        + 4 * k**2 * mm * (crossed + crossed.transpose(0, 2, 1))
+        - 4 * k**3 * mm**2 * np.outer(az_1, az_1)
+        + 2 * k**2 * mm**2 * az_2
+    )
     h_1, h_2 = -m_1 + [0.0, 0.0, 1.0], -m_2
     r, h = 1.5 - az / 2 - 2 * k * m**2 - device.base_radius / size, z / size - m
     crank, rod = device.crank / size, device.rod / size
@@ -98,8 +107,12 @@ def firmness(device: Thimble, psi: float, theta: float, z: float) -> tuple[float
     answer = out[:, None] * r_1 + rise[:, None] * h_1  # of each rod to each movement
     q_1 = answer / (crank * (rise * cosine - out * sine))[:, None]
     out_1, rise_1 = (r_1 + crank * sine[:, None] * q_1) / rod, (h_1 - crank * cosine[:, None] * q_1) / rod
-    answer_1 = (r_1[:, :, None] * out_1[:, None, :] + h_1[:, :, None] * rise_1[:, None, :]
-                + out[:, None, None] * r_2 + rise[:, None, None] * h_2)  # fmt: skip
+    answer_1 = (
+        r_1[:, :, None] * out_1[:, None, :]
+        + h_1[:, :, None] * rise_1[:, None, :]
+        + out[:, None, None] * r_2
+        + rise[:, None, None] * h_2
+    )
     a, b, c = answer
     cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
     slope = np.einsum("ij,ijk->k", cofactors, answer_1) * [1.0, 1.0, 1.0 / size]

@@ -42,8 +42,9 @@ class FrictionLaw:
         if not math.isfinite(self.intercept):
             raise DermisError("the law's intercept must be finite", where="friction law", value=self.intercept)
         if not (math.isfinite(self.base) and self.base > 1):
-            raise DermisError("the logarithm's base must be above one", where="friction law", value=self.base,
-                              limit="> 1")  # fmt: skip
+            raise DermisError(
+                "the logarithm's base must be above one", where="friction law", value=self.base, limit="> 1"
+            )
 
     def volts(self, friction: NDArray[np.floating] | float) -> Array:
         """Return the voltage [V] for a friction; 0 V where friction is zero or less, NaN stays NaN."""
@@ -100,20 +101,31 @@ class FrictionScreen:
         given = spec.parameters
         amplitude, carrier = spec.channel(AMPLITUDE), spec.channel(CARRIER)
         if amplitude.high is None or not amplitude.high > 0:
-            raise DermisError("the amplitude has no voltage limit", where=where, value=amplitude.high, limit="> 0 V",
-                              remedy="Give the channel 'amplitude' a 'high'")  # fmt: skip
+            raise DermisError(
+                "the amplitude has no voltage limit",
+                where=where,
+                value=amplitude.high,
+                limit="> 0 V",
+                remedy="Give the channel 'amplitude' a 'high'",
+            )
         law = FrictionLaw(
-            number(given, "law_slope", where, 1.24), number(given, "law_intercept", where, -1.05),
+            number(given, "law_slope", where, 1.24),
+            number(given, "law_intercept", where, -1.05),
             number(given, "law_base", where, 10.0),
-        )  # fmt: skip
+        )
         factor = number(given, "span_factor", where, 3.5)
         if not factor >= 1:
             raise DermisError("the measured span is a factor of one or more", where=where, value=factor, limit=">= 1")
         high = number(given, "span_high", where, _full_volts(law, where))
         return cls(
-            law, float(amplitude.high), carrier.rest or 60.0, number(given, "carrier_low", where, 60.0),
-            number(given, "carrier_high", where, 200.0), high / factor, high,
-        )  # fmt: skip
+            law,
+            float(amplitude.high),
+            carrier.rest or 60.0,
+            number(given, "carrier_low", where, 60.0),
+            number(given, "carrier_high", where, 200.0),
+            high / factor,
+            high,
+        )
 
     def check(self, volts: Array, carrier: Array, where: str = "") -> tuple[Finding, ...]:
         """Return findings where a command leaves what was measured; nothing is changed.
@@ -129,24 +141,42 @@ class FrictionScreen:
         outside = shown & ((carrier < self.carrier_low) | (carrier > self.carrier_high))
         findings = []
         if weak.any():
-            findings.append(Finding(
-                "info", "below-measured-span",
-                "the friction law is extrapolated below the voltages it was measured at",
-                where=where, value=f"{volts[weak].min():.3g} V", limit=span, count=int(weak.sum()),
-            ))  # fmt: skip
+            findings.append(
+                Finding(
+                    "info",
+                    "below-measured-span",
+                    "the friction law is extrapolated below the voltages it was measured at",
+                    where=where,
+                    value=f"{volts[weak].min():.3g} V",
+                    limit=span,
+                    count=int(weak.sum()),
+                )
+            )
         if strong.any():
-            findings.append(Finding(
-                "warning", "above-measured-span",
-                "the friction law is extrapolated above the voltages that it was measured at",
-                where=where, value=f"{volts[strong].max():.4g} V", limit=span, count=int(strong.sum()),
-                remedy="Lower the scale, or choose the automatic one",
-            ))  # fmt: skip
+            findings.append(
+                Finding(
+                    "warning",
+                    "above-measured-span",
+                    "the friction law is extrapolated above the voltages that it was measured at",
+                    where=where,
+                    value=f"{volts[strong].max():.4g} V",
+                    limit=span,
+                    count=int(strong.sum()),
+                    remedy="Lower the scale, or choose the automatic one",
+                )
+            )
         if outside.any():
-            findings.append(Finding(
-                "info", "carrier-not-measured", "the friction law was not measured at this carrier", where=where,
-                value=f"{carrier[outside][0]:.4g} Hz", limit=f"{self.carrier_low:g} to {self.carrier_high:g} Hz",
-                count=int(outside.sum()),
-            ))  # fmt: skip
+            findings.append(
+                Finding(
+                    "info",
+                    "carrier-not-measured",
+                    "the friction law was not measured at this carrier",
+                    where=where,
+                    value=f"{carrier[outside][0]:.4g} Hz",
+                    limit=f"{self.carrier_low:g} to {self.carrier_high:g} Hz",
+                    count=int(outside.sum()),
+                )
+            )
         return tuple(findings)
 
     def as_dict(self) -> dict[str, Any]:

@@ -77,9 +77,11 @@ class Hexapod:
             poses = poses.moved(twist / np.maximum(size, 1.0)[:, None])
         worst = int(np.abs(miss).max(axis=1).argmax())
         raise DermisError(
-            "no pose closes the legs", where="six-leg platform", value=(1e3 * wanted[worst]).round(3).tolist(),
+            "no pose closes the legs",
+            where="six-leg platform",
+            value=(1e3 * wanted[worst]).round(3).tolist(),
             limit="lengths [mm] of a pose near the one before",
-        )  # fmt: skip
+        )
 
     def give(self, commands: Array, poses: Poses, *, first: bool) -> None:
         """Return None: the legs are rigid; see `press.Carrier`."""
@@ -115,8 +117,13 @@ def mechanism(spec: DeviceSpec) -> Hexapod:
     device = Hexapod(disc, joints, base, -drop)
     held = float(device.conditioning(device.rest_poses(1))[0])
     if held < SINGULAR:
-        raise DermisError("the legs do not hold the platform", where=where, value=held, limit=f">= {SINGULAR}",
-                          remedy="Turn the platform's joints against the base's")  # fmt: skip
+        raise DermisError(
+            "the legs do not hold the platform",
+            where=where,
+            value=held,
+            limit=f">= {SINGULAR}",
+            remedy="Turn the platform's joints against the base's",
+        )
     return device
 
 

@@ -64,58 +64,113 @@ def _told(unit: str) -> Parameter:
 
 _ANY = {"range_disc": Parameter(NAMES), "range_disc_radius": Parameter("", above=0.0)}
 _PLATFORM = {
-    "platform_radius": _size("m"), "base_radius": _size("m"), "disc_radius": _size("m"), "rest_distance": _size("m"),
-    "base_height": _size("m"), "friction": _told("1"), "knee_error": Parameter("1", above=0.0),
-    "sweep_press": _needed("m", 2), "sweep_tilt": _needed("rad"),
-    "coupling": Parameter("1", size=-1), "coupling_offset": Parameter("1", size=0),
-    "coupling_low": Parameter("1", size=0), "coupling_high": Parameter("1", size=0), "coupling_unit": Parameter(TEXT),
-}  # fmt: skip
+    "platform_radius": _size("m"),
+    "base_radius": _size("m"),
+    "disc_radius": _size("m"),
+    "rest_distance": _size("m"),
+    "base_height": _size("m"),
+    "friction": _told("1"),
+    "knee_error": Parameter("1", above=0.0),
+    "sweep_press": _needed("m", 2),
+    "sweep_tilt": _needed("rad"),
+    "coupling": Parameter("1", size=-1),
+    "coupling_offset": Parameter("1", size=0),
+    "coupling_low": Parameter("1", size=0),
+    "coupling_high": Parameter("1", size=0),
+    "coupling_unit": Parameter(TEXT),
+}
 
 PARAMETERS: Mapping[str, Mapping[str, Parameter]] = {
     "shear_tactor": {
-        **_ANY, "link_length": _size("m"), "range": _size("m"), "max_speed": _size("m/s"), "torque_limit": _size("N*m"),
-        "axis_direction": _needed("rad"), "tap_axis": _needed("1", 2),
-        "force_reference": _told("N"), "force_anywhere": _told("N"), "pulley_diameter": _told("m"),
-        "motor_pulley_diameter": _told("m"), "reduction": _told("1"), "hole_diameter": _told("m"),
-        "cap_diameter": _told("m"), "cap_mass": _told("kg"), "device_mass": _told("kg"),
-        "skin_stiffness_low": _told("N/m"), "skin_stiffness_high": _told("N/m"),
+        **_ANY,
+        "link_length": _size("m"),
+        "range": _size("m"),
+        "max_speed": _size("m/s"),
+        "torque_limit": _size("N*m"),
+        "axis_direction": _needed("rad"),
+        "tap_axis": _needed("1", 2),
+        "force_reference": _told("N"),
+        "force_anywhere": _told("N"),
+        "pulley_diameter": _told("m"),
+        "motor_pulley_diameter": _told("m"),
+        "reduction": _told("1"),
+        "hole_diameter": _told("m"),
+        "cap_diameter": _told("m"),
+        "cap_mass": _told("kg"),
+        "device_mass": _told("kg"),
+        "skin_stiffness_low": _told("N/m"),
+        "skin_stiffness_high": _told("N/m"),
     },
     "friction_screen": {
-        **_ANY, "law_slope": Parameter("1", above=0.0), "law_intercept": Parameter("1"),
-        "law_base": Parameter("1", above=1.0), "span_factor": Parameter("1", least=1.0),
-        "span_high": Parameter("V", above=0.0), "carrier_low": Parameter("Hz", above=0.0),
+        **_ANY,
+        "law_slope": Parameter("1", above=0.0),
+        "law_intercept": Parameter("1"),
+        "law_base": Parameter("1", above=1.0),
+        "span_factor": Parameter("1", least=1.0),
+        "span_high": Parameter("V", above=0.0),
+        "carrier_low": Parameter("Hz", above=0.0),
         "carrier_high": Parameter("Hz", above=0.0),
     },
     "pin_array": {
-        **_ANY, "rows": _count(), "columns": _count(), "pitch": _size("m"), "pin_radius": _size("m"),
-        "cylinder_radius": _size("m"), "stroke": _size("m"), "force_limit": _size("N"), "spread": _size("m"),
-        "standoff": Parameter("m"), "forward": Parameter("m"), "mount_pitch": Parameter("rad"),
+        **_ANY,
+        "rows": _count(),
+        "columns": _count(),
+        "pitch": _size("m"),
+        "pin_radius": _size("m"),
+        "cylinder_radius": _size("m"),
+        "stroke": _size("m"),
+        "force_limit": _size("N"),
+        "spread": _size("m"),
+        "standoff": Parameter("m"),
+        "forward": Parameter("m"),
+        "mount_pitch": Parameter("rad"),
         "delay": Parameter("s", least=0.0),
     },
     "thimble": {
-        **_ANY, "platform_radius": _size("m"), "base_radius": _size("m"), "crank": _size("m"), "rod": _size("m"),
-        "disc_radius": _size("m"), "reference_distance": _size("m"), "servo_range": _size("rad"),
-        "servo_speed": _size("rad/s"), "mount_position": Parameter("m", size=3),
-        "knee": Parameter(TEXT, choices=("outwards", "inwards")), "skin_friction": Parameter("1", least=0.0),
-        "pulse_neutral": Parameter("s", above=0.0), "pulse_gain": Parameter("s"),
+        **_ANY,
+        "platform_radius": _size("m"),
+        "base_radius": _size("m"),
+        "crank": _size("m"),
+        "rod": _size("m"),
+        "disc_radius": _size("m"),
+        "reference_distance": _size("m"),
+        "servo_range": _size("rad"),
+        "servo_speed": _size("rad/s"),
+        "mount_position": Parameter("m", size=3),
+        "knee": Parameter(TEXT, choices=("outwards", "inwards")),
+        "skin_friction": Parameter("1", least=0.0),
+        "pulse_neutral": Parameter("s", above=0.0),
+        "pulse_gain": Parameter("s"),
     },
     "cable_platform": {
-        **_ANY, **_PLATFORM, "joint_angles": _needed("rad", 3), "pulley_radius": _size("m"),
-        "spring_stiffness": _size("N/m"), "spring_bending": _size("N/m"), "spring_preload": _size("N"),
-        "cable_stiffness": _size("N/m"), "tension_limit": _size("N"), "sweep_levels": _count(),
+        **_ANY,
+        **_PLATFORM,
+        "joint_angles": _needed("rad", 3),
+        "pulley_radius": _size("m"),
+        "spring_stiffness": _size("N/m"),
+        "spring_bending": _size("N/m"),
+        "spring_preload": _size("N"),
+        "cable_stiffness": _size("N/m"),
+        "tension_limit": _size("N"),
+        "sweep_levels": _count(),
     },
     "hexapod": {
-        **_ANY, **_PLATFORM, "platform_angles": _needed("rad", 6), "base_angles": _needed("rad", 6),
-        "sweep_shift": _needed("m"), "sweep_yaw": _needed("rad"), "sweep_rows": _count(),
+        **_ANY,
+        **_PLATFORM,
+        "platform_angles": _needed("rad", 6),
+        "base_angles": _needed("rad", 6),
+        "sweep_shift": _needed("m"),
+        "sweep_yaw": _needed("rad"),
+        "sweep_rows": _count(),
     },
-}  # fmt: skip
+}
 
 
 # The channels that a kind can fill, with their units, where it knows them by name.
 CHANNELS: Mapping[str, Mapping[str, str]] = {
     "shear_tactor": {"tactor_x": "m", "tactor_y": "m", "pulley_1": "rad", "pulley_2": "rad"},
     "thimble": {"servo_1": "rad", "servo_2": "rad", "servo_3": "rad", "pitch": "rad", "roll": "rad", "distance": "m"},
-}  # fmt: skip
+}
 MOTORS = {"cable_platform": 3, "hexapod": 6}
 
 
@@ -138,8 +193,13 @@ def check_device(spec: DeviceSpec) -> None:
         unit = fields[name]["unit"] if isinstance(fields[name], Mapping) else "1"
         found = table.get(name) or _of_channel(spec, name)
         if found is None:
-            raise DermisError("unknown parameter", where=where, value=name, limit=", ".join(table),
-                              remedy="What is only for people belongs into 'description'")  # fmt: skip
+            raise DermisError(
+                "unknown parameter",
+                where=where,
+                value=name,
+                limit=", ".join(table),
+                remedy="What is only for people belongs into 'description'",
+            )
         if name == "range_disc_radius":
             continue  # in the unit of the channels that share it, and checked with them
         check_value(name, value, unit, found, where)
@@ -156,23 +216,33 @@ def _check_channels(spec: DeviceSpec, where: str) -> None:
     known = CHANNELS.get(spec.kind, {})
     for channel in spec.channels if known else ():
         if channel.name not in known:
-            raise DermisError("no such channel of this kind of device", where=where, value=channel.name,
-                              limit=", ".join(known))  # fmt: skip
+            raise DermisError(
+                "no such channel of this kind of device", where=where, value=channel.name, limit=", ".join(known)
+            )
         if channel.unit != known[channel.name]:
-            raise DermisError("a channel of another unit", where=f"{where}, channel '{channel.name}'",
-                              value=channel.unit, limit=known[channel.name])  # fmt: skip
+            raise DermisError(
+                "a channel of another unit",
+                where=f"{where}, channel '{channel.name}'",
+                value=channel.unit,
+                limit=known[channel.name],
+            )
     wanted = None
     if spec.kind == "pin_array":
         wanted = int(spec.parameters["rows"]) * int(spec.parameters["columns"])
     elif spec.kind in MOTORS and "coupling" not in spec.parameters:
         wanted = MOTORS[spec.kind]
     if wanted is not None and len(spec.channels) != wanted:
-        raise DermisError("the channels are not as many as the device's pins or motors", where=where,
-                          value=len(spec.channels), limit=str(wanted))  # fmt: skip
+        raise DermisError(
+            "the channels are not as many as the device's pins or motors",
+            where=where,
+            value=len(spec.channels),
+            limit=str(wanted),
+        )
     for channel in spec.channels if spec.kind in MOTORS else ():
         if channel.low is None or channel.high is None or not channel.high > channel.low:
-            raise DermisError("a motor needs a range", where=f"{where}, channel '{channel.name}'",
-                              remedy="Give it 'low' and 'high'")  # fmt: skip
+            raise DermisError(
+                "a motor needs a range", where=f"{where}, channel '{channel.name}'", remedy="Give it 'low' and 'high'"
+            )
 
 
 def check_value(name: str, value: Any, unit: str, wanted: Parameter, where: str) -> None:
@@ -188,15 +258,17 @@ def check_value(name: str, value: Any, unit: str, wanted: Parameter, where: str)
     if wanted.unit in (SWITCH, TEXT, NAMES):
         form = {SWITCH: bool, TEXT: str, NAMES: list}[wanted.unit]
         if not isinstance(value, form) or (wanted.choices and value not in wanted.choices):
-            raise DermisError("another kind of value", where=place, value=value,
-                              limit=", ".join(wanted.choices) or wanted.unit)  # fmt: skip
+            raise DermisError(
+                "another kind of value", where=place, value=value, limit=", ".join(wanted.choices) or wanted.unit
+            )
         return
     numbers = _numbers(value, wanted.size)
     if numbers is None:
         raise DermisError("another kind of value", where=place, value=value, limit=_form(wanted))
     if wanted.unit and UNITS[unit][0] != wanted.unit:
-        raise DermisError("a unit of another kind", where=place, value=unit,
-                          limit=f"one that converts to {wanted.unit}")  # fmt: skip
+        raise DermisError(
+            "a unit of another kind", where=place, value=unit, limit=f"one that converts to {wanted.unit}"
+        )
     for number in numbers:
         if not math.isfinite(number) or abs(number) > LARGEST:
             raise DermisError("larger than any device", where=place, value=number, limit=f"{LARGEST:g} in SI")

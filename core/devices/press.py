@@ -123,10 +123,13 @@ class Press:
         x, y, z = positions.T
         o, e = np.zeros(m), np.ones(m)
         # how a node of the platform moves: shift + turn x position
-        self._jacobian = np.concatenate([
-            np.column_stack([e, o, o, o, z, -y]), np.column_stack([o, e, o, -z, o, x]),
-            np.column_stack([o, o, e, y, -x, o]),
-        ])  # fmt: skip
+        self._jacobian = np.concatenate(
+            [
+                np.column_stack([e, o, o, o, z, -y]),
+                np.column_stack([o, e, o, -z, o, x]),
+                np.column_stack([o, o, e, y, -x, o]),
+            ]
+        )
         inverse = np.linalg.inv(c + self._rho * np.eye(3 * m))
         spread = inverse @ self._jacobian
         self._gram = self._jacobian.T @ spread
@@ -150,11 +153,13 @@ class Press:
             none = np.zeros((0, m, 3), np.float32)
             return Pressed(none, none, self.carrier.rest_poses(0), np.zeros(0, bool), np.zeros(0), np.zeros(0))
         return Pressed(
-            np.concatenate([p.force for p in parts]), np.concatenate([p.displacement for p in parts]),
+            np.concatenate([p.force for p in parts]),
+            np.concatenate([p.displacement for p in parts]),
             Poses(np.concatenate([p.poses.rotation for p in parts]), np.concatenate([p.poses.centre for p in parts])),
-            np.concatenate([p.touching for p in parts]), np.concatenate([p.residual for p in parts]),
+            np.concatenate([p.touching for p in parts]),
+            np.concatenate([p.residual for p in parts]),
             np.concatenate([p.imbalance for p in parts]),
-        )  # fmt: skip
+        )
 
     def gap(self, poses: Poses) -> Array:
         """Return the gap of every undeformed node [m], shape (n, m)."""

@@ -46,8 +46,12 @@ def distance_range(device: Thimble, around: float, pitch: float = 0.0, roll: flo
         DermisError: it does not reach that one.
     """
     if not device.feasible((pitch, roll, around)):
-        raise DermisError("the platform does not reach this pose", where="thimble", value=f"{1e3 * around:.2f} mm",
-                          limit=f"servos within {np.degrees(device.servo_range):.3g} deg")  # fmt: skip
+        raise DermisError(
+            "the platform does not reach this pose",
+            where="thimble",
+            value=f"{1e3 * around:.2f} mm",
+            limit=f"servos within {np.degrees(device.servo_range):.3g} deg",
+        )
     start, out = np.array([pitch, roll, around]), device.crank + device.rod  # farther than that no leg goes
     low, high = (_edge(device, start, np.array([0.0, 0.0, sign]), out) for sign in (-1.0, 1.0))
     return around - low, around + high
@@ -64,8 +68,9 @@ def reach(device: Thimble, around: float, levels: int = 9, directions: int = 48)
     distance = np.linspace(low + margin, high - margin, levels).astype(np.float64)
     direction = np.arange(directions, dtype=np.float64) * (2 * np.pi / directions)
     ways = np.stack([np.cos(direction), np.sin(direction), np.zeros(directions)], axis=1)
-    tilt = np.array([[_edge(device, np.array([0.0, 0.0, z]), way, STEEPEST) for way in ways]
-                     for z in distance.tolist()], np.float64)  # fmt: skip
+    tilt = np.array(
+        [[_edge(device, np.array([0.0, 0.0, z]), way, STEEPEST) for way in ways] for z in distance.tolist()], np.float64
+    )
     return Reach(distance, direction, tilt)
 
 

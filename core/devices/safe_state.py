@@ -37,8 +37,14 @@ def safe_state(spec: DeviceSpec) -> SafeState:
     if not isinstance(given, Mapping):
         raise DermisError("'values' must name channels", where=where, value=given)
     repeated = repeated_names(spec)
-    return SafeState(reach, {name: _value(spec, name, entry, f"{where}, {name}")
-                             for key, entry in given.items() for name in repeated.get(key, (key,))})  # fmt: skip
+    return SafeState(
+        reach,
+        {
+            name: _value(spec, name, entry, f"{where}, {name}")
+            for key, entry in given.items()
+            for name in repeated.get(key, (key,))
+        },
+    )
 
 
 def bare_channels(spec: DeviceSpec) -> tuple[str, ...]:
@@ -52,9 +58,16 @@ def safe_findings(spec: DeviceSpec) -> tuple[Finding, ...]:
     bare = bare_channels(spec)
     if not bare:
         return ()
-    return (Finding("warning", "no-safe-pose", "a worn device states no safe pose, so it will not be streamed to",
-                    where=f"device preset '{spec.key}'", value=f"none for {', '.join(bare[:6])}",
-                    remedy="Add 'safe' to the preset: a retracted pose, clear of your finger"),)  # fmt: skip
+    return (
+        Finding(
+            "warning",
+            "no-safe-pose",
+            "a worn device states no safe pose, so it will not be streamed to",
+            where=f"device preset '{spec.key}'",
+            value=f"none for {', '.join(bare[:6])}",
+            remedy="Add 'safe' to the preset: a retracted pose, clear of your finger",
+        ),
+    )
 
 
 def _value(spec: DeviceSpec, name: str, entry: Any, where: str) -> float:

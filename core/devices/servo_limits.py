@@ -35,10 +35,11 @@ def servo_bounds(spec: DeviceSpec, reach: float) -> Array | None:
             high[i] = min(high[i], reach if channel.high is None else channel.high)
             if not low[i] < high[i]:
                 raise DermisError(
-                    "the channel leaves its servo no range", where=f"device preset '{spec.key}', {channel.name}",
+                    "the channel leaves its servo no range",
+                    where=f"device preset '{spec.key}', {channel.name}",
                     value=f"{np.degrees(low[i]):.3g} to {np.degrees(high[i]):.3g} deg",
                     limit=f"within +-{np.degrees(reach):.3g} deg of neutral",
-                )  # fmt: skip
+                )
     narrower = (low > -reach * (1 - 1e-12)).any() or (high < reach * (1 - 1e-12)).any()
     return np.stack([low, high]) if narrower else None
 

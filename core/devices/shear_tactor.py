@@ -58,13 +58,21 @@ class ShearTactor:
         tap = p["tap_axis"]
         two = isinstance(tap, list) and len(tap) == 2
         if not two or not all(isinstance(v, int | float) and math.isfinite(v) for v in tap) or not any(tap):
-            raise DermisError("the tap axis must be a direction in the pad's plane", where=where, value=tap,
-                              limit="two numbers, not both 0")  # fmt: skip
+            raise DermisError(
+                "the tap axis must be a direction in the pad's plane",
+                where=where,
+                value=tap,
+                limit="two numbers, not both 0",
+            )
         axis = np.asarray(tap, dtype=np.float64) / math.hypot(*tap)
         reach = math.sqrt(2.0) * link
         if not (radius < reach and reach + radius < 2.0 * link):
-            raise DermisError("the links cannot reach the whole workspace", where=where, value=radius,
-                              limit=f"less than {min(reach, 2.0 * link - reach):.6g} m")  # fmt: skip
+            raise DermisError(
+                "the links cannot reach the whole workspace",
+                where=where,
+                value=radius,
+                limit=f"less than {min(reach, 2.0 * link - reach):.6g} m",
+            )
         heading = number(p, "axis_direction", where)
         return cls(link, radius, speed, torque, heading, (float(axis[0]), float(axis[1])))
 
@@ -82,8 +90,11 @@ class ShearTactor:
         x, y = np.moveaxis(np.asarray(position, dtype=np.float64) - self.axis, -1, 0)
         cosine = np.hypot(x, y) / (2.0 * self.link)
         if not (cosine < 1.0).all():
-            raise DermisError("the links cannot reach this position", value=float(np.max(2.0 * self.link * cosine)),
-                              limit=f"less than {2.0 * self.link:.6g} m from the pulleys' axis")  # fmt: skip
+            raise DermisError(
+                "the links cannot reach this position",
+                value=float(np.max(2.0 * self.link * cosine)),
+                limit=f"less than {2.0 * self.link:.6g} m from the pulleys' axis",
+            )
         half = np.arccos(cosine) - math.pi / 4.0
         # The angle from the heading, so that it never jumps at the +-180 degrees of arctan2.
         c, s = math.cos(self.heading), math.sin(self.heading)

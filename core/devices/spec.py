@@ -225,9 +225,11 @@ def _channel(entry: Mapping[str, Any], where: str) -> Channel:
     place = f"{where}, channel '{entry['name']}'"
     if not NAME.fullmatch(entry["name"]):
         raise DermisError(
-            "a channel's name has a character that it may not have", where=place, value=entry["name"],
+            "a channel's name has a character that it may not have",
+            where=place,
+            value=entry["name"],
             limit="letters, digits, '_', '.', '-', first no digit",
-        )  # fmt: skip
+        )
     if entry["unit"] not in UNITS or UNITS[entry["unit"]][0] != entry["unit"]:
         units = ", ".join(dict.fromkeys(si for si, _ in UNITS.values()))
         raise DermisError("a channel's unit must be SI", where=place, value=entry["unit"], limit=units)

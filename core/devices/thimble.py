@@ -104,8 +104,11 @@ class Thimble:
         first, second = (ct, sp * st, -cp * st), (0.0, cp, sp)
         u = [c * a + s * b for a, b in zip(first, second, strict=True)]
         v = [c * b - s * a for a, b in zip(first, second, strict=True)]
-        spin = ((1.0 + phi_psi * axis[0], phi_psi * axis[1], phi_psi * axis[2]),
-                (phi_theta * axis[0], cp + phi_theta * axis[1], sp + phi_theta * axis[2]), (0.0, 0.0, 0.0))  # fmt: skip
+        spin = (
+            (1.0 + phi_psi * axis[0], phi_psi * axis[1], phi_psi * axis[2]),
+            (phi_theta * axis[0], cp + phi_theta * axis[1], sp + phi_theta * axis[2]),
+            (0.0, 0.0, 0.0),
+        )
         r = self.platform_radius
         shift_x, shift_y = [], []
         for wx, wy, wz in spin:
@@ -113,9 +116,10 @@ class Thimble:
             shift_y.append(-r * (wz * u[0] - wx * u[2]))
         return PlatformPose(
             np.array([[u[0], v[0], axis[0]], [u[1], v[1], axis[1]], [u[2], v[2], axis[2]]]),
-            np.array([r / 2 * (u[0] - v[1]), -r * u[1], z]), np.array(spin),
+            np.array([r / 2 * (u[0] - v[1]), -r * u[1], z]),
+            np.array(spin),
             np.array([shift_x, shift_y, [0.0, 0.0, 1.0]]),
-        )  # fmt: skip
+        )
 
     def reach(self, x: ArrayLike) -> Array:
         """Return per leg how far it is from being stretched or folded: >= 0 where it closes, shape (3,)."""
@@ -271,9 +275,13 @@ def mechanism(spec: DeviceSpec) -> Thimble:
     except DermisError as error:
         raise DermisError("the links cannot close at the reference distance", where=where, value=str(error)) from error
     if abs(firm) < FIRM:
-        raise DermisError("the rods lie too flat to hold the platform at the reference distance", where=where,
-                          value=f"firmness {abs(firm):.3g}", limit=f">= {FIRM:g}",
-                          remedy="Use other link lengths or another distance")  # fmt: skip
+        raise DermisError(
+            "the rods lie too flat to hold the platform at the reference distance",
+            where=where,
+            value=f"firmness {abs(firm):.3g}",
+            limit=f">= {FIRM:g}",
+            remedy="Use other link lengths or another distance",
+        )
     sizes["servo_speed"] = servo_speed(spec, sizes["servo_speed"])
     bounds = servo_bounds(spec, sizes["servo_range"])
     return replace(device, **sizes, servo_zero=zero, side=math.copysign(1.0, firm), bounds=bounds)

@@ -71,9 +71,13 @@ def pendulum(times: Array, acceleration: Array, gravity: Array, length: float, d
             c, s = cos(angle), sin(angle)
             toward, back = s / speed, s * speed
             ux, uy, uz, wx, wy, wz = (
-                ux * c + wx * toward, uy * c + wy * toward, uz * c + wz * toward,
-                wx * c - ux * back, wy * c - uy * back, wz * c - uz * back,
-            )  # fmt: skip
+                ux * c + wx * toward,
+                uy * c + wy * toward,
+                uz * c + wz * toward,
+                wx * c - ux * back,
+                wy * c - uy * back,
+                wz * c - uz * back,
+            )
             # Rounding that leaves the sphere would grow from arc to arc: back to unit length.
             unit = 1.5 - 0.5 * (ux * ux + uy * uy + uz * uz)
             ux, uy, uz = ux * unit, uy * unit, uz * unit
@@ -152,9 +156,14 @@ def exponential(matrix: Array) -> Array:
 
 
 def loose(
-    times: Array, rotation: Array, angular_velocity: Array, acceleration: Array, gravity: Array, damping: float,
+    times: Array,
+    rotation: Array,
+    angular_velocity: Array,
+    acceleration: Array,
+    gravity: Array,
+    damping: float,
     size: float,
-) -> Array:  # fmt: skip
+) -> Array:
     """Return the offset of a body that flies and bounces in a cubic room [m], in world axes, shape (n, 3).
 
     The room is centred on the object's centre of gravity and turns with it. In its frame the body feels gravity, the
@@ -261,8 +270,12 @@ def _check(length: float, damping: float, gravity: float) -> None:
     if not damping >= 0.0:
         raise DermisError("the damping of a content must not be negative", value=damping, limit=">= 0")
     if not gravity > 0.0:
-        raise DermisError("a pendulum or a liquid needs gravity", value=gravity, limit="> 0 m/s^2",
-                          remedy="Switch gravity on in the Scene properties, or use a loose body")  # fmt: skip
+        raise DermisError(
+            "a pendulum or a liquid needs gravity",
+            value=gravity,
+            limit="> 0 m/s^2",
+            remedy="Switch gravity on in the Scene properties, or use a loose body",
+        )
 
 
 def _room(size: float) -> None:

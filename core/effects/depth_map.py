@@ -22,7 +22,7 @@ STEPS: tuple[Steps, ...] = ("smooth", "keep")
 
 @dataclass(frozen=True, eq=False)
 class DepthMap:
-    """Heights towards the viewer, ready for `core.scene.Screen.height_map`.
+    """Heights towards the viewer, ready for `core.scene.tactile_scene.Screen.height_map`.
 
     Attributes:
         heights: row 0 at the bottom, float32, shape (rows, columns), or (k, rows, columns) for a sequence.
@@ -68,9 +68,11 @@ def read(
             heights = np.empty((len(paths), *shape), np.float32)
         if heights.shape[1:] != shape:
             raise DermisError(
-                "the images of a sequence differ in size", where=f"image '{Path(path).name}'",
-                value=f"{shape[1]} x {shape[0]}", limit=f"{heights.shape[2]} x {heights.shape[1]}, as the first",
-            )  # fmt: skip
+                "the images of a sequence differ in size",
+                where=f"image '{Path(path).name}'",
+                value=f"{shape[1]} x {shape[0]}",
+                limit=f"{heights.shape[2]} x {heights.shape[1]}, as the first",
+            )
         heights[index] = work.repaired(raster.values, raster.holes, raster.levels, f"image '{Path(path).name}'")
         noticed += raster.findings
     assert heights is not None
@@ -105,8 +107,13 @@ def from_array(
     if array.dtype.kind not in "buif":
         raise DermisError("the map does not hold real numbers", where=where, value=str(array.dtype))
     if array.ndim not in (2, 3) or array.size == 0:
-        raise DermisError("the map has no pixels", where=where, value=" x ".join(map(str, array.shape)) or "a number",
-                          limit="rows x columns, at least 1 x 1", remedy="Choose another image")  # fmt: skip
+        raise DermisError(
+            "the map has no pixels",
+            where=where,
+            value=" x ".join(map(str, array.shape)) or "a number",
+            limit="rows x columns, at least 1 x 1",
+            remedy="Choose another image",
+        )
     if first_row not in ("bottom", "top"):
         raise DermisError("unknown first row", where=where, value=first_row, limit="bottom, top")
     if declared is not None and declared.shape != array.shape:
@@ -129,8 +136,12 @@ class _Repair:
 
     def __init__(self, meaning: Meaning, hole: float | None, steps: Steps, where: str) -> None:
         if meaning not in MEANINGS or steps not in STEPS:
-            raise DermisError("unknown way to read a map", where=where, value=f"{meaning}, {steps}",
-                              limit="height or depth; smooth or keep")  # fmt: skip
+            raise DermisError(
+                "unknown way to read a map",
+                where=where,
+                value=f"{meaning}, {steps}",
+                limit="height or depth; smooth or keep",
+            )
         self._sign = -1.0 if meaning == "depth" else 1.0
         self._hole, self._smooth, self._where = hole, steps == "smooth", where
         self._pixels = self._holes = self._smoothed = self._kept = self._flat = self._few = self._levels = 0
@@ -146,8 +157,11 @@ class _Repair:
             gaps |= values == np.asarray(self._hole).astype(values.dtype)
         known = ~gaps
         if not known.any():
-            raise DermisError("the map has no height anywhere: every pixel is a hole", where=where,
-                              remedy="Check that the surface lies in view")  # fmt: skip
+            raise DermisError(
+                "the map has no height anywhere: every pixel is a hole",
+                where=where,
+                remedy="Check that the surface lies in view",
+            )
         self._pixels += gaps.size
         self._holes += int(np.count_nonzero(gaps))
         heights = np.where(known, self._sign * np.where(known, heights, 0.0), 0.0)
@@ -170,16 +184,40 @@ class _Repair:
         levels = f"{self._levels} levels"
         share = f"{100.0 * self._holes / max(self._pixels, 1):.3g} %"
         rows: tuple[tuple[int, Severity, str, str, str | None, str], ...] = (
-            (self._holes, "warning", "holes-filled", "pixels without a height were filled smoothly from their rims",
-             share, ""),
-            (self._smoothed, "warning", "staircase-smoothed", "the heights are stored in few levels and were "
-             "smoothed by up to half a level", levels, "A 16-bit image keeps small slopes"),
-            (self._kept, "warning", "staircase-kept", "the heights are stored in few levels: each step will be "
-             "felt", levels, "A 16-bit image keeps small slopes"),
+            (
+                self._holes,
+                "warning",
+                "holes-filled",
+                "pixels without a height were filled smoothly from their rims",
+                share,
+                "",
+            ),
+            (
+                self._smoothed,
+                "warning",
+                "staircase-smoothed",
+                "the heights are stored in few levels and were smoothed by up to half a level",
+                levels,
+                "A 16-bit image keeps small slopes",
+            ),
+            (
+                self._kept,
+                "warning",
+                "staircase-kept",
+                "the heights are stored in few levels: each step will be felt",
+                levels,
+                "A 16-bit image keeps small slopes",
+            ),
             (self._flat, "warning", "flat-map", "the map is flat", None, "Check that the right image was chosen"),
-            (self._few, "info", "few-levels", f"the map has fewer than {FEWEST_LEVELS} heights, which are kept",
-             None, ""),
-        )  # fmt: skip
+            (
+                self._few,
+                "info",
+                "few-levels",
+                f"the map has fewer than {FEWEST_LEVELS} heights, which are kept",
+                None,
+                "",
+            ),
+        )
         return tuple(
             Finding(severity, code, what, self._where, value=value, remedy=remedy, count=count)
             for count, severity, code, what, value, remedy in rows

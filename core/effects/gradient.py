@@ -176,14 +176,22 @@ def check_map(heights: NDArray[np.floating], size: tuple[float, float], height_u
     """
     where = where or "depth map"
     if heights.ndim not in (2, 3) or heights.size == 0:
-        raise DermisError("the map has no pixels", where=where, value=" x ".join(map(str, heights.shape)),
-                          limit="rows x columns, at least 1 x 1",
-                          remedy="Choose an image for the touch screen")  # fmt: skip
+        raise DermisError(
+            "the map has no pixels",
+            where=where,
+            value=" x ".join(map(str, heights.shape)),
+            limit="rows x columns, at least 1 x 1",
+            remedy="Choose an image for the touch screen",
+        )
     if not all(np.isfinite(s) and s > 0 for s in size):
         raise DermisError("the screen has no area", where=where, value=f"{size[0]} x {size[1]} m", limit="> 0")
     if not (np.isfinite(height_unit) and height_unit >= 0):
         raise DermisError("the height unit must be positive, or 0 for none", where=where, value=height_unit)
     broken = heights.size - int(np.count_nonzero(np.isfinite(heights)))
     if broken:
-        raise DermisError("the map has heights that are not finite numbers", where=where, value=f"{broken} pixels",
-                          remedy="Read it through core.effects.depth_map, which fills holes")  # fmt: skip
+        raise DermisError(
+            "the map has heights that are not finite numbers",
+            where=where,
+            value=f"{broken} pixels",
+            remedy="Read it through core.effects.depth_map, which fills holes",
+        )

@@ -50,9 +50,15 @@ def direction(t: Array, frequency: float | Array, amplitude: float | Array, angl
 
 
 def played(
-    kind: str, times: Array, play: float | Array, frequency: float | Array, amplitude: float | Array,
-    angle: float | Array, *, repeat: bool,
-) -> Array:  # fmt: skip
+    kind: str,
+    times: Array,
+    play: float | Array,
+    frequency: float | Array,
+    amplitude: float | Array,
+    angle: float | Array,
+    *,
+    repeat: bool,
+) -> Array:
     """Return a pattern that every rising edge of a switch starts, shape (n, 2), in the unit of `amplitude`.
 
     It starts and ends in the centre: played once it lasts one period, repeated it goes on to the end of the period in

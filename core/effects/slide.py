@@ -122,9 +122,16 @@ def bump_height(x: Array, height: float, centre: float, width: float) -> Array:
 
 
 def bump_friction(
-    x: Array, profile: str, height: float, centre: float, width: float, *, full_height: float = 1.0,
-    threshold: float = 0.5, downhill: str = "rectify",
-) -> Array:  # fmt: skip
+    x: Array,
+    profile: str,
+    height: float,
+    centre: float,
+    width: float,
+    *,
+    full_height: float = 1.0,
+    threshold: float = 0.5,
+    downhill: str = "rectify",
+) -> Array:
     """Return the friction over a Gaussian bump for a finger moving towards +x, from 1 to 100.
 
     height: 1 + 99 F / A_full. slope: F' is largest at m - sigma, where it is A / (sigma sqrt(e)); divided by that

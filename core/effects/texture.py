@@ -17,9 +17,12 @@ Array = NDArray[np.float64]
 
 
 def displacement(
-    place: Array, direction: Array, friction: float | Array, amplitude: tuple[float | Array, float | Array],
+    place: Array,
+    direction: Array,
+    friction: float | Array,
+    amplitude: tuple[float | Array, float | Array],
     period: tuple[float | Array, float | Array],
-) -> Array:  # fmt: skip
+) -> Array:
     """Return d = -mu (alpha_x sin(2 pi x_x / f_x) + alpha_y sin(2 pi x_y / f_y)) sigma(v_t).
 
     Args:

@@ -21,9 +21,13 @@ SIDE_SHARE = 0.1
 
 
 def displacement(
-    times: Array, onsets: Array, velocities: Array, amplitude: float | Array, decay: float | Array,
+    times: Array,
+    onsets: Array,
+    velocities: Array,
+    amplitude: float | Array,
+    decay: float | Array,
     frequency: float | Array,
-) -> Array:  # fmt: skip
+) -> Array:
     """Return d = -alpha_c exp(-lambda t) sin(2 pi f t) v_c with t since each onset; overlapping transients add.
 
     Args:
@@ -45,8 +49,9 @@ def displacement(
     columns = [np.broadcast_to(np.asarray(v, dtype=np.float64), onsets.shape) for v in (amplitude, decay, frequency)]
     for onset, v, alpha, rate, hertz in zip(onsets, velocities, *columns, strict=True):
         if rate < 0.0 or hertz < 0.0:
-            raise DermisError("a contact transient needs a decay and a frequency of at least 0",
-                              value=f"{rate:g} /s, {hertz:g} Hz")  # fmt: skip
+            raise DermisError(
+                "a contact transient needs a decay and a frequency of at least 0", value=f"{rate:g} /s, {hertz:g} Hz"
+            )
         strength = abs(alpha) * math.sqrt(float(v @ v))
         if strength <= END:
             continue

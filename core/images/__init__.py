@@ -17,9 +17,17 @@ __all__ = ["Raster", "gap_after", "grey_of", "read", "sequence"]
 READABLE = "PNG, PGM, PPM, PFM and NPY"
 _NETPBM = (b"P2", b"P3", b"P5", b"P6", b"Pf", b"PF")
 _OTHERS = {
-    b"II*\0": "TIFF", b"MM\0*": "TIFF", b"\xff\xd8\xff": "JPEG", b"\x76\x2f\x31\x01": "OpenEXR", b"RIFF": "WebP",
-    b"GIF8": "GIF", b"BM": "BMP", b"P1": "PBM", b"P4": "PBM", b"#?RA": "Radiance HDR",
-}  # fmt: skip
+    b"II*\0": "TIFF",
+    b"MM\0*": "TIFF",
+    b"\xff\xd8\xff": "JPEG",
+    b"\x76\x2f\x31\x01": "OpenEXR",
+    b"RIFF": "WebP",
+    b"GIF8": "GIF",
+    b"BM": "BMP",
+    b"P1": "PBM",
+    b"P4": "PBM",
+    b"#?RA": "Radiance HDR",
+}
 
 
 def read(path: str | Path) -> Raster:
@@ -41,9 +49,12 @@ def read(path: str | Path) -> Raster:
         return netpbm.decode(data, where)
     kind = next((name for magic, name in _OTHERS.items() if data.startswith(magic)), "unknown")
     raise DermisError(
-        "this kind of image is not read here", where=where, value=kind, limit=READABLE,
+        "this kind of image is not read here",
+        where=where,
+        value=kind,
+        limit=READABLE,
         remedy="Save it as a 16-bit PNG, or open it in Blender and choose it there",
-    )  # fmt: skip
+    )
 
 
 def sequence(path: str | Path) -> tuple[Path, ...]:
@@ -75,10 +86,14 @@ def gap_after(path: str | Path) -> Finding | None:
     if not beyond:
         return None
     return Finding(
-        "warning", "sequence-gap", "numbers are missing in the image sequence; the files after the gap are left out",
-        where=f"image sequence '{path.name}'", value=f"{run[-1].name}, then {found[beyond[0]].name}",
-        remedy="Number the files without a gap", count=len(beyond),
-    )  # fmt: skip
+        "warning",
+        "sequence-gap",
+        "numbers are missing in the image sequence; the files after the gap are left out",
+        where=f"image sequence '{path.name}'",
+        value=f"{run[-1].name}, then {found[beyond[0]].name}",
+        remedy="Number the files without a gap",
+        count=len(beyond),
+    )
 
 
 def _numbered(path: Path) -> tuple[int, dict[int, Path]]:

@@ -38,8 +38,9 @@ def decode(data: bytes, where: str) -> Raster:
         raise DermisError("the largest value is out of range", where=where, value=most, limit="1 to 65535")
     numbers = _plain(data, start, count, where) if kind in ("P2", "P3") else _raw(data, start, most, count, where)
     if int(numbers.max()) > most:
-        raise DermisError("a pixel is brighter than the declared maximum", where=where, value=int(numbers.max()),
-                          limit=f"{most}")  # fmt: skip
+        raise DermisError(
+            "a pixel is brighter than the declared maximum", where=where, value=int(numbers.max()), limit=f"{most}"
+        )
     grey, findings = grey_of(numbers.reshape(rows, columns, channels), where, most)
     return Raster(np.ascontiguousarray(grey[::-1]), np.zeros(grey.shape, bool), most + 1, findings)
 
@@ -65,8 +66,9 @@ def _header(data: bytes, where: str) -> tuple[list[bytes], int]:
 
 def _whole(text: bytes, where: str) -> int:
     if not text.isdigit() or len(text) > 9:
-        raise DermisError("the image header is malformed", where=where, value=text[:20].decode("latin-1"),
-                          limit="a whole number")  # fmt: skip
+        raise DermisError(
+            "the image header is malformed", where=where, value=text[:20].decode("latin-1"), limit="a whole number"
+        )
     return int(text)
 
 
@@ -104,8 +106,12 @@ def _floats(data: bytes, start: int, scale: bytes, count: int, where: str) -> ND
     except ValueError:
         factor = 0.0
     if factor == 0.0 or not np.isfinite(factor):
-        raise DermisError("the PFM scale is malformed", where=where, value=scale[:20].decode("latin-1"),
-                          limit="a number, below zero for little-endian")  # fmt: skip
+        raise DermisError(
+            "the PFM scale is malformed",
+            where=where,
+            value=scale[:20].decode("latin-1"),
+            limit="a number, below zero for little-endian",
+        )
     kind = np.dtype("<f4") if factor < 0 else np.dtype(">f4")
     found = max(len(data) - start, 0) // 4
     if found < count:

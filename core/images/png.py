@@ -100,8 +100,9 @@ def _header(body: bytes, where: str) -> _Header:
     if colour not in _DEPTHS or depth not in _DEPTHS[colour] or compression or filtering or interlace > 1:
         raise _damaged(where, f"colour type {colour} with {depth} bit")
     if interlace:
-        raise DermisError("interlaced PNGs are not read here", where=where, value="Adam7",
-                          remedy="Save it without interlacing")  # fmt: skip
+        raise DermisError(
+            "interlaced PNGs are not read here", where=where, value="Adam7", remedy="Save it without interlacing"
+        )
     return _Header(columns, rows, depth, colour)
 
 

@@ -47,8 +47,13 @@ def checked_size(columns: int, rows: int, where: str, *, packed: int | None = No
     if columns <= 0 or rows <= 0:
         raise DermisError("the image has no pixels", where=where, value=f"{columns} x {rows}", limit="at least 1 x 1")
     if columns * rows > MOST_PIXELS:
-        raise DermisError("the image is too large", where=where, value=f"{columns} x {rows}",
-                          limit=f"{MOST_PIXELS} pixels", remedy="Scale it down")  # fmt: skip
+        raise DermisError(
+            "the image is too large",
+            where=where,
+            value=f"{columns} x {rows}",
+            limit=f"{MOST_PIXELS} pixels",
+            remedy="Scale it down",
+        )
     check_size(columns * rows * np.dtype(np.float32).itemsize, where, packed=packed)
 
 
@@ -74,7 +79,11 @@ def grey_of(pixels: NDArray[Any], where: str, largest: float = 1.0) -> tuple[NDA
     if not coloured:
         return grey, ()
     finding = Finding(
-        "info", "coloured-map", "colours were turned into heights by their luminance", where=where, count=coloured,
+        "info",
+        "coloured-map",
+        "colours were turned into heights by their luminance",
+        where=where,
+        count=coloured,
         remedy="Use a grey image if the heights were meant otherwise",
-    )  # fmt: skip
+    )
     return grey, (finding,)

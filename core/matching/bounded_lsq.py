@@ -79,8 +79,12 @@ class BoundedLeastSquares:
             raise DermisError("the Gram matrix has values that are not finite", where=WHERE)
         self._size = float(np.abs(gram).max(initial=0.0))
         if np.abs(gram - gram.T).max(initial=0.0) > 1e-9 * self._size:
-            raise DermisError("the Gram matrix is not symmetric", where=WHERE,
-                              value=float(np.abs(gram - gram.T).max()), limit=f"{1e-9 * self._size:.3g}")  # fmt: skip
+            raise DermisError(
+                "the Gram matrix is not symmetric",
+                where=WHERE,
+                value=float(np.abs(gram - gram.T).max()),
+                limit=f"{1e-9 * self._size:.3g}",
+            )
         self.gram = gram
         self.n = len(gram)
         self._set_bounds(low, high)

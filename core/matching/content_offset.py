@@ -9,7 +9,7 @@ from ..contact.sampled import SampledTouch
 from ..effects import content
 from ..effects.defaults import BODY
 from ..errors import DermisError, Finding
-from ..scene import TactileScene
+from ..scene.tactile_scene import TactileScene
 
 Array = NDArray[np.float64]
 
@@ -30,8 +30,7 @@ def content_offset(
     body = scene.bodies[b]
     kind = str(body.parameters.get("content_kind", "child"))
     if kind not in content.KINDS:
-        raise DermisError("unknown content", where=f"object '{body.name}'", value=kind,
-                          limit=", ".join(content.KINDS))  # fmt: skip
+        raise DermisError("unknown content", where=f"object '{body.name}'", value=kind, limit=", ".join(content.KINDS))
     if kind == "child":
         return _of_children(touch, scene, b, times)
     names = ("content_length", "content_damping", "content_size")
@@ -47,8 +46,9 @@ def content_offset(
         turning = there.rotation, there.angular_velocity
         return content.loose(times, *turning, acceleration, gravity, damping, size), ()
     except DermisError as error:
-        raise DermisError(error.what, where=f"object '{body.name}'", value=error.value, limit=error.limit,
-                          remedy=error.remedy) from error  # fmt: skip
+        raise DermisError(
+            error.what, where=f"object '{body.name}'", value=error.value, limit=error.limit, remedy=error.remedy
+        ) from error
 
 
 def _of_children(touch: SampledTouch, scene: TactileScene, b: int, times: Array) -> tuple[Array, tuple[Finding, ...]]:
@@ -59,10 +59,13 @@ def _of_children(touch: SampledTouch, scene: TactileScene, b: int, times: Array)
     if not children:
         missing = [name for name in body.content if name not in names]
         nothing = Finding(
-            "warning", "no-content", "the object has no touchable child, so no content is felt",
-            f"object '{body.name}'", value=", ".join(missing) or None,
+            "warning",
+            "no-content",
+            "the object has no touchable child, so no content is felt",
+            f"object '{body.name}'",
+            value=", ".join(missing) or None,
             remedy="Parent a touchable object to it, or choose another content",
-        )  # fmt: skip
+        )
         return np.zeros((len(times), 3)), (nothing,)
     masses = np.array([_constant(touch, scene, c, "mass", times) for c in children])
     if not masses.sum() > 0.0:
@@ -77,10 +80,14 @@ def _walls(name: str, limited: int) -> tuple[Finding, ...]:
         return ()
     return (
         Finding(
-            "info", "content-limited", "the content reached the walls of its room and was held there",
-            f"object '{name}'", count=limited, remedy="Make the room larger, or the length of the liquid shorter",
+            "info",
+            "content-limited",
+            "the content reached the walls of its room and was held there",
+            f"object '{name}'",
+            count=limited,
+            remedy="Make the room larger, or the length of the liquid shorter",
         ),
-    )  # fmt: skip
+    )
 
 
 def _constant(touch: SampledTouch, scene: TactileScene, b: int, name: str, times: Array) -> float:

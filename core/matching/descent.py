@@ -34,7 +34,7 @@ from .gauss_newton import (
     ServoLimits,
     minimise,
     shorter,
-)  # fmt: skip
+)
 
 Array = NDArray[np.float64]
 
@@ -57,8 +57,12 @@ def descend(
     x = np.array(start, np.float64)
     stimulus, jacobian = evaluate(x)
     if stimulus.shape != target.shape or not math.isfinite(float(target.sum())):
-        raise DermisError("the target does not fit the model or is not finite", where="thimble", value=target.shape,
-                          limit=f"{stimulus.shape}, finite")  # fmt: skip
+        raise DermisError(
+            "the target does not fit the model or is not finite",
+            where="thimble",
+            value=target.shape,
+            limit=f"{stimulus.shape}, finite",
+        )
     gram = _gram(both, stimulus, jacobian, target, radius)
     cost = start_cost = 0.5 * gram[3][3]
     exact = EXACT**2 * float(target @ target)
@@ -109,8 +113,9 @@ def descend(
             break
     angles, firm = posture(device, psi, theta, z)
     room = np.array([*map(sub, high, angles), *map(sub, angles, low), firm - FIRM])
-    return Minimum(x, stimulus, stimulus - target, start_cost, cost, kkt, (), np.zeros(0), room, iterations,
-                   evaluations, why)  # fmt: skip
+    return Minimum(
+        x, stimulus, stimulus - target, start_cost, cost, kkt, (), np.zeros(0), room, iterations, evaluations, why
+    )
 
 
 def _gram(both: Array, stimulus: Array, jacobian: Array, target: Array, radius: float) -> list[list[float]]:
@@ -145,5 +150,17 @@ def _step(gram: list[list[float]]) -> list[float] | None:
 
 def _after(more: Minimum, start_cost: float, iterations: int, evaluations: int) -> Minimum:
     """Return what the active-set method found, with what was spent before it."""
-    return Minimum(more.x, more.stimulus, more.residual, start_cost, more.cost, more.kkt, more.active, more.multipliers,
-                   more.room, more.iterations + iterations, more.evaluations + evaluations, more.why)  # fmt: skip
+    return Minimum(
+        more.x,
+        more.stimulus,
+        more.residual,
+        start_cost,
+        more.cost,
+        more.kkt,
+        more.active,
+        more.multipliers,
+        more.room,
+        more.iterations + iterations,
+        more.evaluations + evaluations,
+        more.why,
+    )

@@ -22,7 +22,7 @@ from ..devices.shear_tactor import ShearTactor
 from ..effects import content, patterns, texture, transient, weight
 from ..effects.defaults import BODY, FINGER
 from ..errors import DermisError, Finding
-from ..scene import DeviceUse, TactileScene
+from ..scene.tactile_scene import DeviceUse, TactileScene
 from .content_offset import content_offset
 
 Array = NDArray[np.float64]
@@ -53,8 +53,10 @@ class EffectSum:
         options = self.use.parameters
         self.axis = str(options.get("transient_axis", "tilted"))
         self.sign = str(options.get("weight_sign", "paper"))
-        for name, value, allowed in (("transient_axis", self.axis, TRANSIENT_AXES),
-                                     ("weight_sign", self.sign, tuple(weight.SIGNS))):  # fmt: skip
+        for name, value, allowed in (
+            ("transient_axis", self.axis, TRANSIENT_AXES),
+            ("weight_sign", self.sign, tuple(weight.SIGNS)),
+        ):
             if value not in allowed:
                 raise DermisError(f"unknown {name}", where=self._where, value=value, limit=", ".join(allowed))
         self.uses = {effect: bool(options.get(f"use_{effect}", True)) for effect in EFFECTS}
@@ -100,9 +102,14 @@ class EffectSum:
             return
         at = {name: self._series("finger", self.finger, name, FINGER, step=name == "pattern_play") for name in FINGER}
         shape = patterns.played(
-            kind, self.times, at["pattern_play"], at["pattern_frequency"], at["pattern_amplitude"],
-            at["pattern_angle"], repeat=bool(own.get("pattern_repeat", False)),
-        )  # fmt: skip
+            kind,
+            self.times,
+            at["pattern_play"],
+            at["pattern_frequency"],
+            at["pattern_amplitude"],
+            at["pattern_angle"],
+            repeat=bool(own.get("pattern_repeat", False)),
+        )
         if np.ndim(on):  # a pattern goes on unheard while its switch is off
             shape *= on[:, None]
         if shape.any():
@@ -151,9 +158,12 @@ class EffectSum:
         direction = texture.held_direction(velocity, self._at(self._body(b, "texture_speed_threshold"), which))
         friction = self._at(self._body(b, "friction"), which) * self._at(on, which)
         shape = texture.displacement(
-            place, direction, friction, (self._at(amplitudes[0], which), self._at(amplitudes[1], which)),
+            place,
+            direction,
+            friction,
+            (self._at(amplitudes[0], which), self._at(amplitudes[1], which)),
             (self._at(self._body(b, "texture_period_x"), which), self._at(self._body(b, "texture_period_y"), which)),
-        )  # fmt: skip
+        )
         self._add_world(which, turned(self.touch.body_at(b, self.times), which, shape))
 
     def _wants_weight(self, b: int) -> bool:
@@ -170,10 +180,12 @@ class EffectSum:
         assert on is not None
         live = self._at(on, index)
         return weight.displacement(
-            self._acceleration(b)[index], np.asarray(self.scene.gravity),
+            self._acceleration(b)[index],
+            np.asarray(self.scene.gravity),
             self._at(self._body(b, "weight_acceleration"), index) * live,
-            self._at(self._body(b, "weight_gravity"), index) * live, self.sign,
-        )  # fmt: skip
+            self._at(self._body(b, "weight_gravity"), index) * live,
+            self.sign,
+        )
 
     def _weight_factor(self) -> float:
         """One factor for every weight of the scene, so that the strongest just uses the range; 1 without auto-range."""
@@ -184,10 +196,15 @@ class EffectSum:
         if known is None:
             known = self.touch.kept[key] = weight.fitting(self._strongest_weight())
         if known < 1.0 and not any(f.code == "auto-range" for f in self.findings):
-            self.findings.append(Finding(
-                "info", "auto-range", "weights were scaled so that the strongest of the scene uses the whole range",
-                self._where, value=f"factor {known:.4g}",
-            ))  # fmt: skip
+            self.findings.append(
+                Finding(
+                    "info",
+                    "auto-range",
+                    "weights were scaled so that the strongest of the scene uses the whole range",
+                    self._where,
+                    value=f"factor {known:.4g}",
+                )
+            )
         return known
 
     def _strongest_weight(self) -> float:
@@ -275,11 +292,17 @@ class EffectSum:
     def _audible(self, b: int, hertz: float) -> None:
         rate = (len(self.times) - 1) / (self.times[-1] - self.times[0]) if len(self.times) > 1 else math.inf
         if hertz > rate / 2.0:
-            self.findings.append(Finding(
-                "warning", "above-nyquist", "a transient's frequency is above half of the device's rate",
-                f"object '{self.scene.bodies[b].name}'", value=f"{hertz:g} Hz", limit=f"{rate / 2.0:g} Hz",
-                remedy="Lower the frequency, or use a faster device",
-            ))  # fmt: skip
+            self.findings.append(
+                Finding(
+                    "warning",
+                    "above-nyquist",
+                    "a transient's frequency is above half of the device's rate",
+                    f"object '{self.scene.bodies[b].name}'",
+                    value=f"{hertz:g} Hz",
+                    limit=f"{rate / 2.0:g} Hz",
+                    remedy="Lower the frequency, or use a faster device",
+                )
+            )
 
     def _skip(self, name: str) -> None:
         self.skipped[name] = self.skipped.get(name, 0) + 1

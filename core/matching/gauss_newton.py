@@ -101,9 +101,16 @@ class ServoLimits:
 
 
 def minimise(
-    evaluate: Evaluate, target: Array, start: Array, device: Thimble, limits: ServoLimits | None = None, *,
-    tolerance: float = OPTIMAL, max_iterations: int = MAX_ITERATIONS, max_evaluations: int = MAX_EVALUATIONS,
-) -> Minimum:  # fmt: skip
+    evaluate: Evaluate,
+    target: Array,
+    start: Array,
+    device: Thimble,
+    limits: ServoLimits | None = None,
+    *,
+    tolerance: float = OPTIMAL,
+    max_iterations: int = MAX_ITERATIONS,
+    max_evaluations: int = MAX_EVALUATIONS,
+) -> Minimum:
     """Return the configuration whose stimulus is nearest to the target, from a feasible start.
 
     Args:
@@ -118,12 +125,20 @@ def minimise(
     x = np.array(start, dtype=np.float64)
     room, slopes = limits.constraints(device, x)
     if room.min() < -ON_LIMIT:
-        raise DermisError("the start is outside the servos' range", where="thimble",
-                          value=f"{np.degrees(room.min()):.3g} deg of room", limit=">= 0")  # fmt: skip
+        raise DermisError(
+            "the start is outside the servos' range",
+            where="thimble",
+            value=f"{np.degrees(room.min()):.3g} deg of room",
+            limit=">= 0",
+        )
     stimulus, jacobian = evaluate(x)
     if target.shape != stimulus.shape or not np.isfinite(target).all():
-        raise DermisError("the target does not fit the model or is not finite", where="thimble", value=target.shape,
-                          limit=f"{stimulus.shape}, finite")  # fmt: skip
+        raise DermisError(
+            "the target does not fit the model or is not finite",
+            where="thimble",
+            value=target.shape,
+            limit=f"{stimulus.shape}, finite",
+        )
     scale = np.array([1.0, 1.0, device.platform_radius])
     size = max(float(np.sqrt(target @ target)), 1e-300)
     residual = stimulus - target
@@ -177,8 +192,9 @@ def minimise(
         if gained <= SMALL_GAIN:
             why = "gain"
             break
-    return Minimum(x, stimulus, residual, start_cost, cost, float(kkt), guess, multipliers, room, iterations,
-                   evaluations, why)  # fmt: skip
+    return Minimum(
+        x, stimulus, residual, start_cost, cost, float(kkt), guess, multipliers, room, iterations, evaluations, why
+    )
 
 
 def shorter(share: float, cost: float, new_cost: float, descent: float) -> float:
@@ -255,5 +271,6 @@ def _working_sets(guess: tuple[int, ...]) -> list[tuple[int, ...]]:
     return [(), guess, *_SETS] if guess else [(), *_SETS]
 
 
-_SETS = [s for k in (1, 2, 3) for s in combinations(range(7), k)
-         if len({c if c == GIVES_WAY else c % 3 for c in s}) == k]  # fmt: skip
+_SETS = [
+    s for k in (1, 2, 3) for s in combinations(range(7), k) if len({c if c == GIVES_WAY else c % 3 for c in s}) == k
+]

@@ -23,9 +23,9 @@ from ..devices.coupling import Coupling, coupling_of
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..interpolate import interpolate
-from ..scene import DeviceUse, TactileScene, sample_count
+from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
-from ..track import CommandTrack
+from ..track.command_track import CommandTrack
 from .nearest import NEIGHBOURS
 from .platforms import original_key
 from .readings import readings_of, saturated
@@ -150,12 +150,26 @@ def render(
         series["target_force"][touched] = skin.force[:, :, 2].sum(axis=1)
         full = saturated(sensed)
         if full:
-            findings.append(Finding("warning", "sensor-saturated", "the virtual sensor is at the end of its scale",
-                                    "look-up matching", limit="0 to 4095 counts", count=full,
-                                    remedy="Touch less deeply"))  # fmt: skip
+            findings.append(
+                Finding(
+                    "warning",
+                    "sensor-saturated",
+                    "the virtual sensor is at the end of its scale",
+                    "look-up matching",
+                    limit="0 to 4095 counts",
+                    count=full,
+                    remedy="Touch less deeply",
+                )
+            )
     else:
-        findings.append(Finding("info", "no-touch", "the finger touches nothing, so the platform stays at rest",
-                                f"finger '{scene.fingers[finger].name}'"))  # fmt: skip
+        findings.append(
+            Finding(
+                "info",
+                "no-touch",
+                "the finger touches nothing, so the platform stays at rest",
+                f"finger '{scene.fingers[finger].name}'",
+            )
+        )
     values = commands if coupling is None else coupling.reduced(commands)
     low, high = _ends(spec)
     limited = np.clip(values, low, high)
@@ -163,9 +177,17 @@ def render(
     series["clipped"][beyond] = 1.0
     if beyond.any():
         worst = float(np.abs(limited - values).max())
-        findings.append(Finding("warning", "motor-range", "a motor would leave its range and stays at its end",
-                                f"device '{spec.key}'", f"by up to {worst:.3g} {spec.channels[0].unit}",
-                                frame=float(skin.frames[beyond.argmax()]), count=int(beyond.sum())))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "motor-range",
+                "a motor would leave its range and stays at its end",
+                f"device '{spec.key}'",
+                f"by up to {worst:.3g} {spec.channels[0].unit}",
+                frame=float(skin.frames[beyond.argmax()]),
+                count=int(beyond.sum()),
+            )
+        )
     driven = limited if coupling is None else coupling.original(limited)
     if len(touched):
         expected = readings_for(table, driven[touched])
@@ -177,8 +199,12 @@ def render(
         at = np.minimum(times, skin.times[-1])
         limited = interpolate(skin.times, limited, at)
         series = {name: interpolate(skin.times, s[:, None], at)[:, 0] for name, s in series.items()}
-    meta = {"method": "lookup", "table_rows": str(len(table.commands)), "neighbours": str(NEIGHBOURS),
-            "sensor": "virtual, 19 electrodes and pressure"}  # fmt: skip
+    meta = {
+        "method": "lookup",
+        "table_rows": str(len(table.commands)),
+        "neighbours": str(NEIGHBOURS),
+        "sensor": "virtual, 19 electrodes and pressure",
+    }
     skipped = {"lookups_without_contact": count - len(touched)}
     return Rendered(CommandTrack(spec, times, limited, meta), series, tuple(findings), skipped)
 
@@ -205,12 +231,19 @@ def _overdriven(coupling: Coupling, driven: Array, spec: DeviceSpec, frames: Arr
         return []
     i, j = np.unravel_index(int(beyond.argmax()), beyond.shape)
     unit = coupling.channels[j].unit
-    return [Finding(
-        "warning", "original-range", "a coupling drives an original motor beyond its range", f"device '{spec.key}', "
-        f"motor {j + 1}", f"{driven[i, j]:.3g} {unit}", f"{low[j]:.3g} to {high[j]:.3g} {unit}",
-        "Use more motors, or check that the mechanism allows it", frame=float(frames[wrong.argmax()]),
-        count=int(wrong.sum()),
-    )]  # fmt: skip
+    return [
+        Finding(
+            "warning",
+            "original-range",
+            "a coupling drives an original motor beyond its range",
+            f"device '{spec.key}', motor {j + 1}",
+            f"{driven[i, j]:.3g} {unit}",
+            f"{low[j]:.3g} to {high[j]:.3g} {unit}",
+            "Use more motors, or check that the mechanism allows it",
+            frame=float(frames[wrong.argmax()]),
+            count=int(wrong.sum()),
+        )
+    ]
 
 
 def _ends(spec: DeviceSpec) -> tuple[Array, Array]:

@@ -29,8 +29,8 @@ from ..effects.slide import (
     without_downhill,
 )
 from ..errors import DermisError, Finding
-from ..scene import DeviceUse, TactileScene
-from ..track import CommandTrack
+from ..scene.tactile_scene import DeviceUse, TactileScene
+from ..track.command_track import CommandTrack
 from .rendered import Rendered
 from .screen_path import DIRECTION_WINDOW, Settings, driven_values, scale_findings, screen_path, screens_of
 
@@ -111,12 +111,26 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
     signals["distance"][contact] = gaps.min(axis=0, initial=np.inf)[contact]
 
     if not contact.any():
-        findings.append(Finding("warning", "never-touches", "the finger never touches an object", where=where,
-                                remedy="Bring the pad to a touchable object, or raise its touch distance"))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "never-touches",
+                "the finger never touches an object",
+                where=where,
+                remedy="Bring the pad to a touchable object, or raise its touch distance",
+            )
+        )
     if limited:
-        findings.append(Finding("info", "too-steep", "the surface is steeper than a screen can be read from; its slope "
-                                "is limited", where=where, limit=f"n_z >= {STEEPEST_NORMAL:g}",
-                                count=limited))  # fmt: skip
+        findings.append(
+            Finding(
+                "info",
+                "too-steep",
+                "the surface is steeper than a screen can be read from; its slope is limited",
+                where=where,
+                limit=f"n_z >= {STEEPEST_NORMAL:g}",
+                count=limited,
+            )
+        )
     values, driven = driven_values(signals["friction"], settings, device, spec, where)
     signals = {"contact": contact.astype(np.float64), "screen": screen, **signals}
     law = device.law
@@ -135,13 +149,20 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
 
 def _checked(settings: Settings, where: str) -> tuple[str, str, str]:
     """Return the way to scale, the way downhill and the formula."""
-    for name, default, known in (("profile", "slope", ("slope",)), ("scale_mode", "auto", ("auto", "manual")),
-                                 ("downhill", "rectify", DOWNHILL),
-                                 ("relief_formula", "slope", FORMULAS)):  # fmt: skip
+    for name, default, known in (
+        ("profile", "slope", ("slope",)),
+        ("scale_mode", "auto", ("auto", "manual")),
+        ("downhill", "rectify", DOWNHILL),
+        ("relief_formula", "slope", FORMULAS),
+    ):
         value = settings.constant(name, default)
         if value not in known:
-            raise DermisError(f"the normals of a mesh know no such {name.replace('_', ' ')}", where=where, value=value,
-                              limit=", ".join(known))  # fmt: skip
+            raise DermisError(
+                f"the normals of a mesh know no such {name.replace('_', ' ')}",
+                where=where,
+                value=value,
+                limit=", ".join(known),
+            )
     return (
         str(settings.constant("scale_mode", "auto")),
         str(settings.constant("downhill", "rectify")),

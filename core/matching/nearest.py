@@ -82,11 +82,16 @@ class NearestPoints:
         """
         queries = np.ascontiguousarray(queries, np.float64)
         if not 1 <= k <= self.count:
-            raise DermisError("as many neighbours as there are points", where="look-up table", value=k,
-                              limit=f"1 to {self.count}")  # fmt: skip
+            raise DermisError(
+                "as many neighbours as there are points", where="look-up table", value=k, limit=f"1 to {self.count}"
+            )
         if queries.ndim != 2 or queries.shape[1] != self.dimensions:
-            raise DermisError("the query has another number of channels than the table", where="look-up table",
-                              value=queries.shape, limit=f"(n, {self.dimensions})")  # fmt: skip
+            raise DermisError(
+                "the query has another number of channels than the table",
+                where="look-up table",
+                value=queries.shape,
+                limit=f"(n, {self.dimensions})",
+            )
         turned = (queries - self._centre) @ self._axes
         size = float(np.vdot(turned, turned))  # of all queries together: not below that of any
         if not size < np.inf:  # nor where it is no number

@@ -22,7 +22,7 @@ from ..contact.touch import TouchSampler
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..presets import Library
-from ..scene import TactileScene
+from ..scene.tactile_scene import TactileScene
 from ..skin.model import SkinModel, skin_from_parameters
 from . import SKIN_KINDS, pin_resolution
 from .deformation import METHODS, Method
@@ -258,9 +258,21 @@ def _report(
     ratio, normal = _ratio(shown)
     wanted, wanted_normal = _ratio(target)
     return MethodReport(
-        method, _rms(u), float(u.max()), _rms(u) / size, _rms(f), float(f.max()), ratio, wanted, normal, wanted_normal,
-        int(matched.at_limit.max()), matched.worst, fine, fine_share,
-    )  # fmt: skip
+        method,
+        _rms(u),
+        float(u.max()),
+        _rms(u) / size,
+        _rms(f),
+        float(f.max()),
+        ratio,
+        wanted,
+        normal,
+        wanted_normal,
+        int(matched.at_limit.max()),
+        matched.worst,
+        fine,
+        fine_share,
+    )
 
 
 def _ratio(forces: Array) -> tuple[float, float]:

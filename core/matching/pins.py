@@ -13,7 +13,6 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.gap import Surface
 from ..contact.sampled import SampledTouch
 from ..contact.skin_touch import SkinTouch
 from ..devices import pin_array
@@ -21,9 +20,10 @@ from ..devices.pin_array import PinContacts, PinLayout
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..interpolate import interpolate
-from ..scene import DeviceUse, TactileScene, sample_count
+from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
-from ..track import CommandTrack
+from ..surface.gap import Surface
+from ..track.command_track import CommandTrack
 from . import pin_resolution
 from .deformation import METHODS, Matcher, Method, PinSolver
 from .rendered import Rendered
@@ -230,9 +230,15 @@ def _series(matched: Matched, ready: PinSetup, skin: SkinTouch) -> dict[str, Arr
 
 
 _SIGNALS = (
-    "contact", "displacement_error", "force_error", "target_force", "target_shear", "rendered_force",
-    "rendered_shear", "at_limit",
-)  # fmt: skip
+    "contact",
+    "displacement_error",
+    "force_error",
+    "target_force",
+    "target_shear",
+    "rendered_force",
+    "rendered_shear",
+    "at_limit",
+)
 _SETUPS: OrderedDict[tuple[str, float, str, str], PinSetup] = OrderedDict()
 
 

@@ -28,8 +28,12 @@ def mechanism(spec: DeviceSpec) -> Mechanism:
         DermisError: another kind of device, or a broken preset.
     """
     if spec.kind not in MECHANISMS:
-        raise DermisError("this device has no look-up table", where=f"device preset '{spec.key}'", value=spec.kind,
-                          limit=", ".join(MECHANISMS))  # fmt: skip
+        raise DermisError(
+            "this device has no look-up table",
+            where=f"device preset '{spec.key}'",
+            value=spec.kind,
+            limit=", ".join(MECHANISMS),
+        )
     found: Mechanism = MECHANISMS[spec.kind].mechanism(spec)
     return found
 

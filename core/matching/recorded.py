@@ -46,9 +46,16 @@ class RecordedMatcher(StressMatcher):
     """
 
     def __init__(
-        self, device: Thimble, contact: DiscContact, model: ForwardModel, table: SampleTable, *,
-        change: float | None = None, hover: float = HOVER, hush: float = 0.0,
-    ) -> None:  # fmt: skip
+        self,
+        device: Thimble,
+        contact: DiscContact,
+        model: ForwardModel,
+        table: SampleTable,
+        *,
+        change: float | None = None,
+        hover: float = HOVER,
+        hush: float = 0.0,
+    ) -> None:
         self.low, self.high = table.x.min(axis=0), table.x.max(axis=0)
         self.outside = 0
         unknown = np.zeros((model.size, 3 * contact.count))  # what simulated forces would read
@@ -77,8 +84,19 @@ class RecordedMatcher(StressMatcher):
         residual = stimulus - target
         cost = 0.5 * float(residual @ residual)
         room, _ = limits.constraints(self.device, x)
-        kept = replace(found, x=x, stimulus=stimulus, residual=residual, start_cost=cost, cost=cost, kkt=0.0, room=room,
-                       active=(), multipliers=np.zeros(0), why="edge")  # fmt: skip
+        kept = replace(
+            found,
+            x=x,
+            stimulus=stimulus,
+            residual=residual,
+            start_cost=cost,
+            cost=cost,
+            kkt=0.0,
+            room=room,
+            active=(),
+            multipliers=np.zeros(0),
+            why="edge",
+        )
         return kept, searches
 
     def _felt(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
@@ -101,8 +119,9 @@ def check_recording(table: SampleTable, device: Thimble, where: str) -> None:
     for row, (pitch, roll, distance) in enumerate(table.x.tolist(), 1):
         if not device.within(pitch, roll, distance, low.tolist(), high.tolist()):
             raise DermisError(
-                "the device cannot hold this pose", where=f"{where}, row {row}",
+                "the device cannot hold this pose",
+                where=f"{where}, row {row}",
                 value=f"{pitch:.4g}, {roll:.4g}, {distance:.4g}",
                 limit="pitch and roll in rad, distance in m, within the reach of the servos",
                 remedy="Convert degrees to rad and mm to m, or name the device that made the recording",
-            )  # fmt: skip
+            )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Finding
-from ..track import CommandTrack
+from ..track.command_track import CommandTrack
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from ..devices.thimble import Thimble
 from ..errors import DermisError
 from ..skin.model import SkinModel
 from ..surrogate.store import contact_of
-from ..track import CommandTrack
+from ..track.command_track import CommandTrack
 
 Array = NDArray[np.float64]
 

@@ -129,9 +129,15 @@ class ScreenMap:
         return (np.abs(x) <= 0.5 * self.size[0]) & (np.abs(y) <= 0.5 * self.size[1])
 
     def relief(
-        self, x: Array, y: Array, direction: Array, times: Array | None = None, *, scale: float | Array | None = None,
+        self,
+        x: Array,
+        y: Array,
+        direction: Array,
+        times: Array | None = None,
+        *,
+        scale: float | Array | None = None,
         threshold: float | Array | None = None,
-    ) -> Relief:  # fmt: skip
+    ) -> Relief:
         """Return what a finger feels at points of the screen.
 
         Args:
@@ -248,15 +254,29 @@ class ScreenMap:
         except (TypeError, ValueError, OverflowError) as error:
             raise DermisError("a field is not a number", where=where, value=str(error)) from error
         return cls(
-            heights=heights.astype(np.float32), size=(width, height), device=FrictionScreen.from_dict(meta["device"]),
-            profile=meta["profile"], downhill=meta["downhill"], **numbers,
-        )  # fmt: skip
+            heights=heights.astype(np.float32),
+            size=(width, height),
+            device=FrictionScreen.from_dict(meta["device"]),
+            profile=meta["profile"],
+            downhill=meta["downhill"],
+            **numbers,
+        )
 
 
 _FIELDS = (
-    "size", "height_unit", "profile", "downhill", "scale", "offset", "threshold", "lowest", "highest",
-    "maps_per_second", "start", "direction_window",
-)  # fmt: skip
+    "size",
+    "height_unit",
+    "profile",
+    "downhill",
+    "scale",
+    "offset",
+    "threshold",
+    "lowest",
+    "highest",
+    "maps_per_second",
+    "start",
+    "direction_window",
+)
 
 
 def height_range(heights: Map) -> tuple[float, float]:

@@ -14,8 +14,8 @@ from ..devices.spec import DeviceSpec
 from ..effects.heading import STILL_SPEED
 from ..errors import DermisError, Finding
 from ..motion import Spline
-from ..scene import DeviceUse, TactileScene
-from .projection import device_times
+from ..scene.tactile_scene import DeviceUse, TactileScene
+from .shear_tactor import device_times
 
 if TYPE_CHECKING:
     from ..contact.touch import SampledTouch
@@ -53,13 +53,21 @@ def screens_of(scene: TactileScene, use: DeviceUse) -> Sequence[int]:
     """
     names = [screen.name for screen in scene.screens]
     if not names:
-        raise DermisError("no touch screen in the scene", where=f"device '{use.preset}'",
-                          remedy="Add one with Add > Dermis > Touch Screen")  # fmt: skip
+        raise DermisError(
+            "no touch screen in the scene",
+            where=f"device '{use.preset}'",
+            remedy="Add one with Add > Dermis > Touch Screen",
+        )
     if not use.screen:
         return range(len(names))
     if use.screen not in names:
-        raise DermisError("no such touch screen", where=f"device '{use.preset}'", value=use.screen,
-                          limit=", ".join(names), remedy="Choose a touch screen for the device")  # fmt: skip
+        raise DermisError(
+            "no such touch screen",
+            where=f"device '{use.preset}'",
+            value=use.screen,
+            limit=", ".join(names),
+            remedy="Choose a touch screen for the device",
+        )
     return [names.index(use.screen)]
 
 
@@ -77,8 +85,12 @@ def screen_path(touch: SampledTouch, scene: TactileScene, finger: int, index: in
     volume = np.abs(np.linalg.det(axes))
     flat = volume <= 1e-9 * lengths.prod(axis=1)
     if flat.any():
-        raise DermisError("the screen is scaled to nothing", where=where, value=f"frame {touch.frames[flat][0]:g}",
-                          limit="a scale other than zero")  # fmt: skip
+        raise DermisError(
+            "the screen is scaled to nothing",
+            where=where,
+            value=f"frame {touch.frames[flat][0]:g}",
+            limit="a scale other than zero",
+        )
     local = np.linalg.solve(axes, (pads - matrices[:, :3, 3])[..., None])[..., 0]
     # Across the screen the map goes with its object; from its plane the true distance counts.
     local[:, :2] *= lengths[0, :2]
@@ -131,8 +143,10 @@ class Settings:
 
     def touch_distance(self, screen: int) -> Array:
         """Return the distance [m] from which the pad touches: the screen's own, else the finger's."""
-        for prefix, owner in ((f"screen/{screen}/", self._scene.screens[screen]),
-                              (f"finger/{self._finger}/", self._scene.fingers[self._finger])):  # fmt: skip
+        for prefix, owner in (
+            (f"screen/{screen}/", self._scene.screens[screen]),
+            (f"finger/{self._finger}/", self._scene.fingers[self._finger]),
+        ):
             animated = self._channel(prefix + "touch_distance")
             if animated is not None:
                 return animated
@@ -167,13 +181,26 @@ def scale_findings(matrices: Array, name: str) -> list[Finding]:
     lengths = np.linalg.norm(matrices[:, :3, :3], axis=1)
     changed = (np.abs(lengths / np.maximum(lengths[0], 1e-30) - 1.0) > SCALE_CHANGE).any(axis=1)
     if changed.any():
-        findings.append(Finding("warning", "screen-scale-animated", "the screen's scale changes; slopes are those of "
-                                "its size at the start", where=f"screen '{name}'",
-                                count=int(changed.sum())))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "screen-scale-animated",
+                "the screen's scale changes; slopes are those of its size at the start",
+                where=f"screen '{name}'",
+                count=int(changed.sum()),
+            )
+        )
     units = matrices[:, :3, :3] / np.maximum(lengths, 1e-30)[:, None, :]
     sheared = np.abs(np.einsum("ni,ni->n", units[:, :, 0], units[:, :, 1])) > SHEAR
     if sheared.any():
-        findings.append(Finding("warning", "screen-sheared", "the screen is sheared; directions on it are distorted",
-                                where=f"screen '{name}'", remedy="Apply its scale, or its parent's",
-                                count=int(sheared.sum())))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "screen-sheared",
+                "the screen is sheared; directions on it are distorted",
+                where=f"screen '{name}'",
+                remedy="Apply its scale, or its parent's",
+                count=int(sheared.sum()),
+            )
+        )
     return findings

@@ -67,10 +67,13 @@ def stimulus_plot(use: ThimbleUse, forces: Array, found: ThimbleSequence, seed: 
     three = readout[:3]
     touched = found.wanted | found.pressing
     return StimulusPlot(
-        stimuli[chosen, :3], np.clip(configuration[chosen], -1.0, 1.0), _through(forces[touched], three),
-        _through(found.force[touched], three), None if found.predicted is None else found.predicted[touched, :3],
+        stimuli[chosen, :3],
+        np.clip(configuration[chosen], -1.0, 1.0),
+        _through(forces[touched], three),
+        _through(found.force[touched], three),
+        None if found.predicted is None else found.predicted[touched, :3],
         float(np.sqrt((about[:, 3:] ** 2).sum() / (about**2).sum())),
-    )  # fmt: skip
+    )
 
 
 def _through(force: NDArray[np.floating], readout: Array) -> Array:

@@ -85,15 +85,26 @@ class StressMatcher:
     """
 
     def __init__(
-        self, device: Thimble, contact: DiscContact, readout: Array, model: ForwardModel | None = None, *,
-        change: float | None = None, hover: float = HOVER, hush: float = 0.0, table: StartTable | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        device: Thimble,
+        contact: DiscContact,
+        readout: Array,
+        model: ForwardModel | None = None,
+        *,
+        change: float | None = None,
+        hover: float = HOVER,
+        hush: float = 0.0,
+        table: StartTable | None = None,
+    ) -> None:
         self.device, self.contact, self.hover, self.change, self.hush = device, contact, hover, change, hush
         self.direct = DirectModel(device, contact, readout)
         self.model: ForwardModel = self.direct if model is None else model
         if self.model.size != self.direct.size:
-            raise DermisError("model and readout have different components", where="thimble",
-                              value=f"{self.model.size} and {self.direct.size}")  # fmt: skip
+            raise DermisError(
+                "model and readout have different components",
+                where="thimble",
+                value=f"{self.model.size} and {self.direct.size}",
+            )
         self.limits = ServoLimits.of(device)
         self.rest_x = self._start_at(0.0, 0.0, -hover)
         self.table = start_table(device, contact, self.model) if table is None else table
@@ -130,8 +141,12 @@ class StressMatcher:
         """
         target = np.asarray(target, np.float64)
         if target.shape != (self.model.size,) or not np.isfinite(target).all():
-            raise DermisError("the target does not fit the model or is not finite", where="thimble",
-                              value=target.shape, limit=f"({self.model.size},), finite")  # fmt: skip
+            raise DermisError(
+                "the target does not fit the model or is not finite",
+                where="thimble",
+                value=target.shape,
+                limit=f"({self.model.size},), finite",
+            )
         limits = self.limits if self.change is None else self.limits.near(self.angles, self.change)
         size = float(np.sqrt(target @ target))
         minimum, searches, followed, rescued = None, 0, self._pressed, False
@@ -205,8 +220,20 @@ class StressMatcher:
         cost = 0.5 * float(residual @ residual)
         room, _ = limits.constraints(self.device, x)
         slowest = (int(room[:GIVES_WAY].argmin()),)  # it is the servos' speed that decides here, and no optimality
-        return Minimum(x, stimulus, residual, cost, cost, 0.0, slowest, np.zeros(1), room, goal.iterations,
-                       goal.evaluations + 1, "underway")  # fmt: skip
+        return Minimum(
+            x,
+            stimulus,
+            residual,
+            cost,
+            cost,
+            0.0,
+            slowest,
+            np.zeros(1),
+            room,
+            goal.iterations,
+            goal.evaluations + 1,
+            "underway",
+        )
 
     def _extrapolated(self, limits: ServoLimits) -> Array:
         """Return where the last two frames point to: there the right nodes slip from the first evaluation on."""
@@ -288,7 +315,9 @@ class StressMatcher:
             x[:2] *= 0.8
             x[2] = first_contact(self.device, self.contact, x[0], x[1]) - depth
         raise DermisError(
-            "the servo limits exclude first contact", where="thimble", value=f"distance {1e3 * x[2]:.2f} mm",
+            "the servo limits exclude first contact",
+            where="thimble",
+            value=f"distance {1e3 * x[2]:.2f} mm",
             limit=f"servo angles within {np.degrees(self.device.servo_range):.3g} deg",
             remedy="Change link lengths, servo range or mounting so that the level platform reaches the pad",
-        )  # fmt: skip
+        )

@@ -48,16 +48,25 @@ def sweep(spec: DeviceSpec, points: Array, rows: int | None = None) -> Array:
         share = sequence[:, :3]
         shift, yaw = float(p["sweep_shift"]), float(p["sweep_yaw"])
         extent = (2.0 * sequence[:, 3:] - 1.0) * np.array([shift, shift, yaw])
-    poses = platform_poses(points, low + (high - low) * share[:, 0], tilt * (2.0 * share[:, 1] - 1.0),
-                           tilt * (2.0 * share[:, 2] - 1.0), extent[:, :2], extent[:, 2])  # fmt: skip
+    poses = platform_poses(
+        points,
+        low + (high - low) * share[:, 0],
+        tilt * (2.0 * share[:, 1] - 1.0),
+        tilt * (2.0 * share[:, 2] - 1.0),
+        extent[:, :2],
+        extent[:, 2],
+    )
     commands = device.commands(poses)
     ends = np.array([ends_of(c) for c in original_channels(spec)])
     outside = np.flatnonzero(((commands < ends[:, 0]) | (commands > ends[:, 1])).any(axis=1))
     if len(outside):
         worst = commands[outside[0]]
-        raise DermisError("the sweep asks for more than the motors can do", where=f"device preset '{spec.key}'",
-                          value=f"{len(outside)} of {len(commands)} rows, first {worst.round(4).tolist()}",
-                          limit=f"{ends[:, 0].min():.4g} to {ends[:, 1].max():.4g}")  # fmt: skip
+        raise DermisError(
+            "the sweep asks for more than the motors can do",
+            where=f"device preset '{spec.key}'",
+            value=f"{len(outside)} of {len(commands)} rows, first {worst.round(4).tolist()}",
+            limit=f"{ends[:, 0].min():.4g} to {ends[:, 1].max():.4g}",
+        )
     return commands
 
 

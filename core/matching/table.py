@@ -61,11 +61,19 @@ class SkinTable:
     def __post_init__(self) -> None:
         n = len(self.commands)
         if n < NEIGHBOURS:
-            raise DermisError("too few rows", where="look-up table", value=n, limit=f">= {NEIGHBOURS}",
-                              remedy="Sweep more configurations, or press deeper")  # fmt: skip
+            raise DermisError(
+                "too few rows",
+                where="look-up table",
+                value=n,
+                limit=f">= {NEIGHBOURS}",
+                remedy="Sweep more configurations, or press deeper",
+            )
         if self.commands.ndim != 2 or self.readings.ndim != 2 or len(self.readings) != n:
-            raise DermisError("commands and readings do not fit", where="look-up table",
-                              value=f"{self.commands.shape}, {self.readings.shape}")  # fmt: skip
+            raise DermisError(
+                "commands and readings do not fit",
+                where="look-up table",
+                value=f"{self.commands.shape}, {self.readings.shape}",
+            )
         if self.scale.shape != (self.commands.shape[1],) or not (self.scale > 0.0).all():
             raise DermisError("each motor needs a range above zero", where="look-up table", value=self.scale.tolist())
         if not np.isfinite(self.commands).all():
@@ -90,9 +98,12 @@ class SkinTable:
         rows = np.flatnonzero(told)
         if len(rows) < NEIGHBOURS:
             raise DermisError(
-                "too few rows can be told from rest", where="look-up table", value=len(rows),
-                limit=f">= {NEIGHBOURS}", remedy="Press deeper, or use a sensor with less noise",
-            )  # fmt: skip
+                "too few rows can be told from rest",
+                where="look-up table",
+                value=len(rows),
+                limit=f">= {NEIGHBOURS}",
+                remedy="Press deeper, or use a sensor with less noise",
+            )
         return rows
 
     @cached_property
@@ -123,10 +134,16 @@ class SkinTable:
     def save(self, path: Path) -> None:
         """Write the table, whole or not at all: commands in single precision, readings in 16 bits."""
         header = np.frombuffer(json.dumps({"format": FORMAT, **self.meta}, sort_keys=True).encode(), np.uint8)
-        write_npz(Path(path), {
-            "header": header, "commands": self.commands.astype(np.float32), "readings": self.readings,
-            "rest": np.array(self.rest), "scale": self.scale,
-        })  # fmt: skip
+        write_npz(
+            Path(path),
+            {
+                "header": header,
+                "commands": self.commands.astype(np.float32),
+                "readings": self.readings,
+                "rest": np.array(self.rest),
+                "scale": self.scale,
+            },
+        )
 
     @classmethod
     def load(cls, path: Path) -> SkinTable:
@@ -137,19 +154,30 @@ class SkinTable:
         """
         where = str(path)
         if Path(path).suffix.lower() == ".csv":
-            raise DermisError("a recorded table is not one to render with yet", where=where, limit=".npz",
-                              remedy="Convert it: core design --table FILE.csv --save-table FILE.npz")  # fmt: skip
+            raise DermisError(
+                "a recorded table is not one to render with yet",
+                where=where,
+                limit=".npz",
+                remedy="Convert it: core design --table FILE.csv --save-table FILE.npz",
+            )
         with opened_npz(path, where, "a look-up table") as archive:
             meta = json_of(archive.array("header").tobytes(), f"{where}, header")
             commands, readings, rest, scale = (archive.array(n) for n in ("commands", "readings", "rest", "scale"))
         if not isinstance(meta, dict) or meta.pop("format", None) != FORMAT:
             raise DermisError("not a look-up table of this version", where=where, limit=FORMAT)
-        for name, array, sides, kinds in (("commands", commands, 2, "f"), ("readings", readings, 2, "uif"),
-                                          ("rest", rest, 0, "ui"), ("scale", scale, 1, "f")):  # fmt: skip
+        for name, array, sides, kinds in (
+            ("commands", commands, 2, "f"),
+            ("readings", readings, 2, "uif"),
+            ("rest", rest, 0, "ui"),
+            ("scale", scale, 1, "f"),
+        ):
             if array.ndim != sides or array.dtype.kind not in kinds or not np.isfinite(array).all():
-                raise DermisError("not the numbers of a look-up table", where=f"{where}, {name}",
-                                  value=f"{array.dtype} {array.shape}"[:80],
-                                  remedy="Collect the table again")  # fmt: skip
+                raise DermisError(
+                    "not the numbers of a look-up table",
+                    where=f"{where}, {name}",
+                    value=f"{array.dtype} {array.shape}"[:80],
+                    remedy="Collect the table again",
+                )
         return cls(commands.astype(np.float64), readings, int(rest), scale.astype(np.float64), 0.0, meta)
 
 
@@ -163,8 +191,11 @@ def tabulate(readings: Readings, commands: Array, pressed: Pressed) -> tuple[Arr
     good = (pressed.imbalance <= UNBALANCED) & (pressed.residual <= UNSETTLED)
     keep = good & pressed.touching
     counts = quantised(readings.counts(pressed.force[keep]))
-    left = {"rest_rows": int((good & ~pressed.touching).sum()), "unbalanced_rows": int((~good).sum()),
-            "saturated_rows": saturated(counts)}  # fmt: skip
+    left = {
+        "rest_rows": int((good & ~pressed.touching).sum()),
+        "unbalanced_rows": int((~good).sum()),
+        "saturated_rows": saturated(counts),
+    }
     return commands[keep], counts, left
 
 
@@ -182,8 +213,14 @@ def assemble(
     """Put the rest row before the rows that touch, and say whose table it is."""
     rest_command = mechanism(spec).rest
     readings = np.vstack([quantised(sensor.rest[None]), counts])
-    about = {"device": spec.key, "device_hash": spec.hash, "mechanism": mechanism_key(spec), "skin": skin.key,
-             "material": repr(skin.material), **meta}  # fmt: skip
+    about = {
+        "device": spec.key,
+        "device_hash": spec.hash,
+        "mechanism": mechanism_key(spec),
+        "skin": skin.key,
+        "material": repr(skin.material),
+        **meta,
+    }
     return SkinTable(np.vstack([rest_command, commands]), readings, 0, scale_of(spec), 0.0, about)
 
 
@@ -195,14 +232,29 @@ def belongs(table: SkinTable, spec: DeviceSpec, skin: SkinModel | None = None, w
     """
     where, motors = where or "look-up table", len(mechanism(spec).rest)
     if table.commands.shape[1] != motors:
-        raise DermisError("the table is of another device", where=where, value=f"{table.commands.shape[1]} motors",
-                          limit=f"{motors} motors")  # fmt: skip
+        raise DermisError(
+            "the table is of another device",
+            where=where,
+            value=f"{table.commands.shape[1]} motors",
+            limit=f"{motors} motors",
+        )
     if table.meta.get("mechanism", mechanism_key(spec)) != mechanism_key(spec):
-        raise DermisError("the table is of another device, or of one with other dimensions", where=where,
-                          value=table.meta.get("device"), limit=f"device preset '{spec.key}' as it is now",
-                          remedy="Collect a table for this preset")  # fmt: skip
+        raise DermisError(
+            "the table is of another device, or of one with other dimensions",
+            where=where,
+            value=table.meta.get("device"),
+            limit=f"device preset '{spec.key}' as it is now",
+            remedy="Collect a table for this preset",
+        )
     own = None if skin is None else (skin.key, repr(skin.material))
     if own is None or own == (table.meta.get("skin", own[0]), table.meta.get("material", own[1])):
         return ()
-    return (Finding("warning", "other-skin", "the table was made for another skin, so commands are off", where,
-                    remedy="Collect a table for this finger's size, accuracy and stiffness"),)  # fmt: skip
+    return (
+        Finding(
+            "warning",
+            "other-skin",
+            "the table was made for another skin, so commands are off",
+            where,
+            remedy="Collect a table for this finger's size, accuracy and stiffness",
+        ),
+    )

@@ -13,14 +13,14 @@ from ..cache import cache_key
 from ..devices.spec import DeviceSpec
 from ..devices.thimble import FIRM, Thimble
 from ..errors import DermisError, Finding, Severity
-from ..scene import DeviceUse, TactileScene, sample_count
+from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
 from ..surrogate.dataset import drain, record
 from ..surrogate.forward import DirectModel, ForwardModel
 from ..surrogate.learned import Descriptors, descriptors
 from ..surrogate.store import contact_of, device_key
 from ..surrogate.subspace import TOLERANCE
-from ..track import CommandTrack
+from ..track.command_track import CommandTrack
 from .baselines import contact_patch, fit_plane, total_force
 from .rendered import Rendered
 from .start_table import StartTable, start_table
@@ -57,10 +57,17 @@ def describe(device: Thimble, skin: SkinModel, friction: float, tolerance: float
 
 
 def matcher(
-    device: Thimble, skin: SkinModel, method: str = "stress", *, friction: float = FRICTION,
-    readout: Array | None = None, model: ForwardModel | None = None, change: float | None = None,
-    hover: float = HOVER, hush: float = 0.0,
-) -> StressMatcher:  # fmt: skip
+    device: Thimble,
+    skin: SkinModel,
+    method: str = "stress",
+    *,
+    friction: float = FRICTION,
+    readout: Array | None = None,
+    model: ForwardModel | None = None,
+    change: float | None = None,
+    hover: float = HOVER,
+    hush: float = 0.0,
+) -> StressMatcher:
     """Return what follows targets by a method.
 
     Args:
@@ -76,8 +83,12 @@ def matcher(
     if method not in METHODS:
         raise DermisError("unknown method", where="thimble", value=method, limit=", ".join(METHODS))
     if method in LEARNED and model is None:
-        raise DermisError("the method needs a surrogate", where="thimble", value=method,
-                          remedy="Adapt one to this finger, or use the direct method")  # fmt: skip
+        raise DermisError(
+            "the method needs a surrogate",
+            where="thimble",
+            value=method,
+            remedy="Adapt one to this finger, or use the direct method",
+        )
     contact = contact_of(device, skin, friction)
     if method == "force":
         readout = total_force(skin.pad_count)
@@ -124,8 +135,16 @@ def follower(use: ThimbleUse, change: float | None = None) -> Follower:
     Raises:
         DermisError: servo limits that exclude contact.
     """
-    found = matcher(use.device, use.skin, use.method, friction=use.friction, readout=use.readout, model=use.learned,
-                    change=change, hover=use.hover)  # fmt: skip
+    found = matcher(
+        use.device,
+        use.skin,
+        use.method,
+        friction=use.friction,
+        readout=use.readout,
+        model=use.learned,
+        change=change,
+        hover=use.hover,
+    )
     return Follower(found, use.skin, use.method)
 
 
@@ -135,9 +154,16 @@ def match_touch(use: ThimbleUse, forces: Array, change: float | None = None) -> 
 
 
 def match_sequence(
-    device: Thimble, skin: SkinModel, forces: Array, method: str = "stress", *, friction: float = FRICTION,
-    readout: Array | None = None, model: ForwardModel | None = None, change: float | None = None,
-) -> Generator[tuple[int, int], None, ThimbleSequence]:  # fmt: skip
+    device: Thimble,
+    skin: SkinModel,
+    forces: Array,
+    method: str = "stress",
+    *,
+    friction: float = FRICTION,
+    readout: Array | None = None,
+    model: ForwardModel | None = None,
+    change: float | None = None,
+) -> Generator[tuple[int, int], None, ThimbleSequence]:
     """Match a sequence of virtual touches; yields frames done and in all. See `matcher` for the arguments.
 
     Args:
@@ -159,8 +185,12 @@ def _through(following: Follower, forces: Array) -> Generator[tuple[int, int], N
     forces = np.asarray(forces, np.float64).reshape(len(forces), -1)
     nodes = following.skin.pad_count
     if forces.shape[1] != 3 * nodes or not np.isfinite(forces).all():
-        raise DermisError("the target's forces do not fit the skin or are not finite", where="thimble",
-                          value=forces.shape, limit=f"(n, {3 * nodes})")  # fmt: skip
+        raise DermisError(
+            "the target's forces do not fit the skin or are not finite",
+            where="thimble",
+            value=forces.shape,
+            limit=f"(n, {3 * nodes})",
+        )
     frames = []
     for i, force in enumerate(forces):
         frames.append(following.step(force))
@@ -192,14 +222,21 @@ def render(
     columns.update(zip(("pitch", "roll", "distance"), found.x.T, strict=True))
     unknown = [c.name for c in spec.channels if c.name not in columns]
     if unknown:
-        raise DermisError("the thimble has no such channel", where=f"device preset '{spec.key}'",
-                          value=", ".join(unknown), limit=", ".join(columns))  # fmt: skip
-    track = CommandTrack(spec, times, np.stack([columns[c.name] for c in spec.channels], axis=1),
-                         {"method": used.method})  # fmt: skip
+        raise DermisError(
+            "the thimble has no such channel",
+            where=f"device preset '{spec.key}'",
+            value=", ".join(unknown),
+            limit=", ".join(columns),
+        )
+    track = CommandTrack(
+        spec, times, np.stack([columns[c.name] for c in spec.channels], axis=1), {"method": used.method}
+    )
     signals = {
-        "contact": found.wanted.astype(np.float64), "mismatch": found.mismatch,
-        "normal_force": found.force[:, :, 2].sum(axis=1, dtype=np.float64), "target_force": forces[:, :, 2].sum(axis=1),
-    }  # fmt: skip
+        "contact": found.wanted.astype(np.float64),
+        "mismatch": found.mismatch,
+        "normal_force": found.force[:, :, 2].sum(axis=1, dtype=np.float64),
+        "target_force": forces[:, :, 2].sum(axis=1),
+    }
     if used.method in LEARNED:
         signals["rescued"] = found.rescued.astype(np.float64)
     return Rendered(track, signals, tuple(findings), {"thimble frames without touch": int((~found.wanted).sum())})
@@ -228,21 +265,43 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
         what = "a servo's range or speed holds the match back"
         out.append(Finding("info", "servo-limit", what, where, count=limited))
     if steep:
-        out.append(Finding("warning" if steep > STEEP * wanted else "info", "singular-pose",
-                           "a better match lies where the platform gives way although its servos are held", where,
-                           limit=f"firmness >= {FIRM:g}", remedy="Touch less steeply, or use other link lengths",
-                           count=steep))  # fmt: skip
+        out.append(
+            Finding(
+                "warning" if steep > STEEP * wanted else "info",
+                "singular-pose",
+                "a better match lies where the platform gives way although its servos are held",
+                where,
+                limit=f"firmness >= {FIRM:g}",
+                remedy="Touch less steeply, or use other link lengths",
+                count=steep,
+            )
+        )
     if rescued:
         share = f"{rescued} of {wanted} touched samples"
-        out.append(Finding("warning" if rescued > DOUBTFUL * wanted else "info", "rescued",
-                           f"the surrogate was wrong and the direct search took its place in {share}", where,
-                           limit=f"a contact within {100 * MISTRUST:g} % of what the surrogate expected",
-                           remedy="Adapt a surrogate from more movements, or use the direct method",
-                           count=rescued))  # fmt: skip
+        out.append(
+            Finding(
+                "warning" if rescued > DOUBTFUL * wanted else "info",
+                "rescued",
+                f"the surrogate was wrong and the direct search took its place in {share}",
+                where,
+                limit=f"a contact within {100 * MISTRUST:g} % of what the surrogate expected",
+                remedy="Adapt a surrogate from more movements, or use the direct method",
+                count=rescued,
+            )
+        )
     rough = int((found.kkt > UNFINISHED).sum())
     if rough:
-        out.append(Finding("info", "at-a-kink", "the match ends where nodes begin to slip or to touch", where,
-                           float(found.kkt.max()), f"KKT residual <= {UNFINISHED:g}", count=rough))  # fmt: skip
+        out.append(
+            Finding(
+                "info",
+                "at-a-kink",
+                "the match ends where nodes begin to slip or to touch",
+                where,
+                float(found.kkt.max()),
+                f"KKT residual <= {UNFINISHED:g}",
+                count=rough,
+            )
+        )
     lost = int((found.wanted & ~found.pressing).sum())
     if lost:
         # a frame or two at first touch is what any device with a speed needs

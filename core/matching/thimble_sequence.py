@@ -55,16 +55,21 @@ def collect(frames: list[ThimbleFrame], nodes: int, method: str) -> ThimbleSeque
     if method not in ("force", "geometry"):
         predicted = np.array([np.zeros_like(f.stimulus) if f.minimum is None else f.minimum.stimulus for f in frames])
     return ThimbleSequence(
-        np.array([f.x for f in frames]), np.array([f.angles for f in frames]),
-        np.array([f.solution.spread(nodes) for f in frames], np.float32), np.array([f.mismatch for f in frames]),
+        np.array([f.x for f in frames]),
+        np.array([f.angles for f in frames]),
+        np.array([f.solution.spread(nodes) for f in frames], np.float32),
+        np.array([f.mismatch for f in frames]),
         np.array([0.0 if m is None else m.kkt for m in found]),
         np.array([0 if m is None else m.iterations for m in found]),
         np.array([0 if m is None else m.evaluations for m in found]),
-        np.array([f.touching for f in frames]), np.array([m is not None for m in found]),
+        np.array([f.touching for f in frames]),
+        np.array([m is not None for m in found]),
         np.array([m is not None and any(a != GIVES_WAY for a in m.active) for m in found]),
-        np.array([m is not None and GIVES_WAY in m.active for m in found]), np.array([f.rescued for f in frames]),
-        method, predicted,
-    )  # fmt: skip
+        np.array([m is not None and GIVES_WAY in m.active for m in found]),
+        np.array([f.rescued for f in frames]),
+        method,
+        predicted,
+    )
 
 
 def finish(steps: Generator[tuple[int, int], None, ThimbleSequence]) -> ThimbleSequence:

@@ -77,9 +77,12 @@ def fitted(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any]) -> 
     felt = np.array([float(parameters.get(f"thimble_felt_{i}", 0.0)) for i in (1, 2, 3)])
     low, high = device.servo_limits
     if not np.isfinite(felt).all() or (felt < low).any() or (felt > high).any():
-        raise DermisError("the first contact was felt outside the servos' range", where=f"{spec.key}, calibration",
-                          value=", ".join(f"{np.degrees(a):.1f}" for a in felt) + " deg",
-                          limit=f"{np.degrees(low.max()):.3g} to {np.degrees(high.min()):.3g} deg")  # fmt: skip
+        raise DermisError(
+            "the first contact was felt outside the servos' range",
+            where=f"{spec.key}, calibration",
+            value=", ".join(f"{np.degrees(a):.1f}" for a in felt) + " deg",
+            limit=f"{np.degrees(low.max()):.3g} to {np.degrees(high.min()):.3g} deg",
+        )
     return calibrated(device, contact_of(device, skin, friction), felt), friction
 
 
@@ -100,8 +103,12 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
     if method not in METHODS:
         raise DermisError("unknown method", where=where, value=method, limit=", ".join(METHODS))
     if not 0.0 < hover <= LARGEST_HOVER:
-        raise DermisError("the disc cannot wait at that distance", where=where, value=f"{1e3 * hover:g} mm",
-                          limit=f"above 0, up to {1e3 * LARGEST_HOVER:g} mm")  # fmt: skip
+        raise DermisError(
+            "the disc cannot wait at that distance",
+            where=where,
+            value=f"{1e3 * hover:g} mm",
+            limit=f"above 0, up to {1e3 * LARGEST_HOVER:g} mm",
+        )
     near = _near(spec, device, contact_of(device, skin, friction))
     if method not in LEARNED:
         return ThimbleUse(device, skin, friction, hover, method, None, None, near)
@@ -110,8 +117,15 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
         readout, learned = made.descriptors.readout, made.model(skin, method)
         try_out(learned, _poses(device, contact_of(device, skin, friction)), where)
     except DermisError as error:
-        finding = Finding("warning", "surrogate", f"the direct method was used: {error.what}", where, error.value,
-                          error.limit, error.remedy)  # fmt: skip
+        finding = Finding(
+            "warning",
+            "surrogate",
+            f"the direct method was used: {error.what}",
+            where,
+            error.value,
+            error.limit,
+            error.remedy,
+        )
         return ThimbleUse(device, skin, friction, hover, "stress", None, None, (finding, *near))
     return ThimbleUse(device, skin, friction, hover, method, readout, learned, near)
 
@@ -126,10 +140,17 @@ def _near(spec: DeviceSpec, device: Thimble, contact: DiscContact) -> tuple[Find
     room = float(contact.gap(placed(device, device.pose(x))).min())
     if room >= CLEAR:
         return ()
-    return (Finding("warning", "safe-pose-near", "the safe pose is not clear of this finger",
-                    where=f"device preset '{spec.key}', safe", value=f"{1e3 * room:.1f} mm",
-                    limit=f">= {1e3 * CLEAR:g} mm",
-                    remedy="State one further away in a preset, or seat the device nearer to the nail"),)  # fmt: skip
+    return (
+        Finding(
+            "warning",
+            "safe-pose-near",
+            "the safe pose is not clear of this finger",
+            where=f"device preset '{spec.key}', safe",
+            value=f"{1e3 * room:.1f} mm",
+            limit=f">= {1e3 * CLEAR:g} mm",
+            remedy="State one further away in a preset, or seat the device nearer to the nail",
+        ),
+    )
 
 
 def _poses(device: Thimble, contact: DiscContact) -> list[Array]:
@@ -146,7 +167,10 @@ def surrogate_path(parameters: Mapping[str, Any], skin: SkinModel, device: Thimb
     """
     given = str(parameters.get("thimble_surrogate", ""))
     if not given:
-        raise DermisError("no surrogate was adapted to this finger", where="thimble",
-                          remedy="Adapt one to this finger, or use the direct method")  # fmt: skip
+        raise DermisError(
+            "no surrogate was adapted to this finger",
+            where="thimble",
+            remedy="Adapt one to this finger, or use the direct method",
+        )
     path = Path(given)
     return place_of(path, skin, device, friction) if os.path.isdir(path) else path

@@ -29,8 +29,10 @@ class Spline:
         self.times = np.asarray(times, dtype=np.float64)
         self.values = np.asarray(values, dtype=np.float64)
         if len(self.times) == 0 or len(self.times) != len(self.values):
-            raise DermisError("motion needs one pose per sample and at least one sample",
-                              value=f"{len(self.times)} times, {len(self.values)} poses")  # fmt: skip
+            raise DermisError(
+                "motion needs one pose per sample and at least one sample",
+                value=f"{len(self.times)} times, {len(self.values)} poses",
+            )
         if not np.isfinite(self.values).all():
             raise DermisError("motion has values that are not finite numbers")
         if len(self.times) > 1 and not (np.diff(self.times) > 0.0).all():

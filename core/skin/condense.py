@@ -87,9 +87,11 @@ def _condense(matrix: csr_array, pad: Index, response: bool) -> Condensed:
         factor, info = dpotrf(block, lower=1, clean=1, overwrite_a=1)
         if info != 0:
             raise DermisError(
-                "the stiffness matrix is not positive definite", where="skin", value=f"pivot {info} of level {i}",
+                "the stiffness matrix is not positive definite",
+                where="skin",
+                value=f"pivot {info} of level {i}",
                 remedy="Fix more nodes, or repair flat elements",
-            )  # fmt: skip
+            )
         sweep = dtrsm(1.0, factor, right, lower=1, overwrite_b=1) if active else right
         if active:
             compliance[:active, :active] += dsyrk(1.0, sweep, trans=1, lower=1)
@@ -112,9 +114,14 @@ def _condense(matrix: csr_array, pad: Index, response: bool) -> Condensed:
 
 
 def _sweep_back(
-    factors: list[Array], couplings: list[Array], sweeps: list[Array], degrees: Index, ends: Index, back: Index,
+    factors: list[Array],
+    couplings: list[Array],
+    sweeps: list[Array],
+    degrees: Index,
+    ends: Index,
+    back: Index,
     out: NDArray[np.float32],
-) -> None:  # fmt: skip
+) -> None:
     """Solve L' U = Y level by level from the last, and write U transposed, in the caller's order."""
     from scipy.linalg.blas import dgemm, dtrsm
 

@@ -71,10 +71,14 @@ def disk_quads(across: int, along: int, rings: int) -> DiskQuads:
 
     # The rim is divided evenly between the angles of the block's corners.
     back, front = np.arctan2(PAD_HALF, PAD_BACK), np.pi - np.arctan2(PAD_HALF, PAD_FRONT)
-    angle = np.concatenate([
-        np.linspace(-front, -back, m + 1)[:-1], np.linspace(-back, back, n + 1)[:-1],
-        np.linspace(back, front, m + 1)[:-1], np.linspace(front, 2 * np.pi - front, n + 1)[:-1],
-    ])  # fmt: skip
+    angle = np.concatenate(
+        [
+            np.linspace(-front, -back, m + 1)[:-1],
+            np.linspace(-back, back, n + 1)[:-1],
+            np.linspace(back, front, m + 1)[:-1],
+            np.linspace(front, 2 * np.pi - front, n + 1)[:-1],
+        ]
+    )
     rim = np.exp(1j * angle)
     first = 2.0 * half / m / (1.0 - PAD_BACK)
     steps = np.cumsum(_growth(first, rings) ** np.arange(rings))

@@ -31,9 +31,12 @@ class Elastic:
                 raise DermisError("must be above zero", where=f"skin material, {name}", value=value, limit="> 0")
         if not 0.0 <= self.poisson <= POISSON_LIMIT:
             raise DermisError(
-                "Poisson's ratio out of range", where="skin material, poisson", value=self.poisson,
-                limit=f"0 to {POISSON_LIMIT}", remedy="Soft tissue is near 0.48",
-            )  # fmt: skip
+                "Poisson's ratio out of range",
+                where="skin material, poisson",
+                value=self.poisson,
+                limit=f"0 to {POISSON_LIMIT}",
+                remedy="Soft tissue is near 0.48",
+            )
 
     @property
     def modulus(self) -> float:

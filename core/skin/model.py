@@ -90,9 +90,10 @@ class SkinModel:
     def with_material(self, *, young: float | None = None, alpha: float | None = None) -> SkinModel:
         """Return the same skin of another stiffness: no work, all tables are shared."""
         material = replace(
-            self.material, young=self.material.young if young is None else young,
+            self.material,
+            young=self.material.young if young is None else young,
             alpha=self.material.alpha if alpha is None else alpha,
-        )  # fmt: skip
+        )
         other = replace(self, material=material)
         shared = ("unit_response", "_unit_stress", "probes")
         other.__dict__.update({name: self.__dict__[name] for name in shared if name in self.__dict__})
@@ -222,16 +223,22 @@ class SkinModel:
         flat = np.ascontiguousarray(force, np.float64).reshape(-1)
         if flat.size != 3 * self.pad_count:
             raise DermisError(
-                "forces do not fit the pad", where=f"skin '{self.mesh.name}'", value=np.shape(force),
+                "forces do not fit the pad",
+                where=f"skin '{self.mesh.name}'",
+                value=np.shape(force),
                 limit=f"({self.pad_count}, 3)",
-            )  # fmt: skip
+            )
         return flat
 
 
 def fingertip_skin(
-    shape: FingertipShape | None = None, material: Elastic | None = None, *, level: str = "standard",
-    element: Element = "anp", cache: Cache | None = None,
-) -> SkinModel:  # fmt: skip
+    shape: FingertipShape | None = None,
+    material: Elastic | None = None,
+    *,
+    level: str = "standard",
+    element: Element = "anp",
+    cache: Cache | None = None,
+) -> SkinModel:
     """Return the skin of a parametric fingertip, from the cache where it is there.
 
     Args:

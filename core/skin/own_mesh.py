@@ -33,6 +33,10 @@ def own_mesh(parameters: Mapping[str, Any], where: str) -> TetraMesh:
     path = Path(str(parameters["mesh"]))
     wanted = str(parameters.get("mesh_hash", ""))
     if wanted and digest(path) != wanted:
-        raise DermisError("the skin's mesh file has changed since the scene was sampled", where=where, value=path.name,
-                          remedy="Sample the scene again")  # fmt: skip
+        raise DermisError(
+            "the skin's mesh file has changed since the scene was sampled",
+            where=where,
+            value=path.name,
+            remedy="Sample the scene again",
+        )
     return load_mesh(path)

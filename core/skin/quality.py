@@ -111,17 +111,21 @@ def check_mesh(mesh: TetraMesh) -> None:
         array = getattr(mesh, label)
         if array.size and (array.min() < 0 or array.max() >= len(nodes)):
             raise DermisError(
-                f"'{label}' names a node that does not exist", where=where,
-                value=int(array.min() if array.min() < 0 else array.max()), limit=f"0 to {len(nodes) - 1}",
-            )  # fmt: skip
+                f"'{label}' names a node that does not exist",
+                where=where,
+                value=int(array.min() if array.min() < 0 else array.max()),
+                limit=f"0 to {len(nodes) - 1}",
+            )
     _check_elements(nodes, tetrahedra, where)
     used = np.zeros(len(nodes), bool)
     used[tetrahedra] = True
     if not used.all():
         raise DermisError(
-            "hanging nodes: no element uses them", where=where, value=f"{np.count_nonzero(~used)}, first "
-            f"{int(np.flatnonzero(~used)[0])}", remedy="Remove them from the mesh",
-        )  # fmt: skip
+            "hanging nodes: no element uses them",
+            where=where,
+            value=f"{np.count_nonzero(~used)}, first {int(np.flatnonzero(~used)[0])}",
+            remedy="Remove them from the mesh",
+        )
     _check_faces(tetrahedra, where)
     _check_hanging(nodes, tetrahedra, where)
     _check_sets(mesh, where)
@@ -140,9 +144,12 @@ def _check_elements(nodes: Array, tetrahedra: NDArray[np.integer], where: str) -
         kind = "inverted" if volumes[bad].min() < 0 else "flat"
         worst = int(bad[np.argmin(volumes[bad])])
         raise DermisError(
-            f"{len(bad)} {kind} elements", where=where, value=f"element {worst}, {volumes[worst]:.3g} m^3",
-            limit="positive volume", remedy="Order each element's nodes so that its volume is positive",
-        )  # fmt: skip
+            f"{len(bad)} {kind} elements",
+            where=where,
+            value=f"element {worst}, {volumes[worst]:.3g} m^3",
+            limit="positive volume",
+            remedy="Order each element's nodes so that its volume is positive",
+        )
 
 
 def _check_faces(tetrahedra: NDArray[np.integer], where: str) -> None:
@@ -150,9 +157,11 @@ def _check_faces(tetrahedra: NDArray[np.integer], where: str) -> None:
     unique, count = np.unique(faces, axis=0, return_counts=True)
     if count.max() > 2:
         raise DermisError(
-            "a face belongs to more than two elements", where=where, value=unique[np.argmax(count)].tolist(),
+            "a face belongs to more than two elements",
+            where=where,
+            value=unique[np.argmax(count)].tolist(),
             remedy="Elements overlap; mesh the volume again",
-        )  # fmt: skip
+        )
 
 
 def _check_hanging(nodes: Array, tetrahedra: NDArray[np.integer], where: str) -> None:
@@ -185,17 +194,22 @@ def _check_hanging(nodes: Array, tetrahedra: NDArray[np.integer], where: str) ->
         if inside.any():
             bad = int(np.flatnonzero(inside)[0])
             raise DermisError(
-                "a node hangs on another element's edge", where=where,
-                value=f"node {int(node[bad])} on edge {edges[edge[bad]].tolist()}", remedy="Make the mesh conforming",
-            )  # fmt: skip
+                "a node hangs on another element's edge",
+                where=where,
+                value=f"node {int(node[bad])} on edge {edges[edge[bad]].tolist()}",
+                remedy="Make the mesh conforming",
+            )
 
 
 def _check_sets(mesh: TetraMesh, where: str) -> None:
     if len(mesh.fixed) < 3:
         raise DermisError(
-            "too few fixed nodes: the tissue would float", where=where, value=len(mesh.fixed), limit=">= 3",
+            "too few fixed nodes: the tissue would float",
+            where=where,
+            value=len(mesh.fixed),
+            limit=">= 3",
             remedy="Name the nodes on bone and nail",
-        )  # fmt: skip
+        )
     if len(mesh.pad) == 0:
         raise DermisError("no pad nodes: nothing could touch", where=where, remedy="Name the nodes that may touch")
     both = np.intersect1d(mesh.fixed, mesh.pad)
@@ -212,9 +226,11 @@ def _check_sets(mesh: TetraMesh, where: str) -> None:
     held = np.array([np.count_nonzero(part_of[mesh.fixed] == p) for p in parts])
     if (held < 3).any():
         raise DermisError(
-            "a part of the mesh is not held", where=where, value=f"{np.count_nonzero(held < 3)} of {len(parts)} parts",
+            "a part of the mesh is not held",
+            where=where,
+            value=f"{np.count_nonzero(held < 3)} of {len(parts)} parts",
             limit="three fixed nodes in each part",
-        )  # fmt: skip
+        )
     corners = mesh.nodes[mesh.fixed]
     spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
     if spread[1] < 1e-9 * max(spread[0], 1e-300):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
-from ..scene import Mesh
+from ..scene.tactile_scene import Mesh
 from ..units import number
 from .disk import disk_quads, split_quads
 
@@ -64,9 +64,11 @@ class FingertipShape:
         self._below("bone_margin + half the bone's width", head, "length", self.length)
         if self.bone_bed < MIN_TISSUE or self.bone_margin < MIN_TISSUE:
             raise DermisError(
-                "too little soft tissue round the bone", where="fingertip, bone_bed or bone_margin",
-                value=min(self.bone_bed, self.bone_margin), limit=f">= {MIN_TISSUE} m",
-            )  # fmt: skip
+                "too little soft tissue round the bone",
+                where="fingertip, bone_bed or bone_margin",
+                value=min(self.bone_bed, self.bone_margin),
+                limit=f">= {MIN_TISSUE} m",
+            )
 
     @property
     def height_palm(self) -> float:
@@ -94,11 +96,15 @@ class FingertipShape:
         base = cls()
         along, across, up = length / base.length, width / base.width, thickness / base.thickness
         own = {
-            "tip": base.tip * along, "nail_width": base.nail_width * across, "nail_length": base.nail_length * along,
-            "nail_margin": base.nail_margin * along, "bone_width": base.bone_width * across,
-            "bone_thickness": base.bone_thickness * up, "bone_bed": base.bone_bed * up,
+            "tip": base.tip * along,
+            "nail_width": base.nail_width * across,
+            "nail_length": base.nail_length * along,
+            "nail_margin": base.nail_margin * along,
+            "bone_width": base.bone_width * across,
+            "bone_thickness": base.bone_thickness * up,
+            "bone_bed": base.bone_bed * up,
             "bone_margin": base.bone_margin * along,
-        }  # fmt: skip
+        }
         return cls(width=width, thickness=thickness, length=length, **{**own, **lengths})
 
     def skin(self, chart: NDArray[np.complex128]) -> Array:
@@ -157,9 +163,12 @@ class FingertipShape:
     def _below(self, name: str, value: float, other: str, limit: float) -> None:
         if not value < limit:
             raise DermisError(
-                "does not fit into the finger", where=f"fingertip, {name}", value=f"{value * 1e3:.2f} mm",
-                limit=f"below {limit * 1e3:.2f} mm ({other})", remedy="Make it smaller, or the finger larger",
-            )  # fmt: skip
+                "does not fit into the finger",
+                where=f"fingertip, {name}",
+                value=f"{value * 1e3:.2f} mm",
+                limit=f"below {limit * 1e3:.2f} mm ({other})",
+                remedy="Make it smaller, or the finger larger",
+            )
 
 
 def fingertip_surface(shape: FingertipShape, *, across: int = 12, along: int = 16, rings: int = 8) -> Mesh:

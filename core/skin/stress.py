@@ -80,8 +80,14 @@ class StressOperator:
             starts = np.arange(0, 4 * count + 1, 4)
             mean = csr((np.full(4 * count, 0.25), self.mesh.tetrahedra.ravel(), starts), (count, len(self.mesh.nodes)))
             return (mean @ self.geometry.divergence).tocsr()
-        trace = csr((np.ones(3 * count), (6 * np.arange(count)[:, None] + np.arange(3)).ravel(),
-                     np.arange(0, 3 * count + 1, 3)), (count, 6 * count))  # fmt: skip
+        trace = csr(
+            (
+                np.ones(3 * count),
+                (6 * np.arange(count)[:, None] + np.arange(3)).ravel(),
+                np.arange(0, 3 * count + 1, 3),
+            ),
+            (count, 6 * count),
+        )
         return (trace @ self.strain_matrix).tocsr()
 
     def strain(self, displacement: Floats) -> Array:
@@ -187,12 +193,18 @@ def probes_at(mesh: TetraMesh, points: Array, depth: Array | float = np.nan, pad
     outside = np.flatnonzero(element < 0)
     if len(outside):
         raise DermisError(
-            "a probe lies outside the tissue", where=f"skin mesh '{mesh.name}'",
+            "a probe lies outside the tissue",
+            where=f"skin mesh '{mesh.name}'",
             value=f"{len(outside)} of {len(points)}, first at {np.round(points[outside[0]] * 1e3, 3).tolist()} mm",
-        )  # fmt: skip
+        )
     k = len(points)
-    return Probes(points, element, weights, np.broadcast_to(np.asarray(depth, float), k).copy(),
-                  np.broadcast_to(np.asarray(pad, np.int64), k).copy())  # fmt: skip
+    return Probes(
+        points,
+        element,
+        weights,
+        np.broadcast_to(np.asarray(depth, float), k).copy(),
+        np.broadcast_to(np.asarray(pad, np.int64), k).copy(),
+    )
 
 
 def receptor_probes(mesh: TetraMesh, depths: Sequence[float] = RECEPTOR_DEPTHS) -> Probes:

@@ -45,10 +45,14 @@ class SenderClient:
         _reap()
         try:
             self._process = subprocess.Popen(
-                command(*verb, "--board", str(self._board.path)), env=environment(), stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL, stderr=self._log, creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+                command(*verb, "--board", str(self._board.path)),
+                env=environment(),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=self._log,
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
                 cwd=tempfile.gettempdir(),
-            )  # fmt: skip
+            )
         except OSError as error:
             self._board.remove()
             self._log.close()
@@ -116,8 +120,12 @@ class SenderClient:
             words = self._before._board.read_status().get("words", "")
             self._pin()
             if self._before is not None:
-                return {**status, "state": "connecting", "armed": False,
-                        "words": f"waiting for the port: its sender of before still has it ({words})"}  # fmt: skip
+                return {
+                    **status,
+                    "state": "connecting",
+                    "armed": False,
+                    "words": f"waiting for the port: its sender of before still has it ({words})",
+                }
         if not self.alive:
             words = self._said() or f"status {self._process.returncode}"
             return {**status, "state": "dead", "armed": False, "words": f"The sender has ended: {words}"}

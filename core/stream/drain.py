@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 
-from .adapter import Adapter
+from .links.transport import Transport
 from .outbox import Outbox
-from .transport import Transport
+from .protocols.adapter import Adapter
 
 DRAIN = 1.0  # what has not left after this long is thrown away, and that is said [s]
 

@@ -44,8 +44,13 @@ class Gate:
     def limited(self) -> Counter[str]:
         """How many values 'range', 'disc', 'slew' or 'not_finite' changed, per 'channel.kind'."""
         names = self.wire.names
-        return Counter({f"{names[i]}.{kind}": int(counts[i]) for kind, counts in self._counts.items()
-                        for i in np.flatnonzero(counts)})  # fmt: skip
+        return Counter(
+            {
+                f"{names[i]}.{kind}": int(counts[i])
+                for kind, counts in self._counts.items()
+                for i in np.flatnonzero(counts)
+            }
+        )
 
     def driven(self, wanted: Array) -> Array:
         """Return calibrated values within the limits, without counting."""

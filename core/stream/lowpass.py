@@ -39,8 +39,13 @@ def low_passed(times: Array, values: Array, output_hz: float) -> tuple[Array, Ar
     if np.abs(steps - step).max() >= 1e-6 * step:
         count = math.ceil((times[-1] - times[0]) / min(step, 1 / (FINE * output_hz))) + 1
         if count > MOST:
-            raise DermisError("a track of uneven steps is too long to be played so finely", where="track",
-                              value=f"{count} samples", limit=str(MOST), remedy="Sample it evenly")  # fmt: skip
+            raise DermisError(
+                "a track of uneven steps is too long to be played so finely",
+                where="track",
+                value=f"{count} samples",
+                limit=str(MOST),
+                remedy="Sample it evenly",
+            )
         even = np.linspace(times[0], times[-1], count)
         times, values = even, interpolate(times, values, even)
         step = float(times[1] - times[0])
@@ -79,5 +84,7 @@ class Loss:
             parts.append(f"{self.names[i]} {largest:.2g} {unit} (rms {rms:.2g})")
         if not parts:
             return ""
-        return (f"{self.output_hz:g} values a second reach the actuators, so what the track holds above "
-                f"{self.output_hz / 2:g} Hz is not rendered: {', '.join(parts)}")  # fmt: skip
+        return (
+            f"{self.output_hz:g} values a second reach the actuators, so what the track holds above "
+            f"{self.output_hz / 2:g} Hz is not rendered: {', '.join(parts)}"
+        )

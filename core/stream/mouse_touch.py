@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 from ..errors import DermisError
-from .adapter import Touch
+from .protocols.adapter import Touch
 from .touch_input import TouchInput
 
 LONGER_SIDE = 800  # [pixels]
@@ -70,5 +70,9 @@ class MouseTouch(TouchInput):
 
 
 def _no_window(error: Exception) -> DermisError:
-    return DermisError("no window can be opened here", where="--touch mouse", value=str(error),
-                       remedy="Run it on a desktop with tkinter, or send touches by osc://:PORT")  # fmt: skip
+    return DermisError(
+        "no window can be opened here",
+        where="--touch mouse",
+        value=str(error),
+        remedy="Run it on a desktop with tkinter, or send touches by osc://:PORT",
+    )

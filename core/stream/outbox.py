@@ -6,9 +6,9 @@ import math
 from collections import Counter, deque
 from enum import Enum
 
-from .adapter import Adapter
-from .token_bucket import TokenBucket
-from .transport import Transport
+from .links.token_bucket import TokenBucket
+from .links.transport import Transport
+from .protocols.adapter import Adapter
 from .wire import Array
 
 MEMORY = 0.5  # a link that was congested without a word is not hurried for this long [s]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from .clock import Lateness
+from .protocols.clock import Lateness
 
 MARGIN = 0.25  # part of the look-ahead below which a sample is left out rather than late [1]
 

@@ -18,11 +18,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what `panel` takes beside device and protocol."""
     parser.add_argument("map", type=Path, metavar="MAP", help="a screen's map: NAME.map.npz, as exported")
     parser.add_argument("--url", required=True, help="port or URL of the device, 'virtual:' for the one in the box")
-    parser.add_argument("--touch", default="device", metavar="FROM", help="who tells where the finger is: the "
-                        "device's own panel ('device', if left out), osc://:PORT or osc://HOST:PORT to listen at, "
-                        "serial:PORT?baud=RATE, '-' for standard input, 'mouse' in a window")  # fmt: skip
-    parser.add_argument("--unit", default="mm", choices=("m", "mm"),
-                        help="of x and y in lines 'x y [down]', from the screen's centre (mm)")  # fmt: skip
+    parser.add_argument(
+        "--touch",
+        default="device",
+        metavar="FROM",
+        help="who tells where the finger is: the "
+        "device's own panel ('device', if left out), osc://:PORT or osc://HOST:PORT to listen at, "
+        "serial:PORT?baud=RATE, '-' for standard input, 'mouse' in a window",
+    )
+    parser.add_argument(
+        "--unit",
+        default="mm",
+        choices=("m", "mm"),
+        help="of x and y in lines 'x y [down]', from the screen's centre (mm)",
+    )
     parser.add_argument("--calibration", type=Path, metavar="FILE", help="calibration of this device")
     parser.add_argument("--rate", type=float, default=0.0, metavar="HZ", help="of commands (the device's own)")
     parser.add_argument("--yes", action="store_true", help="arm without asking")
@@ -40,23 +49,38 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
     from .play import Interrupted, Signals
     from .streamer import Streamer
     from .touch_input import touch_input
-    from .virtual_link import open_link
+    from .virtual.link import open_link
     from .wish import Wish, check_number
 
     check_number("rate", options.rate)
     if options.touch == "-" and not options.yes:
-        raise DermisError("standard input cannot both arm and tell touches", where="--touch -",
-                          remedy="Pass --yes, or take another source")  # fmt: skip
+        raise DermisError(
+            "standard input cannot both arm and tell touches",
+            where="--touch -",
+            remedy="Pass --yes, or take another source",
+        )
     if options.touch == "device" and options.protocol not in TELL_TOUCHES:
-        raise DermisError("this protocol tells no touches", where="--protocol", value=options.protocol,
-                          limit=", ".join(TELL_TOUCHES), remedy="Choose a source with --touch")  # fmt: skip
+        raise DermisError(
+            "this protocol tells no touches",
+            where="--protocol",
+            value=options.protocol,
+            limit=", ".join(TELL_TOUCHES),
+            remedy="Choose a source with --touch",
+        )
     screen = load_screen(options.map)
     key = options.device or "electrovibration"
     wish = Wish(
-        connect=True, url=options.url, protocol=options.protocol, mode="panel", screen=str(options.map),
-        device={"key": key, "preset": Library(options.presets).load("devices", key)}, rate=options.rate, ramp=0.0,
-        calibration=Calibration.load(options.calibration).dumps() if options.calibration else "", play_on=True,
-    )  # fmt: skip
+        connect=True,
+        url=options.url,
+        protocol=options.protocol,
+        mode="panel",
+        screen=str(options.map),
+        device={"key": key, "preset": Library(options.presets).load("devices", key)},
+        rate=options.rate,
+        ramp=0.0,
+        calibration=Calibration.load(options.calibration).dumps() if options.calibration else "",
+        play_on=True,
+    )
     given = touch_input(options.touch, options.unit, screen.size)
     session = PanelSession(Streamer(open_link, lambda path: screen), given)
     signals = Signals()
@@ -88,5 +112,8 @@ def _ask(url: str, line: Callable[[], str]) -> None:
     """
     print("Enter: arm.", file=sys.stderr)
     if not line():
-        raise DermisError("not armed: standard input ended before anybody pressed Enter", where=url,
-                          remedy="Run it in a terminal, or pass --yes")  # fmt: skip
+        raise DermisError(
+            "not armed: standard input ended before anybody pressed Enter",
+            where=url,
+            remedy="Run it in a terminal, or pass --yes",
+        )

@@ -9,11 +9,11 @@ from collections.abc import Callable
 import numpy as np
 
 from ..errors import DermisError
-from .adapter import Touch
+from .links.url import unnamed
+from .protocols.adapter import Touch
 from .source import Panel
 from .streamer import Streamer
 from .touch_input import TouchInput
-from .url import unnamed
 from .wish import Wish
 
 
@@ -56,8 +56,11 @@ class PanelSession:
         if streamer.adapter.caution:
             print(streamer.adapter.caution, file=sys.stderr)
         source = self.given.name if self.given is not None else "the device's own panel"
-        print(f"{streamer.wire.spec.name} at {streamer.wish.url}: up to {most:.4g} V as soon as a finger moves on it. "
-              f"Touches from {source}. Ctrl-C: 0 V, and the end.", file=sys.stderr)  # fmt: skip
+        print(
+            f"{streamer.wire.spec.name} at {streamer.wish.url}: up to {most:.4g} V as soon as a finger moves on it. "
+            f"Touches from {source}. Ctrl-C: 0 V, and the end.",
+            file=sys.stderr,
+        )
 
     def follow(self, ended: Callable[[], bool]) -> None:
         """Arm, and answer touches until something ends it, or until no more will come.
@@ -90,8 +93,10 @@ class PanelSession:
         lines = [f"touches {self.touches}, reports {self.reports}, {self.volts[0]:.4g} to {self.volts[1]:.4g} V"]
         if len(latencies):
             median, late = np.percentile(latencies, (50, 95))
-            lines.append(f"latency median {median:.2f} ms, p95 {late:.2f} ms from a touch's arrival here to its "
-                         f"command leaving ({len(latencies)} of {self.reports} reports)")  # fmt: skip
+            lines.append(
+                f"latency median {median:.2f} ms, p95 {late:.2f} ms from a touch's arrival here to its "
+                f"command leaving ({len(latencies)} of {self.reports} reports)"
+            )
         counters = {**streamer.counters, **(streamer.gate.limited if streamer.gate else {})}
         if isinstance(streamer.source, Panel):
             counters |= {"touches grown old": streamer.source.aged, "amplitude.law": streamer.source.limited}

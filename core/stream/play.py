@@ -12,9 +12,9 @@ from contextlib import contextmanager
 
 from ..errors import DermisError
 from .board import Beat
+from .links.url import unnamed
 from .streamer import Streamer
-from .url import unnamed
-from .virtual_link import open_link
+from .virtual.link import open_link
 from .wish import Wish
 
 UNKNOWN_POSE = """The device does not say where it is: with the first pulse it may jump to its safe pose, at its own
@@ -97,9 +97,9 @@ class _Player:
 
     def __init__(self, options: argparse.Namespace, signals: Signals) -> None:
         from ..calibration import Calibration
-        from ..formats import export
-        from ..formats.check import preset_findings
         from ..presets import Library
+        from ..track import export
+        from ..track.check import preset_findings
 
         self._options, self._signals = options, signals
         self._track = export.read(options.track)
@@ -110,10 +110,17 @@ class _Player:
         preset = library.load("devices", key)
         calibration = Calibration.load(options.calibration).dumps() if options.calibration else ""
         self._wish = Wish(
-            connect=True, url=options.url, protocol=options.protocol, device={"key": key, "preset": preset},
-            calibration=calibration, track=str(options.track), look_ahead=options.look_ahead,
-            ramp=options.ramp, rate=options.rate, play_on=True,
-        )  # fmt: skip
+            connect=True,
+            url=options.url,
+            protocol=options.protocol,
+            device={"key": key, "preset": preset},
+            calibration=calibration,
+            track=str(options.track),
+            look_ahead=options.look_ahead,
+            ramp=options.ramp,
+            rate=options.rate,
+            play_on=True,
+        )
         self._streamer, self._number = Streamer(open_link), 0
 
     def run(self) -> None:
@@ -133,8 +140,11 @@ class _Player:
         if not options.yes:
             _say(f"{track.spec.name} at {options.url} is about to move. Enter: arm; Ctrl-C: stop.")
             if not self._signals.line():  # an end of input is nobody's finger on a key
-                raise DermisError("not armed: standard input ended before anybody pressed Enter", where=options.url,
-                                  remedy="Run it in a terminal, or pass --yes")  # fmt: skip
+                raise DermisError(
+                    "not armed: standard input ended before anybody pressed Enter",
+                    where=options.url,
+                    remedy="Run it in a terminal, or pass --yes",
+                )
         self._wish.arm = 1
         self._beat(None)
         streamer.apply(self._wish, time.perf_counter())

@@ -17,22 +17,33 @@ def report(streamer: Streamer) -> dict[str, Any]:
     adapter, gate, wire = streamer.adapter, streamer.gate, streamer.wire
     words = "; ".join(filter(None, (streamer.words.rstrip("."), streamer.going))) if streamer.going else streamer.words
     out: dict[str, Any] = {
-        "state": streamer.state, "words": words,
-        "armed": streamer.armed, "ticket": streamer.ticket, "pose_known": streamer.pose_known,
-        "rate": streamer.rate, "jitter_p50_us": _plain(p50 * 1e6), "jitter_p99_us": _plain(p99 * 1e6),
-        "counters": dict(streamer.counters), "limited": dict(gate.limited) if gate else {},
-        "names": list(wire.names) if wire else [], "units": list(wire.units) if wire else [],
+        "state": streamer.state,
+        "words": words,
+        "armed": streamer.armed,
+        "ticket": streamer.ticket,
+        "pose_known": streamer.pose_known,
+        "rate": streamer.rate,
+        "jitter_p50_us": _plain(p50 * 1e6),
+        "jitter_p99_us": _plain(p99 * 1e6),
+        "counters": dict(streamer.counters),
+        "limited": dict(gate.limited) if gate else {},
+        "names": list(wire.names) if wire else [],
+        "units": list(wire.units) if wire else [],
         "values": gate.last.tolist() if gate else [],
         "safe_s": _plain(wire.safe_seconds) if wire else None,
         "not_rendered": str(streamer.source.loss or "") if isinstance(streamer.source, Play) else "",
-    }  # fmt: skip
+    }
     if adapter is not None:
         out |= {
-            "device": adapter.device, "watchdog": adapter.watchdog, "caution": adapter.caution,
-            "output_hz": adapter.output_hz, "notice": adapter.notice,
-            "round_trip_ms": _plain(adapter.round_trip * 1e3), "protocol": dict(adapter.counters),
+            "device": adapter.device,
+            "watchdog": adapter.watchdog,
+            "caution": adapter.caution,
+            "output_hz": adapter.output_hz,
+            "notice": adapter.notice,
+            "round_trip_ms": _plain(adapter.round_trip * 1e3),
+            "protocol": dict(adapter.counters),
             "pose": None if adapter.pose is None else adapter.pose.tolist(),
-        }  # fmt: skip
+        }
     if isinstance(streamer.source, Panel):
         out["limited"]["amplitude.law"] = streamer.source.limited
         out["counters"]["touches grown old"] = streamer.source.aged

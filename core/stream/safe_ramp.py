@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from .gate import Gate, way_seconds
-from .packets import Reach
+from .protocols.packets import Reach
 from .wire import SAFE_SWEEP, Array, Wire
 
 STUBBORN = 1.0  # a link that takes nothing for this long will not [s]

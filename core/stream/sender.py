@@ -19,7 +19,7 @@ from .board import Board
 from .play import Signals
 from .source import Screen
 from .streamer import Streamer
-from .virtual_link import open_link
+from .virtual.link import open_link
 from .wish import wish_of
 
 STATUS_EVERY = 0.05

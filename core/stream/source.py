@@ -11,12 +11,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..errors import DermisError
-from ..formats import export
 from ..interpolate import interpolate
-from ..track import CommandTrack
-from .adapter import Touch
-from .clock import TrackClock
+from ..track import export
+from ..track.command_track import CommandTrack
 from .lowpass import Loss, low_passed
+from .protocols.adapter import Touch
+from .protocols.clock import TrackClock
 from .wire import Array, Wire
 from .wish import Wish
 
@@ -60,12 +60,17 @@ class Play:
     ) -> None:
         missing = [n for n in wire.names if n not in {c.name for c in track.channels}]
         if missing:
-            raise DermisError("the track is for another device", where=track.spec.name, value=", ".join(missing),
-                              limit=wire.spec.name)  # fmt: skip
+            raise DermisError(
+                "the track is for another device", where=track.spec.name, value=", ".join(missing), limit=wire.spec.name
+            )
         for name, unit in zip(wire.names, wire.units, strict=True):
             if track.spec.channel(name).unit != unit:
-                raise DermisError("a channel has another unit in the track", where=name,
-                                  value=track.spec.channel(name).unit, limit=unit)  # fmt: skip
+                raise DermisError(
+                    "a channel has another unit in the track",
+                    where=name,
+                    value=track.spec.channel(name).unit,
+                    limit=unit,
+                )
         self.clock = TrackClock(free=free)
         self.spec, self.track, self.offset, self.output_hz = wire.spec, track, offset, output_hz
         self._times = track.times
@@ -268,9 +273,13 @@ def _track(path: Path) -> CommandTrack:
 
 
 def source_of(
-    wish: Wish, wire: Wire, old: Source | None, shown: Sequence[float],
-    load_screen: Callable[[Path], Screen] | None = None, output_hz: float = 0.0,
-) -> Source:  # fmt: skip
+    wish: Wish,
+    wire: Wire,
+    old: Source | None,
+    shown: Sequence[float],
+    load_screen: Callable[[Path], Screen] | None = None,
+    output_hz: float = 0.0,
+) -> Source:
     """Make what a wish's mode asks for.
 
     Args:

@@ -15,19 +15,19 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import DermisError
-from . import adapter as adapters
-from . import capacity
-from .adapter import Adapter
 from .board import Beat
 from .drain import Drain
 from .gate import Gate
+from .links import capacity
+from .links.transport import Gone, Transport
+from .links.url import Url
 from .outbox import Fate, Outbox
 from .pace import Pace
-from .packets import Reach
+from .protocols import adapter as adapters
+from .protocols.adapter import Adapter
+from .protocols.packets import Reach
 from .safe_ramp import SafeRamp
 from .source import Follow, Panel, Play, Screen, Source, follow_values, goes_on, source_of
-from .transport import Gone, Transport
-from .url import Url
 from .wire import Wire
 from .wish import Wish
 
@@ -51,9 +51,8 @@ class Streamer:
     """
 
     def __init__(
-        self, open_link: Callable[[Url, Wire, str], Transport],
-        load_screen: Callable[[Path], Screen] | None = None,
-    ) -> None:  # fmt: skip
+        self, open_link: Callable[[Url, Wire, str], Transport], load_screen: Callable[[Path], Screen] | None = None
+    ) -> None:
         self._open_link, self._load_screen = open_link, load_screen
         self.state, self.words = "disconnected", ""
         self.counters: Counter[str] = Counter()
@@ -224,8 +223,9 @@ class Streamer:
             self._outbox.poll(now)
         if not self.adapter.ready:
             if now - self._since > HANDSHAKE:
-                raise DermisError(f"nobody answered within {HANDSHAKE:g} s", where=self.link.name,
-                                  remedy=self.adapter.silence)  # fmt: skip
+                raise DermisError(
+                    f"nobody answered within {HANDSHAKE:g} s", where=self.link.name, remedy=self.adapter.silence
+                )
             return
         if isinstance(self.source, Play) and self.source.output_hz != self._output_hz:
             self._choose_source(now)  # the device has said by now what it can show

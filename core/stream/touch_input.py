@@ -12,11 +12,11 @@ import time
 from collections.abc import Callable, Iterator
 
 from ..errors import DermisError
-from .adapter import Touch
-from .links import open_link
-from .osc import read_bundle, read_message
-from .transport import Gone, Transport
-from .url import Url
+from .links.open_link import open_link
+from .links.transport import Gone, Transport
+from .links.url import Url
+from .protocols.adapter import Touch
+from .protocols.osc import read_bundle, read_message
 
 UNITS = {"m": 1.0, "mm": 1e-3}
 LINE_MOST = 200  # a line without an end is none [bytes]
@@ -53,8 +53,10 @@ class TouchInput:
         self.bad += 1
         if self.bad == 1:
             with contextlib.suppress(OSError):
-                print(f"{self.name}: not a touch, and the next ones are only counted: {message!r} ({error})",
-                      file=sys.stderr)  # fmt: skip
+                print(
+                    f"{self.name}: not a touch, and the next ones are only counted: {message!r} ({error})",
+                    file=sys.stderr,
+                )
 
 
 class Reading(TouchInput):
@@ -206,8 +208,12 @@ def _osc(text: str) -> TouchInput:
             listening.close()
             raise
     except OSError as error:
-        raise DermisError("touches cannot be listened for", where=f"osc://{host}:{port}", value=error.strerror,
-                          remedy="Choose another port, or end the program that has it") from error  # fmt: skip
+        raise DermisError(
+            "touches cannot be listened for",
+            where=f"osc://{host}:{port}",
+            value=error.strerror,
+            remedy="Choose another port, or end the program that has it",
+        ) from error
     listening.settimeout(0.1)
 
     def received() -> list[bytes]:

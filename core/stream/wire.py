@@ -11,7 +11,7 @@ from ..calibration import Calibration
 from ..devices.safe_state import bare_channels, safe_state
 from ..devices.spec import DeviceSpec, range_disc
 from ..errors import DermisError
-from .packets import FULL, Reach
+from .protocols.packets import FULL, Reach
 
 Array = NDArray[np.float64]
 
@@ -63,16 +63,20 @@ class Wire:
         """
         columns = tuple(i for i, c in enumerate(spec.channels) if c.actuator)
         if not columns:
-            raise DermisError("no channel drives an actuator, so there is nothing to stream", where=spec.name,
-                              remedy="Give channels an 'actuator' in the device preset")  # fmt: skip
+            raise DermisError(
+                "no channel drives an actuator, so there is nothing to stream",
+                where=spec.name,
+                remedy="Give channels an 'actuator' in the device preset",
+            )
         if len(columns) > 255:
             raise DermisError("more channels than a packet can hold", where=spec.name, value=len(columns), limit="255")
         twice = [spec.channels[i].actuator for i in columns]
         if len(set(twice)) != len(twice):
             raise DermisError("two channels drive one actuator", where=spec.name, value=", ".join(twice))
         channels = [spec.channels[i] for i in columns]
-        zero, gain, least, most = ((calibration or Calibration.of(spec)).for_spec(spec)[k][list(columns)]
-                                   for k in range(4))  # fmt: skip
+        zero, gain, least, most = (
+            (calibration or Calibration.of(spec)).for_spec(spec)[k][list(columns)] for k in range(4)
+        )
         way, safe = safe_state(spec)
         reach = REACH[way]
         _check_worn(spec, reach)
@@ -88,10 +92,22 @@ class Wire:
             values = np.where([c.unit in POSES for c in channels], zero + gain * values, values)
         _check_safe(spec, [c.name for c in channels], values, least, most)
         return cls(
-            spec, columns, tuple(c.name for c in channels), tuple(c.unit for c in channels), pick("low", -np.inf),
-            pick("high", np.inf), pick("slew", np.inf), pick("rest", 0.0),
-            values, reach, zero, gain, least, most, disc,
-        )  # fmt: skip
+            spec,
+            columns,
+            tuple(c.name for c in channels),
+            tuple(c.unit for c in channels),
+            pick("low", -np.inf),
+            pick("high", np.inf),
+            pick("slew", np.inf),
+            pick("rest", 0.0),
+            values,
+            reach,
+            zero,
+            gain,
+            least,
+            most,
+            disc,
+        )
 
     @property
     def count(self) -> int:
@@ -136,9 +152,12 @@ class Wire:
         """
         bare = [n for n, lo, hi in zip(self.names, self.low, self.high, strict=True) if not 0 < hi - lo < np.inf]
         if bare:
-            raise DermisError(f"{protocol} sends counts, and a channel has no range for them to stand for",
-                              where=self.spec.name, value=", ".join(bare),
-                              remedy="Give it 'low' and 'high' in the device preset")  # fmt: skip
+            raise DermisError(
+                f"{protocol} sends counts, and a channel has no range for them to stand for",
+                where=self.spec.name,
+                value=", ".join(bare),
+                remedy="Give it 'low' and 'high' in the device preset",
+            )
 
     def counts(self, values: Array, full: int = FULL) -> NDArray[np.uint16]:
         """Return values [units] as counts from 0 to `full` over each channel's range; the caller has limited them."""
@@ -158,15 +177,21 @@ class Wire:
 def _check_worn(spec: DeviceSpec, reach: Reach) -> None:
     """Refuse a worn device that does not say where, and how fast, it lets a finger go."""
     if bare := bare_channels(spec):
-        raise DermisError("a worn device states no safe pose, and at rest it may press the finger that is in it",
-                          where=f"device preset '{spec.key}', safe", value=f"none for {', '.join(bare[:6])}",
-                          limit="a value for every channel with an actuator",
-                          remedy="Add 'safe' to the preset: a retracted pose, clear of your finger")  # fmt: skip
+        raise DermisError(
+            "a worn device states no safe pose, and at rest it may press the finger that is in it",
+            where=f"device preset '{spec.key}', safe",
+            value=f"none for {', '.join(bare[:6])}",
+            limit="a value for every channel with an actuator",
+            remedy="Add 'safe' to the preset: a retracted pose, clear of your finger",
+        )
     free = [c.name for c in spec.channels if spec.worn and c.actuator and c.slew is None]
     if free and reach == Reach.RAMP:
-        raise DermisError("the way to the safe pose is a ramp, and a channel states no speed for it",
-                          where=f"device preset '{spec.key}'", value=", ".join(free[:6]),
-                          remedy="Give it 'slew', or let 'safe' be reached 'at_once'")  # fmt: skip
+        raise DermisError(
+            "the way to the safe pose is a ramp, and a channel states no speed for it",
+            where=f"device preset '{spec.key}'",
+            value=", ".join(free[:6]),
+            remedy="Give it 'slew', or let 'safe' be reached 'at_once'",
+        )
 
 
 def _check_safe(spec: DeviceSpec, names: list[str], safe: Array, least: Array, most: Array) -> None:
@@ -175,6 +200,10 @@ def _check_safe(spec: DeviceSpec, names: list[str], safe: Array, least: Array, m
     outside = np.flatnonzero((safe < least - slack) | (safe > most + slack))
     if outside.size:
         k = int(outside[0])
-        raise DermisError("the safe state lies outside the calibrated limits", where=f"'{spec.key}', {names[k]}",
-                          value=f"{safe[k]:g}", limit=f"{least[k]:g} to {most[k]:g}",
-                          remedy="Widen the limits, or state in a device preset of your own what is safe")  # fmt: skip
+        raise DermisError(
+            "the safe state lies outside the calibrated limits",
+            where=f"'{spec.key}', {names[k]}",
+            value=f"{safe[k]:g}",
+            limit=f"{least[k]:g} to {most[k]:g}",
+            remedy="Widen the limits, or state in a device preset of your own what is safe",
+        )

@@ -101,8 +101,12 @@ def check_number(name: str, value: object) -> None:
     """
     low, high, unit = _LIMITS[name]
     if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-        raise DermisError("a setting of the stream cannot be that", where=name.replace("_", "-"), value=value,
-                          limit=f"{low:g} to {high:g} {unit}")  # fmt: skip
+        raise DermisError(
+            "a setting of the stream cannot be that",
+            where=name.replace("_", "-"),
+            value=value,
+            limit=f"{low:g} to {high:g} {unit}",
+        )
 
 
 def wish_of(plain: Mapping[str, object]) -> Wish:

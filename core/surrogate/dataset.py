@@ -47,9 +47,16 @@ class Dataset:
 
 
 def record(
-    device: Thimble, contact: DiscContact, trajectories: int, *, seed: int = 0, steps: tuple[int, int] = STEPS,
-    max_force: float = MAX_FORCE, max_depth: float = MAX_DEPTH, max_tilt: float = MAX_TILT,
-) -> Generator[tuple[int, int], None, Dataset]:  # fmt: skip
+    device: Thimble,
+    contact: DiscContact,
+    trajectories: int,
+    *,
+    seed: int = 0,
+    steps: tuple[int, int] = STEPS,
+    max_force: float = MAX_FORCE,
+    max_depth: float = MAX_DEPTH,
+    max_tilt: float = MAX_TILT,
+) -> Generator[tuple[int, int], None, Dataset]:
     """Move the device between random configurations and record; yields movements done and in all.
 
     Every movement starts clear of the skin and ends pressed into it, as far as the servos allow; tilts are uniform, and
@@ -117,7 +124,8 @@ def _random(
         if device.feasible(x):
             return x
     raise DermisError(
-        "the servo limits exclude contact with the skin", where="thimble",
+        "the servo limits exclude contact with the skin",
+        where="thimble",
         value=f"+-{np.degrees(device.servo_range):.3g} deg",
         remedy="Use longer links, a wider servo range, or mount the device nearer to the pad",
-    )  # fmt: skip
+    )

@@ -48,8 +48,12 @@ class DirectModel:
 
     def __init__(self, device: Thimble, contact: DiscContact, readout: Array) -> None:
         if readout.ndim != 2 or readout.shape[1] != 3 * contact.count:
-            raise DermisError("the readout does not fit the skin", where="direct model", value=readout.shape,
-                              limit=f"(k, {3 * contact.count})")  # fmt: skip
+            raise DermisError(
+                "the readout does not fit the skin",
+                where="direct model",
+                value=readout.shape,
+                limit=f"(k, {3 * contact.count})",
+            )
         self.device, self.contact, self.readout = device, contact, np.ascontiguousarray(readout, np.float64)
         self._chosen = -1
         self._columns = self.readout[:, :0]

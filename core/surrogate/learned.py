@@ -34,8 +34,9 @@ class LearnedModel:
     def __init__(self, fit: Fit, friction: Subspace | None = None, stiffness: float = 1.0) -> None:
         wanted = 3 + (0 if friction is None else friction.size)
         if fit.inputs != wanted:
-            raise DermisError("the fit has other inputs than the model", where="surrogate", value=fit.inputs,
-                              limit=str(wanted))  # fmt: skip
+            raise DermisError(
+                "the fit has other inputs than the model", where="surrogate", value=fit.inputs, limit=str(wanted)
+            )
         self.fit, self.friction, self.stiffness = fit, friction, float(stiffness)
         self._memory, self._evaluate = np.zeros(wanted - 3), fit.fixed(np.zeros(wanted - 3))
 
@@ -80,9 +81,13 @@ class Descriptors:
 
 
 def descriptors(
-    data: Dataset, stress_operator: Array, *, tolerance: float = TOLERANCE, size: int | None = None,
+    data: Dataset,
+    stress_operator: Array,
+    *,
+    tolerance: float = TOLERANCE,
+    size: int | None = None,
     friction_size: int | None = None,
-) -> Descriptors:  # fmt: skip
+) -> Descriptors:
     """Fit both subspaces to a dataset.
 
     Args:

@@ -98,9 +98,14 @@ def sigmoid(z: Array) -> Array:
 
 
 def train(
-    table: SampleTable, *, hidden: int = HIDDEN, iterations: int = ITERATIONS, decay: float = DECAY, seed: int = 0,
+    table: SampleTable,
+    *,
+    hidden: int = HIDDEN,
+    iterations: int = ITERATIONS,
+    decay: float = DECAY,
+    seed: int = 0,
     report: Report | None = None,
-) -> Network:  # fmt: skip
+) -> Network:
     """Train a network on a table; the same table and seed give the same network.
 
     Args:
@@ -154,9 +159,12 @@ def train(
         back = miss @ v
         back *= gate
         share = 2.0 / (n * c)
-        gradient = np.concatenate([
-            (back.T @ s).ravel(), back.T @ ones, (miss.T @ active).ravel(), miss.T @ ones,
-        ]).astype(np.float64) * share  # fmt: skip
+        gradient = (
+            np.concatenate([(back.T @ s).ravel(), back.T @ ones, (miss.T @ active).ravel(), miss.T @ ones]).astype(
+                np.float64
+            )
+            * share
+        )
         weight = theta.copy()
         weight[cuts[0] : cuts[1]] = 0.0
         weight[cuts[2] :] = 0.0

@@ -62,9 +62,14 @@ def dumps(network: Network, meta: Mapping[str, Any] | None = None) -> bytes:
         _node("MatMul", ["rows", "gated"], ["jacobian"]),
     ]
     tensors = {
-        "weights": weights.T, "bias": bias, "one": np.ones(1), "readout": network.readout.T, "offset": network.offset,
-        "rows": network.readout[None], "slopes": weights[:, :3],
-    }  # fmt: skip
+        "weights": weights.T,
+        "bias": bias,
+        "one": np.ones(1),
+        "readout": network.readout.T,
+        "offset": network.offset,
+        "rows": network.readout[None],
+        "slopes": weights[:, :3],
+    }
     graph = b"".join(_field(1, node) for node in nodes)
     graph += _field(2, b"surrogate")
     graph += b"".join(_field(5, _tensor(name, value)) for name, value in tensors.items())
@@ -72,10 +77,16 @@ def dumps(network: Network, meta: Mapping[str, Any] | None = None) -> bytes:
     graph += _field(11, _value("x", ("n", 3))) + _field(11, _value("friction", ("n", q)))
     graph += _field(12, _value("stress", ("n", c))) + _field(12, _value("jacobian", ("n", c, 3)))
     text = json.dumps({**(meta or {}), "schema": SCHEMA, "inputs": p, "hidden": h, "outputs": c}, sort_keys=True)
-    return b"".join([
-        _varint(1, IR_VERSION), _field(2, b"dermis"), _field(3, version().encode()), _field(7, graph),
-        _field(8, _field(1, b"") + _varint(2, OPSET)), _field(14, _field(1, META.encode()) + _field(2, text.encode())),
-    ])  # fmt: skip
+    return b"".join(
+        [
+            _varint(1, IR_VERSION),
+            _field(2, b"dermis"),
+            _field(3, version().encode()),
+            _field(7, graph),
+            _field(8, _field(1, b"") + _varint(2, OPSET)),
+            _field(14, _field(1, META.encode()) + _field(2, text.encode())),
+        ]
+    )
 
 
 def write(path: Path, network: Network, meta: Mapping[str, Any] | None = None) -> None:
@@ -126,9 +137,13 @@ class OnnxFit:
         self.meta = read_meta(data, where)
         for name, wanted in (expected or {}).items():
             if self.meta.get(name) != wanted:
-                raise DermisError(f"the surrogate was trained for another {name}", where=where,
-                                  value=self.meta.get(name), limit=str(wanted),
-                                  remedy="Adapt it to this one again, or use the direct method")  # fmt: skip
+                raise DermisError(
+                    f"the surrogate was trained for another {name}",
+                    where=where,
+                    value=self.meta.get(name),
+                    limit=str(wanted),
+                    remedy="Adapt it to this one again, or use the direct method",
+                )
         try:
             import onnxruntime
         except ImportError as error:
@@ -190,8 +205,12 @@ class OnnxFit:
             kind, sizes = found.get(name, ("missing", []))
             fits = len(sizes) == len(shape) and all(b is None or a == b for a, b in zip(sizes, shape, strict=True))
             if kind != "tensor(double)" or not fits:
-                raise DermisError(f"'{name}' is not what a surrogate has", where=where, value=f"{kind} {sizes}",
-                                  limit=f"tensor(double) {shape}")  # fmt: skip
+                raise DermisError(
+                    f"'{name}' is not what a surrogate has",
+                    where=where,
+                    value=f"{kind} {sizes}",
+                    limit=f"tensor(double) {shape}",
+                )
 
 
 def read_meta(data: bytes, where: str = "") -> dict[str, Any]:
@@ -213,12 +232,20 @@ def read_meta(data: bytes, where: str = "") -> dict[str, Any]:
     except DermisError:
         raise
     except (ValueError, IndexError, struct.error) as error:
-        raise DermisError("not a whole ONNX file", where=where, value=str(error) or None,
-                          remedy="Make it again, or use the direct method") from error  # fmt: skip
+        raise DermisError(
+            "not a whole ONNX file",
+            where=where,
+            value=str(error) or None,
+            remedy="Make it again, or use the direct method",
+        ) from error
     if not isinstance(meta, dict) or meta.get("schema") != SCHEMA:
-        raise DermisError("an ONNX file that Dermis did not make", where=where,
-                          value=meta.get("schema") if isinstance(meta, dict) else None, limit=SCHEMA,
-                          remedy="Use a surrogate made here, or the direct method")  # fmt: skip
+        raise DermisError(
+            "an ONNX file that Dermis did not make",
+            where=where,
+            value=meta.get("schema") if isinstance(meta, dict) else None,
+            limit=SCHEMA,
+            remedy="Use a surrogate made here, or the direct method",
+        )
     if not 1 <= opset <= OPSET:
         raise DermisError("another ONNX operator set", where=where, value=opset, limit=f"1 to {OPSET}")
     sizes = [meta.get(n) for n in ("inputs", "outputs")]

@@ -81,11 +81,20 @@ class QuadraticRidge:
         def evaluate(x: Array) -> tuple[Array, Array]:
             a, b, c = x.tolist()
             a, b, c = (a - ca) * ka, (b - cb) * kb, (c - cc) * kc
-            monomials = np.array([
-                (1.0, 0.0, 0.0, 0.0), (a, ka, 0.0, 0.0), (b, 0.0, kb, 0.0), (c, 0.0, 0.0, kc),
-                (a * a, 2 * a * ka, 0.0, 0.0), (b * b, 0.0, 2 * b * kb, 0.0), (c * c, 0.0, 0.0, 2 * c * kc),
-                (a * b, b * ka, a * kb, 0.0), (a * c, c * ka, 0.0, a * kc), (b * c, 0.0, c * kb, b * kc),
-            ])  # fmt: skip
+            monomials = np.array(
+                [
+                    (1.0, 0.0, 0.0, 0.0),
+                    (a, ka, 0.0, 0.0),
+                    (b, 0.0, kb, 0.0),
+                    (c, 0.0, 0.0, kc),
+                    (a * a, 2 * a * ka, 0.0, 0.0),
+                    (b * b, 0.0, 2 * b * kb, 0.0),
+                    (c * c, 0.0, 0.0, 2 * c * kc),
+                    (a * b, b * ka, a * kb, 0.0),
+                    (a * c, c * ka, 0.0, a * kc),
+                    (b * c, 0.0, c * kb, b * kc),
+                ]
+            )
             both = terms @ monomials
             return both[:, 0], both[:, 1:]
 

@@ -33,30 +33,45 @@ def check_parts(made: Surrogate, nodes: int, where: str) -> None:
     nodes3, k, q = 3 * nodes, *(len(np.atleast_1d(space.basis)) for space in (stress, friction))
     p, any_size = 3 + q, stress.mean.size
     wanted: dict[str, tuple[Array, tuple[int, ...]]] = {
-        "stress_mean": (stress.mean, (any_size,)), "stress_basis": (stress.basis, (k, any_size)),
-        "stress_curve": (stress.curve, (stress.curve.size,)), "readout": (spaces.readout, (k, nodes3)),
-        "friction_mean": (friction.mean, (nodes3,)), "friction_basis": (friction.basis, (q, nodes3)),
+        "stress_mean": (stress.mean, (any_size,)),
+        "stress_basis": (stress.basis, (k, any_size)),
+        "stress_curve": (stress.curve, (stress.curve.size,)),
+        "readout": (spaces.readout, (k, nodes3)),
+        "friction_mean": (friction.mean, (nodes3,)),
+        "friction_basis": (friction.basis, (q, nodes3)),
         "friction_curve": (friction.curve, (friction.curve.size,)),
-        "ridge_centre": (ridge.centre, (p,)), "ridge_scale": (ridge.scale, (p,)),
-        "ridge_constant": (ridge.constant, (k,)), "ridge_linear": (ridge.linear, (k, p)),
+        "ridge_centre": (ridge.centre, (p,)),
+        "ridge_scale": (ridge.scale, (p,)),
+        "ridge_constant": (ridge.constant, (k,)),
+        "ridge_linear": (ridge.linear, (k, p)),
         "ridge_quadratic": (ridge.quadratic, (k, p, p)),
-    }  # fmt: skip
+    }
     for name, (part, shape) in wanted.items():
         if part.shape != shape or 0 in shape:
-            raise DermisError(f"the surrogate's '{name}' has another shape", where=where, value=part.shape,
-                              limit=str(shape), remedy=REMEDY)  # fmt: skip
+            raise DermisError(
+                f"the surrogate's '{name}' has another shape",
+                where=where,
+                value=part.shape,
+                limit=str(shape),
+                remedy=REMEDY,
+            )
         if not np.issubdtype(part.dtype, np.floating) or not np.isfinite(part).all():
             raise DermisError(f"the surrogate's '{name}' is not finite", where=where, remedy=REMEDY)
     if (ridge.scale == 0.0).any():
         raise DermisError("the surrogate's 'ridge_scale' has zeros", where=where, remedy=REMEDY)
     if (made.network.inputs, made.network.outputs) != (p, k):
-        raise DermisError("the network and the descriptors have other sizes", where=where,
-                          value=f"{made.network.inputs} inputs, {made.network.outputs} outputs",
-                          limit=f"{p} and {k}", remedy=REMEDY)  # fmt: skip
+        raise DermisError(
+            "the network and the descriptors have other sizes",
+            where=where,
+            value=f"{made.network.inputs} inputs, {made.network.outputs} outputs",
+            limit=f"{p} and {k}",
+            remedy=REMEDY,
+        )
     modulus = made.meta.get("modulus")
     if isinstance(modulus, bool) or not isinstance(modulus, int | float) or not 0.0 < modulus < np.inf:
-        raise DermisError("the surrogate was made for no stiffness", where=where, value=modulus, limit="> 0 Pa",
-                          remedy=REMEDY)  # fmt: skip
+        raise DermisError(
+            "the surrogate was made for no stiffness", where=where, value=modulus, limit="> 0 Pa", remedy=REMEDY
+        )
 
 
 def try_out(model: ForwardModel, poses: Iterable[Array], where: str) -> None:
@@ -69,11 +84,19 @@ def try_out(model: ForwardModel, poses: Iterable[Array], where: str) -> None:
         try:
             value, slope = model.evaluate(x)
         except Exception as error:  # whoever runs the model has classes of its own
-            raise DermisError("the surrogate cannot be evaluated", where=where,
-                              value=f"{type(error).__name__}: {error}"[:200], remedy=REMEDY) from error  # fmt: skip
+            raise DermisError(
+                "the surrogate cannot be evaluated",
+                where=where,
+                value=f"{type(error).__name__}: {error}"[:200],
+                remedy=REMEDY,
+            ) from error
         if value.shape != (model.size,) or slope.shape != (model.size, 3):
-            raise DermisError("the surrogate answers in another shape", where=where,
-                              value=f"{value.shape}, {slope.shape}", limit=f"({model.size},), ({model.size}, 3)",
-                              remedy=REMEDY)  # fmt: skip
+            raise DermisError(
+                "the surrogate answers in another shape",
+                where=where,
+                value=f"{value.shape}, {slope.shape}",
+                limit=f"({model.size},), ({model.size}, 3)",
+                remedy=REMEDY,
+            )
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             raise DermisError("the surrogate's answers are not finite", where=where, remedy=REMEDY)

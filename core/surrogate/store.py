@@ -88,10 +88,17 @@ def contact_of(device: Thimble, skin: SkinModel, friction: float) -> DiscContact
 
 
 def adapt(
-    device: Thimble, skin: SkinModel, friction: float, *, trajectories: int = TRAJECTORIES, seed: int = 0,
-    tolerance: float = TOLERANCE, hidden: int = HIDDEN, iterations: int = ITERATIONS,
+    device: Thimble,
+    skin: SkinModel,
+    friction: float,
+    *,
+    trajectories: int = TRAJECTORIES,
+    seed: int = 0,
+    tolerance: float = TOLERANCE,
+    hidden: int = HIDDEN,
+    iterations: int = ITERATIONS,
     report: Callable[[str, int, int], None] | None = None,
-) -> Generator[tuple[str, int, int], None, Surrogate]:  # fmt: skip
+) -> Generator[tuple[str, int, int], None, Surrogate]:
     """Make a surrogate for a skin: record, find the descriptors, fit both models; yields stage, done, total.
 
     Args:
@@ -119,15 +126,27 @@ def adapt(
 
     ridge, network, errors = fit_all(table, seed=seed, hidden=hidden, iterations=iterations, report=told)
     yield "training", iterations, iterations
-    meta = {"schema": SCHEMA, "skin": skin.key, "device": device_key(device), "friction": friction,
-            "modulus": skin.material.modulus, "samples": len(data), "trajectories": trajectories, **errors}  # fmt: skip
+    meta = {
+        "schema": SCHEMA,
+        "skin": skin.key,
+        "device": device_key(device),
+        "friction": friction,
+        "modulus": skin.material.modulus,
+        "samples": len(data),
+        "trajectories": trajectories,
+        **errors,
+    }
     return Surrogate(spaces, ridge, network, meta)
 
 
 def fit_all(
-    table: SampleTable, *, seed: int = 0, hidden: int = HIDDEN, iterations: int = ITERATIONS,
+    table: SampleTable,
+    *,
+    seed: int = 0,
+    hidden: int = HIDDEN,
+    iterations: int = ITERATIONS,
     report: Callable[[int, int], None] | None = None,
-) -> tuple[QuadraticRidge, Network, dict[str, float]]:  # fmt: skip
+) -> tuple[QuadraticRidge, Network, dict[str, float]]:
     """Fit both models to half of the movements and return them with their errors on the other half."""
     chosen, rest = split(table.trajectory, seed=seed)
     if not rest.any():
@@ -169,18 +188,24 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
     where = str(tables)
     for path in (tables, graph):
         if not os.path.isfile(path):
-            raise DermisError("no surrogate was adapted to this finger", where=str(path), limit="a .npz and a .onnx",
-                              remedy="Adapt one to this finger, or use the direct method")  # fmt: skip
+            raise DermisError(
+                "no surrogate was adapted to this finger",
+                where=str(path),
+                limit="a .npz and a .onnx",
+                remedy="Adapt one to this finger, or use the direct method",
+            )
     remedy = "Adapt it again, or use the direct method"
     try:
         arrays = read_npz(tables, where, "a surrogate")
     except DermisError as error:
-        raise DermisError("the surrogate cannot be read", where=error.where, value=error.what, limit=error.limit,
-                          remedy=remedy) from error  # fmt: skip
+        raise DermisError(
+            "the surrogate cannot be read", where=error.where, value=error.what, limit=error.limit, remedy=remedy
+        ) from error
     with damage_told("the surrogate cannot be read", where, remedy=remedy):
         meta = dict(json_of(arrays["meta"].tobytes(), where))
-        spaces = {n: Subspace(arrays[f"{n}_mean"], arrays[f"{n}_basis"], arrays[f"{n}_curve"])
-                  for n in ("stress", "friction")}  # fmt: skip
+        spaces = {
+            n: Subspace(arrays[f"{n}_mean"], arrays[f"{n}_basis"], arrays[f"{n}_curve"]) for n in ("stress", "friction")
+        }
         ridge = QuadraticRidge(*(arrays[f"ridge_{n}"] for n in _RIDGE))
         readout = arrays["readout"]
     expected = {"schema": SCHEMA, "skin": skin.key, "device": device_key(device), "friction": friction}
@@ -194,5 +219,10 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
 
 def _same(meta: Mapping[str, Any], name: str, wanted: Any, where: str) -> None:
     if meta.get(name) != wanted:
-        raise DermisError(f"the surrogate was made for another {name}", where=where, value=meta.get(name),
-                          limit=str(wanted), remedy="Adapt it to this one, or use the direct method")  # fmt: skip
+        raise DermisError(
+            f"the surrogate was made for another {name}",
+            where=where,
+            value=meta.get(name),
+            limit=str(wanted),
+            remedy="Adapt it to this one, or use the direct method",
+        )

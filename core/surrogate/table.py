@@ -64,13 +64,18 @@ class SampleTable:
 
     def __post_init__(self) -> None:
         n = len(self.x)
-        shapes = (self.x.shape == (n, 3) and self.memory.ndim == 2 and self.channels.ndim == 2
-                  and len(self.memory) == len(self.channels) == len(self.trajectory) == n)  # fmt: skip
+        shapes = (
+            self.x.shape == (n, 3)
+            and self.memory.ndim == 2
+            and self.channels.ndim == 2
+            and len(self.memory) == len(self.channels) == len(self.trajectory) == n
+        )
         if not shapes or n == 0:
             raise DermisError(
-                "a table needs x (n, 3), memory (n, q), channels (n, c) and trajectory (n,)", where="sample table",
+                "a table needs x (n, 3), memory (n, q), channels (n, c) and trajectory (n,)",
+                where="sample table",
                 value=f"{self.x.shape}, {self.memory.shape}, {self.channels.shape}, {self.trajectory.shape}",
-            )  # fmt: skip
+            )
         for name in ("x", "memory", "channels"):
             bad = np.flatnonzero(~np.isfinite(getattr(self, name)).all(axis=1))
             if len(bad):
@@ -99,8 +104,16 @@ def relative_rms(fit: Fit, table: SampleTable) -> float:
 
 def write_table(path: Path, table: SampleTable) -> None:
     """Write a table as .npz (plain arrays)."""
-    write_npz(path, {"schema": np.array(TABLE_SCHEMA), "x": table.x, "memory": table.memory,
-                     "channels": table.channels, "trajectory": table.trajectory})  # fmt: skip
+    write_npz(
+        path,
+        {
+            "schema": np.array(TABLE_SCHEMA),
+            "x": table.x,
+            "memory": table.memory,
+            "channels": table.channels,
+            "trajectory": table.trajectory,
+        },
+    )
 
 
 def read_table(path: Path) -> SampleTable:
@@ -124,8 +137,12 @@ def read_table(path: Path) -> SampleTable:
     arrays = {name: _numbers(value, name, where) for name, value in found.items()}
     for name in ("x", "channels", "memory"):
         if name in arrays and arrays[name].ndim != 2:
-            raise DermisError(f"'{name}' is not one row a sample", where=where, value=arrays[name].shape,
-                              limit="(n, 3): pitch, roll [rad], distance [m]" if name == "x" else "(n, c)")  # fmt: skip
+            raise DermisError(
+                f"'{name}' is not one row a sample",
+                where=where,
+                value=arrays[name].shape,
+                limit="(n, 3): pitch, roll [rad], distance [m]" if name == "x" else "(n, c)",
+            )
     n = len(arrays["x"])
     owner = arrays.get("trajectory", np.zeros(n))
     if owner.shape != (n,) or not np.isfinite(owner).all():

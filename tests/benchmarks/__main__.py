@@ -73,14 +73,7 @@ def times(peer: float, ours: float | None) -> str:
 def as_json(results: list[Result]) -> str:
     """Return the results as the JSON text that other tools read."""
     rows = [
-        {
-            "name": r.name,
-            "value": r.value,
-            "unit": r.unit,
-            "p95": r.p95,
-            "peers": dict(r.peers),
-            "error": r.error,
-        }
+        {"name": r.name, "value": r.value, "unit": r.unit, "p95": r.p95, "peers": dict(r.peers), "error": r.error}
         for r in results
     ]
     return json.dumps({"results": rows}, indent=2) + "\n"

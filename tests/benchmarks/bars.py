@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from core.axes import FAINT, FRAME, GRID, INK
-from core.canvas import PngCanvas
 from core.files import write_bytes
+from core.plot.axes import FAINT, FRAME, GRID, INK
+from core.plot.canvas import PngCanvas
 
 Array = NDArray[np.float64]
 

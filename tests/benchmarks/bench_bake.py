@@ -15,7 +15,8 @@ def bake_own() -> Result:
     import bpy
 
     import blender_addon
-    from blender_addon import jobs, sampling
+    from blender_addon import jobs
+    from blender_addon.sampling import scene_sweep
     from core.presets import Library
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -23,7 +24,9 @@ def bake_own() -> Result:
     try:
         scene = _scene()
         library = Library(None)
-        frames, _ = sampling.sweep_frames(sampling.frames_per_second(scene), sampling.frame_range(scene), 240.0)
+        frames, _ = scene_sweep.sweep_frames(
+            scene_sweep.frames_per_second(scene), scene_sweep.frame_range(scene), 240.0
+        )
         places = [(int(frame), frame - int(frame)) for frame in frames.tolist()]
         own, bare = [], []
         with one_blas_thread():

@@ -115,7 +115,7 @@ def idle_finger() -> Result:
     from fractions import Fraction
 
     from core.contact.skin_touch import SkinSampler
-    from core.scene import Body, Chunk, Finger, Mesh, TactileScene
+    from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
     from tests.benchmarks.bench_gap import even_sphere
 
     vertices, triangles = even_sphere(22, 0.02)
@@ -176,9 +176,9 @@ def _poses(path: str, lowest: float) -> Iterator[tuple[Any, Any]]:
 
 @functools.cache
 def _run(level: str, path: str, tolerance: float | None = None) -> Run:
-    from core.contact.bodies import ContactBody
-    from core.contact.path import TOLERANCE, PathSolver
-    from core.contact.plane import Plane
+    from core.contact.solver.bodies import ContactBody
+    from core.contact.solver.path import TOLERANCE, PathSolver
+    from core.surface.plane import Plane
 
     skin = _skin(level)
     plane = Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3))

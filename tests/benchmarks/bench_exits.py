@@ -64,9 +64,11 @@ def _exits() -> dict[str, Exit]:
         (exits.by_disconnect, exits.by_close)[k % 2](receiver)
 
     return {
-        "Stop": lambda receiver, _: exits.by_stop(receiver), "Disconnect": disconnect,
-        **{name: by_signal(name) for name in exits.SIGNALS}, "quit": lambda receiver, _: exits.by_quit(receiver),
-    }  # fmt: skip
+        "Stop": lambda receiver, _: exits.by_stop(receiver),
+        "Disconnect": disconnect,
+        **{name: by_signal(name) for name in exits.SIGNALS},
+        "quit": lambda receiver, _: exits.by_quit(receiver),
+    }
 
 
 @contextmanager
@@ -75,8 +77,8 @@ def blender() -> Iterator[dict[str, Exit]]:
     import bpy
 
     import blender_addon
-    from blender_addon import streaming
     from blender_addon.preferences import core_module
+    from blender_addon.streaming import session
 
     def stream(receiver: exits.Receiver) -> None:
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
@@ -87,12 +89,12 @@ def blender() -> Iterator[dict[str, Exit]]:
         finger.dermis.finger.devices.add().preset = receiver.key
         settings = scene.dermis_stream
         settings.url, settings.protocol, settings.mode, settings.ramp = receiver.url, receiver.protocol, "jog", 0.0
-        streaming.connect(scene)
-        exits.until(lambda: streaming.status()["state"] == "ready", streaming.beat, str(streaming.status()))
-        streaming.arm(scene, fingers_out=True)
+        session.connect(scene)
+        exits.until(lambda: session.status()["state"] == "ready", session.beat, str(session.status()))
+        session.arm(scene, fingers_out=True)
         for channel in settings.channels:
             channel.jog = exits.far(receiver.protocol)[channel.name]
-        exits.until(receiver.reached, streaming.beat, f"far from safe: {streaming.status()}")
+        exits.until(receiver.reached, session.beat, f"far from safe: {session.status()}")
         receiver.ask("mark")
 
     def ended() -> None:
@@ -126,7 +128,7 @@ def kill_pose() -> Result:
     """
     from core.presets import Library
     from core.stream.gate import way_seconds
-    from core.stream.packets import Reach
+    from core.stream.protocols.packets import Reach
     from core.stream.wire import Wire
 
     worst, wrong = {}, []
@@ -184,8 +186,11 @@ def five() -> Result:
                 time.sleep(BEAT)
             return [sum(c.status().get("counters", {}).get(n, 0) for n in ("skipped", "dropped")) for c in clients]
 
-        exits.until(lambda: all(client.status()["state"] == "ready" for client in clients),
-                    lambda: left_out(BEAT, playing=False), "all five connected")  # fmt: skip
+        exits.until(
+            lambda: all(client.status()["state"] == "ready" for client in clients),
+            lambda: left_out(BEAT, playing=False),
+            "all five connected",
+        )
         for client in clients:
             client.arm()
         before = sum(left_out(1.0, playing=False))

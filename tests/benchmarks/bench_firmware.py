@@ -36,8 +36,11 @@ def floods() -> Result:
     begins = {name: 1e3 * f.begins for name, f in done.items()}
     worst = max(begins, key=lambda name: begins[name])
     steepest = max(f.steepest for f in done.values())
-    peers = {f"{len(done)} floods, worst: {worst}": begins[worst], "silence": begins["silence"],
-             "at the safe pose": 1e3 * max(f.arrives for f in done.values())}  # fmt: skip
+    peers = {
+        f"{len(done)} floods, worst: {worst}": begins[worst],
+        "silence": begins["silence"],
+        "at the safe pose": 1e3 * max(f.arrives for f in done.values()),
+    }
     fast = steepest > FRAME_US + ROUNDING_US
     error = f"{steepest:.1f} us from one pulse to the next, above {FRAME_US:g}" if fast else None
     return Result("flood_safe_ms", begins[worst], "ms", None, peers, error)
@@ -49,23 +52,33 @@ def haptip_on_sketch() -> Result:
     needed()
     import numpy as np
 
-    from core.formats import binary
-    from core.matching.projection import render
+    from core.matching.shear_tactor import render
     from core.presets import Library
+    from core.track import binary
     from tests.unit.firmware_lab import play, slow_track
 
     folder = Path(tempfile.mkdtemp(prefix="dermis-bench-"))
     slow = play(slow_track(folder / "slow.dtrack", COMMANDS / 1000), COMMANDS / 1000)
     header, chunks = scene()
     spec = Library().device("haptip")
-    binary.write(render(sampled(header, chunks), header, 0, header.fingers[0].devices[0], spec).track.within_limits(),
-                 folder / "baked.dtrack")  # fmt: skip
+    binary.write(
+        render(sampled(header, chunks), header, 0, header.fingers[0].devices[0], spec).track.within_limits(),
+        folder / "baked.dtrack",
+    )
     baked = play(folder / "baked.dtrack", COMMANDS / 1000)
     errors = np.abs(slow.errors)
     error = None
     for run in (slow, baked):
         if run.received != run.sent or any(run.counted.values()) or run.overruns:
             error = f"of {run.sent} commands {run.received} were taken; {run.counted}, {run.overruns} overruns"
-    return Result("haptip_on_sketch_pulse_error_us", float(errors.max()), "us", float(np.percentile(errors, 95)),
-                  {"baked taps and strokes, p95": float(np.percentile(np.abs(baked.errors), 95)),
-                   "baked, worst": float(np.abs(baked.errors).max())}, error)  # fmt: skip
+    return Result(
+        "haptip_on_sketch_pulse_error_us",
+        float(errors.max()),
+        "us",
+        float(np.percentile(errors, 95)),
+        {
+            "baked taps and strokes, p95": float(np.percentile(np.abs(baked.errors), 95)),
+            "baked, worst": float(np.abs(baked.errors).max()),
+        },
+        error,
+    )

@@ -29,7 +29,7 @@ def gap() -> Result:
 @benchmark("gap_deforming_ms", limit=6.0)
 def gap_deforming() -> Result:
     """250 nodes against a mesh that is another one every frame: building it included."""
-    from core.contact.gap import Surface
+    from core.surface.gap import Surface
 
     vertices, triangles = even_sphere(22, RADIUS)
     times = []
@@ -47,7 +47,7 @@ def gap_deforming() -> Result:
 @benchmark("gap_error_um", limit=10.0)
 def gap_error() -> Result:
     """Largest difference from trying every triangle, and of the normals [degrees] beside it."""
-    from core.contact.gap import Surface
+    from core.surface.gap import Surface
 
     vertices, triangles = even_sphere(22, RADIUS)
     surface = Surface.build(vertices, triangles)
@@ -69,7 +69,7 @@ def gap_error() -> Result:
 
 @functools.cache
 def _pass(which: int) -> list[float]:
-    from core.contact.gap import Surface
+    from core.surface.gap import Surface
 
     surface = Surface.build(*even_sphere(22, RADIUS))
     times: list[float] = []

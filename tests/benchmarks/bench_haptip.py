@@ -14,7 +14,7 @@ SECONDS = 10
 
 def scene() -> tuple[Any, Any]:
     """A hand that taps and strokes a table with two fingers, and shakes a box held between three others."""
-    from core.scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
+    from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
 
     def cuboid(x: float, y: float, z: float) -> Mesh:
         corners = np.array([[i, j, k] for i in (-x, x) for j in (-y, y) for k in (-z, z)])
@@ -24,11 +24,20 @@ def scene() -> tuple[Any, Any]:
 
     frames, t = sample_frames(Fraction(24), (1, 24 * SECONDS + 1), 240.0)
     material = {
-        "friction": 0.6, "transient_amplitude": 0.8, "transient_decay": 60.0, "transient_frequency": 30.0,
-        "texture_amplitude_x": 0.3, "texture_amplitude_y": 0.2, "texture_period_x": 0.004, "texture_period_y": 0.006,
-        "weight_acceleration": 0.02, "weight_gravity": 0.05,
-        "content_on": True, "content_amplitude": 10.0, "content_kind": "pendulum",
-    }  # fmt: skip
+        "friction": 0.6,
+        "transient_amplitude": 0.8,
+        "transient_decay": 60.0,
+        "transient_frequency": 30.0,
+        "texture_amplitude_x": 0.3,
+        "texture_amplitude_y": 0.2,
+        "texture_period_x": 0.004,
+        "texture_period_y": 0.006,
+        "weight_acceleration": 0.02,
+        "weight_gravity": 0.05,
+        "content_on": True,
+        "content_amplitude": 10.0,
+        "content_kind": "pendulum",
+    }
     swing, tilt = 0.05 * np.sin(2 * np.pi * 0.7 * t), 0.3 * np.sin(2 * np.pi * 0.5 * t)
     box = np.tile(np.eye(4), (len(t), 1, 1))
     box[:, 0, 0] = box[:, 2, 2] = np.cos(tilt)
@@ -49,12 +58,19 @@ def scene() -> tuple[Any, Any]:
         fingers[i, :, :3, :3] = box[:, :3, :3] @ turned[0 if side > 0 else 1]
     use = DeviceUse("haptip", {"auto_range": True})
     header = TactileScene(
-        "bench", Fraction(24), (1, 24 * SECONDS + 1), 240.0,
+        "bench",
+        Fraction(24),
+        (1, 24 * SECONDS + 1),
+        240.0,
         tuple(Finger(f"finger {i}", (use,)) for i in range(5)),
-        (Body("box", cuboid(0.03, 0.03, 0.03), material), Body("table", cuboid(0.5, 0.5, 0.02), material),
-         Body("far", cuboid(0.1, 0.1, 0.1), material)),
-        (), (),
-    )  # fmt: skip
+        (
+            Body("box", cuboid(0.03, 0.03, 0.03), material),
+            Body("table", cuboid(0.5, 0.5, 0.02), material),
+            Body("far", cuboid(0.1, 0.1, 0.1), material),
+        ),
+        (),
+        (),
+    )
     chunks = tuple(
         Chunk(frames[k], t[k], fingers[:, k], np.stack([box, table, far])[:, k], np.zeros((0, len(t[k]), 4, 4)))
         for k in (slice(i, i + 256) for i in range(0, len(t), 256))
@@ -79,7 +95,7 @@ def haptip_10s_5fingers() -> Result:
     Nothing is kept from run to run: each starts from a fresh `SampledTouch`. The gaps themselves are
     `haptip_10s_5fingers_gaps_ms`, and part of `bake_own_us`.
     """
-    from core.matching.projection import render
+    from core.matching.shear_tactor import render
     from core.presets import Library
 
     header, chunks = scene()

@@ -179,8 +179,9 @@ def _looked_up(name: str, sensed: Any, *, single: bool) -> Result:
         other = _one_by_one(lambda q: tree.query(q, NEIGHBOURS), list(sensed[:: max(len(sensed) // SINGLES, 1)]))
     else:
         own = [1e3 / len(sensed) * measure(lambda: commands_of(given, sensed), 1, warmup=w).median for w in (1, 0, 0)]
-        other = [1e3 / len(sensed) * measure(lambda: tree.query(sensed, NEIGHBOURS), 1, warmup=0).median
-                 for _ in range(3)]  # fmt: skip
+        other = [
+            1e3 / len(sensed) * measure(lambda: tree.query(sensed, NEIGHBOURS), 1, warmup=0).median for _ in range(3)
+        ]
 
     def brute(query: Any) -> Any:
         return np.argpartition(((points - query) ** 2).sum(axis=1), NEIGHBOURS)[:NEIGHBOURS]

@@ -25,7 +25,7 @@ def panel_latency() -> Result:
     """Every touch lies at another height of a ramp, so every touch asks for another voltage."""
     import numpy as np
 
-    from core.stream.osc import padded, read_bundle
+    from core.stream.protocols.osc import padded, read_bundle
     from core.work import command, environment
 
     head = padded(b"/dermis/touch") + padded(b",iff")
@@ -34,10 +34,23 @@ def panel_latency() -> Result:
         with _bound() as unused:
             port = unused.getsockname()[1]
         sender = subprocess.Popen(
-            command("stream", "panel", _ramp(), "--url", f"udp://127.0.0.1:{device.getsockname()[1]}", "--protocol",
-                    "osc", "--touch", f"osc://:{port}", "--yes"),
-            env=environment(), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
+            command(
+                "stream",
+                "panel",
+                _ramp(),
+                "--url",
+                f"udp://127.0.0.1:{device.getsockname()[1]}",
+                "--protocol",
+                "osc",
+                "--touch",
+                f"osc://:{port}",
+                "--yes",
+            ),
+            env=environment(),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         try:
             device.settimeout(20)
             device.recv(65536)
@@ -75,6 +88,14 @@ def _ramp() -> str:
 
     rise = np.linspace(0.0, 0.01, 64, dtype=np.float32)
     path = Path(tempfile.mkdtemp(prefix="dermis-bench-")) / "ramp.map.npz"
-    ScreenMap(np.tile(rise, (1, 64, 1)), (0.1, 0.1), 1.0, FrictionScreen.of(Library().device("electrovibration")),
-              profile="height", scale=9900.0, offset=1.0, highest=0.01).save(path)  # fmt: skip
+    ScreenMap(
+        np.tile(rise, (1, 64, 1)),
+        (0.1, 0.1),
+        1.0,
+        FrictionScreen.of(Library().device("electrovibration")),
+        profile="height",
+        scale=9900.0,
+        offset=1.0,
+        highest=0.01,
+    ).save(path)
     return str(path)

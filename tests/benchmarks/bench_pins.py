@@ -52,7 +52,7 @@ def dm2_frame() -> Result:
 @benchmark("pin_frame_ms", limit=0.45)
 def pin_frame() -> Result:
     """Solve the contact on the standard skin and DM2, frame after frame of the paper's slide."""
-    from core.contact.path import PathSolver
+    from core.contact.solver.path import PathSolver
 
     skin = _skin()
     bodies = [_plane(offset) for offset in _offsets("slide")]
@@ -179,9 +179,17 @@ def _osqp(gram: Any) -> Callable[[Any], Any]:
     n, scale = len(gram), float(np.diag(gram).mean())
     model = osqp.OSQP()
     model.setup(
-        sparse.triu(sparse.csc_matrix(gram / scale), format="csc"), np.zeros(n), sparse.eye(n, format="csc"),
-        np.zeros(n), np.full(n, LIMIT), eps_abs=1e-6, eps_rel=1e-6, max_iter=100_000, verbose=False, polishing=False,
-    )  # fmt: skip
+        sparse.triu(sparse.csc_matrix(gram / scale), format="csc"),
+        np.zeros(n),
+        sparse.eye(n, format="csc"),
+        np.zeros(n),
+        np.full(n, LIMIT),
+        eps_abs=1e-6,
+        eps_rel=1e-6,
+        max_iter=100_000,
+        verbose=False,
+        polishing=False,
+    )
 
     def solve(c: Any) -> Any:
         model.update(q=-c / scale)
@@ -224,8 +232,8 @@ def _offsets(path: str) -> Any:
 
 
 def _plane(offset: Any) -> Any:
-    from core.contact.bodies import ContactBody
-    from core.contact.plane import Plane
+    from core.contact.solver.bodies import ContactBody
+    from core.surface.plane import Plane
 
     return ContactBody(Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3)), translation=offset, friction=0.6)
 
@@ -233,7 +241,7 @@ def _plane(offset: Any) -> Any:
 @functools.cache
 def _forces(path: str) -> Any:
     """Return the contact forces of the measured frames, shape (480, 3 m)."""
-    from core.contact.path import PathSolver
+    from core.contact.solver.path import PathSolver
 
     skin = _skin()
     contact = PathSolver(skin.compliance, skin.positions, areas=skin.areas)

@@ -29,7 +29,9 @@ def scrub_five_fingers() -> Result:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     blender_addon.register()
     try:
-        from blender_addon import demo_skin, skin_live, skin_view
+        from blender_addon.demos import demo_skin
+        from blender_addon.preview import skin_preview
+        from blender_addon.viewport import skin_view
 
         scene = demo_skin.build(FINGERS)
         bpy.context.window.scene = scene
@@ -41,13 +43,13 @@ def scrub_five_fingers() -> Result:
             if not frames:
                 frames.extend(FRAMES)
                 scene.frame_set(FRAMES[0] - 1)  # a step back: it starts from rest, outside the clock
-                skin_live.step(bpy.context)
+                skin_preview.step(bpy.context)
             scene.frame_set(frames.pop(0))
 
         def frame() -> Any:
             nonlocal error
             started = time.perf_counter()
-            states = skin_live.step(bpy.context)
+            states = skin_preview.step(bpy.context)
             solved = time.perf_counter()
             drawn = skin_view.shown(scene)
             parts.append((solved - started, time.perf_counter() - solved))

@@ -37,8 +37,11 @@ class Receiver:
         self._out = Path(tempfile.mkdtemp(prefix="dermis-bench-")) / "arrived.npz"
         self.process = subprocess.Popen(
             [sys.executable, str(Path(__file__).with_name("stream_receiver.py")), str(self._out), key, str(count)],
-            env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        )  # fmt: skip
+            env=environment(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
         self.urls = list(map(str, self.line()["urls"]))
         self.url = self.urls[0]
 
@@ -77,9 +80,9 @@ def track(seconds: float) -> str:
     """Write a sine as a track for the tactor; return its path."""
     import numpy as np
 
-    from core.formats import binary
     from core.presets import Library
-    from core.track import CommandTrack
+    from core.track import binary
+    from core.track.command_track import CommandTrack
 
     t = np.arange(int(seconds * RATE)) / RATE
     wave = 0.1 * np.sin(2 * np.pi * t)
@@ -130,7 +133,7 @@ def blender() -> Iterator[Callable[[float], None]]:
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     blender_addon.register()
-    from blender_addon import demo_scene
+    from blender_addon.demos import demo_scene
 
     scene = demo_scene.build("haptip", "electrovibration")
 
@@ -183,8 +186,7 @@ def late() -> Result:
     arrived, (received, lost, damaged, after) = receiver.end()
     left_out = sum(status["counters"].get(n, 0) - before.get(n, 0) for n in ("skipped", "dropped"))
     bad = after + lost + damaged + left_out
-    peers = {"received": float(received), "late": float(after), "lost": float(lost),
-             "left out": float(left_out)}  # fmt: skip
+    peers = {"received": float(received), "late": float(after), "lost": float(lost), "left out": float(left_out)}
     # The first second has no playback yet, and the sender is asked before it stops.
     error = f"only {received} commands arrived: {status['words']}" if received < LATE_SECONDS * RATE * 0.99 else None
     return Result("stream_late", float(bad), "", None, peers, error)
@@ -196,8 +198,8 @@ def encode() -> Result:
     import numpy as np
 
     from core.devices.spec import Channel, DeviceSpec
-    from core.stream import adapter
     from core.stream.gate import Gate
+    from core.stream.protocols import adapter
     from core.stream.wire import Wire
 
     channels = tuple(Channel(f"c{i}", "m", -1e-3, 1e-3, 0.1, 0.0, f"m{i}") for i in range(128))
@@ -232,8 +234,13 @@ def encode() -> Result:
 
     ours, limits, plain = (measure(f, 31) for f in (commands, gated, others))
     each = 1e3 / many
-    return Result("encode_us", ours.median * each, "us", ours.p95 * each,
-                  {"byte by byte": plain.median * each, "and the gate": limits.median * each})  # fmt: skip
+    return Result(
+        "encode_us",
+        ours.median * each,
+        "us",
+        ours.p95 * each,
+        {"byte by byte": plain.median * each, "and the gate": limits.median * each},
+    )
 
 
 @benchmark("stop_ms", limit=20.0)
@@ -292,8 +299,12 @@ def kill() -> Result:
                 os.kill(receiver.process.pid, how)
                 list_.append(1e3 * (disarmed(client) - died))
             receiver.kill()
-    peers = {"sender killed": max(sender), "backlog hidden": max(hidden), "receiver killed": max(receiver_gone),
-             "receiver hangs": max(receiver_stopped)}  # fmt: skip
+    peers = {
+        "sender killed": max(sender),
+        "backlog hidden": max(hidden),
+        "receiver killed": max(receiver_gone),
+        "receiver hangs": max(receiver_stopped),
+    }
     return Result("kill_safe_ms", max(peers.values()), "ms", None, peers)
 
 

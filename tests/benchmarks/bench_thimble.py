@@ -54,7 +54,7 @@ def readout(level: str) -> Any:
 @functools.cache
 def frames(level: str) -> dict[str, Any]:
     """Run the three touches once; times in ms of target and of search with friction update, and what was found."""
-    from core.contact.path import PathSolver
+    from core.contact.solver.path import PathSolver
     from core.matching.stress import StressMatcher
     from core.surrogate.store import contact_of
     from tests import touches
@@ -226,9 +226,11 @@ def searches(kind: str) -> dict[str, Any]:
                 left += float(((frame.stimulus - target) ** 2).sum())
                 whole += float((target**2).sum())
     out["error"] = math.sqrt(left / whole)
-    print(f"{kind}: {timing(out['us']).median:.0f} us a search, {np.mean(out['evaluations']):.1f} evaluations; "
-          f"{len(out['rescues'])} direct rescues in {len(out['us'])} frames; "
-          f"relative RMS of the rendered stress {out['error']:.3f}")  # fmt: skip
+    print(
+        f"{kind}: {timing(out['us']).median:.0f} us a search, {np.mean(out['evaluations']):.1f} evaluations; "
+        f"{len(out['rescues'])} direct rescues in {len(out['us'])} frames; "
+        f"relative RMS of the rendered stress {out['error']:.3f}"
+    )
     return out
 
 
@@ -237,8 +239,11 @@ def surrogate() -> Result:
     """One optimisation on the polynomial, the better of both learned models; stress errors are printed."""
     found, network, direct = searches("ridge"), searches("network"), searches("direct")
     times = timing(found["us"])
-    peers = {"network (ONNX)": timing(network["us"]).median, "direct": timing(direct["us"]).median,
-             "paper, its machine": 7500.0}  # fmt: skip
+    peers = {
+        "network (ONNX)": timing(network["us"]).median,
+        "direct": timing(direct["us"]).median,
+        "paper, its machine": 7500.0,
+    }
     if found["rescues"]:
         peers["a rescue"] = timing(found["rescues"]).median
     return Result("surrogate_us", times.median, "us", times.p95, peers)
@@ -259,7 +264,7 @@ def bake() -> Result:
     from core.devices.spec import from_preset
     from core.matching.thimble import describe, render
     from core.presets import Library
-    from core.scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene
+    from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene
 
     count, fingers = 241, 5
     times = np.arange(count) / 60.0
@@ -281,8 +286,16 @@ def bake() -> Result:
     spec = from_preset("thimble_3rrs", {**Library().load("devices", "thimble_3rrs"), "rate": 60})
     bodies = tuple(Body(f"ball {i}", ball, {"friction": 0.6}) for i in range(fingers))
     use = DeviceUse("thimble_3rrs")
-    scene = TactileScene("five", Fraction(60), (0, count - 1), 60.0,
-                         tuple(Finger(f"finger {i}", (use,)) for i in range(fingers)), bodies, (), ())  # fmt: skip
+    scene = TactileScene(
+        "five",
+        Fraction(60),
+        (0, count - 1),
+        60.0,
+        tuple(Finger(f"finger {i}", (use,)) for i in range(fingers)),
+        bodies,
+        (),
+        (),
+    )
     model = skin("draft")
     describe(device(), model, 0.6)  # made once for a finger's shape
     chunks = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from core.devices.spec import Channel, DeviceSpec
-from core.track import CommandTrack
+from core.track.command_track import CommandTrack
 
 from . import Result, benchmark, measure
 

@@ -7,16 +7,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from core.axes import FAINT, FRAME, GRID, INK, ticks
-from core.canvas import PngCanvas
 from core.files import write_bytes
+from core.plot.axes import FAINT, FRAME, GRID, INK, ticks
+from core.plot.canvas import PngCanvas
 
 Array = NDArray[np.float64]
 
 COLOURS = {
-    "rest": "#b9c0c8", "target": "#20262e", "FM1": "#1f6fb2", "FM2": "#4fa3a0", "DM1": "#b0661a", "DM2": "#c8323c",
-    "DM0": "#8a4fb0", "FM0": "#6b7480",
-}  # fmt: skip
+    "rest": "#b9c0c8",
+    "target": "#20262e",
+    "FM1": "#1f6fb2",
+    "FM2": "#4fa3a0",
+    "DM1": "#b0661a",
+    "DM2": "#c8323c",
+    "DM0": "#8a4fb0",
+    "FM0": "#6b7480",
+}
 WIDTH, HEIGHT, TOP, BOTTOM = 920.0, 270.0, 64.0, 40.0
 
 

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from core import plot_thimble
-from core.contact.path import PathSolver
+from core.contact.solver.path import PathSolver
 from core.devices.disc import DiscContact
 from core.devices.disc_pose import FrictionState, placed
 from core.devices.first_contact import first_contact
 from core.devices.thimble import Thimble, mechanism
 from core.matching.thimble import finish, match_sequence, matcher
+from core.plot import stimuli
 from core.presets import Library
 from core.sensor import electrode_sensor
 from core.skin.model import SkinModel, fingertip_skin
@@ -104,11 +104,13 @@ def learned(skin: SkinModel, trajectories: int, iterations: int) -> tuple[dict[s
         kept = kept or (data, spaces)
         curve = {n: float(spaces.stress.curve[n]) for n in SIZES if n < len(spaces.stress.curve)}
         out[f"mu={friction:g}"] = {
-            "samples": len(data), "stress components at 10 %": spaces.stress.size,
-            "friction components at 10 %": spaces.friction.size, "curve": curve,
+            "samples": len(data),
+            "stress components at 10 %": spaces.stress.size,
+            "friction components at 10 %": spaces.friction.size,
+            "curve": curve,
             "with friction input (ridge, network)": errors(table, iterations),
             "without (ridge, network)": errors(table.without_memory(), iterations),
-        }  # fmt: skip
+        }
     assert kept is not None
     return out, *kept
 
@@ -121,8 +123,15 @@ def rendering(skin: SkinModel, spaces: Descriptors, count: int) -> tuple[dict[st
     parts = [own.force[own.trajectory == n].astype(np.float64) for n in np.unique(own.trajectory)]
     pause = np.zeros((1, parts[0].shape[1]))  # friction forgets between movements, as it did when they were made
     made = {"device": np.concatenate([row for part in parts for row in (pause, part)]).reshape(-1, skin.pad_count, 3)}
-    for touch in (touches.flat_press(count), touches.edge_press(count), touches.cup(count), touches.foam(count),
-                  touches.ball_roll(count), touches.slide(count), touches.shaken_block(count)):  # fmt: skip
+    for touch in (
+        touches.flat_press(count),
+        touches.edge_press(count),
+        touches.cup(count),
+        touches.foam(count),
+        touches.ball_roll(count),
+        touches.slide(count),
+        touches.shaken_block(count),
+    ):
         made[touch.name] = touch.forces(skin)
     table, figures = {}, {}
     for name, forces in made.items():
@@ -159,8 +168,14 @@ def electrodes(skin: SkinModel, data: Dataset, count: int) -> dict[str, Any]:
         target = sensor.read(touch.forces(skin))
         row = []
         for forward in (None, model):
-            follower = matcher(device, skin, "stress" if forward is None else "ridge", friction=FRICTION,
-                               readout=sensor.matrix, model=forward)  # fmt: skip
+            follower = matcher(
+                device,
+                skin,
+                "stress" if forward is None else "ridge",
+                friction=FRICTION,
+                readout=sensor.matrix,
+                model=forward,
+            )
             rendered = np.array([f.stimulus for f in follower.follow(target)])
             row.append(float(np.linalg.norm(rendered - target) / np.linalg.norm(target)))
         out[touch.name] = {"direct": row[0], "ridge on electrodes": row[1]}
@@ -197,11 +212,13 @@ def observer(skin: SkinModel, spaces: Descriptors, count: int) -> dict[str, Any]
     rng = np.random.default_rng(20)
     depths, places = 0.8 + rng.uniform(-0.05, 0.05, REPETITIONS), rng.uniform(-0.3, 0.3, REPETITIONS)
     tests = {
-        "contact location": [[touches.rod_at(y + p, count, d) for d, p in zip(depths, places, strict=True)]
-                             for y in (-4.0, 4.0)],
-        "press or slide": [[touches.rod_at(p, count, d, slides=s) for d, p in zip(depths, places, strict=True)]
-                           for s in (0.0, 3.0)],
-    }  # fmt: skip
+        "contact location": [
+            [touches.rod_at(y + p, count, d) for d, p in zip(depths, places, strict=True)] for y in (-4.0, 4.0)
+        ],
+        "press or slide": [
+            [touches.rod_at(p, count, d, slides=s) for d, p in zip(depths, places, strict=True)] for s in (0.0, 3.0)
+        ],
+    }
     out: dict[str, Any] = {"noise, Pa m^1.5": sigma}
     for name, classes in tests.items():
         row: dict[str, float] = {}
@@ -210,9 +227,13 @@ def observer(skin: SkinModel, spaces: Descriptors, count: int) -> dict[str, Any]
             felt = []
             for one in forces:
                 rendered = [
-                    f if method == "target" else finish(match_sequence(
-                        device, skin, f, method, friction=FRICTION, readout=spaces.readout)).force for f in one
-                ]  # fmt: skip
+                    f
+                    if method == "target"
+                    else finish(
+                        match_sequence(device, skin, f, method, friction=FRICTION, readout=spaces.readout)
+                    ).force
+                    for f in one
+                ]
                 felt.append(np.array(rendered, float).reshape(REPETITIONS, count, -1) @ whole.T)
             apart = felt[0].mean(axis=0) - felt[1].mean(axis=0)
             at = int(np.linalg.norm(apart, axis=1).argmax())
@@ -236,7 +257,7 @@ def pictures(folder: Path, skin: SkinModel, data: Dataset, spaces: Descriptors, 
     for name in ("ball", "device", "flat", "cup", "foam", "edge", "slide"):
         forces, rendered = (f.reshape(len(f), -1) @ basis.T for f in figures[name])
         lines = {"target": forces, "rendered": rendered}
-        made.append(plot_thimble.write(folder / f"s0_{name}.png", cloud, shades, lines, f"{name}", words))
+        made.append(stimuli.write(folder / f"s0_{name}.png", cloud, shades, lines, f"{name}", words))
     for friction in (FRICTION, 0.0):
         contact, lines = contact_of(device, skin, friction), {}
         for name, start in (("from A", (0.3, -0.2)), ("from B", (-0.25, 0.3))):
@@ -245,7 +266,7 @@ def pictures(folder: Path, skin: SkinModel, data: Dataset, spaces: Descriptors, 
         apart = np.linalg.norm(lines["from A"][-1] - lines["from B"][-1]) / np.linalg.norm(lines["from A"][-1])
         more = f"{words}; at the end {100 * apart:.1f} % apart"
         file = folder / f"s0_paths_{'with' if friction else 'without'}_friction.png"
-        made.append(plot_thimble.write(file, cloud, shades, lines, title, more))
+        made.append(stimuli.write(file, cloud, shades, lines, title, more))
     return made
 
 
@@ -274,33 +295,52 @@ def report(found: dict[str, Any]) -> str:
         return f"| {name} | {paper} | {ours} |"
 
     lines = [
-        f"Simulated; skin '{found['level']}', {found['tetrahedra']} tetrahedra, friction {FRICTION:g}.", "",
-        "| | [S0] | ours |", "|---|---|---|",
+        f"Simulated; skin '{found['level']}', {found['tetrahedra']} tetrahedra, friction {FRICTION:g}.",
+        "",
+        "| | [S0] | ours |",
+        "|---|---|---|",
         row("skin model", "154 tetrahedra, corotational, strain-limited", f"{found['tetrahedra']} ANP, linear"),
         row("movements, samples", "2400, 28279", f"{found['trajectories']}, {with_['samples']}"),
         row("stress components at 10 %", "10 of 924", str(with_["stress components at 10 %"])),
         row("friction components at 10 %", "15 of 1182", str(with_["friction components at 10 %"])),
-        row("test error with friction input (ridge / network)", "4.2 %",
-            pair(with_["with friction input (ridge, network)"])),
+        row(
+            "test error with friction input (ridge / network)",
+            "4.2 %",
+            pair(with_["with friction input (ridge, network)"]),
+        ),
         row("test error without (ridge / network)", "7.4 %", pair(with_["without (ridge, network)"])),
-        row("control, friction 0: with / without, network", "-",
-            pair((without["with friction input (ridge, network)"][1], without["without (ridge, network)"][1]))),
+        row(
+            "control, friction 0: with / without, network",
+            "-",
+            pair((without["with friction input (ridge, network)"][1], without["without (ridge, network)"][1])),
+        ),
         row("iterations a frame (direct, edge)", "6.3", f"{touch['edge']['iterations']:.1f}"),
         row("ms a frame, search and friction update (edge)", "12.5", f"{touch['edge']['ms']:.2f}"),
-    ]  # fmt: skip
+    ]
     paper = {"device": "7.9 %", "flat": "9.6 %", "cup": "33.7 %", "foam": "7.4 %"}
-    lines += ["", "Relative RMS of the rendered stress (the paper's are electrode signals of a BioTac):", "",
-              "| touch | [S0] | stress | force only | geometry only |", "|---|---|---|---|---|"]  # fmt: skip
+    lines += [
+        "",
+        "Relative RMS of the rendered stress (the paper's are electrode signals of a BioTac):",
+        "",
+        "| touch | [S0] | stress | force only | geometry only |",
+        "|---|---|---|---|---|",
+    ]
     for name, values in touch.items():
         ours = " | ".join(f"{100 * values[m]:.1f} %" for m in METHODS)
         lines.append(f"| {name} | {paper.get(name, '-')} | {ours} |")
-    lines += ["", f"Virtual 19-electrode sensor: {sensor['components at 5 %']} components at 5 % (paper's BioTac: 10); "
-              f"ridge fitted to electrodes, test error {100 * sensor['ridge test error']:.1f} %.", "",
-              "| touch | [S0] | direct | ridge on electrodes |", "|---|---|---|---|"]  # fmt: skip
+    lines += [
+        "",
+        f"Virtual 19-electrode sensor: {sensor['components at 5 %']} components at 5 % (paper's BioTac: 10); "
+        f"ridge fitted to electrodes, test error {100 * sensor['ridge test error']:.1f} %.",
+        "",
+        "| touch | [S0] | direct | ridge on electrodes |",
+        "|---|---|---|---|",
+    ]
     for name in ("flat", "cup", "foam"):
         row_ = sensor[name]
-        lines.append(f"| {name} | {paper[name]} | {100 * row_['direct']:.1f} % | "
-                     f"{100 * row_['ridge on electrodes']:.1f} % |")  # fmt: skip
+        lines.append(
+            f"| {name} | {paper[name]} | {100 * row_['direct']:.1f} % | {100 * row_['ridge on electrodes']:.1f} % |"
+        )
     lines += [
         "",
         "Ideal observer d' (people in [S0], stress / force / geometry: 82 / 51 / 78 % and 73 / 53 / 53 %):",
@@ -311,10 +351,13 @@ def report(found: dict[str, Any]) -> str:
     for name in ("contact location", "press or slide"):
         lines.append(f"| {name} | " + " | ".join(f"{seen[name][m]:.1f}" for m in ("target", *METHODS)) + " |")
     if seen["press or slide"]["stress"] < max(seen["press or slide"][m] for m in ("force", "geometry")):
-        lines += ["", "**The second row is not in the paper's order**: the observer tells pressing from sliding at "
-                  "least as well through a rival as through stress. The rod that slides also ends elsewhere on the "
-                  "pad, which geometry sees; the observer counts any difference, whatever it feels like. Given as it "
-                  "came out: the paper's people are the better evidence."]  # fmt: skip
+        lines += [
+            "",
+            "**The second row is not in the paper's order**: the observer tells pressing from sliding at "
+            "least as well through a rival as through stress. The rod that slides also ends elsewhere on the "
+            "pad, which geometry sees; the observer counts any difference, whatever it feels like. Given as it "
+            "came out: the paper's people are the better evidence.",
+        ]
     curve = ", ".join(f"{n}: {v:.3f}" for n, v in with_["curve"].items())
     lines += ["", f"Error against number of stress components: {curve}."]
     return "\n".join(lines) + "\n"

@@ -21,13 +21,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from core.canvas import PngCanvas
 from core.contact.skin_touch import SkinSampler, SkinTouch
 from core.devices.spec import DeviceSpec, from_preset
 from core.files import write_bytes
 from core.matching import pin_report, pins
 from core.matching.deformation import Method
-from core.plot_pins import pin_map
+from core.plot.canvas import PngCanvas
+from core.plot.pins import pin_map
 from core.presets import Library
 from core.skin.model import SkinModel, fingertip_skin
 from core.sliding import DEPTHS, DIRECTIONS, FRICTIONS, SETTLE, sliding_plane
@@ -74,15 +74,22 @@ def resultant(rig: Rig, forces: Array) -> Array:
 def errors(rig: Rig, out: Path) -> list[str]:
     """Draw fig. 4 and return the table of all methods."""
     felt, finer = feel(rig.skin), feel(rig.fine)
-    chart = Chart(3, "Errors over time, d = 2 mm, friction 0.6 ([S1] fig. 4)", ("time from the start of sliding [s]",) * 3,
-                  ("u_err [mm], matching mesh", "u_err [mm], finer mesh", "f_err [mN]"))  # fmt: skip
+    chart = Chart(
+        3,
+        "Errors over time, d = 2 mm, friction 0.6 ([S1] fig. 4)",
+        ("time from the start of sliding [s]",) * 3,
+        ("u_err [mm], matching mesh", "u_err [mm], finer mesh", "f_err [mN]"),
+    )
     t = felt.times - SETTLE
     shown = t >= 0
     fine_ready = pins.setup(rig.fine, rig.spec)
     for method in SHOWN:
         found = matched(rig, felt, method)
-        series = (1e3 * found.displacement_error, 1e3 * pin_report.error_on(fine_ready, finer, found),
-                  1e3 * found.force_error)  # fmt: skip
+        series = (
+            1e3 * found.displacement_error,
+            1e3 * pin_report.error_on(fine_ready, finer, found),
+            1e3 * found.force_error,
+        )
         for k, values in enumerate(series):
             chart.curve(k, t[shown], values[shown], method)
     chart.write(out / "s1_errors.png")
@@ -90,8 +97,11 @@ def errors(rig: Rig, out: Path) -> list[str]:
     lines += ["Without the pins' limit of 0.4 N, as the paper computes:", "", "```"]
     lines += [pin_report.table(pin_report.compare(felt, rig.spec, finer=finer, bounded=False)), "```", ""]
     narrow = Rig(reshaped(rig.spec, rows=16, columns=8), rig.skin, rig.fine)
-    lines += ["The same 128 pins as 16 rows of 8, which are more nearly perpendicular to the skin and leave its sides alone:",
-              "", "```"]  # fmt: skip
+    lines += [
+        "The same 128 pins as 16 rows of 8, which are more nearly perpendicular to the skin and leave its sides alone:",
+        "",
+        "```",
+    ]
     lines += [pin_report.table(pin_report.compare(felt, narrow.spec, finer=finer)), "```", ""]
     for weighting in ("surface", "receptor"):
         lines += [f"Compared over the nodes '{weighting}' instead of all free ones:", "", "```"]
@@ -109,12 +119,22 @@ def reshaped(spec: DeviceSpec, **values: float) -> DeviceSpec:
 
 def friction(rig: Rig, out: Path) -> list[str]:
     """Draw fig. 9 and 10 (forces against friction) and return the table of slopes."""
-    ratio = Chart(len(DEPTHS), "Tangential over normal force ([S1] fig. 9, lines 'actual'), movement to the right",
-                  ("friction",) * 4, tuple(f"ratio, d = {1e3 * d:g} mm" for d in DEPTHS))  # fmt: skip
-    size = Chart(len(DEPTHS), "Total force in the x-z plane ([S1] fig. 10, lines 'actual'), movement to the right",
-                 ("friction",) * 4, tuple(f"force [N], d = {1e3 * d:g} mm" for d in DEPTHS))  # fmt: skip
-    lines = ["| d | direction | target | FM1 | DM2 | DM2 / FM1 | paper, perceived FM1 | paper, perceived DM2 |",
-             "|---|---|---|---|---|---|---|---|"]  # fmt: skip
+    ratio = Chart(
+        len(DEPTHS),
+        "Tangential over normal force ([S1] fig. 9, lines 'actual'), movement to the right",
+        ("friction",) * 4,
+        tuple(f"ratio, d = {1e3 * d:g} mm" for d in DEPTHS),
+    )
+    size = Chart(
+        len(DEPTHS),
+        "Total force in the x-z plane ([S1] fig. 10, lines 'actual'), movement to the right",
+        ("friction",) * 4,
+        tuple(f"force [N], d = {1e3 * d:g} mm" for d in DEPTHS),
+    )
+    lines = [
+        "| d | direction | target | FM1 | DM2 | DM2 / FM1 | paper, perceived FM1 | paper, perceived DM2 |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
     mu = np.array(FRICTIONS)
     for k, depth in enumerate(DEPTHS):
         for side, angle in (("right", 0.0), ("left", np.pi)):
@@ -128,8 +148,10 @@ def friction(rig: Rig, out: Path) -> list[str]:
             ratios = {name: np.abs(f[:, 0]) / f[:, 2] for name, f in rows.items()}
             slopes = {name: float(np.polyfit(mu, r, 1)[0]) for name, r in ratios.items()}
             quoted = PERCEIVED[depth, side]
-            lines.append(f"| {1e3 * depth:g} mm | {side} | {slopes['target']:.2f} | {slopes['FM1']:.2f} | "
-                         f"{slopes['DM2']:.2f} | {slopes['DM2'] / slopes['FM1']:.1f} | {quoted[0]} | {quoted[1]} |")  # fmt: skip
+            lines.append(
+                f"| {1e3 * depth:g} mm | {side} | {slopes['target']:.2f} | {slopes['FM1']:.2f} | "
+                f"{slopes['DM2']:.2f} | {slopes['DM2'] / slopes['FM1']:.1f} | {quoted[0]} | {quoted[1]} |"
+            )
             if side == "right":
                 for name in ("target", *PRESENTED):
                     ratio.curve(k, mu, ratios[name], name)
@@ -141,11 +163,15 @@ def friction(rig: Rig, out: Path) -> list[str]:
 
 # Slopes b of perceived ratio against friction and their spread. Source: [S1] table I
 PERCEIVED = {
-    (0.5e-3, "right"): ("0.21 ± 0.64", "3.50 ± 0.92"), (0.5e-3, "left"): ("-0.70 ± 0.87", "3.88 ± 1.21"),
-    (1.0e-3, "right"): ("-0.53 ± 1.12", "4.73 ± 4.53"), (1.0e-3, "left"): ("-0.75 ± 1.17", "5.29 ± 5.69"),
-    (1.5e-3, "right"): ("0.44 ± 0.58", "1.82 ± 2.15"), (1.5e-3, "left"): ("-0.17 ± 1.30", "3.74 ± 6.22"),
-    (2.0e-3, "right"): ("-0.13 ± 1.49", "3.08 ± 4.36"), (2.0e-3, "left"): ("-0.35 ± 1.11", "3.92 ± 10.55"),
-}  # fmt: skip
+    (0.5e-3, "right"): ("0.21 ± 0.64", "3.50 ± 0.92"),
+    (0.5e-3, "left"): ("-0.70 ± 0.87", "3.88 ± 1.21"),
+    (1.0e-3, "right"): ("-0.53 ± 1.12", "4.73 ± 4.53"),
+    (1.0e-3, "left"): ("-0.75 ± 1.17", "5.29 ± 5.69"),
+    (1.5e-3, "right"): ("0.44 ± 0.58", "1.82 ± 2.15"),
+    (1.5e-3, "left"): ("-0.17 ± 1.30", "3.74 ± 6.22"),
+    (2.0e-3, "right"): ("-0.13 ± 1.49", "3.08 ± 4.36"),
+    (2.0e-3, "left"): ("-0.35 ± 1.11", "3.92 ± 10.55"),
+}
 
 
 def direction(rig: Rig, out: Path) -> list[str]:
@@ -160,9 +186,12 @@ def direction(rig: Rig, out: Path) -> list[str]:
             got = matched(rig, felt, method)
             found[method].append(resultant(rig, got.forces[LATE]))
             u[method].append(1e3 * float(got.displacement_error[LATE]))
-    chart = Chart(3, "Directions of friction, d = 2 mm, friction 0.5 ([S1] fig. 11 to 13, lines 'actual')",
-                  ("presented direction [deg]",) * 3,
-                  ("error of direction [deg]", "shear force [N]", "u_err [mm]"))  # fmt: skip
+    chart = Chart(
+        3,
+        "Directions of friction, d = 2 mm, friction 0.5 ([S1] fig. 11 to 13, lines 'actual')",
+        ("presented direction [deg]",) * 3,
+        ("error of direction [deg]", "shear force [N]", "u_err [mm]"),
+    )
     lines = ["| presented | FM1 rendered | FM1 shear | DM2 rendered | DM2 shear |", "|---|---|---|---|---|"]
     off = {}
     for name, rows in found.items():
@@ -182,23 +211,37 @@ def direction(rig: Rig, out: Path) -> list[str]:
         lines.append(f"| {at} deg | " + " | ".join(cells) + " |")
     chart.write(out / "s1_direction.png")
     least = min(float(f[1]) for m in PRESENTED for f in found[m])
-    lines += ["", f"Largest error of the rendered direction: FM1 {np.abs(off['FM1']).max():.0f} deg, DM2 "
-              f"{np.abs(off['DM2']).max():.0f} deg. Least force along +Y over all directions: {least:+.2f} N, never negative: "
-              "pins that push a little towards the tip cannot pull back ([S1] VI.B, 'could not be expressed in principle')."]  # fmt: skip
+    lines += [
+        "",
+        f"Largest error of the rendered direction: FM1 {np.abs(off['FM1']).max():.0f} deg, DM2 "
+        f"{np.abs(off['DM2']).max():.0f} deg. Least force along +Y over all directions: {least:+.2f} N, never negative: "
+        "pins that push a little towards the tip cannot pull back ([S1] VI.B, 'could not be expressed in principle').",
+    ]
     return lines
 
 
 def maps(rig: Rig, out: Path) -> None:
     """Draw what the pins do at the end of the slide, method by method."""
     felt, canvas = feel(rig.skin), PngCanvas(920, 190)
-    canvas.text(30, 25, "Pins after 2 s of sliding to the right, d = 2 mm, friction 0.6; tip up, as seen through the nail",
-                9.5, "#20262e")  # fmt: skip
+    canvas.text(
+        30,
+        25,
+        "Pins after 2 s of sliding to the right, d = 2 mm, friction 0.6; tip up, as seen through the nail",
+        9.5,
+        "#20262e",
+    )
     for k, method in enumerate(SHOWN):
         forces = matched(rig, felt, method).forces[LATE]
         pin_map(rig.spec, forces, rig.spec.parameters["force_limit"], 30 + 216 * k, 44, 204, 110, canvas)
         total = resultant(rig, forces)
-        canvas.text(132 + 216 * k, 174, f"{method}: {np.hypot(*total[:2]):.2f} N across, {total[2]:.2f} N in", 7.5,
-                    COLOURS[method], "middle")  # fmt: skip
+        canvas.text(
+            132 + 216 * k,
+            174,
+            f"{method}: {np.hypot(*total[:2]):.2f} N across, {total[2]:.2f} N in",
+            7.5,
+            COLOURS[method],
+            "middle",
+        )
     write_bytes(out / "s1_pins.png", canvas.to_bytes())
 
 
@@ -206,8 +249,12 @@ def section(rig: Rig, out: Path) -> None:
     """Draw fig. 3: the pad's outline across the finger, at rest, as touched, and as each method renders it."""
     felt = feel(rig.skin)
     ready, skin = pins.setup(rig.skin, rig.spec), rig.skin
-    chart = Chart(len(SHOWN), "The pad across the finger at y = 0, d = 2 mm, friction 0.6, after 2 s ([S1] fig. 3)",
-                  ("x [mm]",) * len(SHOWN), tuple(f"z [mm], {m}" for m in SHOWN))  # fmt: skip
+    chart = Chart(
+        len(SHOWN),
+        "The pad across the finger at y = 0, d = 2 mm, friction 0.6, after 2 s ([S1] fig. 3)",
+        ("x [mm]",) * len(SHOWN),
+        tuple(f"z [mm], {m}" for m in SHOWN),
+    )
     target = skin.displacement(felt.force_at(len(felt.times) - 1))
     rest = outline(skin, np.zeros_like(target))
     for k, method in enumerate(SHOWN):
@@ -241,27 +288,54 @@ def page(parts: dict[str, list[str]], rig: Rig) -> str:
     """Return the page."""
     fine, standard = len(rig.fine.mesh.tetrahedra), len(rig.skin.mesh.tetrahedra)
     text = [
-        "# Deformation matching: paper against ours", "",
+        "# Deformation matching: paper against ours",
+        "",
         "Regenerate with `python -m tests.benchmarks.figures_s1 --out presets` in the benchmarks' environment "
-        "(some two minutes). Source of the paper's figures: [S1].", "",
+        "(some two minutes). Source of the paper's figures: [S1].",
+        "",
         "What differs: the paper uses one mesh of 27,737 ordinary (locking) tetrahedra for target and matching; here the "
         f"commands come from {standard:,} tetrahedra with averaged nodal pressure, and the evidence from {fine:,}, on which "
         "the target's contact is solved anew and the same commands press. The paper leaves the pins unbounded; here no "
         "pin exceeds 0.4 N. The paper does not state rows, columns and radius of its array; ours are chosen "
-        "(`pin_array_128.json`), and its outer pins push sideways. The paper's people cannot be reproduced by software.", "",
-        "## Errors (fig. 4)", "",
+        "(`pin_array_128.json`), and its outer pins push sideways. The paper's people cannot be reproduced by software.",
+        "",
+        "## Errors (fig. 4)",
+        "",
         "On the matching mesh DM2 is best of the bounded methods by construction, which only checks the solver. The two "
         "right-hand columns are the evidence. DM0 and DM1 show why: unconstrained forces of opposite sign cancel on "
-        "their own mesh and nowhere else. RMS over the frames in contact, pressing included.", "",
-        "![Errors over time](../pictures/s1_errors.png)", "", *parts["errors"],
-        "| claim of the paper | ours |", "|---|---|", *parts["claims"], "",
-        "## Skin and pins (fig. 3)", "", "![Outlines](../pictures/s1_skin.png)", "", "![Pins](../pictures/s1_pins.png)", "",
-        "## Friction (fig. 9, 10, table I)", "",
+        "their own mesh and nowhere else. RMS over the frames in contact, pressing included.",
+        "",
+        "![Errors over time](../pictures/s1_errors.png)",
+        "",
+        *parts["errors"],
+        "| claim of the paper | ours |",
+        "|---|---|",
+        *parts["claims"],
+        "",
+        "## Skin and pins (fig. 3)",
+        "",
+        "![Outlines](../pictures/s1_skin.png)",
+        "",
+        "![Pins](../pictures/s1_pins.png)",
+        "",
+        "## Friction (fig. 9, 10, table I)",
+        "",
         "Slope of tangential over normal force against friction, of the forces presented (fig. 9 'actual') after 2 s. The "
-        "paper's columns are its people's *answers*, quoted for comparison: near 0 for FM1, well above 1 for DM2.", "",
-        "![Ratio](../pictures/s1_ratio.png)", "", "![Intensity](../pictures/s1_intensity.png)", "", *parts["friction"], "",
-        "## Direction (fig. 11 to 13)", "", "![Direction](../pictures/s1_direction.png)", "", *parts["direction"], "",
-    ]  # fmt: skip
+        "paper's columns are its people's *answers*, quoted for comparison: near 0 for FM1, well above 1 for DM2.",
+        "",
+        "![Ratio](../pictures/s1_ratio.png)",
+        "",
+        "![Intensity](../pictures/s1_intensity.png)",
+        "",
+        *parts["friction"],
+        "",
+        "## Direction (fig. 11 to 13)",
+        "",
+        "![Direction](../pictures/s1_direction.png)",
+        "",
+        *parts["direction"],
+        "",
+    ]
     return "\n".join(text) + "\n"
 
 

@@ -46,10 +46,7 @@ PAPER = {  # mean over the interactions of the error above that of all motors, f
     "cable_platform": (55.3, 13.4, 0.0),
     "hexapod": (42.5, 15.1, 7.4, 5.1, 2.2, 0.0),
 }
-PAPER_COUNTS = {
-    "cable_platform": (167.9, 119.2, 105.4),
-    "hexapod": (219.9, 175.0, 163.9, 159.8, 155.1, 151.7),
-}
+PAPER_COUNTS = {"cable_platform": (167.9, 119.2, 105.4), "hexapod": (219.9, 175.0, 163.9, 159.8, 155.1, 151.7)}
 TITLES = {"cable_platform": "3 motors", "hexapod": "6 motors"}
 
 
@@ -151,25 +148,38 @@ def _picture(key: str, verdicts: Sequence[Verdict], path: Path) -> None:
 
 
 def _page(
-    found: dict[str, tuple[Verdict, ...]], controls: dict[float, list[list[Verdict]]], played: dict[str, Played],
-    spreads: dict[str, dict[str, float]], tables: dict[str, SkinTable], finer: Sequence[int], seeds: int,
-) -> list[str]:  # fmt: skip
+    found: dict[str, tuple[Verdict, ...]],
+    controls: dict[float, list[list[Verdict]]],
+    played: dict[str, Played],
+    spreads: dict[str, dict[str, float]],
+    tables: dict[str, SkinTable],
+    finer: Sequence[int],
+    seeds: int,
+) -> list[str]:
     tilt, depth, shift = np.degrees(WOBBLE.tilt), 1e3 * WOBBLE.depth, 1e3 * WOBBLE.shift
     lines = [
-        "# How many motors: paper against ours", "",
-        "Regenerate with `python -m tests.benchmarks.figures_s2 --out presets` in the benchmarks' environment (some ten minutes). Source of the paper's figures: [S2], section V. Everything of ours is simulated: a linear skin of 1,560 tetrahedra, a virtual sensor, and a hand's wobble that was drawn, not recorded.", "",
-        f"Fixed and committed before any result was looked at, and not tuned since: noise {NOISE:g} counts in every channel; wobble {tilt:g} degrees of tilt, {depth:g} mm of depth, {shift:g} mm along the surface, {100 * WOBBLE.amplitude:g} % from repetition to repetition; rule: the fewest motors whose error is less than {100 * KNEE:g} % above that of all. The paper expects 1, 2, 2, 2, 2, 3 motors for flat, back-, tip-, left-, right-flat and complex. No pose of the interactions is in a table: tables are regular sweeps.", "",
-    ]  # fmt: skip
+        "# How many motors: paper against ours",
+        "",
+        "Regenerate with `python -m tests.benchmarks.figures_s2 --out presets` in the benchmarks' environment (some ten minutes). Source of the paper's figures: [S2], section V. Everything of ours is simulated: a linear skin of 1,560 tetrahedra, a virtual sensor, and a hand's wobble that was drawn, not recorded.",
+        "",
+        f"Fixed and committed before any result was looked at, and not tuned since: noise {NOISE:g} counts in every channel; wobble {tilt:g} degrees of tilt, {depth:g} mm of depth, {shift:g} mm along the surface, {100 * WOBBLE.amplitude:g} % from repetition to repetition; rule: the fewest motors whose error is less than {100 * KNEE:g} % above that of all. The paper expects 1, 2, 2, 2, 2, 3 motors for flat, back-, tip-, left-, right-flat and complex. No pose of the interactions is in a table: tables are regular sweeps.",
+        "",
+    ]
     for key in DEVICES:
         verdicts, table = found[key], tables[key]
         right = sum(v.found[0] == v.expected for v in verdicts)
         lines += [
-            f"## {TITLES[key]}: `{key}`", "",
-            f"**{right} of {len(verdicts)} verdicts are as the paper expects** (components by variance; by rendered error {sum(v.found[1] == v.expected for v in verdicts)}). Table: {table.meta['asked']} configurations, {len(table.commands)} rows ({table.meta['rest_rows']} touch nothing and are one rest row, {table.meta['unbalanced_rows']} found no balance and are left out, {table.meta['saturated_rows']} have a channel at the end of its scale).", "",
-            f"![Error above that of all motors](../pictures/s2_{key}.png)", "",
-            f"Motors found, seed 0 to {seeds - 1}; every number that differs from the expected one is an exception:", "",
-            "```", f"{'':10}{'expected':10}{'by variance':{2 * max(seeds, 6) + 4}}by rendered error",
-        ]  # fmt: skip
+            f"## {TITLES[key]}: `{key}`",
+            "",
+            f"**{right} of {len(verdicts)} verdicts are as the paper expects** (components by variance; by rendered error {sum(v.found[1] == v.expected for v in verdicts)}). Table: {table.meta['asked']} configurations, {len(table.commands)} rows ({table.meta['rest_rows']} touch nothing and are one rest row, {table.meta['unbalanced_rows']} found no balance and are left out, {table.meta['saturated_rows']} have a channel at the end of its scale).",
+            "",
+            f"![Error above that of all motors](../pictures/s2_{key}.png)",
+            "",
+            f"Motors found, seed 0 to {seeds - 1}; every number that differs from the expected one is an exception:",
+            "",
+            "```",
+            f"{'':10}{'expected':10}{'by variance':{2 * max(seeds, 6) + 4}}by rendered error",
+        ]
         for name in NAMES:
             own = [v for v in verdicts if v.name == name]
             runs = [" ".join(str(v.found[i]) for v in own) for i in (0, 1)]
@@ -197,22 +207,31 @@ def _page(
         lines.append(f"{'paper':10}" + "".join(f"{p:9.1f}" for p in PAPER[key]) + f"{PAPER_COUNTS[key][-1]:14.1f}")
         lines += ["```", ""]
     lines += [
-        "## Why: the hand's wobble", "",
-        f"A control, not a new setting: the same trial with less wobble, noise and rule unchanged (components by variance; {CONTROL_SEEDS} seeds, one without wobble, each number a seed).", "",
-        "```", f"{'wobble':10}{'device':18}" + "".join(f"{name:10}" for name in NAMES),
-    ]  # fmt: skip
+        "## Why: the hand's wobble",
+        "",
+        f"A control, not a new setting: the same trial with less wobble, noise and rule unchanged (components by variance; {CONTROL_SEEDS} seeds, one without wobble, each number a seed).",
+        "",
+        "```",
+        f"{'wobble':10}{'device':18}" + "".join(f"{name:10}" for name in NAMES),
+    ]
     for share, both in controls.items():
         for key, verdicts_less in zip(DEVICES, both, strict=True):
             cells = [" ".join(str(v.found[0]) for v in verdicts_less if v.name == name) for name in NAMES]
             lines.append(f"{100 * share:>4g} %    {key:18}" + "".join(f"{cell:10}" for cell in cells))
     lines += [
-        "```", "",
-        "Without wobble the cable platform needs what the paper expects. A hand that wobbles moves the surface about both axes even in the flat touch; the table of 166,375 rows is fine enough to see it (all three motors leave little error), so that a rule relative to the error of all motors asks for a motor for the wobble. With the coarse table of the six-leg platform the error of all motors is three times as large and hides more of the wobble, as the paper's sensor may have hidden its hand's.", "",
-        f"Without wobble the six-leg platform asks for one more in four of the six. A finer table does not mend it: with {FINER:,} rows, without wobble, it needs {', '.join(map(str, finer))}. We think it is because six motors can render one touch in several ways (yaw and shifts along the pad hardly change what is read), so rows that read alike lie apart in commands, and their mean strays in directions that only more motors follow. The paper's table holds the same six dimensions; we do not know how it behaved there.", "",
-        "## The estimate, played back", "",
-        f"Every command of the six interactions pressed in simulation, against what the table estimates for it: mean over channels and samples in contact, in percent of the 12-bit scale (paper: 1.3 %). Rows are pressed from rest, as the table's; beside it the spread of the reversed sweep, rows reached from one step deeper instead ({int(spreads[DEVICES[0]]['rows'])} and {int(spreads[DEVICES[1]]['rows'])} rows that touch; root mean square over channels).", "",
-        "```", f"{'':18}{'estimate [%]':>14}{'worst [%]':>12}{'rendered, target [%]':>22}{'reversed rms [counts]':>23}{'worst [counts]':>16}",
-    ]  # fmt: skip
+        "```",
+        "",
+        "Without wobble the cable platform needs what the paper expects. A hand that wobbles moves the surface about both axes even in the flat touch; the table of 166,375 rows is fine enough to see it (all three motors leave little error), so that a rule relative to the error of all motors asks for a motor for the wobble. With the coarse table of the six-leg platform the error of all motors is three times as large and hides more of the wobble, as the paper's sensor may have hidden its hand's.",
+        "",
+        f"Without wobble the six-leg platform asks for one more in four of the six. A finer table does not mend it: with {FINER:,} rows, without wobble, it needs {', '.join(map(str, finer))}. We think it is because six motors can render one touch in several ways (yaw and shifts along the pad hardly change what is read), so rows that read alike lie apart in commands, and their mean strays in directions that only more motors follow. The paper's table holds the same six dimensions; we do not know how it behaved there.",
+        "",
+        "## The estimate, played back",
+        "",
+        f"Every command of the six interactions pressed in simulation, against what the table estimates for it: mean over channels and samples in contact, in percent of the 12-bit scale (paper: 1.3 %). Rows are pressed from rest, as the table's; beside it the spread of the reversed sweep, rows reached from one step deeper instead ({int(spreads[DEVICES[0]]['rows'])} and {int(spreads[DEVICES[1]]['rows'])} rows that touch; root mean square over channels).",
+        "",
+        "```",
+        f"{'':18}{'estimate [%]':>14}{'worst [%]':>12}{'rendered, target [%]':>22}{'reversed rms [counts]':>23}{'worst [counts]':>16}",
+    ]
     for key in DEVICES:
         p, s = played[key], spreads[key]
         lines.append(f"{key:18}{p.mean:14.2f}{p.worst:12.2f}{p.moved:22.2f}{s['rms']:23.1f}{s['worst']:16.1f}")
@@ -223,9 +242,10 @@ def _page(
         "",
     ]
     lines += [
-        "## What differs", "",
+        "## What differs",
+        "",
         "The paper records a BioTac held by a hand and collects its tables on the built devices; ours are virtual, of chosen dimensions (`cable_platform.json`, `hexapod.json`), with rigid legs where the paper's are compliant wires. The paper's percentages are the mean of percentages; so are ours. Its error counts and ours depend on the sensor's gain, which here is chosen: compare percentages, and these with care, since they are relative to the error of all motors.",
-    ]  # fmt: skip
+    ]
     return lines
 
 

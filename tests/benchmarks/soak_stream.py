@@ -36,8 +36,11 @@ class Device:
 
         self.process = subprocess.Popen(
             command("stream", "virtual", "--device", "haptip", "--every", str(EVERY), "--fault", f"skew={SKEW}"),
-            env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        )  # fmt: skip
+            env=environment(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
         self.reports: list[dict[str, Any]] = []
         assert self.process.stdout is not None
         self.url = str(json.loads(self.process.stdout.readline())["url"])
@@ -87,15 +90,22 @@ def soak(minutes: float) -> dict[str, Any]:
     last = device.reports[-1]
     settled = sizes[min(6, len(sizes) - 1) :]
     return {
-        "minutes": now / 60, "state": status["state"], "interrupted": interrupted, "received": last["received"],
-        "drift_ms": max(early) - min(early), "early_ms": [min(early), max(early)],
+        "minutes": now / 60,
+        "state": status["state"],
+        "interrupted": interrupted,
+        "received": last["received"],
+        "drift_ms": max(early) - min(early),
+        "early_ms": [min(early), max(early)],
         "growth_sender_bytes": min(s[0] for s in settled[-6:]) - settled[0][0],
         "growth_device_bytes": min(s[1] for s in settled[-6:]) - settled[0][1],
         "peak_sender_bytes": max(s[0] for s in sizes),
-        "lost": last["lost"], "damaged": last["damaged"], "late": last["late"],
+        "lost": last["lost"],
+        "damaged": last["damaged"],
+        "late": last["late"],
         "left_out": sum(status["counters"].get(n, 0) - before.get(n, 0) for n in ("skipped", "dropped")),
-        "jitter_p99_us": status["jitter_p99_us"], "load": [min(loads), sum(loads) / len(loads), max(loads)],
-    }  # fmt: skip
+        "jitter_p99_us": status["jitter_p99_us"],
+        "load": [min(loads), sum(loads) / len(loads), max(loads)],
+    }
 
 
 def main(arguments: list[str]) -> int:

@@ -18,11 +18,11 @@ import threading
 import numpy as np
 
 from core.presets import Library
-from core.stream import packets
-from core.stream.packets import DeviceState
-from core.stream.virtual_device import Server
-from core.stream.virtual_native import NativeDevice
-from core.stream.virtual_program import Endpoint
+from core.stream.protocols import packets
+from core.stream.protocols.packets import DeviceState
+from core.stream.virtual.device import Server
+from core.stream.virtual.native import NativeDevice
+from core.stream.virtual.program import Endpoint
 from core.stream.wire import Wire
 
 
@@ -59,8 +59,10 @@ def main(path: str, key: str = "haptip", count: str = "1") -> None:
     """Serve until standard input ends."""
     wire = Wire.of(Library().device(key))
     devices, links = [Noting(wire) for _ in range(int(count))], [Endpoint("pty") for _ in range(int(count))]
-    servers = [Server(d, lambda _, link=link: link.read(0.0, 65536), link.write, {})
-               for d, link in zip(devices, links, strict=True)]  # fmt: skip
+    servers = [
+        Server(d, lambda _, link=link: link.read(0.0, 65536), link.write, {})
+        for d, link in zip(devices, links, strict=True)
+    ]
     ended = threading.Event()
 
     def watch() -> None:

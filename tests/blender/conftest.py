@@ -8,7 +8,8 @@ import bpy
 import pytest
 
 import blender_addon
-from blender_addon import built_devices, preferences, streaming_paths
+from blender_addon import preferences
+from blender_addon.streaming import agreed_paths, built_devices
 
 
 @pytest.fixture(autouse=True)
@@ -17,11 +18,12 @@ def blender(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monkey
     devices = tmp_path_factory.mktemp("devices")
     folder = preferences.user_folder
     monkeypatch.setattr(
-        built_devices, "user_folder",
+        built_devices,
+        "user_folder",
         lambda name, **more: devices if name == built_devices.FOLDER else folder(name, **more),
-    )  # fmt: skip
+    )
     built_devices.refresh()
-    streaming_paths.forget()
+    agreed_paths.forget()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     blender_addon.register()
     try:

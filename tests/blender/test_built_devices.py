@@ -9,16 +9,16 @@ from typing import Any
 import bpy
 import pytest
 
-from blender_addon import (
+from blender_addon.preferences import core_module
+from blender_addon.results import store
+from blender_addon.streaming import (
+    board_identity,
     built_devices,
     calibration_offers,
+    device_calibration,
     finger_ids,
-    results,
-    streaming,
-    streaming_answer,
-    streaming_calibration,
+    session,
 )
-from blender_addon.preferences import core_module
 
 from . import build
 from .test_stream import HAPTIP, a_track, state, wait
@@ -31,9 +31,9 @@ VIRTUAL = b"VIRTUAL1".hex()  # what the device in the box answers with
 
 def bake(scene: Any, *fingers: str) -> None:
     """Keep a bake with a HapTip's track for some fingers."""
-    pipeline = core_module("pipeline")
+    pipeline = core_module("pipeline.render")
     found = tuple(pipeline.Output(n, HAPTIP, a_track(finger_name=n), {}, ()) for n in fingers)
-    results.keep(scene, pipeline.Bake(found, (), {}, "hash"))
+    store.keep(scene, pipeline.Bake(found, (), {}, "hash"))
 
 
 @pytest.fixture
@@ -51,12 +51,12 @@ def scene() -> Any:
 @pytest.fixture(autouse=True)
 def closed() -> Iterator[None]:
     yield
-    streaming.close()
+    session.close()
 
 
 def mark(scene: Any, name: str = "left, red tape", serial: str = "") -> None:
     """Calibrate the finger's device and save it under a name."""
-    streaming_calibration.fill_channels(scene)
+    device_calibration.fill_channels(scene)
     scene.dermis_stream.channels[0].zero, scene.dermis_stream.channels[0].gain = 0.125, -1.0
     assert bpy.ops.dermis.calibration_keep(name=name, serial=serial) == {"FINISHED"}
 
@@ -64,7 +64,7 @@ def mark(scene: Any, name: str = "left, red tape", serial: str = "") -> None:
 def another_session(monkeypatch: pytest.MonkeyPatch) -> None:
     """Be a Blender that was started later."""
     monkeypatch.setattr(calibration_offers, "_SESSION", "another")
-    streaming_calibration.forget()
+    device_calibration.forget()
 
 
 def another_computer(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
@@ -82,8 +82,8 @@ def reopened(path: Path) -> Any:
 
 def worn(scene: Any) -> str:
     """Return the name of the device that is listed after connecting, '' for none."""
-    streaming.connect(scene)
-    one = streaming_calibration.worn_by(scene)
+    session.connect(scene)
+    one = device_calibration.worn_by(scene)
     return one.made.name if one is not None else ""
 
 
@@ -113,7 +113,7 @@ def test_renaming_the_finger_loses_nothing(scene: Any, tmp_path: Path, monkeypat
 
 
 def test_what_is_not_saved_survives_renaming_too(scene: Any) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     scene.dermis_stream.channels[0].zero, scene.dermis_stream.channels[0].gain = 0.125, -1.0
     bpy.data.objects["Index"].name = "Zeigefinger"
     bake(scene, "Zeigefinger")
@@ -129,7 +129,7 @@ def test_a_copy_of_a_finger_wears_nothing(scene: Any, tmp_path: Path, monkeypatc
     scene.collection.objects.link(copy)
     if original_goes:
         bpy.data.objects.remove(bpy.data.objects["Index"])
-    results.forget()
+    store.forget()
     scene.dermis_stream.output = "A Copy: haptip"
     assert worn(scene) == "" and listed(scene) == PLAIN and driven(scene) == {}
     another_session(monkeypatch)
@@ -156,8 +156,8 @@ def test_a_file_of_another_computer_calibrates_nothing_here(scene: Any, tmp_path
     another_computer(monkeypatch, tmp_path / "there")
     scene = reopened(tmp_path / "a.blend")
     assert [o.name for o in calibration_offers.offers(scene)] == ["Index: haptip"], "offered before connecting too"
-    assert "not known here" in (streaming.connect(scene) or streaming_answer.advice(scene))
-    assert streaming_calibration.worn_by(scene) is None and listed(scene) == PLAIN and driven(scene) == {}
+    assert "not known here" in (session.connect(scene) or board_identity.advice(scene))
+    assert device_calibration.worn_by(scene) is None and listed(scene) == PLAIN and driven(scene) == {}
     bpy.ops.dermis.calibration_keep_found(name="from a friend")
     assert calibration_offers.offers(scene) == [] and listed(scene) == PLAIN, "saved, and worn by nobody"
     (one,) = built_devices.devices(HAPTIP)
@@ -179,7 +179,9 @@ def test_a_file_of_an_older_version_is_offered_once(scene: Any, tmp_path: Path, 
     scene = reopened(tmp_path / "old.blend")
     assert worn(scene) == "" and listed(scene) == PLAIN and driven(scene) == {}, "nothing is applied silently"
     assert [(o.name, o.channels[0]["zero"]) for o in calibration_offers.offers(scene)] == [
-        ("Index: haptip", 0.25), ("Thumb: haptip", 0.125)]  # fmt: skip
+        ("Index: haptip", 0.25),
+        ("Thumb: haptip", 0.125),
+    ]
     bpy.ops.dermis.calibration_keep_found(index=1, name="thumb's")
     bpy.ops.dermis.calibration_drop_found(index=0)
     another_session(monkeypatch)
@@ -223,25 +225,25 @@ def test_undo_takes_neither_identity_nor_choice(scene: Any) -> None:
 def test_after_undo_panel_list_and_device_agree(scene: Any) -> None:
     mark(scene)
     bpy.ops.dermis.calibration_use(file="")
-    streaming.connect(scene)
+    session.connect(scene)
     push("uncalibrated")
     bpy.ops.dermis.calibration_use(file="haptip-left-red-tape.json")
     push("calibrated")
-    assert streaming_answer.shown(scene) == ("left, red tape", "", False)
+    assert board_identity.shown(scene) == ("left, red tape", "", False)
     assert driven(scene)["pulley_1"].zero == 0.125
     undo()
     scene = bpy.context.scene
-    streaming.beat()  # in the window at most 20 ms later
+    session.beat()  # in the window at most 20 ms later
     assert listed(scene) == PLAIN and driven(scene) == {}
-    shown = streaming_answer.shown(scene)
+    shown = board_identity.shown(scene)
     assert shown.name == "Uncalibrated" and "'left, red tape' was chosen last" in shown.words
     bpy.ops.dermis.calibration_use(file="haptip-left-red-tape.json")
-    assert listed(scene) == SET and streaming_answer.shown(scene).words == ""
+    assert listed(scene) == SET and board_identity.shown(scene).words == ""
 
 
 def test_a_device_whose_file_is_gone_can_be_changed_for_another(scene: Any) -> None:
     mark(scene)
-    streaming_calibration.forget()
+    device_calibration.forget()
     (built_devices.user_folder(built_devices.FOLDER) / "haptip-left-red-tape.json").unlink()
     scene.dermis_stream.output = "Thumb: haptip"
     with pytest.raises(RuntimeError, match="cannot be read"):
@@ -254,10 +256,10 @@ def test_a_device_whose_file_is_gone_can_be_changed_for_another(scene: Any) -> N
 def test_the_device_that_answers_is_recognised(scene: Any) -> None:
     made = core_module("calibration").Calibration.of(core_module("presets").Library().device(HAPTIP))
     built_devices.save(made.with_entry("pulley_1", zero=0.125, gain=-1.0).owned_by("in the box", VIRTUAL))
-    streaming.connect(scene)
+    session.connect(scene)
     assert listed(scene) == PLAIN
     status = wait(lambda s: s["state"] == "ready" and "in the box" in s["words"])
-    assert "serial number" in status["words"] and streaming_answer.answered() == (VIRTUAL,)
+    assert "serial number" in status["words"] and board_identity.answered() == (VIRTUAL,)
     assert listed(scene) == SET and driven(scene)["pulley_1"].zero == 0.125
     assert built_devices.choice(finger_ids.identity(bpy.data.objects["Index"]), HAPTIP) == "haptip-in-the-box.json"
 
@@ -265,21 +267,21 @@ def test_the_device_that_answers_is_recognised(scene: Any) -> None:
 def test_going_without_is_a_choice_that_nothing_overrides(scene: Any) -> None:
     mark(scene, serial=VIRTUAL)
     bpy.ops.dermis.calibration_use(file="")
-    streaming.connect(scene)
+    session.connect(scene)
     wait(lambda s: s["state"] == "ready" and "left, red tape" in s["words"])
     assert listed(scene) == PLAIN and driven(scene) == {}
 
 
 def test_another_device_than_the_chosen_one_is_not_armed(scene: Any) -> None:
     mark(scene, serial="0102030405060708")
-    streaming.connect(scene)
+    session.connect(scene)
     status = wait(lambda s: s["state"] == "ready" and "another device answered" in s["words"])
-    assert streaming_answer.shown(scene).wrong
+    assert board_identity.shown(scene).wrong
     assert "left, red tape" in status["words"] and VIRTUAL in status["words"]
     with pytest.raises(RuntimeError, match="another device answered"):
         bpy.ops.dermis.stream_arm()
     wait(state("ready"))
-    assert not streaming.status()["armed"]
+    assert not session.status()["armed"]
     bpy.ops.dermis.calibration_keep(name="left, red tape", serial=VIRTUAL)
     bpy.ops.dermis.stream_arm()
     wait(lambda s: s["armed"])
@@ -289,7 +291,7 @@ def test_under_way_the_calibration_of_another_device_ends_the_stream(scene: Any)
     mark(scene, serial="0102030405060708")
     bpy.ops.dermis.calibration_use(file="")
     scene.dermis_stream.mode = "jog"
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
     bpy.ops.dermis.stream_arm()
     wait(lambda s: s["armed"])
@@ -299,9 +301,9 @@ def test_under_way_the_calibration_of_another_device_ends_the_stream(scene: Any)
 
 def test_an_id_that_boards_share_tells_none_apart() -> None:
     shared = b"DERMISU1".hex()
-    assert streaming_answer.serials({"device": shared}) == ()
-    assert streaming_answer.serials({"device": shared, "received": {"usb_serial": "7573\x01"}}) == ("7573",)
-    assert streaming_answer.serials({"device": VIRTUAL, "received": {"usb_serial": "7573"}}) == (VIRTUAL, "7573")
+    assert board_identity.serials({"device": shared}) == ()
+    assert board_identity.serials({"device": shared, "received": {"usb_serial": "7573\x01"}}) == ("7573",)
+    assert board_identity.serials({"device": VIRTUAL, "received": {"usb_serial": "7573"}}) == (VIRTUAL, "7573")
 
 
 def test_refusals_are_words(scene: Any) -> None:
@@ -317,12 +319,12 @@ def test_refusals_are_words(scene: Any) -> None:
     scene.dermis_stream.output = "Index: haptip"
     with pytest.raises(RuntimeError, match="not JSON"):
         bpy.ops.dermis.stream_connect()
-    assert not streaming.connected() and len(built_devices.damaged()) == 1
+    assert not session.connected() and len(built_devices.damaged()) == 1
     (folder / built_devices.TABLE).write_text('{"schema": "dermis-fingers 1", "fingers": {"x": 3}}')
     built_devices.refresh()
     with pytest.raises(RuntimeError, match="which finger wears which device"):
         bpy.ops.dermis.stream_connect()
-    assert streaming_answer.shown(scene).wrong
+    assert board_identity.shown(scene).wrong
     with pytest.raises(RuntimeError, match="which finger wears which device"):
         bpy.ops.dermis.calibration_use(file="")
     assert '"x": 3' in (folder / built_devices.TABLE).read_text(), "what cannot be read is not overwritten"

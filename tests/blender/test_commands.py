@@ -34,7 +34,7 @@ def test_render_writes_tracks(blend, tmp_path, capsys):
     assert commands.main(["render", str(blend), "--out", str(out)]) == 0
     assert [p.name for p in out.iterdir()] == ["Finger.haptip.csv"]
     assert str(out / "Finger.haptip.csv") in capsys.readouterr().out
-    from core.formats import csv
+    from core.track import csv
 
     track = csv.read(out / "Finger.haptip.csv")
     assert track.times[-1] == pytest.approx(0.5, abs=2e-3)
@@ -54,7 +54,7 @@ def test_range_scene_and_two_runs_give_the_same_bytes(blend, tmp_path):
 @pytest.mark.parametrize("given", [["--range", "-5:10"], ["--range=-5:10"]])
 def test_a_range_may_begin_below_zero(blend, tmp_path, given):
     assert commands.main(["render", str(blend), "--out", str(tmp_path / "a"), *given]) == 0
-    from core.formats import csv
+    from core.track import csv
 
     track = csv.read(tmp_path / "a" / "Finger.haptip.csv")
     assert track.meta["frame_range"] == "-5 10" and track.times[-1] == pytest.approx(15 / 24, abs=1e-3)
@@ -119,12 +119,20 @@ def test_another_process_gives_the_same_bytes(blend, tmp_path):
         "sys.stdout.flush(); sys.stderr.flush()\n"
         "os._exit(status)\n"
     )
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]),
-                   "BLENDER_USER_RESOURCES": str(tmp_path / "profile")}  # fmt: skip
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]),
+        "BLENDER_USER_RESOURCES": str(tmp_path / "profile"),
+    }
     done = subprocess.run(
         [sys.executable, "-c", program, "render", str(blend), "--out", str(tmp_path / "there")],
-        env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+        env=environment,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     here, there = ((tmp_path / n / "Finger.haptip.csv").read_bytes() for n in ("here", "there"))
     assert here == there
@@ -153,11 +161,12 @@ def test_the_track_follows_the_scene_in_feet(blend, tmp_path):
     feet = 1 / 0.3048
     for vertex in bpy.data.objects["Cube"].data.vertices:
         vertex.co *= feet
-    build.keys(bpy.data.objects["Finger"], "location", [1, 7, 13],
-               np.array([(0, 0, 0.2), (0, 0, 0.1), (0.05, 0, 0.1)]) * feet)  # fmt: skip
+    build.keys(
+        bpy.data.objects["Finger"], "location", [1, 7, 13], np.array([(0, 0, 0.2), (0, 0, 0.1), (0.05, 0, 0.1)]) * feet
+    )
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
     assert commands.main(["render", str(blend), "--out", str(tmp_path / "feet")]) == 0
-    from core.formats import csv
+    from core.track import csv
 
     one, two = (csv.read(tmp_path / n / "Finger.haptip.csv") for n in ("metres", "feet"))
     assert np.abs(one.values).max() > 1e-4

@@ -6,7 +6,9 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import demo_scene, reporting, results
+from blender_addon import reporting
+from blender_addon.demos import demo_scene
+from blender_addon.results import store
 
 
 @pytest.fixture
@@ -59,7 +61,7 @@ def test_the_ribs_have_the_textures_period() -> None:
 def test_it_bakes_and_every_device_moves(demo: bpy.types.Scene) -> None:
     assert bpy.ops.dermis.bake() == {"FINISHED"}
     assert [str(f) for f in reporting.findings() if f.severity == "error"] == []
-    bake = results.current(demo).bake
+    bake = store.current(demo).bake
     tracks = {(o.finger, o.device): o.track for o in bake.outputs}
     assert set(tracks) == {("Index", "haptip"), ("Thumb", "haptip"), ("Reader", "electrovibration")}
     by_finger = {finger: track for (finger, _), track in tracks.items()}
@@ -74,7 +76,7 @@ def test_it_bakes_and_every_device_moves(demo: bpy.types.Scene) -> None:
     assert np.ptp(seconds(thumb, "tactor_x", 70, 96)) > 0.1e-3  # the box's weight, shaken
     volts = reader.column("amplitude")
     assert volts.max() > 50.0 and volts.min() == 0.0
-    assert results.state(demo) == "fresh"
+    assert store.state(demo) == "fresh"
 
 
 def test_two_bakes_give_the_same_bytes() -> None:
@@ -83,6 +85,6 @@ def test_two_bakes_give_the_same_bytes() -> None:
         bpy.ops.wm.read_factory_settings(use_empty=True)
         bpy.ops.dermis.demo_scene()
         bpy.ops.dermis.bake()
-        bake = results.current(bpy.context.scene).bake
+        bake = store.current(bpy.context.scene).bake
         hashes.append((bake.content_hash, [o.track.values.tobytes() for o in bake.outputs]))
     assert hashes[0] == hashes[1]

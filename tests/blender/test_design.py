@@ -8,9 +8,11 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import design_results, jobs, platform_use, results
-from blender_addon.panels import choices
+from blender_addon import choices, jobs
+from blender_addon.design import design_results
+from blender_addon.devices import platform_devices
 from blender_addon.preferences import core_module, library
+from blender_addon.results import store
 
 from .test_platforms import own_folders, shown  # noqa: F401  a fixture
 
@@ -30,7 +32,7 @@ def baked(own_folders, monkeypatch):  # noqa: F811
 
 
 def sensed(scene, seed=0):
-    touch = next(iter(results.current(scene).bake.skins.values()))
+    touch = next(iter(store.current(scene).bake.skins.values()))
     return core_module("design.task").sense_touch(touch, noise=scene.dermis_design.noise, seed=seed)
 
 
@@ -39,8 +41,8 @@ def test_the_answer_is_the_engines_for_the_same_bake_and_table(baked) -> None:
     assert bpy.ops.dermis.design() == {"FINISHED"}
     found = design_results.current(scene).design
     spec = library().device("cable_platform")
-    values = results.current(scene).skins["Index"]
-    _, table = jobs.drain(platform_use.swept(spec, values["skin"], values["level"], ROWS))
+    values = store.current(scene).skins["Index"]
+    _, table = jobs.drain(platform_devices.swept(spec, values["skin"], values["level"], ROWS))
     direct = jobs.drain(core_module("design.task").answer(spec, table, {"t": sensed(scene)}, noise=2.0))
     assert found.names == ("Tip, Flat, Tip",)
     np.testing.assert_array_equal(found.by("variance").error, direct.by("variance").error)
@@ -66,14 +68,14 @@ def test_the_new_preset_scrubs_bakes_and_exports_at_once(baked, tmp_path) -> Non
     assert (folder / "presets" / "devices" / f"{key}.json").is_file()
     entry = choices.device_entry(key)
     assert entry is not None and entry.user and entry.error is None and choices.kind_of(key) == "cable_platform"
-    original = results.current(scene).bake.outputs[0].track
+    original = store.current(scene).bake.outputs[0].track
     finger.dermis.finger.devices[0].enabled = False
     assert bpy.ops.dermis.add_device(preset=key, finger="Index") == {"FINISHED"}
     device = finger.dermis.finger.devices[1]
     device.table_rows = finger.dermis.finger.devices[0].table_rows
-    assert not platform_use.missing(finger, device)  # the mechanism is the same, and so is its table
+    assert not platform_devices.missing(finger, device)  # the mechanism is the same, and so is its table
     assert bpy.ops.dermis.bake() == {"FINISHED"}
-    track = results.current(scene).bake.outputs[0].track
+    track = store.current(scene).bake.outputs[0].track
     spec = library().device(key)
     assert track.spec.hash == spec.hash and track.values.shape[1] == len(spec.channels) == 2
     coupling = core_module("devices.coupling").coupling_of(spec)
@@ -81,7 +83,7 @@ def test_the_new_preset_scrubs_bakes_and_exports_at_once(baked, tmp_path) -> Non
     deep = original.values[:, 0] > 0.8 * original.values[:, 0].max()  # where the touch is
     assert np.abs(driven - original.values)[deep].max() < 0.25 * np.ptp(original.values)
     assert bpy.ops.dermis.export_tracks(directory=str(tmp_path)) == {"FINISHED"}
-    assert core_module("formats.csv").read(tmp_path / f"Index.{key}.csv").values.shape == track.values.shape
+    assert core_module("track.csv").read(tmp_path / f"Index.{key}.csv").values.shape == track.values.shape
 
 
 def test_another_number_of_motors_is_written_without_searching_again(baked, monkeypatch) -> None:
@@ -136,7 +138,7 @@ def test_what_cannot_be_answered_is_said(baked) -> None:
     with pytest.raises(RuntimeError, match="no such skin"):
         bpy.ops.dermis.design()
     own.finger = ""
-    results.forget()
+    store.forget()
     with pytest.raises(RuntimeError, match="not baked"):
         bpy.ops.dermis.design()
     while own.touches:
@@ -173,7 +175,7 @@ def test_stopping_half_way_changes_nothing(baked) -> None:
 
 
 def test_the_panel_lists_only_platforms(own_folders) -> None:  # noqa: F811
-    from blender_addon.properties_design import _platforms
+    from blender_addon.design.design_properties import _platforms
 
     assert set(_platforms(None, None, "")) == {"cable_platform", "hexapod"}
     assert _platforms(None, None, "six") == ["hexapod"]

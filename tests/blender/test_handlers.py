@@ -13,8 +13,10 @@ from .build import cube, finger, span
 
 def counts() -> list[int]:
     """Return how often each of our handlers stands in its list, by name: a copy left over from before counts too."""
-    return [sum(getattr(f, "__name__", "") == ours.__name__ and f.__module__ == ours.__module__ for f in found)
-            for found, ours in handlers.table()]  # fmt: skip
+    return [
+        sum(getattr(f, "__name__", "") == ours.__name__ and f.__module__ == ours.__module__ for f in found)
+        for found, ours in handlers.table()
+    ]
 
 
 def test_one_of_each_after_three_times_off_and_on() -> None:

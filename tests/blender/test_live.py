@@ -8,7 +8,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import live, results
+from blender_addon.preview import device_preview
+from blender_addon.results import store
 
 from .build import cube, finger, keys, span
 
@@ -18,7 +19,7 @@ GRAVITY, WEIGHT, RANGE = 9.81, 0.05, 0.002
 @pytest.fixture(autouse=True)
 def no_trail():
     """Start without a trail."""
-    live.reset()
+    device_preview.reset()
 
 
 @pytest.fixture
@@ -49,12 +50,12 @@ def _frame(tip, nail):
 def test_live_and_bake_both_show_the_held_weight(holding: bpy.types.Scene) -> None:
     expected = WEIGHT * GRAVITY * RANGE
     holding.frame_set(5)
-    row = live.step(bpy.context).rows[0]
+    row = device_preview.step(bpy.context).rows[0]
     assert math.hypot(row.values["tactor_x"], row.values["tactor_y"]) == pytest.approx(expected, rel=1e-4)
     assert row.values["tactor_y"] == pytest.approx(-expected, rel=1e-4)
     bpy.ops.dermis.bake()
     holding.frame_set(12)
-    shown = live.preview(holding)
+    shown = device_preview.preview(holding)
     assert shown.source == "bake"
     assert shown.rows[0].values["tactor_y"] == pytest.approx(-expected, rel=1e-4)
 
@@ -63,12 +64,12 @@ def test_a_fresh_bake_is_read_at_the_frame_and_between(holding: bpy.types.Scene)
     thing = bpy.data.objects["Cube"]
     keys(thing, "dermis.material.weight_gravity", [1, 25], [0.0, 0.1])
     bpy.ops.dermis.bake()
-    result = results.current(holding)
+    result = store.current(holding)
     track = result.bake.outputs[0].track
     for frame, part in ((7, 0.0), (7, 0.5), (24, 0.25)):
         holding.frame_set(frame, subframe=part)
         t = (frame + part - 1) / 24.0
-        row = live.preview(holding).rows[0]
+        row = device_preview.preview(holding).rows[0]
         for name in row.values:
             assert row.values[name] == pytest.approx(np.interp(t, track.times, track.column(name)), abs=1e-12)
 
@@ -76,8 +77,8 @@ def test_a_fresh_bake_is_read_at_the_frame_and_between(holding: bpy.types.Scene)
 def test_live_goes_on_forward_and_starts_anew_after_a_jump(holding: bpy.types.Scene) -> None:
     def at(frame: int) -> tuple[int, str]:
         holding.frame_set(frame)
-        note = live.step(bpy.context).note
-        return len(live._trail.samples), note
+        note = device_preview.step(bpy.context).note
+        return len(device_preview._trail.samples), note
 
     assert at(3) == (1, "live, from rest at frame 3: play or step forward")
     assert at(4) == (2, "live, from rest at frame 3")
@@ -98,9 +99,9 @@ def test_live_follows_a_movement_as_the_bake_does(holding: bpy.types.Scene) -> N
     holding.dermis.sample_rate = 25.0
     for frame in frames.tolist():
         holding.frame_set(frame)
-        row = live.step(bpy.context).rows[0]
+        row = device_preview.step(bpy.context).rows[0]
     bpy.ops.dermis.bake()
-    baked = results.current(holding).bake.outputs[0].track
+    baked = store.current(holding).bake.outputs[0].track
     assert abs(row.values["tactor_y"]) > 1e-4
     assert row.values["tactor_y"] == pytest.approx(baked.column("tactor_y")[-1], abs=1e-9)
     # ... and in the middle the bake is the acceleration itself: -A w^2 cos(w t), at half a period +A w^2
@@ -110,13 +111,13 @@ def test_live_follows_a_movement_as_the_bake_does(holding: bpy.types.Scene) -> N
 
 def test_a_change_makes_the_bake_stale_and_live_takes_over(holding: bpy.types.Scene) -> None:
     bpy.ops.dermis.bake()
-    assert results.state(holding) == "fresh"
+    assert store.state(holding) == "fresh"
     bpy.data.objects["Cube"].dermis.material.weight_gravity = 0.02
-    assert results.state(holding) == "stale"
+    assert store.state(holding) == "stale"
     holding.frame_set(9)
-    assert live.preview(holding).source == "stale"
-    row = live.step(bpy.context).rows[0]
-    assert live.preview(holding).source == "live"
+    assert device_preview.preview(holding).source == "stale"
+    row = device_preview.step(bpy.context).rows[0]
+    assert device_preview.preview(holding).source == "live"
     assert row.values["tactor_y"] == pytest.approx(-0.02 * GRAVITY * RANGE, rel=1e-4)
 
 
@@ -131,14 +132,14 @@ def test_scene_settings_make_it_stale_too(holding: bpy.types.Scene, setting: str
         holding.gravity = (0.0, 0.0, -1.62)
     else:
         holding.dermis.sample_rate = 120.0
-    assert results.state(holding) == "stale"
+    assert store.state(holding) == "stale"
 
 
 def test_looking_changes_nothing(holding: bpy.types.Scene) -> None:
     names = sorted(o.name for o in bpy.data.objects)
     holding.frame_set(8, subframe=0.25)
-    live.step(bpy.context)
-    live.preview(holding)
+    device_preview.step(bpy.context)
+    device_preview.preview(holding)
     assert holding.frame_current_final == pytest.approx(8.25)
     assert sorted(o.name for o in bpy.data.objects) == names
 
@@ -146,13 +147,13 @@ def test_looking_changes_nothing(holding: bpy.types.Scene) -> None:
 def test_outside_the_baked_range_the_device_rests(holding: bpy.types.Scene) -> None:
     bpy.ops.dermis.bake()
     holding.frame_set(200)
-    row = live.preview(holding).rows[0]
-    rest = {c.name: c.rest for c in results.current(holding).bake.outputs[0].track.spec.channels}
+    row = device_preview.preview(holding).rows[0]
+    rest = {c.name: c.rest for c in store.current(holding).bake.outputs[0].track.spec.channels}
     assert row.values == rest
 
 
 def test_a_scene_that_cannot_be_rendered_says_why_in_the_preview() -> None:
     span(1, 10)
     finger()
-    shown = live.step(bpy.context)
+    shown = device_preview.step(bpy.context)
     assert shown.rows == () and "nothing to touch" in shown.note

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
-from blender_addon import preferences, properties, reporting, results
+from blender_addon import preferences, reporting
+from blender_addon.properties import scene_properties
+from blender_addon.results import store
 
 from .build import cube, finger, screen, span
 
@@ -65,7 +67,7 @@ def test_make_touchable_takes_the_presets_values() -> None:
     bpy.context.view_layer.objects.active = thing
     assert bpy.ops.dermis.make_touchable(preset="rubber") == {"FINISHED"}
     wanted = preferences.library().material("rubber")
-    values = properties.parameters(thing.dermis.material)
+    values = scene_properties.parameters(thing.dermis.material)
     for name, value in wanted.items():
         assert values[name] == (pytest.approx(value, rel=1e-6) if isinstance(value, float) else value), name
     assert (thing.dermis.role, thing.dermis.material.preset) == ("TOUCHABLE", "rubber")
@@ -112,16 +114,20 @@ def test_setting_a_role_keeps_the_settings() -> None:
 
 @pytest.mark.parametrize(
     ("build", "sentence"),
-    [(lambda: cube(), "no finger"), (lambda: finger(), "nothing to touch"),
-     (lambda: (cube(), finger(), span(5, 5)), "no duration"), (lambda: (cube(), finger(), span(9, 2)), "no duration")],
+    [
+        (lambda: cube(), "no finger"),
+        (lambda: finger(), "nothing to touch"),
+        (lambda: (cube(), finger(), span(5, 5)), "no duration"),
+        (lambda: (cube(), finger(), span(9, 2)), "no duration"),
+    ],
     ids=["no finger", "nothing to touch", "one frame", "reversed"],
-)  # fmt: skip
+)
 def test_what_cannot_be_baked_is_refused_in_words(build, sentence: str) -> None:
     span(1, 10)
     build()
     with pytest.raises(RuntimeError, match=sentence):
         bpy.ops.dermis.bake()
-    assert results.current(bpy.context.scene) is None
+    assert store.current(bpy.context.scene) is None
     assert [f.severity for f in reporting.findings()] == ["error"]
 
 
@@ -140,13 +146,13 @@ def test_an_output_folder_that_cannot_be_written_is_named(tmp_path) -> None:
 
 
 def test_export_writes_one_readable_track_for_each_finger_and_device(tmp_path) -> None:
-    from core.formats import csv
+    from core.track import csv
 
     ready()
     bpy.ops.dermis.bake()
     bpy.ops.dermis.export_tracks(directory=str(tmp_path))
     assert sorted(p.name for p in tmp_path.iterdir()) == ["Finger.electrovibration.csv", "Finger.haptip.csv"]
-    baked = results.current(bpy.context.scene).bake.outputs[0].track
+    baked = store.current(bpy.context.scene).bake.outputs[0].track
     back = csv.read(tmp_path / "Finger.haptip.csv")
     assert back.times == pytest.approx(baked.times, rel=1e-8)
     assert back.values == pytest.approx(baked.values, rel=1e-8, abs=1e-15)
@@ -156,14 +162,14 @@ def test_a_stored_bake_comes_back_bit_for_bit(tmp_path) -> None:
     ready()
     bpy.ops.dermis.bake()
     scene = bpy.context.scene
-    before = results.current(scene).bake
+    before = store.current(scene).bake
     path = str(tmp_path / "a.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
-    assert results.current(bpy.context.scene) is None  # opening a file reads nothing
+    assert store.current(bpy.context.scene) is None  # opening a file reads nothing
     assert bpy.ops.dermis.load_result() == {"FINISHED"}
-    after = results.current(bpy.context.scene)
-    assert results.state(bpy.context.scene) == "earlier"
+    after = store.current(bpy.context.scene)
+    assert store.state(bpy.context.scene) == "earlier"
     assert after.bake.content_hash == before.content_hash
     for a, b in zip(after.bake.outputs, before.outputs, strict=True):
         assert a.track.values.tobytes() == b.track.values.tobytes()
@@ -197,7 +203,7 @@ def test_an_exported_screen_map_answers_as_the_bake_does(tmp_path) -> None:
     (path,) = tmp_path.iterdir()
     assert path.name.startswith("Reader.") and path.name.endswith(".electrovibration.map.npz")
     screen_map = ScreenMap.load(path)
-    (output,) = [o for o in results.current(bpy.context.scene).bake.outputs if o.device == "electrovibration"]
+    (output,) = [o for o in store.current(bpy.context.scene).bake.outputs if o.device == "electrovibration"]
     amplitude, x, y = output.track.column("amplitude"), output.signals["x"], output.signals["y"]
     strong = [i for i in range(50, len(x) - 50) if amplitude[i] > 100.0][::97]
     assert len(strong) > 5

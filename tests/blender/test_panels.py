@@ -8,8 +8,11 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon import panels, properties, properties_design, properties_skin, properties_stream, properties_thimble
-from blender_addon.panels import census, choices, text
+from blender_addon import choices, panels
+from blender_addon.design import design_properties
+from blender_addon.panels import census, text
+from blender_addon.properties import scene_properties, skin_properties, thimble_view_properties
+from blender_addon.streaming import streaming_properties
 
 from .build import cube, finger, screen
 
@@ -36,10 +39,20 @@ def test_every_button_has_an_operator() -> None:
 
 
 def test_every_property_that_is_drawn_exists() -> None:
-    groups = (properties.DermisDevice, properties.DermisFinger, properties.DermisMaterial, properties.DermisScreen,
-              properties.DermisScene, properties_skin.DermisSkin, properties_skin.DermisSkinView,
-              properties_stream.DermisStream, properties_stream.DermisStreamChannel, properties_design.DermisDesign,
-              properties_design.DermisDesignTouch, properties_thimble.DermisThimbleView)  # fmt: skip
+    groups = (
+        scene_properties.DermisDevice,
+        scene_properties.DermisFinger,
+        scene_properties.DermisMaterial,
+        scene_properties.DermisScreen,
+        scene_properties.DermisScene,
+        skin_properties.DermisSkin,
+        skin_properties.DermisSkinView,
+        streaming_properties.DermisStream,
+        streaming_properties.DermisStreamChannel,
+        design_properties.DermisDesign,
+        design_properties.DermisDesignTouch,
+        thimble_view_properties.DermisThimbleView,
+    )
     known = {p.identifier for group in groups for p in group.bl_rna.properties}
     assert strings("prop", 1) and strings("prop", 1) <= known
     for effect in (c for c in panels.CLASSES if getattr(c, "switch", "")):
@@ -47,12 +60,19 @@ def test_every_property_that_is_drawn_exists() -> None:
 
 
 def test_every_setting_of_a_material_can_be_reached() -> None:
-    shown = strings("prop", 1) | {"friction", "surface_stiffness_mpa_m", "held_mode", "content_kind",
-                                  "content_amplitude", "content_length_mm", "content_size_mm",
-                                  "content_damping"}  # fmt: skip
+    shown = strings("prop", 1) | {
+        "friction",
+        "surface_stiffness_mpa_m",
+        "held_mode",
+        "content_kind",
+        "content_amplitude",
+        "content_length_mm",
+        "content_size_mm",
+        "content_damping",
+    }
     for effect in (c for c in panels.CLASSES if getattr(c, "switch", "")):
         shown |= {effect.switch, *effect.shown}
-    names = {a.attribute for a in properties.ATTRIBUTES[properties.DermisMaterial]}
+    names = {a.attribute for a in scene_properties.ATTRIBUTES[scene_properties.DermisMaterial]}
     assert names <= shown
 
 
@@ -87,9 +107,9 @@ def test_the_next_step_knows_whether_anything_moves() -> None:
 
 def test_a_file_of_a_newer_dermis_is_noticed() -> None:
     scene = bpy.context.scene
-    scene.dermis.file_version = properties.FILE_VERSION + 1
+    scene.dermis.file_version = scene_properties.FILE_VERSION + 1
     cube()
-    assert census.of(scene).newer == properties.FILE_VERSION + 1
+    assert census.of(scene).newer == scene_properties.FILE_VERSION + 1
 
 
 def test_presets_are_read_on_demand_and_broken_ones_keep_their_reason(tmp_path, monkeypatch) -> None:
@@ -108,8 +128,12 @@ def test_presets_are_read_on_demand_and_broken_ones_keep_their_reason(tmp_path, 
 
 @pytest.mark.parametrize(
     ("value", "unit", "shown"),
-    [(0.00125, "m", "+1.250 mm"), (-0.5235987755982988, "rad", "-30.00°"), (234.04, "V", "234.0 V"),
-     (60.0, "Hz", "60 Hz")],
-)  # fmt: skip
+    [
+        (0.00125, "m", "+1.250 mm"),
+        (-0.5235987755982988, "rad", "-30.00°"),
+        (234.04, "V", "234.0 V"),
+        (60.0, "Hz", "60 Hz"),
+    ],
+)
 def test_figures_have_the_units_that_people_use(value: float, unit: str, shown: str) -> None:
     assert text.quantity(value, unit) == shown

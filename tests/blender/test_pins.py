@@ -6,9 +6,13 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import demo_pins, live, pin_reports, pin_view, properties, results, skin_live
-from blender_addon.panels import choices
+from blender_addon import choices
+from blender_addon.demos import demo_pins
 from blender_addon.preferences import core_module, library
+from blender_addon.preview import device_preview, skin_preview
+from blender_addon.properties import scene_properties
+from blender_addon.results import pin_reports, store
+from blender_addon.viewport import pin_view
 
 
 @pytest.fixture
@@ -27,7 +31,7 @@ def bake(scene: bpy.types.Scene):
     """Bake a few frames and return the result."""
     scene.frame_start, scene.frame_end = 1, 19
     assert bpy.ops.dermis.bake() == {"FINISHED"}
-    return results.current(scene)
+    return store.current(scene)
 
 
 def test_settings_reach_the_track(demo) -> None:
@@ -37,7 +41,7 @@ def test_settings_reach_the_track(demo) -> None:
     assert output.track.meta["method"] == "FM1" and output.track.meta["lead_s"] == "0"
     assert output.track.values.shape[1] == 128 and output.track.values[-1].any()
     assert not output.track.values[0].any()  # it fades in
-    assert {"pin_method", "pin_nodes"} <= set(properties.parameters(device))
+    assert {"pin_method", "pin_nodes"} <= set(scene_properties.parameters(device))
 
 
 def test_the_demos_bake_is_the_engines_own_experiment(demo) -> None:
@@ -53,7 +57,7 @@ def test_the_demos_bake_is_the_engines_own_experiment(demo) -> None:
 def test_a_press_test_gives_alpha_and_can_be_undone(demo) -> None:
     skin = demo.objects["Index"].dermis.finger.skin
     model = core_module("skin.model").skin_from_parameters({}, level="draft")
-    loads = 0.73 * core_module("matching.calibration").press_loads(model)
+    loads = 0.73 * core_module("matching.press_test").press_loads(model)
     names = {f"load_{k + 1}": float(f) for k, f in enumerate(loads)}
     skin.alpha = 0.9  # what is there must not matter
     assert bpy.ops.dermis.press_test(**names) == {"FINISHED"}
@@ -106,9 +110,9 @@ def test_a_finger_that_touched_nothing_is_refused_by_name(demo) -> None:
 def test_the_view_shows_the_bakes_pins(demo) -> None:
     result = bake(demo)
     demo.frame_set(15)
-    shown = live.preview(demo)
+    shown = device_preview.preview(demo)
     row = next(r for r in shown.rows if r.kind == "pin_array")
-    expected = results.values_at(result, result.bake.outputs[0], 15.0)
+    expected = store.values_at(result, result.bake.outputs[0], 15.0)
     np.testing.assert_allclose(pin_view.forces_of(row), expected)
     pins = pin_view.pins_of(demo.objects["Index"], "pin_array_128")
     part = pin_view.discs(pins, pin_view.forces_of(row))
@@ -126,7 +130,7 @@ def test_the_view_shows_the_bakes_pins(demo) -> None:
 def test_the_rendered_skin_stands_beside_the_target(demo) -> None:
     bake(demo)
     demo.frame_set(15)
-    target, rendered = skin_live.states(demo)
+    target, rendered = skin_preview.states(demo)
     pins = core_module("matching.pins")
     ready = pins.setup(target.model, library().device("pin_array_128"))
     solver = core_module("matching.deformation").PinSolver(ready.matcher, "DM2")
@@ -141,13 +145,13 @@ def test_live_pins_match_the_bake_and_do_not_fade_at_the_frame_that_is_shown(dem
     finger.skin.shown, finger.devices[0].pin_lead = shown, False
     for frame in range(1, 12):
         demo.frame_set(frame)
-        live.step(bpy.context)
-        skin_live.step(bpy.context)
-    rows = [r for r in live.preview(demo).rows if r.kind == "pin_array"]
+        device_preview.step(bpy.context)
+        skin_preview.step(bpy.context)
+    rows = [r for r in device_preview.preview(demo).rows if r.kind == "pin_array"]
     assert len(rows) == 1
     forces = pin_view.forces_of(rows[0])
     finger.devices[0].pin_fade_in = finger.devices[0].pin_fade_out = 0.0
-    baked = results.values_at(bake(demo), results.current(demo).bake.outputs[0], 11.0)
+    baked = store.values_at(bake(demo), store.current(demo).bake.outputs[0], 11.0)
     # the preview takes one sample a frame, the bake ten; the press is at rest by then
     assert np.linalg.norm(forces - baked) < 0.02 * np.linalg.norm(baked) and baked.sum() > 0.5
 
@@ -157,12 +161,13 @@ def test_pins_are_registered_once(demo) -> None:
 
 
 def test_a_scene_with_pins_holds_blas_at_one_thread_and_others_do_not(demo) -> None:
-    from blender_addon import sampling, skin_models
+    from blender_addon.devices import skin_models
+    from blender_addon.sampling import scene_sweep
 
     finger = demo.objects["Index"].dermis.finger
     finger.skin.shown = False
-    assert skin_models.wanted(sampling.sample(demo), library())
+    assert skin_models.wanted(scene_sweep.sample(demo), library())
     finger.devices[0].preset = "haptip"
-    assert not skin_models.wanted(sampling.sample(demo), library())
+    assert not skin_models.wanted(scene_sweep.sample(demo), library())
     finger.devices[0].preset = "not there"
-    assert not skin_models.wanted(sampling.sample(demo), library())
+    assert not skin_models.wanted(scene_sweep.sample(demo), library())

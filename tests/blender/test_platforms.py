@@ -6,10 +6,15 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import demo_motors, jobs, live, platform_twin, platform_use, platform_view, properties, results
-from blender_addon import skin_live as skins
-from blender_addon.panels import choices
+from blender_addon import choices, jobs
+from blender_addon.demos import demo_motors
+from blender_addon.devices import platform_devices
 from blender_addon.preferences import core_module, library
+from blender_addon.preview import device_preview
+from blender_addon.preview import skin_preview as skins
+from blender_addon.properties import scene_properties
+from blender_addon.results import store
+from blender_addon.viewport import platform_twin, platform_view
 
 ROWS = 216  # six steps a motor: coarse, and there in a moment
 
@@ -17,7 +22,9 @@ ROWS = 216  # six steps a motor: coarse, and there in a moment
 @pytest.fixture
 def own_folders(tmp_path, monkeypatch):
     """Keep presets, tables and skins of these tests apart."""
-    from blender_addon import design_results, preferences, skin_models
+    from blender_addon import preferences
+    from blender_addon.design import design_results
+    from blender_addon.devices import skin_models
 
     def folder(name, *, create=False):
         path = tmp_path / name
@@ -25,7 +32,7 @@ def own_folders(tmp_path, monkeypatch):
             path.mkdir(parents=True, exist_ok=True)
         return path
 
-    for module in (preferences, platform_use, skin_models, design_results):
+    for module in (preferences, platform_devices, skin_models, design_results):
         monkeypatch.setattr(module, "user_folder", folder)
     skin_models.forget()
     choices.refresh()
@@ -79,30 +86,30 @@ def test_without_a_table_scrubbing_leaves_the_platform_out_and_sweeps_nothing(de
         raise AssertionError("a table was swept while scrubbing")
 
     monkeypatch.setattr(core_module("matching.lookup"), "build", never)
-    assert platform_use.missing(finger, device)
+    assert platform_devices.missing(finger, device)
     for shown_skin in (True, False):
         finger.dermis.finger.skin.shown = shown_skin
         scene.frame_set(20)
-        assert live.step(bpy.context).rows == ()
+        assert device_preview.step(bpy.context).rows == ()
 
 
 @pytest.mark.parametrize("device", ["cable_platform", "hexapod"])
 def test_with_a_table_scrubbing_shows_what_a_bake_would(own_folders, device) -> None:
     scene, finger = shown("flat", device)
     assert bpy.ops.dermis.make_table() == {"FINISHED"}
-    assert not platform_use.missing(finger, finger.dermis.finger.devices[0])
+    assert not platform_devices.missing(finger, finger.dermis.finger.devices[0])
     scene.frame_set(38)  # pressed in
-    live.step(bpy.context)
+    device_preview.step(bpy.context)
     skins.step(bpy.context)
-    row = next(r for r in live.preview(scene).rows if r.device == device)
+    row = next(r for r in device_preview.preview(scene).rows if r.device == device)
     state = skins.own(scene)[0]
-    table = platform_use.table(finger, finger.dermis.finger.devices[0])
+    table = platform_devices.table(finger, finger.dermis.finger.devices[0])
     sensed = core_module("matching.readings").readings_of(state.model).sense(np.asarray(state.force)[None])
     expected = core_module("matching.lookup").commands_of(table, sensed)[0]
     assert state.touching and row.contact == 1.0
     np.testing.assert_allclose(list(row.values.values()), expected)
     finger.dermis.finger.skin.shown = False  # the trail renders it then
-    trail = next(r for r in live.step(bpy.context).rows if r.device == device)
+    trail = next(r for r in device_preview.step(bpy.context).rows if r.device == device)
     np.testing.assert_allclose(list(trail.values.values()), expected, atol=0.02 * np.ptp(table.commands))
 
 
@@ -111,11 +118,11 @@ def test_a_stopped_sweep_leaves_no_table_and_no_process(demo) -> None:
     device = finger.dermis.finger.devices[0]
     work = core_module("work")
     before = set(work._workers)
-    steps = platform_use.make(finger, device)
+    steps = platform_devices.make(finger, device)
     for _ in range(3):
         next(steps)
     steps.close()
-    assert set(work._workers) == before and platform_use.missing(finger, device)
+    assert set(work._workers) == before and platform_devices.missing(finger, device)
 
 
 def test_bake_makes_the_table_with_progress_and_export_passes_the_check(demo, tmp_path) -> None:
@@ -124,10 +131,10 @@ def test_bake_makes_the_table_with_progress_and_export_passes_the_check(demo, tm
     from blender_addon.preferences import library as presets
 
     bake = jobs.drain(jobs.bake(scene, presets()), lambda p: stages.append(p.stage))
-    assert "table" in stages and not platform_use.missing(finger, finger.dermis.finger.devices[0])
-    results.keep(scene, bake)
+    assert "table" in stages and not platform_devices.missing(finger, finger.dermis.finger.devices[0])
+    store.keep(scene, bake)
     assert bpy.ops.dermis.export_tracks(directory=str(tmp_path / "tracks")) == {"FINISHED"}
-    track = core_module("formats.csv").read(tmp_path / "tracks" / "Index.cable_platform.csv")
+    track = core_module("track.csv").read(tmp_path / "tracks" / "Index.cable_platform.csv")
     assert track.values.shape[1] == 3 and not [f for f in track.check() if f.severity == "error"]
     assert track.meta["method"] == "lookup" and track.values.max() > 1.0  # [rad] the platform comes to the finger
 
@@ -135,15 +142,16 @@ def test_bake_makes_the_table_with_progress_and_export_passes_the_check(demo, tm
 def test_the_table_file_of_another_device_is_told_on_scrub_and_bake(demo, tmp_path) -> None:
     scene, finger = demo
     device = finger.dermis.finger.devices[0]
-    model = platform_use.model_of(finger)
-    other = core_module("matching.table").build(library().device("hexapod"), model,
-                                                core_module("matching.readings").readings_of(model), 64)  # fmt: skip
+    model = platform_devices.model_of(finger)
+    other = core_module("matching.table").build(
+        library().device("hexapod"), model, core_module("matching.readings").readings_of(model), 64
+    )
     other.save(tmp_path / "other.npz")
     device.table = str(tmp_path / "other.npz")
     errors = core_module("errors")
     with pytest.raises(errors.DermisError, match="another device"):
-        platform_use.table(finger, device)
-    assert not platform_use.missing(finger, device)
+        platform_devices.table(finger, device)
+    assert not platform_devices.missing(finger, device)
     bake = jobs.drain(jobs.bake(scene, library()))
     assert not bake.outputs and any("another device" in str(f) for f in bake.all_findings)
 
@@ -153,14 +161,14 @@ def test_settings_have_units_and_tooltips_and_reach_the_engine(demo) -> None:
     device = finger.dermis.finger.devices[0]
     for name in ("table", "table_rows"):
         assert len(device.bl_rna.properties[name].description) > 40
-    assert properties.parameters(device)["table_rows"] == ROWS
-    assert platform_use.absolute({"table": "//a.npz"})["table"] == bpy.path.abspath("//a.npz")
+    assert scene_properties.parameters(device)["table_rows"] == ROWS
+    assert platform_devices.absolute({"table": "//a.npz"})["table"] == bpy.path.abspath("//a.npz")
 
 
 def test_the_cable_twin_is_in_balance_with_the_skin(demo) -> None:
     """Cable tensions shown are those that carry springs and skin: force on the platform adds up to nothing."""
     _, finger = demo
-    spec, model = library().device("cable_platform"), platform_use.model_of(finger)
+    spec, model = library().device("cable_platform"), platform_devices.model_of(finger)
     table = core_module("matching.table")
     device = core_module("matching.platforms").mechanism(spec)
     command = core_module("matching.sweep").sweep(spec, model.positions, 27)[-2]
@@ -184,8 +192,9 @@ def test_the_six_leg_twin_closes_its_legs(own_folders) -> None:
     spec = library().device("hexapod")
     rest = np.array([c.rest for c in spec.channels])
     at = platform_twin.state(spec, rest + 1e-3 * np.array([1, -1, 2, 0, 1, -2]), None, False)
-    np.testing.assert_allclose(np.linalg.norm(at.joints - at.base, axis=1) - rest,
-                               1e-3 * np.array([1, -1, 2, 0, 1, -2]), atol=1e-8)  # fmt: skip
+    np.testing.assert_allclose(
+        np.linalg.norm(at.joints - at.base, axis=1) - rest, 1e-3 * np.array([1, -1, 2, 0, 1, -2]), atol=1e-8
+    )
     assert at.tension is None
     part = platform_twin.parts(at, 0.012)
     assert part.triangles.max() == len(part.positions) - 1
@@ -195,7 +204,7 @@ def test_the_card_says_angles_in_degrees_and_lengths_in_millimetres(demo) -> Non
     scene, _ = demo
     assert bpy.ops.dermis.bake() == {"FINISHED"}
     scene.frame_set(38)
-    row = live.preview(scene).rows[0]
+    row = device_preview.preview(scene).rows[0]
     words = [text for _, _, text in platform_view.lines_of(row)]
     assert len(words) == 3 and all(text.endswith("°") for text in words)
     assert platform_view.state_of(scene, row) is platform_view.state_of(scene, row)  # worked out once

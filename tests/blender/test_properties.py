@@ -5,20 +5,63 @@ from __future__ import annotations
 import bpy
 import pytest
 
-from blender_addon import properties
+from blender_addon.properties import scene_properties
 from core.presets import MATERIAL_PARAMETERS
 
 from .build import empty, finger, keys, span
 
-FINGER = {"touch_distance", "pattern", "pattern_play", "pattern_angle", "pattern_frequency", "pattern_amplitude",
-          "pattern_repeat"}  # fmt: skip
-DEVICE = {"use_transient", "use_texture", "use_weight", "use_content", "use_pattern", "projection", "transient_axis",
-          "weight_sign", "auto_range", "relief", "relief_formula", "profile", "downhill", "scale_mode", "scale",
-          "carrier", "direction_window", "threshold", "pin_method", "pin_nodes", "pin_bounded", "pin_lead",
-          "pin_fade_in", "pin_fade_out", "thimble_method", "thimble_surrogate", "thimble_hover", "thimble_calibrated",
-          "thimble_felt_1", "thimble_felt_2", "thimble_felt_3", "table", "table_rows"}  # fmt: skip
-GROUPS = (properties.DermisDevice, properties.DermisFinger, properties.DermisMaterial, properties.DermisScreen,
-          properties.DermisObject, properties.DermisScene)  # fmt: skip
+FINGER = {
+    "touch_distance",
+    "pattern",
+    "pattern_play",
+    "pattern_angle",
+    "pattern_frequency",
+    "pattern_amplitude",
+    "pattern_repeat",
+}
+DEVICE = {
+    "use_transient",
+    "use_texture",
+    "use_weight",
+    "use_content",
+    "use_pattern",
+    "projection",
+    "transient_axis",
+    "weight_sign",
+    "auto_range",
+    "relief",
+    "relief_formula",
+    "profile",
+    "downhill",
+    "scale_mode",
+    "scale",
+    "carrier",
+    "direction_window",
+    "threshold",
+    "pin_method",
+    "pin_nodes",
+    "pin_bounded",
+    "pin_lead",
+    "pin_fade_in",
+    "pin_fade_out",
+    "thimble_method",
+    "thimble_surrogate",
+    "thimble_hover",
+    "thimble_calibrated",
+    "thimble_felt_1",
+    "thimble_felt_2",
+    "thimble_felt_3",
+    "table",
+    "table_rows",
+}
+GROUPS = (
+    scene_properties.DermisDevice,
+    scene_properties.DermisFinger,
+    scene_properties.DermisMaterial,
+    scene_properties.DermisScreen,
+    scene_properties.DermisObject,
+    scene_properties.DermisScene,
+)
 
 
 def own(group: type) -> list[bpy.types.Property]:
@@ -29,9 +72,9 @@ def own(group: type) -> list[bpy.types.Property]:
 def test_groups_give_exactly_the_engines_parameters() -> None:
     obj = empty("Thing")
     device = obj.dermis.finger.devices.add()
-    assert set(properties.parameters(obj.dermis.material)) == set(MATERIAL_PARAMETERS) | {"held"}
-    assert set(properties.parameters(obj.dermis.finger)) == FINGER
-    assert set(properties.parameters(device)) == DEVICE
+    assert set(scene_properties.parameters(obj.dermis.material)) == set(MATERIAL_PARAMETERS) | {"held"}
+    assert set(scene_properties.parameters(obj.dermis.finger)) == FINGER
+    assert set(scene_properties.parameters(device)) == DEVICE
 
 
 def test_parameters_are_si_whatever_the_scene_unit() -> None:
@@ -40,7 +83,7 @@ def test_parameters_are_si_whatever_the_scene_unit() -> None:
     material.texture_period_x_mm, material.texture_speed_threshold_mm_s, material.mass = 2.0, 30.0, 0.25
     for scale in (1.0, 0.001, 0.3048):
         bpy.context.scene.unit_settings.scale_length = scale
-        values = properties.parameters(material)
+        values = scene_properties.parameters(material)
         assert values["texture_period_x"] == pytest.approx(0.002, rel=1e-12)
         assert values["texture_speed_threshold"] == pytest.approx(0.03, rel=1e-12)
         assert values["mass"] == 0.25
@@ -59,8 +102,8 @@ def test_no_length_is_shown_through_the_scene_scale() -> None:
 def test_material_values_go_in_and_come_back_in_si() -> None:
     material = empty("Thing").dermis.material
     given = {"friction": 0.75, "texture_period_y": 0.0035, "transient_on": False, "content_kind": "slosh"}
-    assert properties.apply_parameters(material, {**given, "colour": 3}) == ["colour"]
-    values = properties.parameters(material)
+    assert scene_properties.apply_parameters(material, {**given, "colour": 3}) == ["colour"]
+    values = scene_properties.parameters(material)
     for name, value in given.items():
         assert values[name] == (pytest.approx(value, rel=1e-6) if isinstance(value, float) else value), name
 
@@ -73,7 +116,7 @@ def test_what_can_change_in_time_can_be_keyed_and_driven() -> None:
     curve.driver.expression = "frame * 0.125"
     scene.frame_set(6, subframe=0.5)
     found = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).dermis.finger
-    assert properties.parameters(found)["touch_distance"] == pytest.approx(0.0055, rel=1e-6)
+    assert scene_properties.parameters(found)["touch_distance"] == pytest.approx(0.0055, rel=1e-6)
     scene.frame_set(4)
     found = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).dermis.finger
     assert found.pattern_angle == pytest.approx(0.5, rel=1e-6)
@@ -102,7 +145,7 @@ def test_a_file_without_dermis_has_no_version_and_a_stamp_survives_saving(tmp_pa
     path = str(tmp_path / "a.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
-    assert bpy.context.scene.dermis.file_version == properties.FILE_VERSION
+    assert bpy.context.scene.dermis.file_version == scene_properties.FILE_VERSION
 
 
 def test_an_edit_by_script_makes_a_bake_out_of_date() -> None:

@@ -10,7 +10,9 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import built_devices, results, thimble_adapt, thimble_use
+from blender_addon.devices import thimble_adaptation, thimble_devices
+from blender_addon.results import store
+from blender_addon.streaming import built_devices
 from core.errors import DermisError
 from core.files import write_npz
 from tests.mutations import Mutator
@@ -29,7 +31,7 @@ def stored(tmp_path: Path) -> Path:
     bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, 4
     bpy.ops.dermis.bake()
     path = tmp_path / "result"
-    results._write(path, results.current(bpy.context.scene))
+    store._write(path, store.current(bpy.context.scene))
     return path
 
 
@@ -37,12 +39,12 @@ def stored(tmp_path: Path) -> Path:
 def test_a_damaged_result_is_refused_in_words(tmp_path: Path) -> None:
     path = stored(tmp_path)
     whole = path.read_bytes()
-    assert results._read(path).bake.outputs
+    assert store._read(path).bake.outputs
     mutator, refused = Mutator(3), 0
     for _ in range(400):
         path.write_bytes(mutator.mutate(whole))
         try:
-            results._read(path)
+            store._read(path)
         except DermisError as error:
             refused += 1
             assert error.what and error.where
@@ -51,17 +53,17 @@ def test_a_damaged_result_is_refused_in_words(tmp_path: Path) -> None:
     if hasattr(os, "mkfifo"):
         os.mkfifo(path)
     with pytest.raises(DermisError, match="cannot be read"):
-        results._read(path)
+        store._read(path)
 
 
 def test_a_result_of_a_device_at_rest_comes_back_whatever_it_packs_to(tmp_path: Path) -> None:
     path = stored(tmp_path)
-    result = results.current(bpy.context.scene)
+    result = store.current(bpy.context.scene)
     (output, *_) = result.bake.outputs
     output.signals["magnitude"] = np.zeros(1 << 25, np.float32)  # pins of five fingers that touch nothing
-    results._write(path, result)
+    store._write(path, result)
     assert path.stat().st_size * 200 < output.signals["magnitude"].nbytes
-    assert len(results._read(path).bake.outputs[0].signals["magnitude"]) == 1 << 25
+    assert len(store._read(path).bake.outputs[0].signals["magnitude"]) == 1 << 25
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -70,14 +72,14 @@ def test_a_damaged_adaptation_says_nothing_and_the_bake_says_why(
 ) -> None:
     path = tmp_path / "a.npz"
     write_npz(path, {"meta": np.frombuffer(b'{"network_error": 0.1}', np.uint8)})
-    monkeypatch.setattr(thimble_use, "adapted", lambda device, model: path)
+    monkeypatch.setattr(thimble_devices, "adapted", lambda device, model: path)
     place = SimpleNamespace(object=empty("place"))
-    assert thimble_adapt.status(place, None) == {"network_error": 0.1}
+    assert thimble_adaptation.status(place, None) == {"network_error": 0.1}
     whole, mutator = path.read_bytes(), Mutator(4)
     for i in range(200):
         path.write_bytes(mutator.mutate(whole))
         os.utime(path, (i, i))
-        assert isinstance(thimble_adapt.status(place, None), dict)
+        assert isinstance(thimble_adaptation.status(place, None), dict)
 
 
 def test_a_damaged_table_of_who_wears_what_is_refused_in_words_and_kept(monkeypatch: pytest.MonkeyPatch) -> None:

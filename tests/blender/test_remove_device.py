@@ -92,8 +92,12 @@ def test_strips_of_the_nla_follow_also_inside_one_another() -> None:
     assert values(obj, 6) == [205.0]
     strips = [track.strips[0] for track in animation.nla_tracks]
     assert all(s.action == action for s in strips), "no need for a copy"
-    assert times == (strips[1].frame_start, strips[1].frame_end, strips[1].action_frame_start,
-                     strips[1].action_frame_end)  # fmt: skip
+    assert times == (
+        strips[1].frame_start,
+        strips[1].frame_end,
+        strips[1].action_frame_start,
+        strips[1].action_frame_end,
+    )
 
 
 def test_an_action_that_another_finger_uses_too_is_left_alone_for_it() -> None:

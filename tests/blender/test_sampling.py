@@ -9,7 +9,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import handlers, sampling, sampling_roster
+from blender_addon import handlers
+from blender_addon.sampling import participants, scene_sweep
 from core.errors import DermisError
 from tests.blender import build
 
@@ -24,7 +25,7 @@ def test_linear_keys_give_exact_positions_at_sub_frames():
     scene = build.span(1, 25)
     build.cube()
     build.keys(build.finger(), "location", [1, 25], [(0, 0, 0), (2.4, -1.2, 0.6)])
-    got = build.joined(sampling.sample(scene))
+    got = build.joined(scene_sweep.sample(scene))
     assert len(got["times"]) == 241
     np.testing.assert_allclose(got["times"], np.arange(241) / 240, atol=4e-8)
     np.testing.assert_allclose(got["frames"], 1 + got["times"] * 24, rtol=1e-15)
@@ -38,7 +39,7 @@ def test_late_frames_carry_the_time_that_blender_evaluated():
     scene = build.span(10_000, 10_024)
     build.cube()
     build.keys(build.finger(), "location", [10_000, 10_024], [(0, 0, 0), (1, 0, 0)])
-    got = build.joined(sampling.sample(scene))
+    got = build.joined(scene_sweep.sample(scene))
     x = got["fingers"][0, :, 0, 3]
     assert np.abs(got["times"] - np.arange(241) / 240).max() > 1e-6  # the steady grid was not what was evaluated
     np.testing.assert_allclose(x, got["times"], atol=2e-7)
@@ -46,19 +47,25 @@ def test_late_frames_carry_the_time_that_blender_evaluated():
 
 @pytest.mark.parametrize(
     ("fps", "base", "expected"),
-    [(30, 1.001, Fraction(30000, 1001)), (24, 1.001, Fraction(24000, 1001)), (60, 1.001, Fraction(60000, 1001)),
-     (25, 1.0, Fraction(25)), (1, 3600.0, Fraction(1, 3600)), (12, 0.5, Fraction(24))],
-)  # fmt: skip
+    [
+        (30, 1.001, Fraction(30000, 1001)),
+        (24, 1.001, Fraction(24000, 1001)),
+        (60, 1.001, Fraction(60000, 1001)),
+        (25, 1.0, Fraction(25)),
+        (1, 3600.0, Fraction(1, 3600)),
+        (12, 0.5, Fraction(24)),
+    ],
+)
 def test_frame_rates_are_exact_fractions(fps, base, expected):
     scene = build.span(1, 30, fps, base)
-    assert sampling.frames_per_second(scene) == expected
+    assert scene_sweep.frames_per_second(scene) == expected
 
 
 def test_ntsc_times_and_sample_count():
     scene = build.span(0, 30, 30, 1.001)
     build.cube()
     build.keys(build.finger(), "location", [0, 30], [(0, 0, 0), (1.001, 0, 0)])
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     got = build.joined(tactile)
     assert tactile.fps == Fraction(30000, 1001)
     # 30 frames last 1.001 s, in which 240 Hz has 241 samples; position is time, as the keys say.
@@ -72,7 +79,7 @@ def test_rate_does_not_depend_on_fps(fps):
     scene = build.span(0, fps, fps)
     build.cube()
     build.finger()
-    assert len(build.joined(sampling.sample(scene))["times"]) == 241
+    assert len(build.joined(scene_sweep.sample(scene))["times"]) == 241
 
 
 @pytest.mark.parametrize(
@@ -84,7 +91,7 @@ def test_scene_units(system, scale, metres):
     scene.unit_settings.system, scene.unit_settings.scale_length = system, scale
     build.cube("Cube", 20.0, (100, 0, 0))
     build.finger("Finger", (3, 4, 5))
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     got = build.joined(tactile)
     np.testing.assert_allclose(got["fingers"][0, 0, :3, 3], np.array([3, 4, 5]) * metres, rtol=1e-12)
     np.testing.assert_allclose(got["bodies"][0, 0, :3, 3], np.array([100, 0, 0]) * metres, rtol=1e-12)
@@ -102,9 +109,9 @@ def test_gravity_that_was_set_follows_the_units():
     build.finger()
     scene.unit_settings.scale_length = 0.001
     scene.gravity = (0, 0, -1620.0)
-    assert sampling.sample(scene).gravity == pytest.approx((0, 0, -1.62))
+    assert scene_sweep.sample(scene).gravity == pytest.approx((0, 0, -1.62))
     scene.use_gravity = False
-    assert sampling.sample(scene).gravity == (0, 0, 0)
+    assert scene_sweep.sample(scene).gravity == (0, 0, 0)
 
 
 def test_parents_object_scale_and_constraints():
@@ -117,7 +124,7 @@ def test_parents_object_scale_and_constraints():
     cube.parent = parent
     follower = build.finger("Finger", (0, 0, 0))
     follower.constraints.new("COPY_LOCATION").target = cube
-    got = build.joined(sampling.sample(scene))
+    got = build.joined(scene_sweep.sample(scene))
     z = 3 * got["times"]
     expected = np.stack([np.ones(241), np.full(241, 2.0), z], axis=1)  # (1,0,0) turned to +Y, scaled by 2
     np.testing.assert_allclose(got["bodies"][0, :, :3, 3], expected, atol=1e-6)
@@ -139,7 +146,7 @@ def test_drivers_and_nla_strips():
     strip.action_slot = slot
     strip.scale = 0.5  # twice as fast: done after 12 frames, then held
     animation.action = None
-    got = build.joined(sampling.sample(scene))
+    got = build.joined(scene_sweep.sample(scene))
     np.testing.assert_allclose(got["bodies"][0, :, 0, 3], got["frames"] / 8, atol=1e-6)
     np.testing.assert_allclose(got["fingers"][0, :, 1, 3], np.minimum(0.4 * got["frames"], 4.8), atol=1e-5)
 
@@ -164,7 +171,7 @@ def test_finger_on_a_bone_that_ik_moves():
     tip = build.finger("Tip")
     tip.parent, tip.parent_type, tip.parent_bone = rig, "BONE", "lower"  # a bone's children sit at its tail
     tip.location = (0, 0, 0)
-    got = build.joined(sampling.sample(scene))
+    got = build.joined(scene_sweep.sample(scene))
     where = np.array([1.2, 0, 0.1]) + got["times"][:, None] * np.array([0.4, 0, 0.3])
     np.testing.assert_allclose(got["fingers"][0, :, :3, 3], where, atol=2e-3)  # as near as Blender's solver comes
     rotation = got["fingers"][0, :, :3, :3]
@@ -180,7 +187,7 @@ def test_fingers_have_no_scale_and_stay_right_handed():
     one.scale = (0.01, 0.02, 0.03)
     two = build.finger("Turned")
     two.scale = (1, 1, -1)
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     got = build.joined(tactile)
     np.testing.assert_allclose(got["fingers"][0, 0, :3, :3], np.eye(3), atol=1e-7)
     np.testing.assert_allclose(got["fingers"][1, 0, :3, :3], np.diag([-1, 1, -1]), atol=1e-7)
@@ -194,7 +201,7 @@ def test_a_reflected_body_is_the_same_surface_without_the_reflection():
     body.dermis.role = "TOUCHABLE"
     body.scale = (-2, 1, 1)
     build.finger()
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     pose = build.joined(tactile)["bodies"][0, 0]
     assert np.linalg.det(pose[:3, :3]) > 0
     mesh = tactile.bodies[0].mesh
@@ -208,15 +215,15 @@ def test_range_own_preview_and_reversed():
     scene = build.span(1, 10)
     build.cube()
     build.finger()
-    assert sampling.sample(scene).frame_range == (1, 10)
+    assert scene_sweep.sample(scene).frame_range == (1, 10)
     scene.use_preview_range, scene.frame_preview_start, scene.frame_preview_end = True, 3, 6
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     assert tactile.frame_range == (3, 6) and "preview-range" in codes(tactile.findings)
     scene.dermis.use_range, scene.dermis.frame_start, scene.dermis.frame_end = True, 20, 30
-    assert sampling.sample(scene).frame_range == (20, 30)
+    assert scene_sweep.sample(scene).frame_range == (20, 30)
     for first, last in ((5, 5), (6, 5)):
         with pytest.raises(DermisError, match=f"no duration.*{first} to {last}"):
-            sampling.sample(scene, span=(first, last))
+            scene_sweep.sample(scene, span=(first, last))
 
 
 def test_frame_selection_and_handlers_come_back_after_an_error_and_after_closing():
@@ -229,10 +236,14 @@ def test_frame_selection_and_handlers_come_back_after_an_error_and_after_closing
     before = (7, 0.25, [o.name for o in bpy.context.selected_objects], cube)
 
     def now():
-        return (scene.frame_current, scene.frame_subframe, [o.name for o in bpy.context.selected_objects],
-                bpy.context.view_layer.objects.active)  # fmt: skip
+        return (
+            scene.frame_current,
+            scene.frame_subframe,
+            [o.name for o in bpy.context.selected_objects],
+            bpy.context.view_layer.objects.active,
+        )
 
-    sweep = sampling.sample(scene).chunks
+    sweep = scene_sweep.sample(scene).chunks
     assert now() == before
     for _ in range(5):
         assert not sweep.advance()
@@ -246,7 +257,7 @@ def test_frame_selection_and_handlers_come_back_after_an_error_and_after_closing
     build.keys(tip, "location", [1, 20, 21], [(0, 0, 0), (0, 0, 0), (math.nan, 0, 0)])
     scene.frame_set(7, subframe=0.25)
     with pytest.raises(DermisError, match="object 'Finger'.*frame 2[0-9.]+"):
-        list(sampling.sample(scene).chunks)
+        list(scene_sweep.sample(scene).chunks)
     assert now() == before
     scene.frame_set(1)
 
@@ -255,8 +266,8 @@ def test_a_sweep_is_the_same_sample_by_sample_and_chunk_by_chunk():
     scene = build.span(1, 13)
     build.cube()
     build.keys(build.finger(), "location", [1, 13], [(0, 0, 0), (1, 2, 3)], "BEZIER")
-    whole = build.joined(sampling.sample(scene))
-    tactile = sampling.sample(scene)
+    whole = build.joined(scene_sweep.sample(scene))
+    tactile = scene_sweep.sample(scene)
     chunks = []
     while True:
         while not tactile.chunks.advance():
@@ -284,11 +295,14 @@ def test_animated_parameters_are_channels_and_others_are_not():
     build.keys(tip, "location", [1, 25], [(0, 0, 0), (1, 0, 0)])
     driver = tip.driver_add("dermis.finger.touch_distance_mm").driver
     driver.expression = "frame"
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     got = build.joined(tactile)
     assert set(got["channels"]) == {
-        "body/0/friction", "body/0/texture_period_x", "device/0/0/use_weight", "finger/0/touch_distance",
-    }  # fmt: skip
+        "body/0/friction",
+        "body/0/texture_period_x",
+        "device/0/0/use_weight",
+        "finger/0/touch_distance",
+    }
     t = got["times"]
     np.testing.assert_allclose(got["channels"]["body/0/friction"], 0.2 + t, atol=1e-6)
     np.testing.assert_allclose(got["channels"]["body/0/texture_period_x"], 0.001 + 0.008 * t, atol=1e-9)
@@ -303,7 +317,7 @@ def test_an_animated_value_that_is_not_a_number_is_refused_by_name():
     build.keys(cube, "dermis.material.friction", [1, 13, 14, 25], [0.2, 0.2, math.nan, math.nan])
     build.finger()
     with pytest.raises(DermisError, match="channel 'body/0/friction'.*nan at frame 13"):
-        list(sampling.sample(scene).chunks)
+        list(scene_sweep.sample(scene).chunks)
 
 
 def test_disabled_objects_are_left_out_but_hidden_ones_take_part():
@@ -318,7 +332,7 @@ def test_disabled_objects_are_left_out_but_hidden_ones_take_part():
     excluded.objects.link(inside)
     bpy.context.view_layer.layer_collection.children["Excluded"].exclude = True
     build.finger()
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     assert [b.name for b in tactile.bodies] == ["Eye", "Shown"]
     assert {f.where for f in tactile.findings if f.code == "disabled"} == {"object 'Inside'", "object 'Monitor'"}
 
@@ -328,7 +342,7 @@ def test_keyed_visibility_takes_a_body_away():
     cube = build.cube("Cube")
     build.keys(cube, "hide_viewport", [1, 13], [1, 0], "CONSTANT")
     build.finger()
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     got = build.joined(tactile)
     near = np.array([np.abs(m.vertices).max() < 1 for m in got["surfaces"][0]])
     np.testing.assert_array_equal(near, got["frames"] >= 13)
@@ -342,7 +356,7 @@ def test_a_scale_of_zero_is_told_and_does_no_harm():
     build.keys(cube, "scale", [1, 13, 25], [(0, 0, 0), (0, 0, 0), (1, 1, 1)])
     build.cube("Sheet").scale = (1, 0, 1)
     build.finger()
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     got = build.joined(tactile)
     assert (np.linalg.det(got["bodies"][:, :, :3, :3]) > 0).all()
     np.testing.assert_allclose(got["bodies"][0, 0, :3, :3], np.eye(3) * 1e-6, atol=1e-12)
@@ -359,32 +373,33 @@ def test_what_cannot_be_touched_is_left_out_with_the_reason():
     thin = build.mesh_object("Thin", [(0, 0, 0), (1, 0, 0), (0, 1, 0), (2, 0, 0)], [(0, 1, 2), (0, 1, 3)])
     thin.dermis.role = "TOUCHABLE"
     build.finger()
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     assert [b.name for b in tactile.bodies] == ["Good", "Thin"]
     assert {(f.severity, f.code, f.where) for f in tactile.findings} == {
-        ("error", "mesh-unusable", "object 'Hollow'"), ("warning", "zero-area", "object 'Thin'"),
-    }  # fmt: skip
+        ("error", "mesh-unusable", "object 'Hollow'"),
+        ("warning", "zero-area", "object 'Thin'"),
+    }
 
 
 def test_no_finger_nothing_to_touch_and_a_finger_deleted_after_setup():
     scene = build.span(1, 3)
     with pytest.raises(DermisError, match="no finger"):
-        sampling.sample(scene)
+        scene_sweep.sample(scene)
     tip = build.finger()
     with pytest.raises(DermisError, match="nothing to touch"):
-        sampling.sample(scene)
+        scene_sweep.sample(scene)
     build.cube()
-    sampling.sample(scene)
+    scene_sweep.sample(scene)
     bpy.data.objects.remove(tip)
     with pytest.raises(DermisError, match="no finger"):
-        sampling.sample(scene)
+        scene_sweep.sample(scene)
 
 
 def test_deleting_an_object_in_the_middle_of_a_sweep_is_refused():
     scene = build.span(1, 10)
     cube = build.cube()
     build.finger()
-    sweep = sampling.sample(scene).chunks
+    sweep = scene_sweep.sample(scene).chunks
     sweep.advance()
     bpy.data.objects.remove(cube)
     with pytest.raises(DermisError, match="added or removed"):
@@ -395,7 +410,7 @@ def test_exchanging_an_object_in_the_middle_of_a_sweep_is_refused():
     scene = build.span(1, 10)
     cube = build.cube()
     build.finger()
-    sweep = sampling.sample(scene).chunks
+    sweep = scene_sweep.sample(scene).chunks
     sweep.advance()
     bpy.data.objects.remove(cube)
     build.cube("Another")
@@ -408,7 +423,7 @@ def test_a_newer_file_is_told():
     build.cube()
     build.finger()
     scene.dermis.file_version = 99
-    assert [f.value for f in sampling.sample(scene).findings if f.code == "newer-version"] == [99]
+    assert [f.value for f in scene_sweep.sample(scene).findings if f.code == "newer-version"] == [99]
 
 
 def test_children_are_content():
@@ -416,10 +431,10 @@ def test_children_are_content():
     box, ball = build.cube("Box"), build.cube("Ball", 0.1)
     ball.parent = box
     build.finger()
-    assert {b.name: b.content for b in sampling.sample(scene).bodies} == {"Box": ("Ball",), "Ball": ()}
+    assert {b.name: b.content for b in scene_sweep.sample(scene).bodies} == {"Box": ("Ball",), "Ball": ()}
     ball.dermis.role = "NONE"
     box.dermis.material.content_on = True
-    assert "no-content" in codes(sampling.sample(scene).findings)
+    assert "no-content" in codes(scene_sweep.sample(scene).findings)
 
 
 def test_another_scene_than_the_window_shows():
@@ -432,7 +447,7 @@ def test_another_scene_than_the_window_shows():
         bpy.context.scene.collection.objects.unlink(obj)
         other.collection.objects.link(obj)
     build.keys(tip, "location", [1, 25], [(0, 0, 0), (2, 0, 0)])
-    tactile = sampling.sample(other)
+    tactile = scene_sweep.sample(other)
     got = build.joined(tactile)
     np.testing.assert_allclose(got["fingers"][0, :, 0, 3], 2 * got["times"], atol=1e-6)
     assert tactile.name == "Other"
@@ -440,4 +455,4 @@ def test_another_scene_than_the_window_shows():
 
 def test_units_are_decimal_not_single_precision():
     bpy.context.scene.unit_settings.scale_length = 0.001
-    assert sampling_roster.metres_per_unit(bpy.context.scene) == 0.001
+    assert participants.metres_per_unit(bpy.context.scene) == 0.001

@@ -6,39 +6,67 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import compat, jobs, live, properties, sampling
+from blender_addon import compat, jobs
+from blender_addon.preview import device_preview
+from blender_addon.properties import scene_properties
+from blender_addon.sampling import scene_sweep
 from core.presets import Library
 
 from .build import cube, finger, keys, screen, span
 
 DEVICE = "finger.devices[0]."
 CONSTANT = {
-    properties.DermisDevice: ("auto_range", "direction_window"),
-    properties.DermisFinger: ("pattern_repeat",),
-    properties.DermisMaterial: ("mass", "content_length_mm", "content_size_mm", "content_damping"),
-    properties.DermisScreen: ("height_mm", "invert"),
+    scene_properties.DermisDevice: ("auto_range", "direction_window"),
+    scene_properties.DermisFinger: ("pattern_repeat",),
+    scene_properties.DermisMaterial: ("mass", "content_length_mm", "content_size_mm", "content_damping"),
+    scene_properties.DermisScreen: ("height_mm", "invert"),
 }
 KEYED = {
-    properties.DermisDevice: {
-        "use_transient", "use_texture", "use_weight", "use_content", "use_pattern", "scale", "carrier", "threshold",
+    scene_properties.DermisDevice: {
+        "use_transient",
+        "use_texture",
+        "use_weight",
+        "use_content",
+        "use_pattern",
+        "scale",
+        "carrier",
+        "threshold",
     },
-    properties.DermisFinger: {
-        "touch_distance_mm", "pattern_play", "pattern_angle", "pattern_frequency", "pattern_amplitude",
+    scene_properties.DermisFinger: {
+        "touch_distance_mm",
+        "pattern_play",
+        "pattern_angle",
+        "pattern_frequency",
+        "pattern_amplitude",
     },
-    properties.DermisMaterial: {
-        "friction", "surface_stiffness_mpa_m", "transient_on", "transient_amplitude", "transient_decay",
-        "transient_frequency", "texture_on", "texture_amplitude_x", "texture_amplitude_y", "texture_period_x_mm",
-        "texture_period_y_mm", "texture_speed_threshold_mm_s", "weight_on", "weight_acceleration", "weight_gravity",
-        "content_on", "content_amplitude", "held",
+    scene_properties.DermisMaterial: {
+        "friction",
+        "surface_stiffness_mpa_m",
+        "transient_on",
+        "transient_amplitude",
+        "transient_decay",
+        "transient_frequency",
+        "texture_on",
+        "texture_amplitude_x",
+        "texture_amplitude_y",
+        "texture_period_x_mm",
+        "texture_period_y_mm",
+        "texture_speed_threshold_mm_s",
+        "weight_on",
+        "weight_acceleration",
+        "weight_gravity",
+        "content_on",
+        "content_amplitude",
+        "held",
     },
-    properties.DermisScreen: {"touch_distance_mm"},
-}  # fmt: skip
+    scene_properties.DermisScreen: {"touch_distance_mm"},
+}
 
 
 @pytest.fixture(autouse=True)
 def no_trail():
     """Start without a trail."""
-    live.reset()
+    device_preview.reset()
 
 
 def bake() -> tuple[list[np.ndarray], list]:
@@ -65,12 +93,14 @@ def test_keys_that_an_older_file_has_for_a_constant_are_told_and_do_nothing() ->
     compat.set_keys(pane, "dermis.screen.invert", 0, [1, 25], [0, 1])
     compat.set_keys(tip, f"dermis.{DEVICE}auto_range", 0, [1, 25], [0, 1])
     compat.set_keys(tip, "dermis.finger.devices[7].auto_range", 0, [1, 25], [0, 1])  # of a device that is no more
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     told = [(f.severity, f.where, f.value) for f in tactile.findings if f.code == "keyed-constant"]
     assert sorted(told) == [
-        ("warning", "object 'Cube'", "Length"), ("warning", "object 'Cube'", "Mass [kg]"),
-        ("warning", "object 'Finger'", "Auto Range"), ("warning", "object 'Screen'", "Depth Map"),
-    ]  # fmt: skip
+        ("warning", "object 'Cube'", "Length"),
+        ("warning", "object 'Cube'", "Mass [kg]"),
+        ("warning", "object 'Finger'", "Auto Range"),
+        ("warning", "object 'Screen'", "Depth Map"),
+    ]
     chunks = list(tactile.chunks)
     assert all(set(c.channels) == {"body/0/friction"} for c in chunks)
     assert tactile.bodies[0].parameters["content_length"] == pytest.approx(0.03)
@@ -88,7 +118,7 @@ def test_a_keyed_pattern_switch_counts_in_the_bake_and_live_alike(on: int) -> No
     keys(tip, f"dermis.{DEVICE}use_pattern", [1, 25], [on, on], "CONSTANT")
     for frame in range(1, 8):
         scene.frame_set(frame)
-        row = live.step(bpy.context).rows[0]
+        row = device_preview.step(bpy.context).rows[0]
     # the trail starts a frame before the first
     assert row.values["tactor_y"] == pytest.approx(on * 2e-3 * np.sin(4 * np.pi * 7 * 0.04), abs=1e-9)
     (values,), _ = bake()
@@ -118,7 +148,7 @@ def test_live_uses_the_value_now_of_what_is_no_channel() -> None:
     compat.set_keys(thing, "dermis.material.friction", 0, [1, 10], [0.125, 0.125])
     thing.dermis.material.content_length_mm = 70.0
     scene.frame_set(4)
-    now = sampling.sample_now(scene, bpy.context.evaluated_depsgraph_get())
+    now = scene_sweep.sample_now(scene, bpy.context.evaluated_depsgraph_get())
     assert now.bodies[0].parameters["content_length"] == pytest.approx(0.07)
     assert now.chunks[0].channels["body/0/friction"] == pytest.approx([0.125])
 

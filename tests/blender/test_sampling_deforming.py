@@ -6,7 +6,9 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import compat, jobs, live, sampling
+from blender_addon import compat, jobs
+from blender_addon.preview import device_preview
+from blender_addon.sampling import scene_sweep
 from core.presets import Library
 
 from . import build
@@ -50,12 +52,12 @@ def test_the_live_preview_takes_it_in_when_it_has_faces() -> None:
     thing = touching()
     modifier = thing.modifiers.new("Build", "BUILD")
     modifier.frame_start, modifier.frame_duration = 1, 6
-    live.reset()
+    device_preview.reset()
     scene = bpy.context.scene
     names = []
     for frame in (1, 8):
         scene.frame_set(frame)
-        names.append([b.name for b in sampling.sample_now(scene, bpy.context.evaluated_depsgraph_get()).bodies])
+        names.append([b.name for b in scene_sweep.sample_now(scene, bpy.context.evaluated_depsgraph_get()).bodies])
     assert names == [[], ["Cube"]]
 
 
@@ -63,7 +65,7 @@ def test_a_mesh_that_never_has_faces_is_refused() -> None:
     thing = touching()
     build.cube("Far", 0.1, (3.0, 3.0, 3.0))
     thing.data.clear_geometry()
-    assert [f.code for f in sampling.sample().findings] == ["mesh-unusable"]
+    assert [f.code for f in scene_sweep.sample().findings] == ["mesh-unusable"]
 
 
 def test_a_vertex_that_is_no_number_is_told_with_its_frame_and_the_contact_stays() -> None:

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import sampling
+from blender_addon.sampling import scene_sweep
 from tests.blender import build
 
 
@@ -25,7 +25,7 @@ def test_merely_moved_objects_have_one_surface_with_modifiers_applied():
     subdivision.levels, subdivision.use_limit_surface = 1, False
     build.keys(cube, "location", [1, 25], [(0, 0, 0), (1, 0, 0)])
     build.finger()
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     # One Catmull-Clark step of a cube: 26 vertices; the corners go to 5/9 of where they were (1/2 -> 5/18).
     mesh = tactile.bodies[0].mesh
     assert len(mesh.vertices) == 26 and len(mesh.triangles) == 48
@@ -40,7 +40,7 @@ def test_shape_keys_deform_and_keep_their_triangles():
     key = shape_key(cube, (0, 0, 2))
     build.keys(cube.data.shape_keys, f'key_blocks["{key.name}"].value', [1, 25], [0.0, 1.0])
     build.finger()
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     assert tactile.bodies[0].mesh is None
     got = build.joined(tactile)
     meshes = got["surfaces"][0]
@@ -58,7 +58,7 @@ def test_two_deforming_objects_do_not_take_each_others_triangles():
         key = shape_key(cube, (0, 0, 2))
         build.keys(cube.data.shape_keys, f'key_blocks["{key.name}"].value', [1, 13], [0.0, 1.0])
     build.finger()
-    got = build.joined(sampling.sample(scene))
+    got = build.joined(scene_sweep.sample(scene))
     assert [{len(m.triangles) for m in got["surfaces"][b]} for b in (0, 1)] == [{12}, {24}]
     assert [len({id(m.triangles) for m in got["surfaces"][b]}) for b in (0, 1)] == [1, 1]
 
@@ -82,7 +82,7 @@ def test_an_armature_deforms_only_while_it_can_move():
             build.keys(rig, 'pose.bones["bone"].location', [1, 25], [(0, 0, 0), (0, 3, 0)])
         rigs.append(rig)
     build.finger()
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     assert {b.name: b.mesh is None for b in tactile.bodies} == {"Moving": True, "Still": False}
     got = build.joined(tactile)
     z = np.array([m.vertices[:, 2].mean() for m in got["surfaces"][0]])  # the bone's own Y is the world's Z
@@ -96,7 +96,7 @@ def test_changing_topology_brings_new_triangles_only_where_it_changes():
     modifier.use_merge_vertices = False
     build.keys(cube, 'modifiers["Array"].count', [1, 13], [1, 3], "CONSTANT")
     build.finger()
-    got = build.joined(sampling.sample(scene))
+    got = build.joined(scene_sweep.sample(scene))
     meshes = got["surfaces"][0]
     np.testing.assert_array_equal([len(m.triangles) for m in meshes], np.where(got["frames"] < 13, 12, 36))
     assert len({id(m) for m in meshes}) == 2  # nothing else changes, so every sample has one of two surfaces
@@ -116,7 +116,7 @@ def test_curves_and_meshes_in_edit_mode_have_surfaces():
     build.finger()
     bpy.context.view_layer.objects.active = cube
     bpy.ops.object.mode_set(mode="EDIT")
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     bpy.ops.object.mode_set(mode="OBJECT")
     by_name = {b.name: b.mesh for b in tactile.bodies}
     np.testing.assert_allclose(np.ptp(by_name["Wire"].vertices, axis=0), [1, 0.2, 0.2], atol=0.01)
@@ -140,7 +140,7 @@ def test_collection_instances_are_bodies_of_their_own_and_share_a_surface():
     build.keys(moving, "location", [1, 25], [(5, 0, 0), (5, 2, 0)])
     collection_instance("Still", shelf, (7, 0, 0)).scale = (1, 1, -1)
     build.finger()
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     assert [b.name for b in tactile.bodies] == ["Cup @ Moving 0", "Cup @ Still 0"]
     assert {b.parameters["friction"] for b in tactile.bodies} == {0.25}
     got = build.joined(tactile)
@@ -183,7 +183,7 @@ def test_geometry_nodes_instances_appear_and_are_absent_before():
     row.modifiers.new("Nodes", "NODES").node_group = instance_nodes(peg)
     build.finger()
     scene.frame_set(0)
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     assert [b.name for b in tactile.bodies] == ["Peg", "Peg @ Row 0.0", "Peg @ Row 0.1", "Peg @ Row 0.2"]
     got = build.joined(tactile)
     for point in (1, 2):
@@ -206,7 +206,7 @@ def test_a_finger_in_an_instance_is_told():
     collection_instance("Instance", hand, (0, 0, 0))
     build.finger("Real")
     build.cube()
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     assert [f.name for f in tactile.fingers] == ["Real"]
     assert [f.where for f in tactile.findings if f.code == "finger-instance"] == ["finger 'Linked'"]
 
@@ -218,11 +218,11 @@ def test_the_live_sample_is_the_bakes_sample_and_keeps_surfaces():
     build.keys(cube, "dermis.material.friction", [1, 25], [0.2, 1.2])
     tip = build.finger()
     build.keys(tip, "rotation_euler", [1, 25], [(0, 0, 0), (1, 0.5, 2)])
-    swept = build.joined(sampling.sample(scene))
+    swept = build.joined(scene_sweep.sample(scene))
     headers, surfaces = [], []
     for frame, k in ((1, 0), (7, 60), (13, 120)):
         scene.frame_set(frame)
-        tactile = sampling.sample_now(scene, bpy.context.evaluated_depsgraph_get())
+        tactile = scene_sweep.sample_now(scene, bpy.context.evaluated_depsgraph_get())
         (chunk,) = tactile.chunks
         assert scene.frame_current == frame
         np.testing.assert_array_equal(chunk.fingers[:, 0], swept["fingers"][:, k])

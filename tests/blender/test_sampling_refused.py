@@ -5,7 +5,9 @@ from __future__ import annotations
 import bpy
 import pytest
 
-from blender_addon import jobs, live, sampling
+from blender_addon import jobs
+from blender_addon.preview import device_preview
+from blender_addon.sampling import scene_sweep
 from core.errors import DermisError
 from core.presets import Library
 
@@ -49,12 +51,14 @@ def a_disabled_finger() -> None:
 CASES = [
     (a_screen_without_an_image, "screen 'Screen': nothing to touch: the image is missing. Choose one"),
     (a_screen_with_an_image_of_no_size, "nothing to touch: the image has no pixels .*0 x 0"),
-    (an_empty_mesh, "object 'Hollow': nothing to touch: the mesh has no faces. Give it faces, or stop it being "
-                    "touchable.$"),
+    (
+        an_empty_mesh,
+        "object 'Hollow': nothing to touch: the mesh has no faces. Give it faces, or stop it being touchable.$",
+    ),
     (a_mesh_that_is_no_number, "object 'Cube': nothing to touch: the mesh has vertices that are not finite numbers.$"),
     (a_disabled_body, "object 'Cube': nothing to touch: it is disabled or excluded in the view layer. Enable it"),
     (a_disabled_finger, "object 'Finger': no finger: it is disabled or excluded in the view layer. Enable it"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("build", "sentence"), CASES, ids=[c[0].__name__ for c in CASES])
@@ -62,32 +66,32 @@ def test_the_reason_is_that_of_the_refused_object(build, sentence: str) -> None:
     scene = span(1, 10)
     build()
     with pytest.raises(DermisError, match=sentence):
-        sampling.sample(scene)
+        scene_sweep.sample(scene)
 
 
 def test_the_live_preview_gives_it_too() -> None:
     span(1, 10)
-    live.reset()
+    device_preview.reset()
     a_screen_without_an_image()
-    assert "the image is missing" in live.step(bpy.context).note
+    assert "the image is missing" in device_preview.step(bpy.context).note
 
 
 def test_a_refused_body_is_not_blamed_for_a_missing_finger_nor_the_other_way_round() -> None:
     scene = span(1, 10)
     mesh_object("Hollow", [], []).dermis.role = "TOUCHABLE"
     with pytest.raises(DermisError, match="^scene 'Scene': no finger. Add one"):
-        sampling.sample(scene)
+        scene_sweep.sample(scene)
     finger("Off").hide_viewport = True
     finger("On")
     with pytest.raises(DermisError, match="object 'Hollow': nothing to touch: the mesh has no faces"):
-        sampling.sample(scene)
+        scene_sweep.sample(scene)
 
 
 def test_a_refused_object_beside_a_good_one_stays_a_finding() -> None:
     scene = span(1, 10)
     cube()
     an_empty_mesh()
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     assert [(f.code, f.where) for f in tactile.findings] == [("mesh-unusable", "object 'Hollow'")]
 
 

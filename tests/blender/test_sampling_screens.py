@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import heightmaps, sampling
+from blender_addon.sampling import height_maps, scene_sweep
 from tests.blender import build
 
 N = 257  # odd, so that one ray goes through the middle
@@ -23,7 +23,7 @@ def image(name: str, values: np.ndarray, *, is_float: bool = True) -> bpy.types.
 
 
 def sampled_screen(scene: bpy.types.Scene):
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     return tactile.screens[0], tactile
 
 
@@ -131,10 +131,14 @@ def test_a_screen_without_a_relief_is_left_out_with_the_reason(case, tmp_path):
     obj = build.screen()
     settings = obj.dermis.screen
     expected = {
-        "no image": "the image is missing", "no pixels": "the image has no pixels", "no file name": "no image file",
-        "no such file": "gone.png", "no mesh": "no mesh was chosen", "beside": "nothing of the mesh",
+        "no image": "the image is missing",
+        "no pixels": "the image has no pixels",
+        "no file name": "no image file",
+        "no such file": "gone.png",
+        "no mesh": "no mesh was chosen",
+        "beside": "nothing of the mesh",
         "no area": "the touch screen has no area",
-    }[case]  # fmt: skip
+    }[case]
     if case == "no pixels":
         settings.image = bpy.data.images.new("Gone", 4, 4)
         settings.image.source, settings.image.filepath = "FILE", str(tmp_path / "gone.png")
@@ -150,7 +154,7 @@ def test_a_screen_without_a_relief_is_left_out_with_the_reason(case, tmp_path):
         obj.data.clear_geometry()
     device = tip.dermis.finger.devices.add()
     device.preset, device.screen = "electrovibration", obj
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     assert tactile.screens == ()
     (finding,) = [f for f in tactile.findings if f.code == "screen-unusable"]
     assert (
@@ -169,12 +173,12 @@ def test_the_pose_of_a_screen_sits_in_its_middle():
     values = np.arange(6, dtype=np.float32).reshape(2, 3)
     obj.dermis.screen.image = image("Relief", values)
     build.finger()
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     assert tactile.screens[0].size == (4.0, 2.0)
     np.testing.assert_allclose(build.joined(tactile)["screens"][0, 0, :3, 3], (12, 1, 0), atol=1e-6)
     # Mirrored, what lay at the origin's side still does: the map is turned over instead of the matrix.
     obj.scale = (-1, 1, 1)
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     pose = build.joined(tactile)["screens"][0, 0]
     np.testing.assert_allclose(pose[:3, 3], (8, 1, 0), atol=1e-6)
     np.testing.assert_allclose(pose[:3, :3], np.eye(3), atol=1e-6)
@@ -189,10 +193,10 @@ def test_the_live_preview_keeps_a_relief_until_told():
     build.finger()
 
     def now():
-        return sampling.sample_now(scene, bpy.context.evaluated_depsgraph_get()).screens[0].height_map
+        return scene_sweep.sample_now(scene, bpy.context.evaluated_depsgraph_get()).screens[0].height_map
 
     first = now()
     assert now() is first
     picture.pixels.foreach_set(np.tile(np.array([0, 0, 0, 1], np.float32), 20))
-    heightmaps.forget()
+    height_maps.forget()
     assert now().max() == 0.0

@@ -6,9 +6,9 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import sampling, sampling_simulated
-from core.content_hash import ContentHash
+from blender_addon.sampling import scene_sweep, simulated_motion
 from core.motion import Motion
+from core.scene.content_hash import ContentHash
 from tests.blender import build
 
 
@@ -36,7 +36,7 @@ def test_a_falling_cube_accelerates_at_g_at_every_sample(fps):
     cube.scale = (1, 2, 3)
     rigid(cube)
     build.finger()
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     assert tactile.bodies[0].simulated
     got = build.joined(tactile)
     motion = Motion(got["times"], got["bodies"][0]).at(got["times"])
@@ -56,9 +56,9 @@ def test_the_same_bytes_twice_fresh_and_from_the_cache():
     rigid(cube)
     rigid(floor, "PASSIVE")
     build.finger()
-    first = content_hash(sampling.sample(scene))
+    first = content_hash(scene_sweep.sample(scene))
     scene.frame_set(17, subframe=0.5)
-    assert content_hash(sampling.sample(scene)) == first
+    assert content_hash(scene_sweep.sample(scene)) == first
 
 
 def test_what_hangs_on_a_simulation_is_swept_with_it_and_nothing_else():
@@ -77,10 +77,10 @@ def test_what_hangs_on_a_simulation_is_swept_with_it_and_nothing_else():
     curve.driver.expression = "z"
     free = build.cube("Free")
     build.keys(free, "location", [1, 13], [(0, 0, 0), (1, 0, 0)])
-    found = sampling_simulated.find(scene)
+    found = simulated_motion.find(scene)
     by_uid = {o.session_uid: o.name for o in bpy.data.objects}
     assert {by_uid[u] for u in found.uids} == {"Cube", "Held", "Watcher", "Driven"}
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     assert {b.name: b.simulated for b in tactile.bodies} == {
         "Cube": True,
         "Driven": True,
@@ -97,7 +97,7 @@ def test_a_range_that_begins_late_starts_the_simulation_at_its_start():
     scene = build.span(13, 25)
     rigid(build.cube("Cube", 1.0, (0, 0, 20)))
     build.finger()
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     got = build.joined(tactile)
     t, dt = 0.5 + got["times"], 1 / 240
     np.testing.assert_allclose(got["bodies"][0, :, 2, 3], 20 - 9.81 * (t**2 + t * dt) / 2, atol=2e-5)
@@ -108,14 +108,17 @@ def test_cloth_is_smooth_between_frames_and_exact_on_them():
     scene = build.span(1, 13)
     n = 6
     points = [(x / n, y / n, 1.0) for y in range(n + 1) for x in range(n + 1)]
-    faces = [(r * (n + 1) + c, r * (n + 1) + c + 1, (r + 1) * (n + 1) + c + 1, (r + 1) * (n + 1) + c)
-             for r in range(n) for c in range(n)]  # fmt: skip
+    faces = [
+        (r * (n + 1) + c, r * (n + 1) + c + 1, (r + 1) * (n + 1) + c + 1, (r + 1) * (n + 1) + c)
+        for r in range(n)
+        for c in range(n)
+    ]
     sheet = build.mesh_object("Sheet", points, faces)
     sheet.dermis.role = "TOUCHABLE"
     cloth = sheet.modifiers.new("Cloth", "CLOTH")
     cloth.settings.air_damping = 0.0
     build.finger()
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     assert tactile.bodies[0].simulated and tactile.bodies[0].mesh is None
     got = build.joined(tactile)
     meshes = got["surfaces"][0]
@@ -140,7 +143,7 @@ def test_a_fluid_domain_is_refused_by_name():
     build.cube("Cup")
     domain.modifiers.new("Fluid", "FLUID").fluid_type = "DOMAIN"
     build.finger()
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     assert [b.name for b in tactile.bodies] == ["Cup"]
     assert [(f.severity, f.where) for f in tactile.findings if f.code == "fluid"] == [("error", "object 'Water'")]
 
@@ -156,10 +159,11 @@ def test_particles_that_show_a_touchable_object_fall_smoothly():
     settings.normal_factor = settings.drag_factor = settings.brownian_factor = 0.0
     settings.integrator = "VERLET"
     build.finger()
-    tactile = sampling.sample(scene)
+    tactile = scene_sweep.sample(scene)
     assert [(b.name, b.simulated) for b in tactile.bodies if "@" in b.name] == [
-        ("Pebble @ Source 0.0", True), ("Pebble @ Source 1.0", True),
-    ]  # fmt: skip
+        ("Pebble @ Source 0.0", True),
+        ("Pebble @ Source 1.0", True),
+    ]
     got = build.joined(tactile)
     falling = Motion(got["times"], got["bodies"][1]).at(got["times"]).acceleration[30:-30, 2]
     np.testing.assert_allclose(falling, -9.81, rtol=0.001)

@@ -9,7 +9,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import jobs, sampling
+from blender_addon import jobs
+from blender_addon.sampling import scene_sweep
 from core.presets import Library
 from tests.blender import build
 from tests.blender.test_sampling_screens import image
@@ -23,7 +24,7 @@ def bake():
 
 def relief():
     """Return the first screen's heights [its own unit], its unit [m], and its findings by code."""
-    screen = sampling.sample().screens[0]
+    screen = scene_sweep.sample().screens[0]
     return screen.height_map, screen.height_unit, {f.code: f for f in screen.findings}
 
 
@@ -202,7 +203,7 @@ def test_a_screen_scaled_to_nothing_is_refused_in_words(scale):
     settings.source, settings.mesh_object, screen.scale = "MESH", cube, scale
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        tactile = sampling.sample()
+        tactile = scene_sweep.sample()
     assert tactile.screens == ()
     (finding,) = [f for f in tactile.findings if f.code == "screen-unusable"]
     assert "scaled to nothing" in finding.what and finding.where == "screen 'Screen'"
@@ -248,12 +249,15 @@ def test_the_mesh_itself_is_felt_on_a_sphere_that_moves():
     tip = build.finger("Finger")
     times = np.linspace(0, 1, 49)
     off = amount - 2 * amount * times  # of the finger from the ball's middle
-    build.keys(tip, "location", list(range(1, 50)),
-               [(0, 0, math.sqrt(radius**2 - x**2) - radius) for x in off])  # fmt: skip
+    build.keys(tip, "location", list(range(1, 50)), [(0, 0, math.sqrt(radius**2 - x**2) - radius) for x in off])
     use = tip.dermis.finger.devices.add()
     use.preset, use.relief, use.scale_mode, use.scale, use.downhill = (
-        "electrovibration", "mesh", "manual", 100.0, "absolute",
-    )  # fmt: skip
+        "electrovibration",
+        "mesh",
+        "manual",
+        100.0,
+        "absolute",
+    )
     (output,) = bake().outputs
     x = amount - 2 * amount * output.track.times / output.track.times[-1]
     exact = 100.0 * np.abs(x) / np.sqrt(radius**2 - x**2)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from blender_addon import skin_colours, skin_field
-from blender_addon.skin_live import SkinState
+from blender_addon.preview.skin_preview import SkinState
+from blender_addon.viewport import skin_colours, skin_field
 from core.skin.model import fingertip_skin
 from core.skin.shape import FingertipShape
 from core.stimulus import Stimulus
@@ -30,8 +30,10 @@ def test_the_refined_surface_lies_on_the_fingertip(pressed: SkinState) -> None:
     axial = pad[:, 1] / shape.tip
     section = np.sqrt(1.0 - np.maximum(axial, 0.0) ** 2)
     q2 = np.minimum(axial, 0.0) ** 2
-    half, depth = (size * section * (1.0 - 0.5 * q2 / (1.0 + q2 / (2.0 * drop)))
-                   for size, drop in ((0.5 * shape.width, 0.05), (shape.height_palm, 0.12)))  # fmt: skip
+    half, depth = (
+        size * section * (1.0 - 0.5 * q2 / (1.0 + q2 / (2.0 * drop)))
+        for size, drop in ((0.5 * shape.width, 0.05), (shape.height_palm, 0.12))
+    )
     off = (np.hypot(pad[:, 0] / half, (shape.height_palm - pad[:, 2]) / depth) - 1.0) * shape.height_palm
     assert np.abs(off).max() < 0.25e-3 and np.median(np.abs(off)) < 0.06e-3
     assert len(surface.triangles) == 16 * len(surface.coarse)
@@ -119,8 +121,10 @@ def test_the_models_error_is_stated_as_measured() -> None:
     assert "deeper than it is trusted" in skin_field.error_text(2.1e-3)
 
 
-@pytest.mark.parametrize(("value", "expected"), [(0.9, 1.0), (1.0, 1.0), (1.01, 1.5), (37.0, 40.0), (6.1e-4, 8e-4),
-                                                 (0.0, 1.0), (float("nan"), 1.0), (9.9e7, 1e8)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [(0.9, 1.0), (1.0, 1.0), (1.01, 1.5), (37.0, 40.0), (6.1e-4, 8e-4), (0.0, 1.0), (float("nan"), 1.0), (9.9e7, 1e8)],
+)
 def test_ranges_end_at_round_numbers(value: float, expected: float) -> None:
     assert skin_field.nice(value) == pytest.approx(expected, rel=1e-12)
 

@@ -8,7 +8,10 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import handlers, results, skin_field, skin_live, skin_view
+from blender_addon import handlers
+from blender_addon.preview import skin_preview
+from blender_addon.results import store
+from blender_addon.viewport import skin_field, skin_view
 from core.skin.file import save_mesh
 from core.skin.model import fingertip_skin
 from tests.problems import flat_press
@@ -22,7 +25,7 @@ TOP = 0.02  # height of the plate's face [m]
 @pytest.fixture(autouse=True)
 def nothing_remembered():
     """Start without a history."""
-    skin_live.reset()
+    skin_preview.reset()
     skin_view.forget_range()
 
 
@@ -43,10 +46,10 @@ def pressing() -> bpy.types.Scene:
     return scene
 
 
-def at(scene: bpy.types.Scene, frame: int) -> skin_live.SkinState:
+def at(scene: bpy.types.Scene, frame: int) -> skin_preview.SkinState:
     """Go to a frame and solve it."""
     scene.frame_set(frame)
-    (state,) = skin_live.step(bpy.context)
+    (state,) = skin_preview.step(bpy.context)
     return state
 
 
@@ -66,7 +69,7 @@ def test_stepping_forward_gives_what_a_bake_at_the_same_rate_gives(pressing: bpy
     bpy.ops.dermis.bake()
     for frame in (3, 5, 8, 13):
         pressing.frame_set(frame)
-        (baked,) = skin_live.states(pressing)
+        (baked,) = skin_preview.states(pressing)
         assert baked.source == "bake"
         scale = np.abs(baked.force).max()
         assert np.abs(stepped[frame].force - baked.force).max() < 2e-3 * scale
@@ -98,7 +101,7 @@ def test_what_grows_under_a_resting_finger_drags_its_skin(how: str) -> None:
     bpy.context.view_layer.update()
     live = [at(scene, frame) for frame in range(1, 13)]
     assert bpy.ops.dermis.bake() == {"FINISHED"}
-    (baked,) = skin_live.states(scene)
+    (baked,) = skin_preview.states(scene)
     assert baked.source == "bake" and live[-1].source == "live"
     for state in (live[-1], baked):  # 3 mm of plate went past: it slips, and Coulomb's law holds
         assert state.tangential_force == pytest.approx(0.6 * state.normal_force, rel=1e-2)
@@ -112,7 +115,7 @@ def test_a_jump_starts_from_rest_and_says_so(pressing: bpy.types.Scene) -> None:
     assert along.note == "live, from rest at frame 1"
     jumped = at(pressing, 4)
     assert "from rest at frame 4: play or step forward" in jumped.note
-    skin_live.reset()
+    skin_preview.reset()
     again = at(pressing, 12)
     assert again.note.startswith("live, from rest at frame 12")
     # without the slide in its past the skin is not dragged along
@@ -123,10 +126,10 @@ def test_a_change_within_a_frame_does_not_advance_the_history(pressing: bpy.type
     for frame in range(1, 9):
         state = at(pressing, frame)
     handlers.mark_dirty("nothing really")
-    (again,) = skin_live.step(bpy.context)
+    (again,) = skin_preview.step(bpy.context)
     assert again is not state
     assert again.force == pytest.approx(state.force, abs=1e-4 * np.abs(state.force).max())
-    (same,) = skin_live.step(bpy.context)
+    (same,) = skin_preview.step(bpy.context)
     assert same is again
 
 
@@ -134,7 +137,7 @@ def test_undo_resets_the_history(pressing: bpy.types.Scene) -> None:
     for frame in range(1, 9):
         at(pressing, frame)
     handlers._on_history()
-    assert skin_live.states(pressing) == ()
+    assert skin_preview.states(pressing) == ()
     assert "from rest at frame 9" in at(pressing, 9).note
 
 
@@ -157,19 +160,19 @@ def test_far_and_still_frames_are_skipped_and_counted(pressing: bpy.types.Scene)
 def test_a_hidden_skin_is_not_solved(pressing: bpy.types.Scene) -> None:
     bpy.data.objects["Finger"].dermis.finger.skin.shown = False
     pressing.frame_set(5)
-    assert skin_live.step(bpy.context) == ()
-    assert not skin_live.any_shown(pressing)
+    assert skin_preview.step(bpy.context) == ()
+    assert not skin_preview.any_shown(pressing)
 
 
 def test_a_soft_object_takes_part_of_the_depth(pressing: bpy.types.Scene) -> None:
     material = bpy.data.objects["Plate"].dermis.material
     hard = at(pressing, 5).normal_force
     material.surface_stiffness_mpa_m = 17.0
-    skin_live.reset()
+    skin_preview.reset()
     soft = at(pressing, 5).normal_force
     assert 0.2 * hard < soft < 0.9 * hard
     material.surface_stiffness_mpa_m = 1e6
-    skin_live.reset()
+    skin_preview.reset()
     assert at(pressing, 5).normal_force == pytest.approx(hard, rel=2e-3)
 
 
@@ -177,7 +180,7 @@ def test_a_compliant_bone_keeps_its_force_limit(pressing: bpy.types.Scene) -> No
     skin = bpy.data.objects["Finger"].dermis.finger.skin
     rigid = at(pressing, 5)
     skin.depth_mode, skin.bone_stiffness, skin.force_limit = "compliant", 1e6, 0.5 * rigid.normal_force
-    skin_live.reset()
+    skin_preview.reset()
     limited = at(pressing, 5)
     assert limited.force[:, 2].sum() == pytest.approx(0.5 * rigid.normal_force, rel=5e-3)
     assert limited.lift > 0.05e-3 and limited.depth == pytest.approx(rigid.depth - limited.lift, abs=2e-5)
@@ -186,7 +189,7 @@ def test_a_compliant_bone_keeps_its_force_limit(pressing: bpy.types.Scene) -> No
     assert drawn.positions[:, 2].max() - rigid_top(limited) == pytest.approx(limited.lift, abs=5e-5)
 
 
-def rigid_top(state: skin_live.SkinState) -> float:
+def rigid_top(state: skin_preview.SkinState) -> float:
     """Return the height of the drawn skin's highest vertex at rest."""
     return float(skin_field.kit(state.model.mesh).surface.rest[:, 2].max())
 
@@ -201,7 +204,7 @@ def test_a_turned_scene_gives_the_same_forces(pressing: bpy.types.Scene) -> None
         bpy.data.objects[name].parent = pivot
     pivot.matrix_world = Matrix.Translation((0.3, -0.2, 0.1)) @ Matrix.Rotation(1.1, 4, (1.0, 2.0, -0.5))
     bpy.context.view_layer.update()
-    skin_live.reset()
+    skin_preview.reset()
     turned = at(pressing, 5)
     assert turned.force == pytest.approx(straight.force, abs=2e-3 * np.abs(straight.force).max())
 
@@ -211,7 +214,7 @@ def test_a_press_that_is_too_deep_is_a_finding_with_its_frame(pressing: bpy.type
     keys(hand, "location", [1, 5, 8, 13], [(0, 0, TOP + 0.03), (0, 0, TOP - 1e-3), (0, 0, TOP - 2.3e-3),
                                            (0, 0, TOP - 2.3e-3)])  # fmt: skip
     bpy.ops.dermis.bake()
-    found = [f for f in results.current(pressing).bake.all_findings if f.code == "too-deep"]
+    found = [f for f in store.current(pressing).bake.all_findings if f.code == "too-deep"]
     assert len(found) == 1 and 5 < found[0].frame <= 8
     assert "2.00" <= found[0].value < "2.31"
 
@@ -219,19 +222,19 @@ def test_a_press_that_is_too_deep_is_a_finding_with_its_frame(pressing: bpy.type
 def test_a_changed_scene_is_shown_as_out_of_date(pressing: bpy.types.Scene) -> None:
     bpy.ops.dermis.bake()
     pressing.frame_set(5)
-    assert skin_live.states(pressing)[0].note == "from the bake"
+    assert skin_preview.states(pressing)[0].note == "from the bake"
     bpy.data.objects["Finger"].dermis.finger.skin.young_kpa = 80.0
-    (stale,) = skin_live.states(pressing)
+    (stale,) = skin_preview.states(pressing)
     assert (stale.source, stale.note) == ("stale", "from a bake that is out of date")
-    (live,) = skin_live.step(bpy.context)
-    assert live.source == "live" and skin_live.states(pressing)[0] is live
+    (live,) = skin_preview.step(bpy.context)
+    assert live.source == "live" and skin_preview.states(pressing)[0] is live
     assert live.normal_force == pytest.approx(0.8 * stale.normal_force, rel=0.02)
 
 
 def test_a_size_without_room_for_tissue_says_so(pressing: bpy.types.Scene) -> None:
     bpy.data.objects["Finger"].dermis.finger.skin.bone_thickness_mm = 12.0
     pressing.frame_set(5)
-    (state,) = skin_live.step(bpy.context)
+    (state,) = skin_preview.step(bpy.context)
     assert state.model is None and not state.touching
     assert "bone_thickness" in state.note and "12.60 mm" in state.note
     assert skin_view.shown(pressing).drawn == (None,)

@@ -9,7 +9,10 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import preferences, properties_skin, results, results_skin, skin_live
+from blender_addon import preferences
+from blender_addon.preview import skin_preview
+from blender_addon.properties import skin_properties
+from blender_addon.results import store, stored_skins
 from core.skin.model import skin_from_parameters
 
 from .build import cube, finger, keys, span
@@ -32,18 +35,18 @@ def baked() -> bpy.types.Scene:
 
 
 def test_stored_forces_come_back_and_give_the_same_picture(baked: bpy.types.Scene) -> None:
-    touch = results.current(baked).bake.skins["Finger"]
+    touch = store.current(baked).bake.skins["Finger"]
     assert touch.force.dtype == np.float32 and len(touch.contact) == 7
-    results.forget()
+    store.forget()
     assert bpy.ops.dermis.load_result() == {"FINISHED"}
-    loaded = results.current(baked).bake.skins["Finger"]
+    loaded = store.current(baked).bake.skins["Finger"]
     assert np.array_equal(loaded.force, touch.force) and np.array_equal(loaded.contact, touch.contact)
     for name in ("frames", "normal_force", "tangential_force", "depth", "lift", "sticking", "slipping"):
         assert np.array_equal(getattr(loaded, name), getattr(touch, name)), name
     assert loaded.model.key == touch.model.key
     assert np.array_equal(loaded.model.compliance, touch.model.compliance)
     baked.frame_set(6)
-    (state,) = skin_live.states(baked)
+    (state,) = skin_preview.states(baked)
     assert (state.source, state.note) == ("earlier", "from an earlier session's bake")
     assert state.normal_force == touch.normal_force[5]
 
@@ -56,7 +59,7 @@ def test_export_writes_resultants_that_sum_the_nodes(baked: bpy.types.Scene, tmp
     assert comments[0] == "# dermis-resultants 1" and "# finger: Finger" in comments
     names = lines[len(comments)].split(",")
     rows = [dict(zip(names, line.split(","), strict=True)) for line in lines[len(comments) + 1 :]]
-    touch = results.current(baked).bake.skins["Finger"]
+    touch = store.current(baked).bake.skins["Finger"]
     assert [float(r["frame[1]"]) for r in rows] == touch.frames.tolist()
     assert rows[0]["centre_x[m]"] == "" and float(rows[0]["normal_force[N]"]) == 0.0
     for at, sample in enumerate(touch.contact):
@@ -70,9 +73,9 @@ def test_export_writes_resultants_that_sum_the_nodes(baked: bpy.types.Scene, tmp
 
 
 def test_no_two_skins_share_a_file(baked: bpy.types.Scene, tmp_path: Path) -> None:
-    bake = results.current(baked).bake
+    bake = store.current(baked).bake
     skins = dict.fromkeys(("a b", "a_b", "A B"), bake.skins["Finger"])
-    written = results_skin.export(replace(bake, skins=skins), tmp_path)
+    written = stored_skins.export(replace(bake, skins=skins), tmp_path)
     assert [p.name for p in written] == ["a_b.skin.csv", "a_b-2.skin.csv", "A_B-3.skin.csv"]
     assert [p.read_text().split("# finger: ")[1].splitlines()[0] for p in written] == list(skins)
 
@@ -83,7 +86,7 @@ def test_presets_reach_the_engine_as_they_stand(key: str) -> None:
     bpy.context.view_layer.objects.active = hand
     assert bpy.ops.dermis.apply_skin(preset=key) == {"FINISHED"}
     wanted = preferences.library().skin(key)
-    given = properties_skin.parameters(hand.dermis.finger.skin)["skin"]
+    given = skin_properties.parameters(hand.dermis.finger.skin)["skin"]
     assert set(given) == set(wanted)
     for name, value in wanted.items():
         assert given[name] == pytest.approx(value, rel=1e-6), name
@@ -109,7 +112,7 @@ def test_our_fingertip_follows_its_lengths_and_an_artists_mesh_does_not() -> Non
 
 def test_our_fingertip_lies_on_the_engines_skin() -> None:
     """The heat map is drawn over it: pad and sides coincide, but for the crease of the joint."""
-    from blender_addon.fingertip import Lengths, shape
+    from blender_addon.fingertip_mesh import Lengths, shape
     from core.skin.shape import FingertipShape
 
     skin = FingertipShape()
@@ -119,8 +122,10 @@ def test_our_fingertip_lies_on_the_engines_skin() -> None:
     axial = y / skin.tip
     section = np.sqrt(np.clip(1.0 - np.maximum(axial, 0.0) ** 2, 0.0, 1.0))
     q2 = np.minimum(axial, 0.0) ** 2
-    half, depth = (size * section * (1.0 - 0.5 * q2 / (1.0 + q2 / (2.0 * drop)))
-                   for size, drop in ((0.5 * skin.width, 0.05), (skin.height_palm, 0.12)))  # fmt: skip
+    half, depth = (
+        size * section * (1.0 - 0.5 * q2 / (1.0 + q2 / (2.0 * drop)))
+        for size, drop in ((0.5 * skin.width, 0.05), (skin.height_palm, 0.12))
+    )
     level = np.hypot(x / half, (skin.height_palm - z) / depth)
     assert np.abs((level - 1.0) * np.minimum(half, depth)).max() < 0.1e-3
 
@@ -134,7 +139,7 @@ def test_the_demo_scenes_touch_everything(fingers: str) -> None:
         obj.dermis.finger.skin.level = "draft"
     scene.dermis.sample_rate = 48.0
     assert bpy.ops.dermis.bake() == {"FINISHED"}
-    bake = results.current(scene).bake
+    bake = store.current(scene).bake
     assert len(bake.skins) == (1 if fingers == "ONE" else 5)
     assert not [f for f in bake.all_findings if f.severity == "error" or f.code in ("not-converged", "too-deep")]
     for touch in bake.skins.values():

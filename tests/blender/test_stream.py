@@ -11,17 +11,12 @@ import numpy as np
 import pytest
 
 import blender_addon
-from blender_addon import (
-    calibration_rows,
-    export_ranges,
-    handlers,
-    live,
-    overlay,
-    results,
-    streaming,
-    streaming_calibration,
-)
+from blender_addon import handlers
 from blender_addon.preferences import core_module
+from blender_addon.preview import device_preview
+from blender_addon.results import export_parts, store
+from blender_addon.streaming import calibration_rows, device_calibration, session
+from blender_addon.viewport import overlay
 
 from .build import finger
 
@@ -38,15 +33,15 @@ def a_track(seconds: float = 2.0, finger_name: str = "Finger") -> Any:
     place = 5e-4 * np.stack([np.cos(2 * np.pi * t), np.sin(2 * np.pi * t)], axis=1)
     angles = shear.ShearTactor.from_spec(spec).inverse(place)
     meta = {"finger": finger_name, "fps": "24/1", "frame_range": "1 49"}
-    return core_module("track").CommandTrack(spec, t, np.concatenate([place, angles], axis=1), meta)
+    return core_module("track.command_track").CommandTrack(spec, t, np.concatenate([place, angles], axis=1), meta)
 
 
 def a_bake(track: Any) -> Any:
     """Put a bake with one output into the scene's results; return the scene."""
-    pipeline = core_module("pipeline")
+    pipeline = core_module("pipeline.render")
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 1, 49
-    results.keep(scene, pipeline.Bake((pipeline.Output("Finger", HAPTIP, track, {}, ()),), (), {}, "hash"))
+    store.keep(scene, pipeline.Bake((pipeline.Output("Finger", HAPTIP, track, {}, ()),), (), {}, "hash"))
     return scene
 
 
@@ -63,8 +58,8 @@ def wait(what: Any, seconds: float = 10.0) -> dict[str, Any]:
     """Beat as the timer does until something holds."""
     end = time.monotonic() + seconds
     while True:
-        streaming.beat()
-        status = streaming.status()
+        session.beat()
+        status = session.status()
         if what(status):
             return status
         assert time.monotonic() < end, status
@@ -100,7 +95,7 @@ def test_connect_arm_follow_stop(scene: Any) -> None:
     wanted = a_track().values[500, 2:]
     status = wait(lambda s: s["armed"] and np.allclose(heard(s), wanted, atol=1e-4))
     assert status["state"] == "streaming" and status["watchdog"]
-    shown = live.preview(scene)
+    shown = device_preview.preview(scene)
     assert shown.source == "device" and shown.source in overlay.SOURCE_COLOURS
     assert shown.rows[0].values["tactor_x"] == pytest.approx(-5e-4, abs=2e-6), "the twin shows what the device reports"
     scene.frame_set(7)
@@ -110,28 +105,28 @@ def test_connect_arm_follow_stop(scene: Any) -> None:
     status = wait(lambda s: not s["armed"])
     wait(lambda s: np.abs(heard(s)).max() < 1e-4)
     bpy.ops.dermis.stream_disconnect()
-    assert not streaming.connected() and streaming.status()["state"] == "disconnected"
+    assert not session.connected() and session.status()["state"] == "disconnected"
 
 
 def test_play_sends_the_baked_track(scene: Any) -> None:
     scene.dermis_stream.ramp = 0.1
     scene.frame_set(1)
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
-    streaming.arm(scene)
+    session.arm(scene)
     wanted = a_track().values[0, 2:]
     wait(lambda s: s["armed"] and np.allclose(heard(s), wanted, atol=1e-4))
-    assert streaming.status()["state"] == "armed", "playback does not run"
+    assert session.status()["state"] == "armed", "playback does not run"
 
 
 def test_jog_and_calibration_and_cancel(scene: Any) -> None:
     settings = scene.dermis_stream
-    streaming.connect(scene)
+    session.connect(scene)
     bpy.ops.dermis.stream_calibrate(action="BEGIN")
-    assert settings.mode == "jog" and streaming_calibration.calibrating(scene)
+    assert settings.mode == "jog" and device_calibration.calibrating(scene)
     settings.ramp = 0.1
     wait(state("ready"))
-    streaming.arm(scene)
+    session.arm(scene)
     wait(lambda s: s["armed"])
     settings.channels[0].jog = 0.1
     wait(lambda s: abs(heard(s)[0] - 0.1) < 1e-4)
@@ -140,18 +135,18 @@ def test_jog_and_calibration_and_cancel(scene: Any) -> None:
     wait(lambda s: abs(heard(s)[0] + 0.05) < 1e-4)
     settings.channels[0].use_limits, settings.channels[0].low = True, -0.02
     wait(lambda s: abs(heard(s)[0] + 0.02) < 1e-4)
-    assert streaming.status()["armed"], "every change took effect under way"
+    assert session.status()["armed"], "every change took effect under way"
     settings.mode = "jog"
     bpy.ops.dermis.stream_calibrate(action="CANCEL")
     one = settings.channels[0]
     assert (one.zero, one.gain, one.jog, one.use_limits) == (0.0, 1.0, 0.0, False)
-    assert settings.mode == "play" and not streaming_calibration.calibrating(scene)
+    assert settings.mode == "play" and not device_calibration.calibrating(scene)
     wanted = a_track().values[0, 2:]  # what the mode before the calibration shows, driven as before
     wait(lambda s: np.allclose(heard(s), wanted, atol=1e-4))
 
 
 def test_cancel_gives_back_what_had_been_set_before(scene: Any) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     channels = scene.dermis_stream.channels
     channels[1].zero, channels[1].gain, channels[0].jog = 0.01, 1.5, 0.2
     before = calibration_rows.rows_of(channels)
@@ -164,7 +159,7 @@ def test_cancel_gives_back_what_had_been_set_before(scene: Any) -> None:
 
 
 def test_a_calibration_lives_in_its_own_file(scene: Any, tmp_path: Path) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     channel = scene.dermis_stream.channels[1]
     channel.zero, channel.use_limits, channel.low, channel.high = 0.02, True, -0.1, 0.2
     bpy.ops.dermis.calibration_save(filepath=str(tmp_path / "desk.json"))
@@ -176,20 +171,20 @@ def test_a_calibration_lives_in_its_own_file(scene: Any, tmp_path: Path) -> None
 
 def test_nothing_connects_because_a_file_was_opened(scene: Any, tmp_path: Path) -> None:
     path = str(tmp_path / "a.blend")
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
-    client = streaming._client
+    client = session._client
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
-    assert not streaming.connected(), "opening a file ends what streamed"
+    assert not session.connected(), "opening a file ends what streamed"
     assert ended(client)
     assert bpy.context.scene.dermis_stream.url == "virtual:"
 
 
 def test_unregistering_ends_the_sender(scene: Any) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
-    client = streaming._client
+    client = session._client
     blender_addon.unregister()
     try:
         assert ended(client) and not client._board.path.exists()
@@ -202,16 +197,16 @@ def test_a_track_from_a_file_drives_the_twin_and_can_be_streamed(tmp_path: Path)
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 1, 49
     path = tmp_path / "edited.csv"
-    core_module("formats.csv").write(a_track(finger_name="Index"), path)
-    assert live.preview(scene) is None
+    core_module("track.csv").write(a_track(finger_name="Index"), path)
+    assert device_preview.preview(scene) is None
     assert bpy.ops.dermis.load_track(filepath=str(path)) == {"FINISHED"}
     scene.frame_set(13)
-    shown = live.preview(scene)
+    shown = device_preview.preview(scene)
     assert (shown.source, shown.rows[0].finger) == ("file", "Index")
     assert shown.rows[0].values["tactor_x"] == pytest.approx(-5e-4, abs=1e-9)
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
-    streaming.arm(scene)
+    session.arm(scene)
     wanted = a_track().values[500, 2:]
     wait(lambda s: s["armed"] and np.allclose(heard(s), wanted, atol=1e-4))
 
@@ -229,7 +224,7 @@ def test_refusals_are_words_not_tracebacks() -> None:
 
 def test_a_wrong_port_is_told_in_the_panel(scene: Any) -> None:
     scene.dermis_stream.url = "socket://127.0.0.1:1"
-    streaming.connect(scene)
+    session.connect(scene)
     assert "cannot be opened" in wait(state("fault"))["words"]
 
 
@@ -239,12 +234,12 @@ def test_export_of_ranges(scene: Any, tmp_path: Path) -> None:
     bpy.ops.dermis.export_as(form="json", span="MARKERS", directory=str(tmp_path))
     names = sorted(p.name for p in tmp_path.iterdir())
     assert names == ["Finger.haptip.press.json", "Finger.haptip.slide.json"]
-    part = core_module("formats.export").read(tmp_path / names[1])
+    part = core_module("track.export").read(tmp_path / names[1])
     assert len(part.times) == 1001 and part.meta["frame_range"] == "25 49" and part.meta["range"] == "slide"
     assert np.array_equal(part.values, a_track().values[1000:])
     scene.use_preview_range, scene.frame_preview_start, scene.frame_preview_end = True, 13, 25
     bpy.ops.dermis.export_as(form="binary", span="PREVIEW", directory=str(tmp_path))
-    assert len(core_module("formats.export").read(tmp_path / "Finger.haptip.preview.dtrack").times) == 501
+    assert len(core_module("track.export").read(tmp_path / "Finger.haptip.preview.dtrack").times) == 501
     bpy.ops.dermis.export_as(form="c", span="ALL", directory=str(tmp_path), all_scenes=True)
     assert (tmp_path / "Scene.Finger.haptip.h").is_file()
     with pytest.raises(RuntimeError, match="no action"):
@@ -267,9 +262,11 @@ def test_markers_end_where_the_next_begins(scene: Any) -> None:
     scene.timeline_markers.new("b", frame=20)
     scene.timeline_markers.new("a", frame=5)
     scene.timeline_markers.new("b", frame=30)
-    assert export_ranges.ranges(scene, results.current(scene), "MARKERS", None) == [
-        ("a", 5.0, 20.0), ("b", 20.0, 30.0), ("b-2", 30.0, 49.0)
-    ]  # fmt: skip
+    assert export_parts.ranges(scene, store.current(scene), "MARKERS", None) == [
+        ("a", 5.0, 20.0),
+        ("b", 20.0, 30.0),
+        ("b-2", 30.0, 49.0),
+    ]
 
 
 def test_how_it_is_streamed_changes_no_bake(scene: Any) -> None:
@@ -277,9 +274,15 @@ def test_how_it_is_streamed_changes_no_bake(scene: Any) -> None:
     bpy.context.view_layer.update()
     handlers.clear_dirty()
     settings = scene.dermis_stream
-    streaming.connect(scene)
-    for name, value in (("mode", "jog"), ("url", "virtual:?loss=0"), ("protocol", "osc"), ("offset", 0.2),
-                        ("show_received", False), ("ramp", 0.5)):  # fmt: skip
+    session.connect(scene)
+    for name, value in (
+        ("mode", "jog"),
+        ("url", "virtual:?loss=0"),
+        ("protocol", "osc"),
+        ("offset", 0.2),
+        ("show_received", False),
+        ("ramp", 0.5),
+    ):
         setattr(settings, name, value)
         bpy.context.view_layer.update()
         assert not handlers.dirty(), name
@@ -294,8 +297,8 @@ def test_how_it_is_streamed_changes_no_bake(scene: Any) -> None:
 
 def test_only_boards_without_a_watchdog_are_warned_of() -> None:
     for protocol in ("maestro", "servo-animation", "torque", "osc"):
-        assert "watchdog" in streaming.caution(protocol) or "last pulses" in streaming.caution(protocol)
-    assert streaming.caution("native") == ""
+        assert "watchdog" in session.caution(protocol) or "last pulses" in session.caution(protocol)
+    assert session.caution("native") == ""
 
 
 def test_a_beat_costs_next_to_nothing_while_the_sender_hangs(scene: Any) -> None:
@@ -303,25 +306,25 @@ def test_a_beat_costs_next_to_nothing_while_the_sender_hangs(scene: Any) -> None
     import os
     import signal
 
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
-    os.kill(streaming._client.pid, signal.SIGSTOP)
+    os.kill(session._client.pid, signal.SIGSTOP)
     try:
         for _ in range(200):
-            streaming.beat()
+            session.beat()
     finally:
-        os.kill(streaming._client.pid, signal.SIGCONT)
-    assert streaming.connected()
+        os.kill(session._client.pid, signal.SIGCONT)
+    assert session.connected()
 
 
 def test_a_rate_for_a_slow_link(scene: Any) -> None:
     """What the panel's words offer is what its Rate takes; what that leaves out of the bake is told."""
     settings = scene.dermis_stream
     settings.url = "virtual:?slow=11520"
-    streaming.connect(scene)
+    session.connect(scene)
     assert "Set Rate to 385 Hz" in wait(state("fault"))["words"]
     settings.rate = 385.0
-    streaming.connect(scene)
+    session.connect(scene)
     status = wait(state("ready"))
     assert status["rate"] == 385.0 and status["not_rendered"] == "", "a circle a second is all there"
-    streaming.close()
+    session.close()

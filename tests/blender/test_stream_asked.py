@@ -11,8 +11,10 @@ from typing import Any
 import bpy
 import pytest
 
-from blender_addon import preferences, results, streaming, streaming_paths, streaming_tracks
+from blender_addon import preferences
 from blender_addon.preferences import core_module
+from blender_addon.results import store
+from blender_addon.streaming import agreed_paths, session, streamed_track
 
 from . import build
 from .test_stream import HAPTIP, a_track, scene, state, wait
@@ -24,7 +26,7 @@ __all__ = ["scene"]
 @pytest.fixture(autouse=True)
 def closed() -> Iterator[None]:
     yield
-    streaming.close()
+    session.close()
 
 
 def arrived(folder: Path, **settings: str) -> Any:
@@ -34,7 +36,7 @@ def arrived(folder: Path, **settings: str) -> Any:
     path = str(folder / "hostile.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
-    streaming_paths.forget()
+    agreed_paths.forget()
     return bpy.context.scene
 
 
@@ -44,7 +46,7 @@ def test_a_record_that_a_file_names_is_written_by_nobody(scene: Any, tmp_path: P
     arrived(tmp_path, url=f"spy://virtual:?file={victim}")
     with pytest.raises(RuntimeError, match=f"nobody has confirmed.*write {victim}"):
         bpy.ops.dermis.stream_connect()
-    assert not streaming.connected() and victim.read_text() == "three years"
+    assert not session.connected() and victim.read_text() == "three years"
 
 
 @pytest.mark.parametrize("mode", ["play", "panel", "jog"])
@@ -59,30 +61,30 @@ def test_a_file_that_a_file_names_is_read_by_nobody(scene: Any, tmp_path: Path, 
                 work()
     found.output = "Finger: haptip"
     bpy.ops.dermis.stream_calibrate(action="BEGIN")
-    assert not streaming.connected() and streaming_tracks.loaded() is None
+    assert not session.connected() and streamed_track.loaded() is None
 
 
 def test_what_was_confirmed_holds_for_the_session(scene: Any, tmp_path: Path) -> None:
     track, record = tmp_path / "track.csv", tmp_path / "record.txt"
-    core_module("formats.csv").write(a_track(), track)
+    core_module("track.csv").write(a_track(), track)
     arrived(tmp_path, url=f"spy://virtual:?file={record}", track_file=str(track))
-    asked = streaming_paths.pending(bpy.context.scene.dermis_stream)
+    asked = agreed_paths.pending(bpy.context.scene.dermis_stream)
     assert [(c.kind, c.path) for c in asked] == [("write", str(record)), ("read", str(track))]
     assert bpy.ops.dermis.stream_connect(confirmed=True) == {"FINISHED"}
     wait(state("ready"))
     bpy.ops.dermis.stream_disconnect()
     assert record.stat().st_size > 0
-    assert streaming_paths.pending(bpy.context.scene.dermis_stream) == []
+    assert agreed_paths.pending(bpy.context.scene.dermis_stream) == []
 
 
 def test_a_relative_path_is_asked_for_where_it_leads_now(scene: Any, tmp_path: Path) -> None:
     for name in ("here", "there"):
         (tmp_path / name).mkdir()
     arrived(tmp_path / "here").dermis_stream["track_file"] = "//../track.csv"
-    assert [c.path for c in streaming_paths.pending(bpy.context.scene.dermis_stream)] == [str(tmp_path / "track.csv")]
+    assert [c.path for c in agreed_paths.pending(bpy.context.scene.dermis_stream)] == [str(tmp_path / "track.csv")]
     (tmp_path / "real.csv").touch()
     (tmp_path / "track.csv").symlink_to(tmp_path / "real.csv")
-    assert [c.path for c in streaming_paths.pending(bpy.context.scene.dermis_stream)] == [str(tmp_path / "real.csv")]
+    assert [c.path for c in agreed_paths.pending(bpy.context.scene.dermis_stream)] == [str(tmp_path / "real.csv")]
 
 
 def test_who_sets_a_path_has_agreed(scene: Any, tmp_path: Path) -> None:
@@ -93,33 +95,33 @@ def test_who_sets_a_path_has_agreed(scene: Any, tmp_path: Path) -> None:
 
 
 def test_a_path_that_comes_under_way_is_refused(scene: Any) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
     scene.dermis_stream["track_file"] = "/dev/zero"  # without a word, as undo does it
-    streaming.changed()
-    streaming.beat()
-    assert "nobody has confirmed" in streaming.status()["words"] and streaming._client._wish["track"] != "/dev/zero"
+    session.changed()
+    session.beat()
+    assert "nobody has confirmed" in session.status()["words"] and session._client._wish["track"] != "/dev/zero"
 
 
 def test_a_device_that_knows_no_pose_is_armed_with_fingers_out_only(scene: Any) -> None:
     scene.dermis_stream.protocol = "maestro"
-    streaming.connect(scene)
+    session.connect(scene)
     status = wait(state("ready"))
-    assert streaming.pose_unknown() and "words" in status
+    assert session.pose_unknown() and "words" in status
     for arm in (bpy.ops.dermis.stream_arm, lambda: bpy.ops.dermis.stream_arm(fingers_out=False)):
         with pytest.raises(RuntimeError, match="does not know where its motors are"):
             arm()
-    streaming.beat()
-    assert not streaming.status()["armed"]
+    session.beat()
+    assert not session.status()["armed"]
     bpy.ops.dermis.stream_arm(fingers_out=True)
     wait(lambda s: s["armed"])
     assert bpy.ops.dermis.stream_arm.get_rna_type().properties["fingers_out"].is_skip_save, "asked each time"
 
 
 def test_a_device_that_knows_its_pose_is_not_asked_for(scene: Any) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
-    assert not streaming.pose_unknown()
+    assert not session.pose_unknown()
     bpy.ops.dermis.stream_arm()
     wait(lambda s: s["armed"])
 
@@ -129,9 +131,9 @@ def test_a_screen_cannot_jump() -> None:
     made = bpy.context.scene
     made.dermis_stream.protocol = "osc"
     made.dermis_stream.mode = "jog"
-    streaming.connect(made)
+    session.connect(made)
     wait(state("ready"))
-    assert not streaming.pose_unknown()
+    assert not session.pose_unknown()
 
 
 def test_the_panel_hears_of_a_sender_that_is_still_on_the_way(scene: Any) -> None:
@@ -146,20 +148,20 @@ def test_the_panel_hears_of_a_sender_that_is_still_on_the_way(scene: Any) -> Non
     path.write_text(json.dumps(slow))
     try:
         settings = scene.dermis_stream
-        results.forget()
+        store.forget()
         bpy.data.objects["Finger"].dermis.finger.devices[0].preset = "slow_haptip"
         settings.protocol, settings.mode, settings.ramp = "maestro", "jog", 0.1
-        streaming.connect(scene)
+        session.connect(scene)
         wait(state("ready"))
-        streaming.arm(scene, fingers_out=True)
+        session.arm(scene, fingers_out=True)
         settings.channels[0].jog = 0.4
         wait(lambda s: s["armed"] and s["values"][0] > 0.39)
         bpy.ops.dermis.stream_disconnect()
-        assert not streaming.connected() and "going to the safe state" in streaming.leaving()
+        assert not session.connected() and "going to the safe state" in session.leaving()
         end = time.monotonic() + 10
-        while streaming.leaving():
-            assert time.monotonic() < end, streaming.leaving()
-            streaming.beat()
+        while session.leaving():
+            assert time.monotonic() < end, session.leaving()
+            session.beat()
             time.sleep(0.02)
     finally:
         path.unlink()

@@ -8,8 +8,9 @@ from typing import Any
 import bpy
 import pytest
 
-from blender_addon import results, streaming, streaming_calibration
 from blender_addon.preferences import core_module
+from blender_addon.results import store
+from blender_addon.streaming import device_calibration, session
 
 from . import build
 from .test_stream import HAPTIP, a_track, heard, state, wait
@@ -20,12 +21,12 @@ pytestmark = pytest.mark.real_time
 @pytest.fixture
 def scene() -> Any:
     """Two fingers with a HapTip each, and a bake for both."""
-    pipeline, made = core_module("pipeline"), bpy.context.scene
+    pipeline, made = core_module("pipeline.render"), bpy.context.scene
     made.frame_start, made.frame_end = 1, 49
     for name in ("Index", "Thumb"):
         build.finger(name).dermis.finger.devices.add().preset = HAPTIP
     found = tuple(pipeline.Output(n, HAPTIP, a_track(finger_name=n), {}, ()) for n in ("Index", "Thumb"))
-    results.keep(made, pipeline.Bake(found, (), {}, "hash"))
+    store.keep(made, pipeline.Bake(found, (), {}, "hash"))
     made.dermis_stream.output = "Index: haptip"
     made.dermis_stream.ramp = 0.1
     return made
@@ -38,7 +39,7 @@ def listed(scene: Any) -> list[tuple[float, float, bool]]:
 
 def driven(scene: Any) -> dict[str, Any]:
     """Return the calibration that the sender was told."""
-    return dict(core_module("calibration").Calibration.loads(streaming._client._wish["calibration"]).entries)
+    return dict(core_module("calibration").Calibration.loads(session._client._wish["calibration"]).entries)
 
 
 PLAIN = [(0.0, 1.0, False)] * 2
@@ -47,16 +48,16 @@ SET = [(0.125, -1.0, False), (0.0, 1.0, False)]
 
 def test_each_fingers_device_has_its_own(scene: Any) -> None:
     settings = scene.dermis_stream
-    streaming.connect(scene)
+    session.connect(scene)
     settings.channels[0].zero, settings.channels[0].gain = 0.125, -1.0
     assert driven(scene)["pulley_1"].zero == 0.125
-    streaming.close()
+    session.close()
     settings.output = "Thumb: haptip"
-    streaming.connect(scene)
+    session.connect(scene)
     assert listed(scene) == PLAIN and driven(scene) == {} and settings.channels_of == "Thumb: haptip"
-    streaming.close()
+    session.close()
     settings.output = "Index: haptip"
-    streaming.connect(scene)
+    session.connect(scene)
     assert listed(scene) == SET
     assert {n: (e.zero, e.gain) for n, e in driven(scene).items()} == {"pulley_1": (0.125, -1.0)}
 
@@ -64,9 +65,9 @@ def test_each_fingers_device_has_its_own(scene: Any) -> None:
 def test_switching_under_way_switches_the_calibration_too(scene: Any) -> None:
     settings = scene.dermis_stream
     settings.mode = "jog"
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
-    streaming.arm(scene)
+    session.arm(scene)
     settings.channels[0].zero = 0.125
     wait(lambda s: s["armed"] and abs(heard(s)[0] - 0.125) < 1e-4)
     settings.output = "Thumb: haptip"
@@ -78,17 +79,17 @@ def test_switching_under_way_switches_the_calibration_too(scene: Any) -> None:
 
 def test_the_choice_counts_before_the_bake_does(scene: Any) -> None:
     """Without a bake the settings speak of the finger that is chosen, not of the first."""
-    results.forget()
+    store.forget()
     scene.dermis_stream.output = "Thumb: haptip"
-    streaming.connect(scene)
+    session.connect(scene)
     assert scene.dermis_stream.channels_of == "Thumb: haptip"
 
 
 def test_a_loaded_track_is_for_the_device_of_the_finger_it_names(scene: Any, tmp_path: Path) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     scene.dermis_stream.channels[0].zero, scene.dermis_stream.channels[0].gain = 0.125, -1.0
     path = tmp_path / "thumb.csv"
-    core_module("formats.csv").write(a_track(finger_name="Thumb"), path)
+    core_module("track.csv").write(a_track(finger_name="Thumb"), path)
     bpy.ops.dermis.load_track(filepath=str(path))
     assert driven(scene) == {} and scene.dermis_stream.channels_of == "Thumb: haptip"
     scene.dermis_stream.track_file = ""
@@ -96,25 +97,25 @@ def test_a_loaded_track_is_for_the_device_of_the_finger_it_names(scene: Any, tmp
 
 
 def test_cancelling_in_another_scene_touches_neither(scene: Any) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     scene.dermis_stream.channels[0].zero = 0.125
     bpy.ops.dermis.stream_calibrate(action="BEGIN")
     scene.dermis_stream.channels[0].zero = 0.25
     other = bpy.data.scenes.new("Other")
     with bpy.context.temp_override(scene=other):
-        assert not streaming_calibration.calibrating(other)
+        assert not device_calibration.calibrating(other)
         bpy.ops.dermis.stream_calibrate(action="CANCEL")
     assert len(other.dermis_stream.channels) == 0 and other.dermis_stream.mode == "play"
-    assert scene.dermis_stream.channels[0].zero == 0.25 and streaming_calibration.calibrating(scene)
+    assert scene.dermis_stream.channels[0].zero == 0.25 and device_calibration.calibrating(scene)
     with bpy.context.temp_override(scene=other):
         bpy.ops.dermis.stream_calibrate(action="BEGIN")
     bpy.ops.dermis.stream_calibrate(action="CANCEL")
-    assert scene.dermis_stream.channels[0].zero == 0.125 and streaming_calibration.calibrating(other)
+    assert scene.dermis_stream.channels[0].zero == 0.125 and device_calibration.calibrating(other)
 
 
 def test_cancelling_after_a_switch_gives_each_device_its_own_back(scene: Any) -> None:
     settings = scene.dermis_stream
-    streaming.connect(scene)
+    session.connect(scene)
     settings.channels[0].zero, settings.channels[0].gain = 0.125, -1.0
     bpy.ops.dermis.stream_calibrate(action="BEGIN")
     settings.channels[0].zero = 0.25
@@ -128,21 +129,23 @@ def test_cancelling_after_a_switch_gives_each_device_its_own_back(scene: Any) ->
 
 def test_cancelling_what_began_before_connecting_leaves_the_actuators_listed(scene: Any) -> None:
     bpy.ops.dermis.stream_calibrate(action="BEGIN")
-    streaming.connect(scene)
+    session.connect(scene)
     scene.dermis_stream.channels[0].zero = 0.125
     bpy.ops.dermis.stream_calibrate(action="CANCEL")
     assert listed(scene) == PLAIN
 
 
 def test_a_dot_in_the_name_is_a_part_of_it(scene: Any, tmp_path: Path) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     for side, zero in (("left", 0.125), ("right", 0.25)):
         scene.dermis_stream.channels[0].zero = zero
         bpy.ops.dermis.calibration_save(filepath=str(tmp_path / f"haptip.{side}"))
     assert sorted(p.name for p in tmp_path.iterdir()) == ["haptip.left.json", "haptip.right.json"]
     read = core_module("calibration").Calibration.load
     assert [read(tmp_path / f"haptip.{side}.json").entries["pulley_1"].zero for side in ("left", "right")] == [
-        0.125, 0.25]  # fmt: skip
+        0.125,
+        0.25,
+    ]
     bpy.ops.dermis.calibration_save(filepath=str(tmp_path / "haptip.left.json"))
     assert len(list(tmp_path.iterdir())) == 2, "a name that has its ending gets no second one"
     with pytest.raises(RuntimeError, match="no name"):
@@ -150,24 +153,24 @@ def test_a_dot_in_the_name_is_a_part_of_it(scene: Any, tmp_path: Path) -> None:
 
 
 def test_cancelling_brings_back_the_device_from_before(scene: Any) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     channel = scene.dermis_stream.channels[0]
     for name, zero in (("other", 0.25), ("mine", 0.125)):
         channel.zero = zero
         bpy.ops.dermis.calibration_keep(name=name)
     bpy.ops.dermis.stream_calibrate(action="BEGIN")
     bpy.ops.dermis.calibration_use(file="haptip-other.json")
-    assert (scene.dermis_stream.channels[0].zero, streaming_calibration.worn_by(scene).made.name) == (0.25, "other")
+    assert (scene.dermis_stream.channels[0].zero, device_calibration.worn_by(scene).made.name) == (0.25, "other")
     bpy.ops.dermis.stream_calibrate(action="CANCEL")
-    assert (scene.dermis_stream.channels[0].zero, streaming_calibration.worn_by(scene).made.name) == (0.125, "mine")
+    assert (scene.dermis_stream.channels[0].zero, device_calibration.worn_by(scene).made.name) == (0.125, "mine")
     assert driven(scene)["pulley_1"].zero == 0.125
 
 
 def test_what_is_put_by_is_kept_in_the_file_for_this_session(scene: Any, tmp_path: Path) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     scene.dermis_stream.channels[0].zero, scene.dermis_stream.channels[0].gain = 0.125, -1.0
     scene.dermis_stream.output = "Thumb: haptip"
-    streaming.close()
+    session.close()
     path = str(tmp_path / "a.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)

@@ -9,8 +9,11 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import handlers, live, results, streaming, streaming_tracks
+from blender_addon import handlers
 from blender_addon.preferences import core_module
+from blender_addon.preview import device_preview
+from blender_addon.results import store
+from blender_addon.streaming import session, streamed_track
 
 from . import build
 from .test_stream import HAPTIP, a_bake, a_track, ended, heard, state, wait
@@ -38,7 +41,7 @@ def redo() -> None:
 
 def sent() -> Any:
     """Return the track that the sender was told to play."""
-    return core_module("formats.export").read(Path(streaming._client._wish["track"]))
+    return core_module("track.export").read(Path(session._client._wish["track"]))
 
 
 def there(values: Any) -> Any:
@@ -47,45 +50,45 @@ def there(values: Any) -> Any:
 
 def another_bake(scene: Any, first: int) -> Any:
     """Keep a bake of a smaller circle that starts at another frame; return its track."""
-    pipeline, track = core_module("pipeline"), a_track()
+    pipeline, track = core_module("pipeline.render"), a_track()
     track.values[:, 2:] *= 0.25
     scene.frame_start = first
-    results.keep(scene, pipeline.Bake((pipeline.Output("Finger", HAPTIP, track, {}, ()),), (), {}, "other"))
+    store.keep(scene, pipeline.Bake((pipeline.Output("Finger", HAPTIP, track, {}, ()),), (), {}, "other"))
     return track
 
 
 def test_another_bake_comes_with_its_own_first_frame(scene: Any) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
-    streaming.arm(scene)
+    session.arm(scene)
     wait(there(a_track().values[500, 2:]))
     track = another_bake(scene, 7)
-    assert streaming_tracks.origin(scene) == (1.0, 24.0), "the sender has the old track still"
-    streaming.beat()
+    assert streamed_track.origin(scene) == (1.0, 24.0), "the sender has the old track still"
+    session.beat()
     assert np.allclose(sent().values, track.values, atol=1e-7), "it was given the new one without a setting's help"
-    assert streaming._client._board.read_beat().time == pytest.approx(0.25)
+    assert session._client._board.read_beat().time == pytest.approx(0.25)
     wait(there(track.values[250, 2:]))
-    number = streaming._client._board.wish_number
-    streaming.beat()
-    assert streaming._client._board.wish_number == number, "once"
+    number = session._client._board.wish_number
+    session.beat()
+    assert session._client._board.wish_number == number, "once"
 
 
 def test_a_bake_that_is_forgotten_leaves_the_device_safe(scene: Any) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
-    streaming.arm(scene)
+    session.arm(scene)
     wait(there(a_track().values[500, 2:]))
-    results.forget()
+    store.forget()
     status = wait(lambda s: not s["armed"] and np.abs(heard(s)).max() < 1e-4)
-    assert "nothing to play" in status["words"] and streaming._client._wish["track"] == ""
+    assert "nothing to play" in status["words"] and session._client._wish["track"] == ""
 
 
 def test_undo_and_redo_move_the_device_with_the_panel(scene: Any) -> None:
     scene.dermis_stream.mode = "jog"
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
     push("connected")
-    streaming.arm(scene)
+    session.arm(scene)
     scene.dermis_stream.channels[0].jog, scene.dermis_stream.channels[1].zero = 0.2, 0.1
     push("jogged")
     wait(there([0.2, 0.1]))
@@ -102,16 +105,16 @@ def test_undo_and_redo_move_the_device_with_the_panel(scene: Any) -> None:
 def test_undo_across_connecting_leaves_the_actuators_listed(scene: Any) -> None:
     scene.dermis_stream.mode = "jog"
     push("ready to connect")
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
     bpy.data.objects["Finger"].location.x = 0.5
     push("moved")
-    streaming.arm(scene)
+    session.arm(scene)
     wait(there([0.0, 0.0]))
     undo()
     settings = bpy.context.scene.dermis_stream
     assert not settings.channels, "Blender's undo is left alone: what is changed in it belongs to no step"
-    streaming.beat()
+    session.beat()
     assert [c.name for c in settings.channels] == ["pulley_1", "pulley_2"]
     settings.channels[0].jog = 0.1
     wait(there([0.1, 0.0]))
@@ -124,25 +127,25 @@ def test_a_scene_that_is_gone_ends_its_stream(scene: Any) -> None:
     other.collection.objects.link(thing)
     thing.dermis.role = "FINGER"
     thing.dermis.finger.devices.add().preset = HAPTIP
-    streaming.connect(other)
-    client = streaming._client
+    session.connect(other)
+    client = session._client
     wait(state("ready"))
     bpy.data.scenes.remove(other)
-    streaming.beat()
-    assert not streaming.connected() and ended(client)
+    session.beat()
+    assert not session.connected() and ended(client)
 
 
 def test_what_is_refused_stays_to_be_read(scene: Any) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
     channel = scene.dermis_stream.channels[0]
     channel.gain = 0.0
     for _ in range(3):
-        streaming.beat()
-        assert "gain" in streaming.status()["words"]
+        session.beat()
+        assert "gain" in session.status()["words"]
     channel.gain = 1.0
-    streaming.beat()
-    assert streaming.status()["words"] == ""
+    session.beat()
+    assert session.status()["words"] == ""
 
 
 def test_streaming_a_loaded_track_shows_the_device_in_the_twin(tmp_path: Path) -> None:
@@ -151,30 +154,30 @@ def test_streaming_a_loaded_track_shows_the_device_in_the_twin(tmp_path: Path) -
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 1, 49
     path = tmp_path / "edited.csv"
-    core_module("formats.csv").write(a_track(finger_name="Thumb"), path)
+    core_module("track.csv").write(a_track(finger_name="Thumb"), path)
     bpy.ops.dermis.load_track(filepath=str(path))
     scene.frame_set(13)
     scene.dermis_stream.ramp = 0.1
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
-    streaming.arm(scene)
+    session.arm(scene)
     status = wait(there(a_track().values[500, 2:]))
-    shown = live.preview(scene)
+    shown = device_preview.preview(scene)
     assert (shown.source, [r.finger for r in shown.rows]) == ("device", ["Thumb"])
     row = shown.rows[0]
     assert [row.values[n] for n in ("pulley_1", "pulley_2")] == heard(status).tolist(), "what it reports"
     assert (row.values["tactor_x"], row.values["tactor_y"]) == pytest.approx((-5e-4, 0.0), abs=2e-6)
     scene.dermis_stream.show_received = False
-    assert live.preview(scene).source == "file"
-    streaming.close()
+    assert device_preview.preview(scene).source == "file"
+    session.close()
     scene.dermis_stream.show_received = True
-    assert live.preview(scene).source == "file"
+    assert device_preview.preview(scene).source == "file"
 
 
 def test_nothing_of_this_makes_a_bake_out_of_date(scene: Any) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     handlers.clear_dirty()
     scene.dermis_stream.output = "Finger: haptip"
-    streaming.beat()
+    session.beat()
     bpy.context.view_layer.update()
-    assert not handlers.dirty() and results.state(scene) == "fresh"
+    assert not handlers.dirty() and store.state(scene) == "fresh"

@@ -10,8 +10,9 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import commands, reporting, results
+from blender_addon import commands, reporting
 from blender_addon.preferences import core_module
+from blender_addon.results import store
 
 from . import build
 from .test_stream import HAPTIP, a_track
@@ -20,7 +21,7 @@ from .test_stream import HAPTIP, a_track
 @pytest.fixture
 def two() -> Any:
     """Two fingers in one scene and one in another; each scene with a bake."""
-    pipeline, scene = core_module("pipeline"), bpy.context.scene
+    pipeline, scene = core_module("pipeline.render"), bpy.context.scene
     for name in ("Index", "Thumb"):
         build.finger(name)
     other = bpy.data.scenes.new("Other")
@@ -28,7 +29,7 @@ def two() -> Any:
     made = {"Scene": ("Index", "Thumb"), "Other": ("Ring",)}
     for name, fingers in made.items():
         found = tuple(pipeline.Output(f, HAPTIP, a_track(finger_name=f), {}, ()) for f in fingers)
-        results.keep(bpy.data.scenes[name], pipeline.Bake(found, (), {}, "hash"))
+        store.keep(bpy.data.scenes[name], pipeline.Bake(found, (), {}, "hash"))
     return scene
 
 
@@ -44,8 +45,10 @@ def test_all_fingers_one_finger_and_several_scenes(two: Any, tmp_path: Path) -> 
     assert names(tmp_path / "one") == ["Thumb.haptip.json"]
     bpy.ops.dermis.export_as(form="binary", directory=str(tmp_path / "scenes"), all_scenes=True)
     assert names(tmp_path / "scenes") == [
-        "Other.Ring.haptip.dtrack", "Scene.Index.haptip.dtrack", "Scene.Thumb.haptip.dtrack"
-    ]  # fmt: skip
+        "Other.Ring.haptip.dtrack",
+        "Scene.Index.haptip.dtrack",
+        "Scene.Thumb.haptip.dtrack",
+    ]
 
 
 def test_an_actions_frames(two: Any, tmp_path: Path) -> None:
@@ -54,7 +57,7 @@ def test_an_actions_frames(two: Any, tmp_path: Path) -> None:
     bpy.context.view_layer.objects.active = thumb
     bpy.ops.dermis.export_as(form="json", directory=str(tmp_path), active_only=True, span="ACTION")
     [path] = tmp_path.iterdir()
-    track = core_module("formats.export").read(path)
+    track = core_module("track.export").read(path)
     assert track.meta["frame_range"] == "13 37" and track.duration == pytest.approx(1.0)
     assert np.array_equal(track.values, a_track().values[500:1501])
 
@@ -90,7 +93,7 @@ def test_a_batch_of_scenes_markers_and_formats(blend: Path, tmp_path: Path) -> N
     assert commands.main([*arguments, "--format", "json", "--format", "c"]) == 0
     stems = [f"{scene}/Index.haptip.{part}" for scene in ("Scene", "Second") for part in ("press", "slide")]
     assert names(out) == sorted(stem + end for stem in stems for end in (".json", ".h"))
-    read = core_module("formats.export").read
+    read = core_module("track.export").read
     press, slide = (read(out / "Scene" / f"Index.haptip.{part}.json") for part in ("press", "slide"))
     assert press.meta["frame_range"] == "1 7" and slide.meta["frame_range"].startswith("7 ")
     assert press.duration == pytest.approx(0.25, abs=1.1e-3)
@@ -120,7 +123,7 @@ def test_a_batch_of_scenes_whose_names_meet(tmp_path: Path) -> None:
     assert commands.main(["render", str(path), "--out", str(out), "--all-scenes"]) == 0
     folders = sorted(p.name for p in out.iterdir())
     assert len({f.casefold() for f in folders}) == 3 and all((out / f / "Index.haptip.csv").is_file() for f in folders)
-    read = core_module("formats.export").read
+    read = core_module("track.export").read
     assert {read(out / f / "Index.haptip.csv").meta["scene"] for f in folders} == {"S 1", "S_1", "s 1"}
 
 
@@ -149,7 +152,7 @@ def test_markers_whose_names_meet(two: Any, tmp_path: Path) -> None:
             bpy.ops.dermis.export_as(form="json", span="MARKERS", directory=str(folder))
             wanted = {f"{finger}.haptip.{stem}.json": s for finger in ("Index", "Thumb") for stem, s in stems.items()}
             assert names(folder) == sorted(wanted)
-        read = core_module("formats.export").read
+        read = core_module("track.export").read
         assert {n: read(folder / n).duration for n in wanted} == {n: pytest.approx(s) for n, s in wanted.items()}
         assert len({read(folder / n).meta["range"] for n in wanted}) == len(stems)
 
@@ -158,23 +161,26 @@ def test_two_markers_on_one_frame_and_some_outside(two: Any, tmp_path: Path) -> 
     mark(("a", 1), ("b", 1), ("c", 25), ("end", 49), ("late", 60), ("early", -5))
     bpy.ops.dermis.export_as(form="json", span="MARKERS", directory=str(tmp_path))
     assert names(tmp_path) == [f"{f}.haptip.{part}.json" for f in ("Index", "Thumb") for part in ("b", "c")]
-    assert told() == [("range-empty", "Index.haptip, range 'a'"), ("range-empty", "Thumb.haptip, range 'a'"),
-                      ("marker-outside", "Scene")]  # fmt: skip
+    assert told() == [
+        ("range-empty", "Index.haptip, range 'a'"),
+        ("range-empty", "Thumb.haptip, range 'a'"),
+        ("marker-outside", "Scene"),
+    ]
     assert reporting.findings()[-1].count == 2, "a marker at the last frame ends a range"
 
 
 def test_scenes_whose_names_meet(two: Any, tmp_path: Path) -> None:
-    pipeline = core_module("pipeline")
+    pipeline = core_module("pipeline.render")
     for name in ("S 1", "S_1", "s_1"):
         scene = bpy.data.scenes.new(name)
         assert scene.name == name
         scene.frame_start, scene.frame_end = 1, 49
         track = a_track(finger_name=name)
-        results.keep(scene, pipeline.Bake((pipeline.Output("Index", HAPTIP, track, {}, ()),), (), {}, "hash"))
+        store.keep(scene, pipeline.Bake((pipeline.Output("Index", HAPTIP, track, {}, ()),), (), {}, "hash"))
     bpy.ops.dermis.export_as(form="json", all_scenes=True, directory=str(tmp_path))
     made = [n for n in names(tmp_path) if n.lower().startswith("s_1")]
     assert sorted(made) == sorted(["S_1.Index.haptip.json", "S_1-2.Index.haptip.json", "s_1-3.Index.haptip.json"])
-    read = core_module("formats.export").read
+    read = core_module("track.export").read
     assert {read(tmp_path / n).meta["finger"] for n in made} == {"S 1", "S_1", "s_1"}
 
 
@@ -188,10 +194,10 @@ def test_a_range_that_is_the_whole_bake(tmp_path: Path, last: int) -> None:
     tip.dermis.finger.devices.add().preset = HAPTIP
     scene.use_preview_range, scene.frame_preview_start, scene.frame_preview_end = True, 1, last
     bpy.ops.dermis.bake()
-    whole = results.current(scene).bake.outputs[0].track
+    whole = store.current(scene).bake.outputs[0].track
     bpy.context.view_layer.objects.active = tip
     mark(("m", 1))
-    read = core_module("formats.export").read
+    read = core_module("track.export").read
     for span, name in (("PREVIEW", "preview"), ("ACTION", "IndexAction"), ("MARKERS", "m")):
         bpy.ops.dermis.export_as(form="json", span=span, directory=str(tmp_path / span))
         track = read(tmp_path / span / f"Index.haptip.{name}.json")
@@ -201,10 +207,10 @@ def test_a_range_that_is_the_whole_bake(tmp_path: Path, last: int) -> None:
 
 def keep(*tracks: Any) -> None:
     """Make a bake of the active scene, with a finger for each track."""
-    pipeline, scene = core_module("pipeline"), bpy.context.scene
+    pipeline, scene = core_module("pipeline.render"), bpy.context.scene
     scene.frame_start, scene.frame_end = 1, 49
     found = tuple(pipeline.Output(t.meta["finger"], t.spec.key, t, {}, ()) for t in tracks)
-    results.keep(scene, pipeline.Bake(found, (), {}, "hash"))
+    store.keep(scene, pipeline.Bake(found, (), {}, "hash"))
 
 
 def at_rate(track: Any, rate: float, n: int) -> Any:
@@ -215,13 +221,15 @@ def at_rate(track: Any, rate: float, n: int) -> Any:
 def test_devices_of_several_rates(tmp_path: Path) -> None:
     """Frames 1 to 5 at 24 fps last 166.67 ms: to 166 ms at 1 kHz, to 160 ms at 100 Hz, and both files are whole."""
     meta = {"frame_range": "1 5", "fps": "24/1"}
-    fast, slow = (replace(at_rate(a_track(), rate, n), meta={**meta, "finger": f})
-                  for f, rate, n in (("Index", 1000.0, 167), ("Thumb", 100.0, 17)))  # fmt: skip
+    fast, slow = (
+        replace(at_rate(a_track(), rate, n), meta={**meta, "finger": f})
+        for f, rate, n in (("Index", 1000.0, 167), ("Thumb", 100.0, 17))
+    )
     keep(fast, slow)
     mark(("m", 1), ("blip", 5), ("n", 3))
     bpy.ops.dermis.export_as(form="json", span="MARKERS", directory=str(tmp_path))
     assert names(tmp_path) == [f"{f}.haptip.{part}.json" for f in ("Index", "Thumb") for part in ("m", "n")]
-    read = core_module("formats.export").read
+    read = core_module("track.export").read
     lengths = {n: len(read(tmp_path / n).times) for n in names(tmp_path)}
     assert list(lengths.values()) == [84, 83, 9, 8]  # to 83.3 ms and from there on
 
@@ -229,8 +237,10 @@ def test_devices_of_several_rates(tmp_path: Path) -> None:
 def test_nothing_is_written_where_a_range_is_wrong(tmp_path: Path) -> None:
     """The second device's track is too short: the first one's file is not written before that is known."""
     meta = {"frame_range": "1 49", "fps": "24/1"}
-    long, short = (replace(at_rate(a_track(), 1000.0, n), meta={**meta, "finger": f})
-                   for f, n in (("Index", 2001), ("Thumb", 1000)))  # fmt: skip
+    long, short = (
+        replace(at_rate(a_track(), 1000.0, n), meta={**meta, "finger": f})
+        for f, n in (("Index", 2001), ("Thumb", 1000))
+    )
     keep(long, short)
     mark(("m", 13))
     with pytest.raises(RuntimeError, match="beyond the track"):

@@ -10,8 +10,11 @@ from typing import Any
 import bpy
 import pytest
 
-from blender_addon import jobs, results, sampling, streaming, streaming_hold
+from blender_addon import jobs
 from blender_addon.preferences import core_module, library
+from blender_addon.results import store
+from blender_addon.sampling import scene_sweep
+from blender_addon.streaming import frame_hold, session
 
 from . import build
 from .test_stream import HAPTIP, a_bake, a_track, state, wait
@@ -33,7 +36,7 @@ def scene() -> Any:
 
 def published() -> tuple[float | None, bool, tuple[float, ...]]:
     """Return time, playing and values as the sender reads them."""
-    beat = streaming._client._board.read_beat()
+    beat = session._client._board.read_beat()
     return beat.time, beat.playing, beat.values
 
 
@@ -43,7 +46,7 @@ def beating() -> Iterator[list[tuple[float, Any]]]:
     noted: list[tuple[float, Any]] = []
 
     def note(scene: bpy.types.Scene, _depsgraph: Any = None) -> None:
-        streaming.beat()
+        session.beat()
         noted.append((scene.frame_current_final, published()))
 
     bpy.app.handlers.frame_change_post.append(note)
@@ -72,7 +75,7 @@ def a_bake_job(scene: Any, _folder: Path) -> None:
 
 def a_sampling(scene: Any, _folder: Path) -> None:
     """Sample the scene."""
-    list(sampling.sample(scene).chunks)
+    list(scene_sweep.sample(scene).chunks)
 
 
 def a_scene_export(_scene: Any, folder: Path) -> None:
@@ -96,14 +99,14 @@ def test_what_was_published_last_holds(
     scene: Any, tmp_path: Path, sweep: Callable[[Any, Path], None], mode: str
 ) -> None:
     scene.dermis_stream.mode = mode
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
-    streaming.beat()
+    session.beat()
     before = published()
     wanted = a_track().values[500, 2:] if mode == "follow" else ()
     assert before[0] == pytest.approx(0.5) and before[2] == pytest.approx(wanted, abs=1e-12)
     with beating() as noted, playback():
-        streaming.beat()
+        session.beat()
         assert published() == (before[0], True, before[2]), "Blender plays, and nothing sweeps yet"
         sweep(scene, tmp_path)
     frames = [frame for frame, _ in noted]
@@ -111,30 +114,30 @@ def test_what_was_published_last_holds(
     assert {(time, values) for _, (time, _, values) in noted} == {(before[0], before[2])}
     assert not any(playing for frame, (_, playing, _) in noted if frame != 13), "13 is where all of them end"
     scene.frame_set(25)
-    streaming.beat()
+    session.beat()
     assert published()[0] == pytest.approx(1.0), "a person's frame counts again afterwards"
 
 
 def test_a_bake_that_is_cancelled_ends_the_hold(scene: Any) -> None:
-    streaming.connect(scene)
-    streaming.beat()
+    session.connect(scene)
+    session.beat()
     steps = jobs.bake(scene, library())
     while scene.frame_current != 3:
         next(steps)
-    assert streaming_hold.held()
-    streaming.beat()
+    assert frame_hold.held()
+    session.beat()
     assert published()[0] == pytest.approx(0.5)
     steps.close()
-    assert not streaming_hold.held() and scene.frame_current == 13
+    assert not frame_hold.held() and scene.frame_current == 13
     scene.frame_set(1)
-    streaming.beat()
+    session.beat()
     assert published()[0] == pytest.approx(0.0)
 
 
 def test_nothing_is_armed_during_a_sweep(scene: Any) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
-    chunks = sampling.sample(scene).chunks
+    chunks = scene_sweep.sample(scene).chunks
     chunks.advance()
     with pytest.raises(RuntimeError, match="steps through the frames"):
         bpy.ops.dermis.stream_arm()
@@ -144,17 +147,17 @@ def test_nothing_is_armed_during_a_sweep(scene: Any) -> None:
 
 
 def test_connecting_during_a_sweep_publishes_no_time(scene: Any) -> None:
-    chunks = sampling.sample(scene).chunks
+    chunks = scene_sweep.sample(scene).chunks
     chunks.advance()
-    streaming.connect(scene)
+    session.connect(scene)
     assert published() == (None, False, ())
     chunks.close()
-    streaming.beat()
+    session.beat()
     assert published()[0] == pytest.approx(0.5)
 
 
 def test_blenders_own_operators_have_the_names_that_are_looked_for() -> None:
-    for identifier in streaming_hold.STEPPING:
+    for identifier in frame_hold.STEPPING:
         family, name = identifier.split("_OT_")
         operator = getattr(getattr(bpy.ops, family.lower()), name)
         assert operator.get_rna_type().identifier == identifier
@@ -163,13 +166,13 @@ def test_blenders_own_operators_have_the_names_that_are_looked_for() -> None:
 
 def test_a_bake_that_is_kept_is_sent_only_after_its_sweep(scene: Any) -> None:
     """The bake's frames pass with the old track held; the new one and its own times come together."""
-    pipeline = core_module("pipeline")
-    streaming.connect(scene)
-    old = streaming._client._wish["track"]
+    pipeline = core_module("pipeline.render")
+    session.connect(scene)
+    old = session._client._wish["track"]
     scene.frame_start = 7
     with beating() as noted:
         jobs.drain(jobs.bake(scene, library()))
-    assert {shown[0] for _, shown in noted} == {0.5} and streaming._client._wish["track"] == old
-    results.keep(scene, pipeline.Bake((pipeline.Output("Finger", HAPTIP, a_track(), {}, ()),), (), {}, "new"))
-    streaming.beat()
-    assert published()[0] == pytest.approx(0.25) and streaming._client._wish["track"] != old
+    assert {shown[0] for _, shown in noted} == {0.5} and session._client._wish["track"] == old
+    store.keep(scene, pipeline.Bake((pipeline.Output("Finger", HAPTIP, a_track(), {}, ()),), (), {}, "new"))
+    session.beat()
+    assert published()[0] == pytest.approx(0.25) and session._client._wish["track"] != old

@@ -12,8 +12,10 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import preferences, reporting, results, streaming, streaming_calibration, streaming_tracks
+from blender_addon import preferences, reporting
 from blender_addon.preferences import core_module
+from blender_addon.results import store
+from blender_addon.streaming import device_calibration, session, streamed_track
 
 from . import build
 from .test_stream import HAPTIP, a_bake, a_track, state, wait
@@ -26,7 +28,7 @@ THIMBLE = "thimble_3rrs"
 @pytest.fixture(autouse=True)
 def closed() -> Iterator[None]:
     yield
-    streaming.close()
+    session.close()
 
 
 @pytest.fixture
@@ -54,7 +56,7 @@ def stands(goal: list[float]) -> Any:
 
 
 def test_jogging_begins_at_the_safe_pose_after_every_arming(scene: Any) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
     assert jogs(scene) == pytest.approx(safe())
     bpy.ops.dermis.stream_arm()
@@ -70,9 +72,9 @@ def test_jogging_begins_at_the_safe_pose_after_every_arming(scene: Any) -> None:
 
 def test_turning_to_jogging_under_way_goes_to_the_safe_pose(scene: Any) -> None:
     settings = scene.dermis_stream
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
-    streaming.arm(scene)
+    session.arm(scene)
     settings.channels[0].jog = 0.2
     settings.mode = "follow"
     settings.mode = "jog"
@@ -84,9 +86,9 @@ def test_turning_to_jogging_under_way_goes_to_the_safe_pose(scene: Any) -> None:
 
 
 def test_undo_back_to_jogging_does_not_go_where_the_hand_was(scene: Any) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
-    streaming.arm(scene)
+    session.arm(scene)
     scene.dermis_stream.channels[0].jog = -0.3
     push("jogged")
     scene.dermis_stream.mode = "follow"
@@ -97,75 +99,75 @@ def test_undo_back_to_jogging_does_not_go_where_the_hand_was(scene: Any) -> None
     assert scene.dermis_stream.mode == "jog" and jogs(scene)[0] == pytest.approx(-0.3)
     status = wait(lambda s: s["state"] == "ready")
     assert status["values"] == pytest.approx(safe(), abs=1e-4) and "undo turned to Jog" in status["words"]
-    streaming.arm(scene)
+    session.arm(scene)
     assert jogs(scene) == pytest.approx(safe())
     assert "undo" not in wait(stands(safe()))["words"]
 
 
 def test_the_safe_pose_moves_with_the_calibration(scene: Any) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
     channel = scene.dermis_stream.channels[0]
     channel.zero, channel.gain = 0.1, -1.0
-    streaming.arm(scene)
+    session.arm(scene)
     wait(stands([0.1 - safe()[0], *safe()[1:]]))
 
 
 def test_what_a_preview_does_not_show_is_followed_to_the_safe_pose(scene: Any) -> None:
     scene.dermis_stream.mode = "follow"
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
-    streaming.arm(scene)
+    session.arm(scene)
     scene.objects["Finger"].dermis.finger.devices[0].enabled = False
     scene.frame_set(3)
-    streaming.beat()
-    assert streaming._published[1] == ()
+    session.beat()
+    assert session._published[1] == ()
     wait(stands(safe()))
 
 
 def test_only_the_scene_that_is_connected_is_armed(scene: Any) -> None:
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
     other = scene.copy()
     other.dermis_stream.mode = "jog"
     other.dermis_stream.channels[0].jog = 0.0
     with pytest.raises(core_module("errors").DermisError, match="another scene is connected"):
-        streaming.arm(other)
-    streaming.beat()
-    assert not streaming.status()["armed"] and streaming._client._wish["jog"]["servo_1"] == pytest.approx(safe()[0])
+        session.arm(other)
+    session.beat()
+    assert not session.status()["armed"] and session._client._wish["jog"]["servo_1"] == pytest.approx(safe()[0])
 
 
 def test_nothing_is_armed_before_it_is_known_what_the_device_knows(scene: Any) -> None:
     """The status does not say yet that a board knows no pose, so the fingers would not have been asked for."""
     scene.dermis_stream.protocol = "maestro"
-    streaming.connect(scene)
+    session.connect(scene)
     with pytest.raises(RuntimeError, match="not ready to be armed"):
         bpy.ops.dermis.stream_arm()
     wait(state("ready"))
-    assert streaming._client._wish.get("arm", 0) == 0
+    assert session._client._wish.get("arm", 0) == 0
 
 
 def test_what_cannot_be_connected_leaves_nothing_behind(scene: Any) -> None:
     scene.dermis_stream.offset = 1e9
     with pytest.raises(RuntimeError, match="offset: a setting of the stream cannot be that"):
         bpy.ops.dermis.stream_connect()
-    assert not streaming.connected() and streaming.status()["state"] == "disconnected"
+    assert not session.connected() and session.status()["state"] == "disconnected"
 
 
 def test_a_track_that_names_nothing_is_said(scene: Any) -> None:
     scene.dermis_stream.output = "Thumb: haptip"
     with pytest.raises(RuntimeError, match=f"no such finger.*Thumb: haptip.*Finger: {THIMBLE}"):
         bpy.ops.dermis.stream_connect()
-    assert not streaming.connected()
+    assert not session.connected()
 
 
 def test_a_track_of_a_finger_that_was_renamed_is_found(scene: Any) -> None:
     scene.dermis_stream.output = f"Finger: {THIMBLE}"
-    streaming_calibration.fill_channels(scene)
-    streaming_calibration.use(scene, "")
+    device_calibration.fill_channels(scene)
+    device_calibration.use(scene, "")
     bpy.data.objects["Finger"].name = "Zeigefinger"
     build.finger("Finger again")
-    assert streaming_tracks.device_of(scene) == ("Zeigefinger", THIMBLE)
+    assert streamed_track.device_of(scene) == ("Zeigefinger", THIMBLE)
 
 
 def aged(track: Any) -> Any:
@@ -177,21 +179,21 @@ def aged(track: Any) -> Any:
 def test_a_bake_for_another_version_of_the_preset_is_said() -> None:
     build.finger().dermis.finger.devices.add().preset = HAPTIP
     scene = a_bake(a_track())
-    assert streaming_tracks.doubts(scene) == ""
+    assert streamed_track.doubts(scene) == ""
     a_bake(aged(a_track()))
-    words = streaming_tracks.doubts(scene)
+    words = streamed_track.doubts(scene)
     assert "made for another version of the preset" in words and "1 limits or channels differ" in words
-    results.forget()
-    assert streaming_tracks.doubts(scene) == ""
+    store.forget()
+    assert streamed_track.doubts(scene) == ""
 
 
 def test_a_track_file_for_another_version_of_the_preset_is_said(tmp_path: Path) -> None:
     build.finger().dermis.finger.devices.add().preset = HAPTIP
     path = tmp_path / "old.csv"
-    core_module("formats.csv").write(aged(a_track()), path)
+    core_module("track.csv").write(aged(a_track()), path)
     assert bpy.ops.dermis.load_track(filepath=str(path)) == {"FINISHED"}
     scene = bpy.context.scene
-    assert "made for another version of the preset" in streaming_tracks.doubts(scene)
+    assert "made for another version of the preset" in streamed_track.doubts(scene)
     assert "other-preset" in [f.code for f in reporting.findings()]
 
 
@@ -207,9 +209,9 @@ def test_the_end_of_a_record_is_said(scene: Any, tmp_path: Path) -> None:
     import resource
 
     scene.dermis_stream.url = f"spy://virtual:?file={tmp_path / 'record.txt'}"
-    streaming.connect(scene)
+    session.connect(scene)
     wait(state("ready"))
-    resource.prlimit(streaming._client.pid, resource.RLIMIT_FSIZE, (100, 100))  # as if the disk were full
-    streaming.arm(scene)
+    resource.prlimit(session._client.pid, resource.RLIMIT_FSIZE, (100, 100))  # as if the disk were full
+    session.arm(scene)
     words = wait(lambda s: "is not whole" in s["words"])["words"]
-    assert "record.txt" in words and streaming.status()["armed"], "the stream goes on"
+    assert "record.txt" in words and session.status()["armed"], "the stream goes on"

@@ -6,20 +6,14 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import (
-    demo_thimble,
-    live,
-    properties,
-    results,
-    skin_live,
-    skin_models,
-    thimble_live,
-    thimble_twin,
-    thimble_use,
-    thimble_view,
-)  # fmt: skip
-from blender_addon.panels import choices
+from blender_addon import choices
+from blender_addon.demos import demo_thimble
+from blender_addon.devices import skin_models, thimble_devices
 from blender_addon.preferences import core_module, library
+from blender_addon.preview import device_preview, skin_preview, thimble_preview
+from blender_addon.properties import scene_properties
+from blender_addon.results import store
+from blender_addon.viewport import thimble_twin, thimble_view
 
 
 @pytest.fixture
@@ -36,7 +30,7 @@ def bake(scene: bpy.types.Scene, last: int = 40):
     """Bake some frames and return the result."""
     scene.frame_start, scene.frame_end = 1, last
     assert bpy.ops.dermis.bake() == {"FINISHED"}
-    return results.current(scene)
+    return store.current(scene)
 
 
 def device_of(scene: bpy.types.Scene):
@@ -49,9 +43,9 @@ def test_settings_reach_the_engine(demo) -> None:
     device.thimble_method, device.thimble_hover_mm = "force", 0.9
     output = bake(demo, 24).bake.outputs[0]
     assert output.track.meta["method"] == "force"
-    skin = results.current(demo).bake.skins["Index"].model
+    skin = store.current(demo).bake.skins["Index"].model
     use = core_module("matching.thimble_use").prepare(
-        library().device("thimble_3rrs"), skin, properties.parameters(device)
+        library().device("thimble_3rrs"), skin, scene_properties.parameters(device)
     )
     assert use.hover == pytest.approx(0.9e-3)
     matching = core_module("matching.thimble").follower(use).matching
@@ -71,7 +65,7 @@ def test_a_calibration_moves_the_mounting(demo) -> None:
     # the person first feels the disc at 0.15 rad, so hovering there is a little less
     assert (felt - rest > 0.1).all() or (felt - rest < -0.1).all()
     assert np.abs(felt - 0.15).max() < np.abs(felt - rest).max()
-    row = live.preview(demo).rows[0]
+    row = device_preview.preview(demo).rows[0]
     mechanism, _ = thimble_view.device_of(demo, row)
     plain = core_module("devices.thimble").mechanism(library().device("thimble_3rrs"))
     assert abs(mechanism.mount[2, 3] - plain.mount[2, 3]) > 1e-4  # the twin is mounted as the engine mounts it
@@ -85,10 +79,10 @@ def test_the_twins_joints_obey_forward_kinematics(demo, source) -> None:
     else:
         for frame in range(12, 31):
             demo.frame_set(frame)
-            live.step(bpy.context)
-            skin_live.step(bpy.context)
-    row = next(r for r in live.preview(demo).rows if r.kind == "thimble")
-    assert live.preview(demo).source == source
+            device_preview.step(bpy.context)
+            skin_preview.step(bpy.context)
+    row = next(r for r in device_preview.preview(demo).rows if r.kind == "thimble")
+    assert device_preview.preview(demo).source == source
     device, at = thimble_view.joints_of(demo, row)
     angles = thimble_view.servo_angles(row)
     assert np.abs(angles).max() > 0.02
@@ -120,7 +114,7 @@ def test_from_a_bake_the_rendered_skin_is_what_the_track_does(demo) -> None:
     result = bake(demo)
     output, felt = result.bake.outputs[0], result.bake.skins["Index"]
     thimble = core_module("matching.thimble")
-    use = thimble_use.used(device_of(demo), felt.model)
+    use = thimble_devices.used(device_of(demo), felt.model)
     forces = thimble.forces_at(felt, output.track.times)
     found = thimble.match_touch(use, forces, use.device.servo_speed / output.track.spec.rate)
     for frame in (31, 25, 37):  # on a sample of 100 Hz: 24 frames are a second
@@ -128,14 +122,14 @@ def test_from_a_bake_the_rendered_skin_is_what_the_track_does(demo) -> None:
         sample = round((frame - 1) / 24 * 100)
         if abs(sample - (frame - 1) / 24 * 100) > 1e-9:
             continue
-        target, rendered = skin_live.states(demo)
+        target, rendered = skin_preview.states(demo)
         assert (target.finger, rendered.finger) == ("Index", "Index: thimble")
         np.testing.assert_allclose(rendered.force, found.force[sample], atol=3e-5 * np.abs(found.force[sample]).max())
     demo.frame_set(31)
-    row = live.preview(demo).rows[0]
+    row = device_preview.preview(demo).rows[0]
     assert row.signals["mismatch"] == pytest.approx(found.mismatch[125], abs=1e-9)
     # and that mismatch is the one of the two skins that are shown side by side
-    target, rendered = skin_live.states(demo)
+    target, rendered = skin_preview.states(demo)
     readout = core_module("matching.thimble").describe(use.device, use.skin, use.friction).readout
     a, b = (readout @ s.force.ravel() for s in (target, rendered))
     assert np.linalg.norm(b - a) / np.linalg.norm(a) == pytest.approx(found.mismatch[125], abs=1e-3)
@@ -147,14 +141,14 @@ def test_live_follows_the_skin_step_by_step(demo) -> None:
     frames, targets, rows = range(9, 30), [], []
     for frame in frames:
         demo.frame_set(frame)
-        live.step(bpy.context)
-        skin_live.step(bpy.context)
-        states = skin_live.states(demo)
+        device_preview.step(bpy.context)
+        skin_preview.step(bpy.context)
+        states = skin_preview.states(demo)
         targets.append(states[0].force)
-        rows.append(next(r for r in live.preview(demo).rows if r.kind == "thimble"))
+        rows.append(next(r for r in device_preview.preview(demo).rows if r.kind == "thimble"))
     skin = states[0].model
     with skin_models.one_thread():
-        use = thimble_use.used(device_of(demo), skin)
+        use = thimble_devices.used(device_of(demo), skin)
         following = core_module("matching.thimble").follower(use)
         for i, (target, row) in enumerate(zip(targets, rows, strict=True)):
             following.matching.change = use.device.servo_speed / 24 if i else None
@@ -167,9 +161,9 @@ def test_live_follows_the_skin_step_by_step(demo) -> None:
 def test_a_change_within_a_frame_searches_it_anew_and_a_jump_starts_from_rest(demo) -> None:
     def at(frame: int):
         demo.frame_set(frame)
-        live.step(bpy.context)
-        skin_live.step(bpy.context)
-        return next(r for r in live.preview(demo).rows if r.kind == "thimble")
+        device_preview.step(bpy.context)
+        skin_preview.step(bpy.context)
+        return next(r for r in device_preview.preview(demo).rows if r.kind == "thimble")
 
     for frame in range(14, 21):
         first = at(frame)
@@ -177,7 +171,7 @@ def test_a_change_within_a_frame_searches_it_anew_and_a_jump_starts_from_rest(de
     again = at(20)
     np.testing.assert_allclose(thimble_view.servo_angles(again), thimble_view.servo_angles(first), atol=0.02)
     jumped = at(50)
-    assert thimble_live._tracks["Index"].follower.matching.change is None
+    assert thimble_preview._tracks["Index"].follower.matching.change is None
     assert jumped.contact == 1.0
 
 
@@ -186,11 +180,11 @@ def test_live_and_bake_agree(demo, shown) -> None:
     demo.objects["Index"].dermis.finger.skin.shown = shown
     for frame in range(6, 22):
         demo.frame_set(frame)
-        live.step(bpy.context)
-        skin_live.step(bpy.context)
-    rows = [r for r in live.preview(demo).rows if r.kind == "thimble"]
+        device_preview.step(bpy.context)
+        skin_preview.step(bpy.context)
+    rows = [r for r in device_preview.preview(demo).rows if r.kind == "thimble"]
     assert len(rows) == 1
-    baked = results.values_at(bake(demo, 24), results.current(demo).bake.outputs[0], 21.0)
+    baked = store.values_at(bake(demo, 24), store.current(demo).bake.outputs[0], 21.0)
     # one sample a frame against ten
     np.testing.assert_allclose(np.degrees(thimble_view.servo_angles(rows[0])), np.degrees(baked[:3]), atol=1.5)
 
@@ -198,9 +192,9 @@ def test_live_and_bake_agree(demo, shown) -> None:
 def test_without_split_only_the_target_is_shown(demo) -> None:
     bake(demo)
     demo.frame_set(31)
-    assert len(skin_live.states(demo)) == 2
+    assert len(skin_preview.states(demo)) == 2
     demo.dermis.thimble_view.split = False
-    assert len(skin_live.states(demo)) == 1
+    assert len(skin_preview.states(demo)) == 1
 
 
 def test_what_has_no_adaptation_says_so_and_goes_on(demo) -> None:
@@ -212,9 +206,9 @@ def test_what_has_no_adaptation_says_so_and_goes_on(demo) -> None:
     assert "direct method" in finding.what and "Adapt" in finding.remedy and finding.severity == "warning"
     demo.frame_set(20)
     device.thimble_surrogate = "/not/there.npz"
-    live.step(bpy.context)
-    skin_live.step(bpy.context)
-    assert any(r.kind == "thimble" for r in live.preview(demo).rows)
+    device_preview.step(bpy.context)
+    skin_preview.step(bpy.context)
+    assert any(r.kind == "thimble" for r in device_preview.preview(demo).rows)
 
 
 def test_workspace_loops_are_closed_and_reached(demo) -> None:

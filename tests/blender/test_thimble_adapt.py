@@ -5,9 +5,12 @@ from __future__ import annotations
 import bpy
 import pytest
 
-from blender_addon import demo_thimble, properties_skin, results, skin_models, thimble_adapt, thimble_use
-from blender_addon.panels import choices
+from blender_addon import choices
+from blender_addon.demos import demo_thimble
+from blender_addon.devices import skin_models, thimble_adaptation, thimble_devices
 from blender_addon.preferences import core_module
+from blender_addon.properties import skin_properties
+from blender_addon.results import store
 
 LESS = {"trajectories": 40, "iterations": 20}
 
@@ -18,7 +21,7 @@ def finger(tmp_path, monkeypatch):
     pytest.importorskip("onnxruntime")
     folder = tmp_path / "surrogates"
     folder.mkdir()
-    monkeypatch.setattr(thimble_use, "folder", lambda create=False: folder)
+    monkeypatch.setattr(thimble_devices, "folder", lambda create=False: folder)
     choices.refresh()
     scene = demo_thimble.build("BALL")
     bpy.context.window.scene = scene
@@ -40,50 +43,50 @@ def through(steps):
 
 def model_of(obj):
     """Return the finger's skin."""
-    values = properties_skin.parameters(obj.dermis.finger.skin)
+    values = skin_properties.parameters(obj.dermis.finger.skin)
     return skin_models.get(values["skin"], values["skin_level"])
 
 
 def test_an_adaptation_is_found_by_both_methods(finger) -> None:
     device, scene = finger.dermis.finger.devices[0], bpy.context.scene
-    assert thimble_adapt.status(device, model_of(finger)) is None
-    told, made = through(thimble_adapt.adapt(finger, **LESS))
+    assert thimble_adaptation.status(device, model_of(finger)) is None
+    told, made = through(thimble_adaptation.adapt(finger, **LESS))
     assert {p.stage for p in told} >= {"moving the disc", "learning"}
     shares = [p.done / p.total for p in told]
     assert shares == sorted(shares) and shares[-1] == 1.0
     assert made["samples"] > 100 and (made["errors"] > 0).all()
-    known = thimble_adapt.status(device, model_of(finger))
+    known = thimble_adaptation.status(device, model_of(finger))
     assert known["network_error"] == pytest.approx(float(made["errors"][1]))
-    thimble_use.forget()
+    thimble_devices.forget()
     scene.frame_start, scene.frame_end = 1, 24
     for method in ("ridge", "network"):
         device.thimble_method = method
         assert bpy.ops.dermis.bake() == {"FINISHED"}
-        bake = results.current(scene).bake
+        bake = store.current(scene).bake
         assert bake.outputs[0].track.meta["method"] == method
         assert not [f for f in bake.all_findings if f.code == "surrogate"]
     finger.dermis.finger.skin.alpha = 0.8  # stiffness needs no new one, another shape does
-    assert thimble_adapt.status(device, model_of(finger)) is not None
+    assert thimble_adaptation.status(device, model_of(finger)) is not None
     finger.dermis.finger.skin.width_mm += 1.0
-    assert thimble_adapt.status(device, model_of(finger)) is None
+    assert thimble_adaptation.status(device, model_of(finger)) is None
 
 
 def test_stopping_leaves_nothing_behind(finger) -> None:
-    folder = thimble_use.folder()
-    steps = thimble_adapt.adapt(finger, trajectories=2000)
+    folder = thimble_devices.folder()
+    steps = thimble_adaptation.adapt(finger, trajectories=2000)
     for _ in range(8):
         next(steps)
     steps.close()
     assert not list(folder.iterdir())
-    assert thimble_adapt.status(finger.dermis.finger.devices[0], model_of(finger)) is None
+    assert thimble_adaptation.status(finger.dermis.finger.devices[0], model_of(finger)) is None
     assert not core_module("work")._workers  # the child process is gone
 
 
 def test_stopping_keeps_an_older_adaptation(finger) -> None:
-    folder = thimble_use.folder()
-    through(thimble_adapt.adapt(finger, **LESS))
+    folder = thimble_devices.folder()
+    through(thimble_adaptation.adapt(finger, **LESS))
     before = {p.name: p.read_bytes() for p in folder.iterdir()}
-    steps = thimble_adapt.adapt(finger, trajectories=2000)
+    steps = thimble_adaptation.adapt(finger, trajectories=2000)
     for _ in range(8):
         next(steps)
     steps.close()
@@ -98,11 +101,11 @@ def test_what_the_child_refuses_is_a_finding(finger) -> None:
     device.thimble_felt_1 = 1.2  # beyond the servos' range
     with pytest.raises(RuntimeError, match="outside the servos' range"):
         bpy.ops.dermis.adapt_thimble()
-    assert [f.severity for f in reporting.findings()] == ["error"] and not list(thimble_use.folder().iterdir())
+    assert [f.severity for f in reporting.findings()] == ["error"] and not list(thimble_devices.folder().iterdir())
 
 
 def test_only_a_finger_with_a_thimble_can_be_adapted(finger) -> None:
     finger.dermis.finger.devices[0].preset = "haptip"
     assert not bpy.ops.dermis.adapt_thimble.poll()
     with pytest.raises(core_module("errors").DermisError, match="wears no thimble"):
-        next(thimble_adapt.adapt(finger))
+        next(thimble_adaptation.adapt(finger))

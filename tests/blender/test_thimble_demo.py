@@ -6,8 +6,9 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import demo_thimble, results
-from blender_addon.panels import choices
+from blender_addon import choices
+from blender_addon.demos import demo_thimble
+from blender_addon.results import store
 from tests import touches
 
 TOUCHES = {"BALL": touches.ball_roll, "EDGE": touches.edge_press, "CUP": touches.cup, "SLIDE": touches.slide}
@@ -22,7 +23,7 @@ def test_every_scene_bakes_without_an_error_and_touches(which) -> None:
     assert (scene.frame_end - scene.frame_start) / scene.render.fps <= 3.0
     assert sum(len(o.data.vertices) for o in scene.objects if o.type == "MESH") < 25_000
     assert bpy.ops.dermis.bake() == {"FINISHED"}
-    bake = results.current(scene).bake
+    bake = store.current(scene).bake
     assert [f for f in bake.all_findings if f.severity != "info"] == []
     fingers = [o for o in scene.objects if o.dermis.role == "FINGER"]
     assert len(bake.outputs) == len(fingers) == (2 if which == "BLOCK" else 1)
@@ -54,7 +55,7 @@ def test_the_shaken_block_is_held_and_its_friction_changes() -> None:
     scene = demo_thimble.build("BLOCK")
     bpy.context.window.scene = scene
     assert bpy.ops.dermis.bake() == {"FINISHED"}
-    bake = results.current(scene).bake
+    bake = store.current(scene).bake
     sums = []
     for name in ("Index", "Thumb"):
         skin, turn = bake.skins[name], np.array(scene.objects[name].matrix_world)[:3, :3]

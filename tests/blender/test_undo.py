@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import bpy
 
-from blender_addon import handlers, live, results
+from blender_addon import handlers
+from blender_addon.preview import device_preview
+from blender_addon.results import store
 
 from .build import cube, finger, span
 
@@ -42,17 +44,17 @@ def test_undo_makes_a_bake_out_of_date_and_ends_the_trail() -> None:
     hand.dermis.finger.devices.add().preset = "haptip"
     push("ready")
     bpy.ops.dermis.bake()
-    assert results.state(scene) == "fresh"
+    assert store.state(scene) == "fresh"
     scene.frame_set(3)
-    live.step(bpy.context)
-    assert live._trail.samples
+    device_preview.step(bpy.context)
+    assert device_preview._trail.samples
     hand.location.x = 0.001
     push("moved")
     undo()
     scene = bpy.context.scene
-    assert results.state(scene) == "stale"
-    assert not live._trail_ends_at(scene, 3.0)
+    assert store.state(scene) == "stale"
+    assert not device_preview._trail_ends_at(scene, 3.0)
     bpy.context.scene.frame_set(4)
-    shown = live.step(bpy.context)
-    assert len(live._trail.samples) == 1
+    shown = device_preview.step(bpy.context)
+    assert len(device_preview._trail.samples) == 1
     assert "from rest at frame 4" in shown.note

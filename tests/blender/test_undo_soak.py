@@ -13,7 +13,8 @@ from typing import Any
 import bpy
 import pytest
 
-from blender_addon import live, skin_live, streaming, streaming_calibration, streaming_tracks
+from blender_addon.preview import device_preview, skin_preview
+from blender_addon.streaming import device_calibration, session, streamed_track
 
 from . import build
 from .test_stream import HAPTIP, a_bake, a_track, state, wait
@@ -42,13 +43,24 @@ class Walk:
         build.screen().dermis.screen.mesh_object = bpy.data.objects["Cube"]
         bpy.context.view_layer.update()
         a_bake(a_track()).dermis_stream.ramp = 0.1
-        streaming.connect(bpy.context.scene)
+        session.connect(bpy.context.scene)
         wait(state("ready"))
         ed("undo_push", message="connected")
         self.settings: tuple[Callable[[], Any], ...] = (
-            self.jog, self.jog, self.calibrate, self.mode, self.output, self.button, self.button, self.move, self.frame,
-            self.device, self.skin, self.role, self.preview,
-        )  # fmt: skip
+            self.jog,
+            self.jog,
+            self.calibrate,
+            self.mode,
+            self.output,
+            self.button,
+            self.button,
+            self.move,
+            self.frame,
+            self.device,
+            self.skin,
+            self.role,
+            self.preview,
+        )
         self.blocks = (self.add, self.delete, self.delete, self.rename, self.image, self.scene)
 
     @property
@@ -75,7 +87,7 @@ class Walk:
         self.stream.output = self.chance.choice(("", "Finger: haptip", "Thumb: haptip"))
 
     def button(self) -> None:
-        what = self.chance.choice(("BEGIN", "CANCEL", "CENTRE", streaming.stop, streaming.disarm))
+        what = self.chance.choice(("BEGIN", "CANCEL", "CENTRE", session.stop, session.disarm))
         if callable(what):
             what()
         else:
@@ -106,9 +118,9 @@ class Walk:
 
     def preview(self) -> None:
         if self.thing("FINGER") is not None:
-            live.step(bpy.context)
-            skin_live.any_needed(bpy.context.scene)
-            live.preview(bpy.context.scene)
+            device_preview.step(bpy.context)
+            skin_preview.any_needed(bpy.context.scene)
+            device_preview.preview(bpy.context.scene)
 
     def add(self) -> None:
         self.chance.choice((build.cube, build.finger))(self.chance.choice("ABC"))
@@ -143,27 +155,27 @@ class Walk:
             if what < 0.55:
                 undone += ed("undo") if what < 0.3 else 0
                 redone += ed("redo") if what >= 0.3 else 0
-                streaming.beat()
+                session.beat()
                 self.check()
             else:
                 self.chance.choice(changes)()
                 ed("undo_push", message="change")
             if self.chance.random() < 0.3:
                 bpy.context.view_layer.update()
-            streaming.beat()
-            assert streaming.connected() and streaming.status()["state"] not in ENDED, streaming.status()
-            if streaming.status()["state"] == "ready" and self.chance.random() < 0.3:
-                streaming.arm(bpy.context.scene)
+            session.beat()
+            assert session.connected() and session.status()["state"] not in ENDED, session.status()
+            if session.status()["state"] == "ready" and self.chance.random() < 0.3:
+                session.arm(bpy.context.scene)
         return undone, redone
 
     def check(self) -> None:
         """Compare what the panel says with what the sender was last told."""
-        scene, wish = bpy.context.scene, streaming._client._wish
+        scene, wish = bpy.context.scene, session._client._wish
         assert all(isinstance(o, bpy.types.Object) for o in scene.collection.objects)
         assert [c.name for c in self.stream.channels] == ["pulley_1", "pulley_2"]
-        assert wish["mode"] == self.stream.mode and streaming._note == ""
+        assert wish["mode"] == self.stream.mode and session._note == ""
         assert wish["jog"] == ({c.name: c.jog for c in self.stream.channels} if self.stream.mode == "jog" else {})
-        made = streaming_calibration.calibration_of(scene, streaming_tracks.device_key(scene))
+        made = device_calibration.calibration_of(scene, streamed_track.device_key(scene))
         assert wish["calibration"] == made.dumps()
 
 

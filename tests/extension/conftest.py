@@ -39,12 +39,19 @@ def fresh_blender(tmp_path: Path) -> Callable[..., Any]:
         environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
         environment.update({"BLENDER_USER_RESOURCES": str(tmp_path / "profile"), **variables})
         # A failure has to leave at once, too: the interpreter's own end may hang with an add-on registered.
-        guarded = "import os, sys, traceback\ntry:\n    exec(compile(sys.argv[1], 'fresh_blender', 'exec'))\n" \
-            "except BaseException:\n    traceback.print_exc()\n    sys.stderr.flush()\n    os._exit(1)\n"  # fmt: skip
+        guarded = (
+            "import os, sys, traceback\ntry:\n    exec(compile(sys.argv[1], 'fresh_blender', 'exec'))\n"
+            "except BaseException:\n    traceback.print_exc()\n    sys.stderr.flush()\n    os._exit(1)\n"
+        )
         done = subprocess.run(
-            [sys.executable, "-c", guarded, script], cwd=tmp_path, env=environment, timeout=300,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-        )  # fmt: skip
+            [sys.executable, "-c", guarded, script],
+            cwd=tmp_path,
+            env=environment,
+            timeout=300,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
         assert done.returncode == 0 and answer.is_file(), done.stdout
         return json.loads(answer.read_text())
 

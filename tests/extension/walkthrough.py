@@ -30,9 +30,11 @@ def install(zip_path: Path, enable: bool = True) -> None:
     """Install from disk, as Preferences > Get Extensions does."""
     if not os.environ.get("BLENDER_USER_RESOURCES"):
         raise SystemExit("set BLENDER_USER_RESOURCES to an empty folder first, so that your own profile stays as it is")
-    done(bpy.ops.extensions.package_install_files(
-        filepath=str(Path(zip_path).resolve()), repo=REPOSITORY, enable_on_install=enable
-    ))  # fmt: skip
+    done(
+        bpy.ops.extensions.package_install_files(
+            filepath=str(Path(zip_path).resolve()), repo=REPOSITORY, enable_on_install=enable
+        )
+    )
     if enable and PACKAGE not in bpy.context.preferences.addons:
         raise RuntimeError("the zip was installed but the add-on is not enabled: see the messages above")
 
@@ -107,7 +109,7 @@ def walk(zip_path: Path, out: Path) -> dict[str, Any]:
 def plot(track: Path) -> Path:
     """Draw a track from its file, with the engine inside the extension."""
     picture = track.with_suffix(".png")
-    part("core.plot").write_png(part("core.formats.csv").read(track), picture)
+    part("core.plot.track").write_png(part("core.track.csv").read(track), picture)
     return picture
 
 

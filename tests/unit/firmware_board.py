@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 
 from core.devices.spec import Channel, DeviceSpec
-from core.stream import adapter
-from core.stream.native import Native
+from core.stream.protocols import adapter
+from core.stream.protocols.native import Native
 from core.stream.wire import Wire
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -31,9 +31,10 @@ ARDUINO = Path(os.environ.get("ARDUINO_AVR", "/usr/share/arduino/hardware/arduin
 MISSING = [tool for tool in ("avr-gcc", "avr-g++", "avr-nm", "gcc") if shutil.which(tool) is None]
 MISSING += [str(p) for p in (ARDUINO / "cores", Path("/usr/include/simavr/sim_avr.h")) if not p.exists()]
 emulated = pytest.mark.skipif(
-    bool(MISSING), reason=f"THE FIRMWARE WAS NOT TESTED, for want of {', '.join(MISSING)}: "
+    bool(MISSING),
+    reason=f"THE FIRMWARE WAS NOT TESTED, for want of {', '.join(MISSING)}: "
     "apt install gcc gcc-avr avr-libc arduino-core-avr simavr libsimavr-dev",
-)  # fmt: skip
+)
 
 BAUD, ANIMATION_BAUD = 500_000, 115_200
 CLOCK = 16e6  # [Hz]
@@ -76,10 +77,14 @@ def firmware(*defines: str, sketch: Path = SKETCH) -> Path:
     cpp = [*flags, "-std=gnu++11", "-fno-exceptions", "-fno-threadsafe-statics"]
     own = ["-Wall", "-Wextra", "-Werror", "-x", "c++", *defines]
     jobs = [["avr-g++", *cpp, *own, "-c", str(sketch), "-o", "sketch.o"]]
-    jobs += [["avr-gcc", *flags, "-std=gnu11", "-c", str(core / f"{n}.c"), "-o", f"{n}.o"]
-             for n in ("wiring", "wiring_digital", "hooks")]  # fmt: skip
-    jobs += [["avr-g++", *cpp, "-c", str(core / f"{n}.cpp"), "-o", f"{n}.o"]
-             for n in ("main", "HardwareSerial", "HardwareSerial0", "Print", "abi", "new")]  # fmt: skip
+    jobs += [
+        ["avr-gcc", *flags, "-std=gnu11", "-c", str(core / f"{n}.c"), "-o", f"{n}.o"]
+        for n in ("wiring", "wiring_digital", "hooks")
+    ]
+    jobs += [
+        ["avr-g++", *cpp, "-c", str(core / f"{n}.cpp"), "-o", f"{n}.o"]
+        for n in ("main", "HardwareSerial", "HardwareSerial0", "Print", "abi", "new")
+    ]
     for job in jobs:
         subprocess.run(job, cwd=folder, check=True)
     parts = sorted(p.name for p in folder.glob("*.o") if p.name != "sketch.o")
@@ -107,8 +112,13 @@ class Board:
 
     def __init__(self, elf: Path, baud: float = BAUD) -> None:
         self.elf = elf
-        self.process = subprocess.Popen([str(runner()), str(elf)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                                        stderr=subprocess.DEVNULL, text=True)  # fmt: skip
+        self.process = subprocess.Popen(
+            [str(runner()), str(elf)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
         self.now = 0.0
         self.pulses: list[tuple[int, float, float]] = []
         self.levels: list[tuple[int, int, float]] = []

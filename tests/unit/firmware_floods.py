@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.stream import packets
-from core.stream.packets import Kind
+from core.stream.protocols import packets
+from core.stream.protocols.packets import Kind
 from tests.unit.firmware_board import Board, Sender, servos
 
 SLEW = 7.5  # [rad/s]: 3.75 us of pulse a millisecond, 75 us in a frame of 20 ms

@@ -8,18 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from core.formats import binary
 from core.presets import Library
-from core.stream import packets
 from core.stream.board import Beat
-from core.stream.packets import Kind
+from core.stream.links.transport import Transport
+from core.stream.links.url import Url
+from core.stream.protocols import packets
+from core.stream.protocols.packets import Kind
 from core.stream.source import Play
 from core.stream.streamer import Streamer
-from core.stream.transport import Transport
-from core.stream.url import Url
 from core.stream.wire import Wire
 from core.stream.wish import Wish
-from core.track import CommandTrack
+from core.track import binary
+from core.track.command_track import CommandTrack
 from tests.unit.firmware_board import BAUD, Board, firmware
 
 TICK = 0.001
@@ -63,8 +63,15 @@ class FirmwareLab:
 
     def __init__(self, board: Board, track: Path, key: str = "haptip") -> None:
         self.board, self.line = board, Line(board)
-        self.wish = Wish(connect=True, url="lab", protocol="native", track=str(track), ramp=0.0, look_ahead=LOOK_AHEAD,
-                         device={"key": key, "preset": Library().load("devices", key)})  # fmt: skip
+        self.wish = Wish(
+            connect=True,
+            url="lab",
+            protocol="native",
+            track=str(track),
+            ramp=0.0,
+            look_ahead=LOOK_AHEAD,
+            device={"key": key, "preset": Library().load("devices", key)},
+        )
         self.streamer = Streamer(self._open)
         self.number, self.playing, self.play_from = 0, False, 0.0
         self.streamer.apply(copy.deepcopy(self.wish), self.now)

@@ -41,8 +41,10 @@ def each(start: Array, goal: Array, slew: Array, part: float) -> Array:
 def shapes() -> dict[str, FingertipShape]:
     """Return the fingers that ship."""
     library = Library()
-    return {entry.key: shape_from_parameters({k: v for k, v in library.skin(entry.key).items() if k not in MATERIAL})
-            for entry in library.list("skins")}  # fmt: skip
+    return {
+        entry.key: shape_from_parameters({k: v for k, v in library.skin(entry.key).items() if k not in MATERIAL})
+        for entry in library.list("skins")
+    }
 
 
 def pad(shape: FingertipShape) -> Array:
@@ -95,9 +97,14 @@ class Platforms:
         p, share = spec.parameters, halton(count, 6)
         tilt, deep = p["sweep_tilt"], p["rest_distance"] + p["sweep_press"][1]
         extent = np.array([p.get("sweep_shift", 0.0)] * 2 + [p.get("sweep_yaw", 0.0)]) * (2.0 * share[:, 3:] - 1.0)
-        poses = platform_poses(pad(FingertipShape()), deep * share[:, 0] - p["rest_distance"],
-                               tilt * (2.0 * share[:, 1] - 1.0), tilt * (2.0 * share[:, 2] - 1.0), extent[:, :2],
-                               extent[:, 2])  # fmt: skip
+        poses = platform_poses(
+            pad(FingertipShape()),
+            deep * share[:, 0] - p["rest_distance"],
+            tilt * (2.0 * share[:, 1] - 1.0),
+            tilt * (2.0 * share[:, 2] - 1.0),
+            extent[:, :2],
+            extent[:, 2],
+        )
         commands = self.device.commands(poses)
         low, high = (np.array([getattr(c, k) for c in spec.channels if c.actuator]) for k in ("low", "high"))
         kept = np.flatnonzero(((commands >= low) & (commands <= high)).all(axis=1))

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core.formats import csv
 from core.presets import Library
 from core.stream.client import SenderClient
-from core.track import CommandTrack
+from core.track import csv
+from core.track.command_track import CommandTrack
 from core.work import command, environment
 
 posix = pytest.mark.skipif(os.name != "posix", reason="ptys and kill -9 are Unix")
@@ -34,8 +34,11 @@ class Box:
         more += ["--every", str(every)]
         self.process = subprocess.Popen(
             command("stream", "virtual", "--at", at, "--protocol", protocol, "--device", key, *more),
-            env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        )  # fmt: skip
+            env=environment(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
         self.lines: queue.Queue[dict[str, Any]] = queue.Queue()
         threading.Thread(target=self._read, daemon=True).start()
         self.url = self.lines.get(timeout=20)["url"]

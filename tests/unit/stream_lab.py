@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from core.formats import csv
 from core.presets import Library
 from core.stream.board import Beat
+from core.stream.links.transport import Gone, Transport
+from core.stream.links.url import Url
 from core.stream.streamer import Streamer
-from core.stream.transport import Gone, Transport
-from core.stream.url import Url
-from core.stream.virtual_device import make
+from core.stream.virtual.device import make
 from core.stream.wire import Wire
 from core.stream.wish import Wish
-from core.track import CommandTrack
+from core.track import csv
+from core.track.command_track import CommandTrack
 
 TICK = 0.001
 

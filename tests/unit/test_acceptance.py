@@ -18,12 +18,12 @@ import pytest
 from core.calibration import Calibration
 from core.errors import DermisError
 from core.presets import Library
-from core.stream import native
-from core.stream.acceptance import Check, Report, judged
-from core.stream.acceptance_bench import Bench
-from core.stream.acceptance_command import CHECKS, _tried
-from core.stream.acceptance_player import slow_track
-from core.stream.acceptance_walk import Walk, fastest_over
+from core.stream.acceptance.bench import Bench
+from core.stream.acceptance.command import CHECKS, _tried
+from core.stream.acceptance.player import slow_track
+from core.stream.acceptance.report import Check, Report, judged
+from core.stream.acceptance.walk import Walk, fastest_over
+from core.stream.protocols import native
 from core.stream.wire import Wire
 from core.stream.wish import Wish
 from core.work import command, environment
@@ -98,8 +98,14 @@ def boxes() -> Iterator[Any]:
 
 def accept(url: str, out: Path, answers: str, *more: str) -> subprocess.CompletedProcess[str]:
     """Run the verb; `answers` is what the person types."""
-    return subprocess.run(command("stream", "accept", "--url", url, "--device", "haptip", "--out", str(out), *more),
-                          env=environment(), input=answers, capture_output=True, text=True, timeout=120)  # fmt: skip
+    return subprocess.run(
+        command("stream", "accept", "--url", url, "--device", "haptip", "--out", str(out), *more),
+        env=environment(),
+        input=answers,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
 
 
 def only(*names: str) -> list[str]:
@@ -173,7 +179,7 @@ def test_a_report_that_cannot_be_written_moves_nothing(tmp_path: Path) -> None:
 
 def test_a_person_is_kept_waiting_without_the_device_falling_asleep() -> None:
     """While an answer is waited for the device hears of its sender; an end of the input is nobody."""
-    from core.stream.acceptance_command import NobodyThere, Terminal
+    from core.stream.acceptance.command import NobodyThere, Terminal
 
     class Slow(Terminal):
         def _read(self) -> None:
@@ -291,8 +297,14 @@ def test_a_signal_in_the_middle_brings_the_device_home(boxes: Any, tmp_path: Pat
     pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
     out, box = tmp_path / "a.md", boxes("pty", "maestro", "cable_platform")
     verb = ["stream", "accept", "--url", box.url, "--device", "cable_platform", "--protocol", "maestro"]
-    with subprocess.Popen(command(*verb, "--out", str(out), *only("silence")), env=environment(), text=True,
-                          stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as run:  # fmt: skip
+    with subprocess.Popen(
+        command(*verb, "--out", str(out), *only("silence")),
+        env=environment(),
+        text=True,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as run:
         assert run.stdin is not None and run.stdout is not None
         run.stdin.write("\n")
         run.stdin.flush()
@@ -353,7 +365,7 @@ def test_a_device_that_dies_in_the_middle_fails_and_is_not_called_safe(boxes: An
 
 
 def test_only_whole_words_are_answers() -> None:
-    from core.stream.acceptance_command import Terminal
+    from core.stream.acceptance.command import Terminal
 
     class Typed(Terminal):
         def _read(self) -> None:

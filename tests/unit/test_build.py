@@ -49,8 +49,11 @@ def test_zip_holds_addon_engine_presets_and_licence(tmp_path: Path, wheels: dict
     with zipfile.ZipFile(path) as archive:
         assert archive.testzip() is None
         names = archive.namelist()
-        for name, source in (("_core.py", "blender_addon/_core.py"), ("core/units.py", "core/units.py"),
-                             ("LICENSE", "LICENSE")):  # fmt: skip
+        for name, source in (
+            ("_core.py", "blender_addon/_core.py"),
+            ("core/units.py", "core/units.py"),
+            ("LICENSE", "LICENSE"),
+        ):
             assert archive.read(name) == (ROOT / source).read_bytes()
         manifest = tomllib.loads(archive.read("blender_manifest.toml").decode())
         infos = archive.infolist()
@@ -97,8 +100,9 @@ def test_every_package_is_pinned_and_hashed_and_comes_from_nowhere_in_particular
 
 
 def test_scipy_stays_out_of_blenders_environment_and_numpy_out_of_the_zip() -> None:
-    names = {lock.name: {m.group(1).lower() for m in re.finditer(r"^([\w.-]+)==", lock.read_text(), re.M)}
-             for lock in LOCKS}  # fmt: skip
+    names = {
+        lock.name: {m.group(1).lower() for m in re.finditer(r"^([\w.-]+)==", lock.read_text(), re.M)} for lock in LOCKS
+    }
     assert names["wheels.txt"] == {"scipy", "onnxruntime", "pyserial"}
     for tag in ("cp311", "cp313"):
         assert {"bpy", "numpy", "pytest", "ruff"} <= names[f"environment-{tag}.txt"]

@@ -17,8 +17,8 @@ import core
 from core.devices.spec import Channel, DeviceSpec
 from core.errors import SEVERITIES
 from core.presets import Library
-from core.scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, sample_frames
-from core.track import CommandTrack
+from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, sample_frames
+from core.track.command_track import CommandTrack
 
 ROOT = Path(core.__file__).parents[1]
 SPEC = DeviceSpec("dev", "A device", "thimble", 100.0, (Channel("x", "m", -1.0, 1.0, actuator="a"),), stated_hash="0")
@@ -32,8 +32,14 @@ def run(
     env = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1"}
     paths = [str(before or ""), str(ROOT), os.environ.get("PYTHONPATH", "")]
     env["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
-    return subprocess.run([sys.executable, "-m", "core", *map(str, arguments)], cwd=cwd, env=env, capture_output=True,
-                          encoding="utf-8", timeout=120)  # fmt: skip
+    return subprocess.run(
+        [sys.executable, "-m", "core", *map(str, arguments)],
+        cwd=cwd,
+        env=env,
+        capture_output=True,
+        encoding="utf-8",
+        timeout=120,
+    )
 
 
 def tap(fingers: tuple[Finger, ...]) -> TactileScene:
@@ -137,10 +143,12 @@ def test_render_writes_tracks_and_plots_and_twice_the_same_bytes(tmp_path: Path)
 def test_presets_from_nowhere_are_refused(tmp_path: Path, verb: str) -> None:
     (tmp_path / "file").write_text("{}")
     arguments = {
-        "render": ("render", "s.npz", "--out", "a"), "compare": ("compare", "s.npz"),
-        "design": ("design", "tip", "--out", "a"), "thimble": ("thimble", "reach"),
+        "render": ("render", "s.npz", "--out", "a"),
+        "compare": ("compare", "s.npz"),
+        "design": ("design", "tip", "--out", "a"),
+        "thimble": ("thimble", "reach"),
         "stream": ("stream", "play", "t.csv", "--url", "virtual:"),
-    }[verb]  # fmt: skip
+    }[verb]
     for folder, words in (("none", "no such folder"), ("file", "not a folder")):
         done = run(*arguments, "--presets", tmp_path / folder, cwd=tmp_path)
         assert done.returncode == 2 and not done.stdout
@@ -189,8 +197,18 @@ def test_render_goes_on_where_one_finger_s_track_is_refused(tmp_path: Path) -> N
     uses = [("Index", "bare"), ("a b", "electrovibration"), ("a_b", "electrovibration")]
     fingers = tuple(Finger(name, (DeviceUse(key, {}, "Panel"),)) for name, key in uses)
     core.save_scene(tap(fingers), tmp_path / "s.npz")
-    done = run("render", tmp_path / "s.npz", "--out", tmp_path / "a", "--format", "c", "--format", "json",
-               "--presets", tmp_path / "own")  # fmt: skip
+    done = run(
+        "render",
+        tmp_path / "s.npz",
+        "--out",
+        tmp_path / "a",
+        "--format",
+        "c",
+        "--format",
+        "json",
+        "--presets",
+        tmp_path / "own",
+    )
     stems = ["a_b.electrovibration", "a_b.electrovibration-2"]
     wanted = [s + end for s in ("Index.bare", *stems) for end in (".csv", ".json")] + [s + ".h" for s in stems]
     assert sorted(p.name for p in (tmp_path / "a").iterdir()) == sorted(wanted)

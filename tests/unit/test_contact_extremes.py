@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.contact.bodies import ContactBody
-from core.contact.gap import Surface
-from core.contact.path import PathSolver
+from core.contact.solver.bodies import ContactBody
+from core.contact.solver.path import PathSolver
 from core.errors import DermisError
 from core.skin.material import Elastic
 from core.skin.model import fingertip_skin
+from core.surface.gap import Surface
 from tests.unit.test_path import MU, block, laws, plane, press_and_slide, turn
 
 

@@ -104,8 +104,9 @@ def test_oscillator_is_exact_for_steps_and_ramps(zeta: float) -> None:
     else:
         p, q = roots
         step = (1 / (p * q) + np.exp(p * t) / (p * (p - q)) + np.exp(q * t) / (q * (q - p))).real
-        ramp = (t / (p * q) + (p + q) / (p * q) ** 2 + np.exp(p * t) / (p**2 * (p - q))
-                + np.exp(q * t) / (q**2 * (q - p))).real  # fmt: skip
+        ramp = (
+            t / (p * q) + (p + q) / (p * q) ** 2 + np.exp(p * t) / (p**2 * (p - q)) + np.exp(q * t) / (q**2 * (q - p))
+        ).real
     assert x[:, 0] == pytest.approx(step, abs=1e-12) and x[:, 1] == pytest.approx(ramp, abs=1e-11)
 
 

@@ -8,8 +8,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from core.content_hash import ContentHash
-from core.scene import Body, Chunk, Finger, Mesh, TactileScene
+from core.scene.content_hash import ContentHash
+from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 
 TRIANGLES = np.array([[0, 1, 2]], dtype=np.int32)
 

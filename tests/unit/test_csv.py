@@ -16,24 +16,37 @@ from hypothesis import strategies as st
 
 from core.devices.spec import Channel, DeviceSpec
 from core.errors import DermisError
-from core.formats import csv
-from core.formats.csv_header import EXPORT_META, FIRST_META, METHOD_META
-from core.track import CommandTrack
+from core.track import csv
+from core.track.command_track import CommandTrack
+from core.track.csv_header import EXPORT_META, FIRST_META, METHOD_META
 
 FIXED = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 SPEC = DeviceSpec(
-    "haptip", "HapTip", "shear_tactor", 1000.0,
+    "haptip",
+    "HapTip",
+    "shear_tactor",
+    1000.0,
     (Channel("tactor_x", "m", -0.002, 0.002, 0.15, 0.0, "x"), Channel("contact", "1")),
-    {"link": 0.005, "mode": "a, b", "names": ["p", "q"], "flag": True}, {"bandwidth": 115200.0, "bits_per_sample": 8.0},
+    {"link": 0.005, "mode": "a, b", "names": ["p", "q"], "flag": True},
+    {"bandwidth": 115200.0, "bits_per_sample": 8.0},
     stated_hash="0123456789abcdef",
-)  # fmt: skip
+)
 TRACK = CommandTrack(
-    SPEC, np.arange(3) / 1000, np.array([[0.0, 1.0], [1.25e-6, -0.0], [-0.002, 1 / 3]]),
-    {"finger": "Index", "scene": "Tap", "fps": "30000/1001", "frame_range": "1 250", "generator": "dermis 1.0.0",
-     "content_hash": "abc", "x.zebra": "last"},
+    SPEC,
+    np.arange(3) / 1000,
+    np.array([[0.0, 1.0], [1.25e-6, -0.0], [-0.002, 1 / 3]]),
+    {
+        "finger": "Index",
+        "scene": "Tap",
+        "fps": "30000/1001",
+        "frame_range": "1 250",
+        "generator": "dermis 1.0.0",
+        "content_hash": "abc",
+        "x.zebra": "last",
+    },
     {"tactor_x.slew": 2, "tactor_x.range": 0},
-)  # fmt: skip
+)
 TEXT = """\
 # dermis-track 1
 # generator: dermis 1.0.0
@@ -87,8 +100,10 @@ def test_order_of_the_caller_does_not_show() -> None:
 def test_files_have_the_same_bytes_in_another_process(tmp_path: Path) -> None:
     csv.write(TRACK, tmp_path / "here.csv")
     assert (tmp_path / "here.csv").read_bytes() == TEXT.encode()
-    code = "import sys; from pathlib import Path; from core.formats import csv; " \
-           "csv.write(csv.read(Path(sys.argv[1])), Path(sys.argv[2]))"  # fmt: skip
+    code = (
+        "import sys; from pathlib import Path; from core.formats import csv; "
+        "csv.write(csv.read(Path(sys.argv[1])), Path(sys.argv[2]))"
+    )
     env = {**os.environ, "PYTHONPATH": str(Path(csv.__file__).parents[2]), "PYTHONHASHSEED": "99"}
     subprocess.run([sys.executable, "-c", code, tmp_path / "here.csv", tmp_path / "there.csv"], check=True, env=env)
     assert (tmp_path / "there.csv").read_bytes() == TEXT.encode()
@@ -104,8 +119,9 @@ NUMBERS = st.floats(allow_nan=False, allow_infinity=False, width=64)
     meta=st.dictionaries(st.from_regex(r"x\.[A-Za-z0-9_.-]{1,8}|finger|scene|law", fullmatch=True), TEXTS, max_size=4),
     rows=st.lists(st.tuples(NUMBERS, NUMBERS), max_size=8),
     limits=st.tuples(st.floats(-1e9, 0), st.floats(0, 1e9), st.floats(1e-9, 1e9)),
-    name=TEXTS, actuator=TEXTS,
-)  # fmt: skip
+    name=TEXTS,
+    actuator=TEXTS,
+)
 def test_round_trip(
     meta: dict[str, str], rows: list[tuple[float, float]], limits: tuple[float, float, float], name: str, actuator: str
 ) -> None:
@@ -177,8 +193,12 @@ def test_all_that_the_methods_say_of_themselves_can_be_read_back() -> None:
     """The keys of every `meta` in the sources, found in their text: none may be missing on the format's list."""
     root = Path(csv.__file__).parents[1]
     found = set()
-    for path in (root / "pipeline.py", root / "thimble_command.py", root / "formats" / "export.py",
-                 *(root / "matching").glob("*.py")):  # fmt: skip
+    for path in (
+        root / "pipeline.py",
+        root / "thimble_command.py",
+        root / "formats" / "export.py",
+        *(root / "matching").glob("*.py"),
+    ):
         if path.name in ("table.py", "screen_map.py"):  # meta of other files
             continue
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
@@ -224,7 +244,7 @@ def test_all_that_the_methods_say_of_themselves_can_be_read_back() -> None:
         ('"low": -0.002', '"low": "x"', "line 16, low", "not a finite number"),
         ('"low": -0.002', '"lowest": 0', "line 16", "not the limits of a channel"),
         ("# limited.tactor_x.slew: 2", "# limited.tactor_x.slew: -2", "line 25", r"not a count \(found '-2'"),
-        ("# wire.bandwidth: 115200.0", "# wire.bandwidth: \"x\"", "wire.bandwidth", "not a finite number"),
+        ("# wire.bandwidth: 115200.0", '# wire.bandwidth: "x"', "wire.bandwidth", "not a finite number"),
         ("# x.zebra: last", "# foo: bar", "line 8", r"unknown key \(found 'foo'; .*Begin .* with 'x.'"),
         ("# x.zebra: last", "# x.: bar", "line 8", "unknown key"),
         ("# kind: shear_tactor", "# kind: banana", "line 11", r"unknown kind of device \(found 'banana'; .*thimble"),
@@ -265,7 +285,7 @@ def test_all_that_the_methods_say_of_themselves_can_be_read_back() -> None:
         ("0.333333333\n", "0.33", "line 29", "ends in the middle of a line"),
         ("0.002,-0.002,0.333333333\n", "# more: 1\n", "line 29", "another length"),
     ],
-)  # fmt: skip
+)
 def test_refusals_name_the_line(old: str, new: str, where: str, what: str) -> None:
     assert old in TEXT
     with pytest.raises(DermisError, match=what) as caught:
@@ -314,7 +334,7 @@ def test_wrong_encoding_names_the_line(tmp_path: Path) -> None:
         ({"spec": replace(SPEC, channels=(Channel("a", "m"), Channel("a", "m")))}, "two channels have one name"),
         ({"spec": replace(SPEC, parameters={"x": float("nan")})}, "a device setting that the header cannot hold"),
     ],
-)  # fmt: skip
+)
 def test_writer_refuses(change: dict[str, object], message: str) -> None:
     with pytest.raises(DermisError, match=message):
         csv.dumps(replace(TRACK, **change))  # type: ignore[arg-type]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from core.errors import DermisError
-from core.matching.calibration import DEPTHS, press_loads, stiffness_factor
 from core.matching.deformation import METHODS, Matcher, PinSolver
+from core.matching.press_test import DEPTHS, press_loads, stiffness_factor
 from core.skin.model import fingertip_skin
 
 

@@ -11,7 +11,7 @@ import pytest
 from core.contact.reach import FASTEST_APPROACH
 from core.contact.sampled import SampledTouch
 from core.contact.touch import TouchSampler
-from core.scene import Body, Chunk, Finger, Mesh, TactileScene
+from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 
 RATE, COUNT = 240.0, 60
 T = np.arange(COUNT) / RATE
@@ -39,8 +39,9 @@ def touch(
 ) -> SampledTouch:
     """One pad that stands still above the middle of one box."""
     body = Body("box", None if meshes else Mesh(CORNERS, FACES))
-    scene = TactileScene("s", Fraction(24), (1, 25), RATE, (Finger("f", (), {"touch_distance": 0.0005}),), (body,),
-                         (), ())  # fmt: skip
+    scene = TactileScene(
+        "s", Fraction(24), (1, 25), RATE, (Finger("f", (), {"touch_distance": 0.0005}),), (body,), (), ()
+    )
     sampler = TouchSampler(scene)
     pad, still = np.tile(np.eye(4), (2, 1, COUNT, 1, 1))
     pad[0, :, 2, 3] = height
@@ -48,8 +49,9 @@ def touch(
         k = slice(start, start + size)
         channels = {} if distance is None else {"finger/0/touch_distance": distance[k]}
         surfaces = {0: tuple(meshes[k])} if meshes else {}
-        sampler.add(Chunk(1 + 24 * T[k], T[k], pad[:, k], still[:, k], np.zeros((0, len(T[k]), 4, 4)), surfaces,
-                          channels))  # fmt: skip
+        sampler.add(
+            Chunk(1 + 24 * T[k], T[k], pad[:, k], still[:, k], np.zeros((0, len(T[k]), 4, 4)), surfaces, channels)
+        )
     return sampler.finish()
 
 

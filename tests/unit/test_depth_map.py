@@ -53,8 +53,15 @@ def png(samples, depth, colour, kinds=None, extra=b"", interlace=0):
     head = struct.pack(">IIBBBBB", columns, rows, depth, colour, 0, 0, interlace)
     body = zlib.compress(filtered(packed, kinds, step))
     half = len(body) // 2  # two parts: readers must join them
-    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + extra + chunk(b"tEXt", b"a\0b") + chunk(b"IDAT", body[:half])
-            + chunk(b"IDAT", body[half:]) + chunk(b"IEND", b""))  # fmt: skip
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", head)
+        + extra
+        + chunk(b"tEXt", b"a\0b")
+        + chunk(b"IDAT", body[:half])
+        + chunk(b"IDAT", body[half:])
+        + chunk(b"IEND", b"")
+    )
 
 
 def numbers(rows, columns, channels, depth, seed=0):
@@ -170,8 +177,10 @@ def test_refuses_a_missing_file(tmp_path):
 
 def test_pgm_and_ppm(tmp_path):
     wide = np.array([[0, 256, 65535], [1, 2, 513]])
-    for data in (b"P5\n# a comment\n3 2\n65535\n" + wide.astype(">u2").tobytes(),
-                 b"P2 3 2 #x\n65535\n0 256 65535 # more\n1 2 513\n"):  # fmt: skip
+    for data in (
+        b"P5\n# a comment\n3 2\n65535\n" + wide.astype(">u2").tobytes(),
+        b"P2 3 2 #x\n65535\n0 256 65535 # more\n1 2 513\n",
+    ):
         np.testing.assert_allclose(images.read(put(tmp_path, data)).values, wide[::-1] / 65535, rtol=1e-6)
     raster = images.read(put(tmp_path, b"P6 2 1 200\n" + bytes([100, 100, 100, 200, 0, 0])))
     np.testing.assert_allclose(raster.values, [[0.5, 0.2126]], rtol=1e-6)
@@ -195,8 +204,12 @@ def test_npy_of_any_kind(tmp_path, kind):
 
 
 def test_npy_never_unpickles_and_refuses_other_shapes(tmp_path):
-    for array, message in ((np.array([{"a": 1}]), "cannot be read"), (np.zeros(3), "not an image"),
-                           (np.zeros((2, 2), complex), "real numbers"), (np.zeros((0, 4)), "4 x 0")):  # fmt: skip
+    for array, message in (
+        (np.array([{"a": 1}]), "cannot be read"),
+        (np.zeros(3), "not an image"),
+        (np.zeros((2, 2), complex), "real numbers"),
+        (np.zeros((0, 4)), "4 x 0"),
+    ):
         np.save(tmp_path / "b.npy", array, allow_pickle=True)
         with pytest.raises(DermisError, match=message):
             images.read(tmp_path / "b.npy")

@@ -90,13 +90,24 @@ def test_targets_that_are_not_numbers_are_refused(bad):
 
 def random_ridge(rng, p, c):
     quadratic = rng.normal(size=(c, p, p))
-    return QuadraticRidge(rng.normal(size=p), rng.uniform(0.5, 2, p), rng.normal(size=c), rng.normal(size=(c, p)),
-                          quadratic + quadratic.transpose(0, 2, 1))  # fmt: skip
+    return QuadraticRidge(
+        rng.normal(size=p),
+        rng.uniform(0.5, 2, p),
+        rng.normal(size=c),
+        rng.normal(size=(c, p)),
+        quadratic + quadratic.transpose(0, 2, 1),
+    )
 
 
 def random_network(rng, p, c, h=9):
-    return Network(rng.normal(size=p), rng.uniform(0.5, 2, p), rng.normal(size=(h, p)), rng.normal(size=h),
-                   rng.normal(size=(c, h)), rng.normal(size=c))  # fmt: skip
+    return Network(
+        rng.normal(size=p),
+        rng.uniform(0.5, 2, p),
+        rng.normal(size=(h, p)),
+        rng.normal(size=h),
+        rng.normal(size=(c, h)),
+        rng.normal(size=c),
+    )
 
 
 @pytest.mark.parametrize("make", [random_ridge, random_network])

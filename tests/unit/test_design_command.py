@@ -36,15 +36,22 @@ def skin():
 def run(*arguments, cwd=None):
     env = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1"}
     env["PYTHONPATH"] = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
-    return subprocess.run([sys.executable, "-m", "core", "design", *map(str, arguments)], cwd=cwd, env=env,
-                          capture_output=True, encoding="utf-8", timeout=300)  # fmt: skip
+    return subprocess.run(
+        [sys.executable, "-m", "core", "design", *map(str, arguments)],
+        cwd=cwd,
+        env=env,
+        capture_output=True,
+        encoding="utf-8",
+        timeout=300,
+    )
 
 
 @pytest.fixture(scope="module")
 def reported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("design")
-    made = run("flat", "--rows", 512, "--out", folder / "out", "--save-table", folder / "table.npz", "--motors", 2,
-               "--quiet")  # fmt: skip
+    made = run(
+        "flat", "--rows", 512, "--out", folder / "out", "--save-table", folder / "table.npz", "--motors", 2, "--quiet"
+    )
     assert made.returncode == 0, made.stderr
     return folder, made
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core import scene_file
 from core.design import task
 from core.design.collect import collect
 from core.design.interactions import interaction
@@ -21,6 +20,7 @@ from core.errors import DermisError
 from core.matching.readings import readings_of
 from core.matching.table import SkinTable, belongs, build
 from core.presets import Library
+from core.scene import scene_file
 from core.skin.model import fingertip_skin
 from core.skin.shape import FingertipShape
 from tests.unit.test_design_command import run
@@ -100,8 +100,10 @@ def test_a_scene_is_felt_by_its_fingers_own_skin(skin, tmp_path):
         assert made.returncode == 0, made.stderr
         said[name] = json.loads(made.stdout)["joint"]["variance"]["error_counts"]
     assert said["plain"] != said["soft"]
-    for arguments in ((tmp_path / "plain.npz", tmp_path / "soft.npz", "--skin", "index_medium"),
-                      (tmp_path / "soft.npz", "--skin", "index_small")):  # fmt: skip
+    for arguments in (
+        (tmp_path / "plain.npz", tmp_path / "soft.npz", "--skin", "index_medium"),
+        (tmp_path / "soft.npz", "--skin", "index_small"),
+    ):
         made = run(*arguments, "--quiet", cwd=tmp_path)
         assert made.returncode == 2 and "another skin" in made.stderr, made.stderr
 
@@ -172,12 +174,21 @@ def test_no_original_motor_goes_faster_than_it_could(spec, table):
 def test_a_coupling_beyond_the_original_range_is_found(spec, skin, table):
     from core.design.trial import felt
     from core.matching.lookup import render
-    from core.scene import DeviceUse
+    from core.scene.tactile_scene import DeviceUse
 
-    tight = {"coupling": [[3.0], [3.0], [-1.0]], "coupling_offset": [0.0, 0.0, 0.1], "coupling_low": [0.0] * 3,
-             "coupling_high": [c.high for c in spec.channels], "coupling_unit": "rad"}  # fmt: skip
-    one = replace(spec, key="one", channels=(replace(spec.channels[0], unit="1", low=0.0, high=1.0, slew=None),),
-                  parameters={**spec.parameters, **tight})  # fmt: skip
+    tight = {
+        "coupling": [[3.0], [3.0], [-1.0]],
+        "coupling_offset": [0.0, 0.0, 0.1],
+        "coupling_low": [0.0] * 3,
+        "coupling_high": [c.high for c in spec.channels],
+        "coupling_unit": "rad",
+    }
+    one = replace(
+        spec,
+        key="one",
+        channels=(replace(spec.channels[0], unit="1", low=0.0, high=1.0, slew=None),),
+        parameters={**spec.parameters, **tight},
+    )
     touch = felt(skin, "flat", 0)
     scene = interaction("flat", skin.positions, seed=0)
     found = render(None, scene, 0, DeviceUse("one", {"table_rows": 512}), one, touch)
@@ -187,12 +198,19 @@ def test_a_coupling_beyond_the_original_range_is_found(spec, skin, table):
     assert codes["original-range"].limit.startswith("0 to")
 
 
-@pytest.mark.parametrize(("arguments", "words"), [
-    (("flat", "--rows", -5), "--rows"), (("flat", "--seed", -1), "--seed"), (("--trial", 0), "--trial"),
-    (("flat", "--noise", -3), "--noise"), (("flat", "--noise", "nan"), "--noise"),
-    (("flat", "--motors", 9, "--out", "x"), "--motors"), (("flat", "--motors", 2), "--out"),
-    (("flat", "--choice", "rendered"), "--out"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("flat", "--rows", -5), "--rows"),
+        (("flat", "--seed", -1), "--seed"),
+        (("--trial", 0), "--trial"),
+        (("flat", "--noise", -3), "--noise"),
+        (("flat", "--noise", "nan"), "--noise"),
+        (("flat", "--motors", 9, "--out", "x"), "--motors"),
+        (("flat", "--motors", 2), "--out"),
+        (("flat", "--choice", "rendered"), "--out"),
+    ],
+)
 def test_arguments_that_cannot_be_meant_are_refused(arguments, words, tmp_path):
     made = run(*arguments, "--quiet", cwd=tmp_path)
     assert made.returncode == 2 and words in made.stderr and "Traceback" not in made.stderr, made.stderr

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.contact import shapes
-from core.contact.gap import Surface
 from core.errors import DermisError
 from core.experiment import Touch, fingertip, match, press
 from core.skin.model import SkinModel
+from core.surface import shapes
+from core.surface.gap import Surface
 
 
 @pytest.fixture(scope="module")
@@ -117,8 +117,14 @@ def test_a_turned_surface_is_the_surface_turned(skin: SkinModel) -> None:
 
 def test_what_cannot_be_pressed_is_refused(skin: SkinModel) -> None:
     block = Surface.block()
-    for wrong in ({"depth": -1e-3}, {"depth": 0.1}, {"friction": -1.0}, {"turn": np.ones((3, 3))}, {"slide": (1.0,)},
-                  {"at": (0.5, 0.0)}):  # fmt: skip
+    for wrong in (
+        {"depth": -1e-3},
+        {"depth": 0.1},
+        {"friction": -1.0},
+        {"turn": np.ones((3, 3))},
+        {"slide": (1.0,)},
+        {"at": (0.5, 0.0)},
+    ):
         with pytest.raises(DermisError):
             press(skin, block, **wrong)  # type: ignore[arg-type]
     with pytest.raises(DermisError, match="no such length"):

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import core
-from core.bake import Bake, Output
 from core.devices.spec import Channel, DeviceSpec
-from core.formats import c_header, export
-from core.formats.file_names import FileNames, numbered, safe
-from core.outputs import file_names
-from core.track import CommandTrack
+from core.pipeline.bake import Bake, Output
+from core.pipeline.outputs import file_names
+from core.track import c_header, export
+from core.track.command_track import CommandTrack
+from core.track.file_names import FileNames, numbered, safe
 
 SPEC = DeviceSpec("dev", "A device", "thimble", 100.0, (Channel("x", "m", -1.0, 1.0, actuator="a"),), stated_hash="0")
 ROOT = Path(core.__file__).parents[1]
@@ -83,8 +83,14 @@ def test_a_bake_s_files() -> None:
 
 def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
-    return subprocess.run([sys.executable, "-m", "core", "export", *arguments], cwd=folder, env=env, timeout=120,
-                          capture_output=True, encoding="utf-8")  # fmt: skip
+    return subprocess.run(
+        [sys.executable, "-m", "core", "export", *arguments],
+        cwd=folder,
+        env=env,
+        timeout=120,
+        capture_output=True,
+        encoding="utf-8",
+    )
 
 
 def test_tracks_of_one_name_from_several_folders(tmp_path: Path) -> None:

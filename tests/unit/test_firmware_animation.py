@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from core.stream import adapter
+from core.stream.protocols import adapter
 from tests.unit.firmware_board import ANIMATION_BAUD, Board, emulated, firmware, servos, wanted_us
 
 pytestmark = emulated

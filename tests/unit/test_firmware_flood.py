@@ -14,9 +14,7 @@ OFTEN = ("00 01", "random bytes, 30 % zeros", "HELLO of other sessions", "the wh
 HANG = 0xCFFF  # rjmp to itself
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=() if n in OFTEN else pytest.mark.long) for n in FLOODS]
-)  # fmt: skip
+@pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in OFTEN else pytest.mark.long) for n in FLOODS])
 def test_safe_in_time_whatever_is_on_the_line(name: str) -> None:
     with Board(firmware(), BAUD) as board:
         done = flood(board, name, BAUD)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.stream import packets
-from core.stream.packets import Kind
+from core.stream.protocols import packets
+from core.stream.protocols.packets import Kind
 from tests.unit.firmware_board import BAUD, Board, Sender, emulated, firmware, servos, wanted_us
 
 pytestmark = emulated

@@ -16,14 +16,20 @@ from numpy.typing import NDArray
 
 from core.devices.spec import Channel, DeviceSpec
 from core.errors import DermisError
-from core.formats import c_header, check
-from core.track import CommandTrack
+from core.track import c_header, check
+from core.track.command_track import CommandTrack
 
 SPEC = DeviceSpec(
-    "dev", "Two servos */ and a trap", "test", 50.0,
-    (Channel("only_tells", "m"), Channel("a", "rad", -1.0, 1.0, None, 0.0, "s1"),
-     Channel("b", "rad", 0.0, 2.0, None, 2.0, "s2")),
-)  # fmt: skip
+    "dev",
+    "Two servos */ and a trap",
+    "test",
+    50.0,
+    (
+        Channel("only_tells", "m"),
+        Channel("a", "rad", -1.0, 1.0, None, 0.0, "s1"),
+        Channel("b", "rad", 0.0, 2.0, None, 2.0, "s2"),
+    ),
+)
 
 
 def a_track(n: int = 40) -> CommandTrack:
@@ -56,8 +62,9 @@ def play(folder: Path, track: CommandTrack, times: list[int]) -> NDArray[np.int6
     (folder / "main.c").write_text(MAIN)
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-O1"]
     subprocess.run([compiler, *flags, "main.c", "-o", "main"], cwd=folder, check=True)
-    done = subprocess.run([folder / "main"], input="\n".join(map(str, times)), text=True, capture_output=True,
-                          check=True)  # fmt: skip
+    done = subprocess.run(
+        [folder / "main"], input="\n".join(map(str, times)), text=True, capture_output=True, check=True
+    )
     return np.array([[int(n) for n in line.split()] for line in done.stdout.splitlines()])
 
 

@@ -14,14 +14,18 @@ import pytest
 
 from core.devices.spec import Channel, DeviceSpec
 from core.errors import DermisError
-from core.formats import binary, csv, export, json_track
-from core.track import CommandTrack
+from core.track import binary, csv, export, json_track
+from core.track.command_track import CommandTrack
 
 SPEC = DeviceSpec(
-    "dev", "A dévice", "pin_array", 1000.0,
+    "dev",
+    "A dévice",
+    "pin_array",
+    1000.0,
     (Channel("x", "m", -2e-3, 2e-3, 0.15, 0.0), Channel("motor", "rad", -0.5, 0.5, None, 0.1, "m1")),
-    {"range": 2e-3, "names": ["a", "b"], "on": True}, {"bandwidth": 1e6, "bits_per_sample": 8.0},
-)  # fmt: skip
+    {"range": 2e-3, "names": ["a", "b"], "on": True},
+    {"bandwidth": 1e6, "bits_per_sample": 8.0},
+)
 META = {"finger": "Thumb, left", "scene": "Szene\n2", "frame_range": "1 25", "fps": "24/1"}
 
 
@@ -87,8 +91,11 @@ def test_binary_refuses_what_its_steps_cannot_span() -> None:
 
 def test_binary_bytes_of_a_track_by_hand() -> None:
     """Three samples of one channel from 0 to 1: counts 0, 2^31 (half, rounded to even) and 2^32 - 1."""
-    one = CommandTrack(DeviceSpec("d", "D", "pin_array", 10.0, (Channel("a", "1"),)), np.arange(3) / 10.0,
-                       np.array([[0.0], [0.5], [1.0]]))  # fmt: skip
+    one = CommandTrack(
+        DeviceSpec("d", "D", "pin_array", 10.0, (Channel("a", "1"),)),
+        np.arange(3) / 10.0,
+        np.array([[0.0], [0.5], [1.0]]),
+    )
     data = binary.dumps(one)
     assert data[:8] == bytes.fromhex("8944524d540d0a01")
     size = struct.unpack_from("<I", data, 8)[0]
@@ -133,7 +140,7 @@ def test_json_refusals_say_where() -> None:
         ('"rate": 1000.0', '"rate": -1.0', "grid|rate"),
         ('"unit": "rad"', '"unit": "degree"', "column name"),
         ('"x.slew": 3', '"x.slew": -3', "count"),
-    ):  # fmt: skip
+    ):
         broken = text.replace(old, new, 1) if old != "[0.0" else text.replace('"x": [', '"x": [NaN, ', 1)
         assert broken != text
         with pytest.raises(DermisError, match=what):
@@ -217,8 +224,9 @@ def test_json_and_binary_refuse_what_they_do_not_know(old: str, new: str, what: 
 @pytest.mark.parametrize("module", [json_track, binary])
 def test_json_and_binary_do_not_write_what_they_would_refuse(module: ModuleType) -> None:
     for change, what in (
-        ({"meta": {"foo": "bar"}}, "unknown key"), ({"limited": {"gone.range": 1}}, "without a column"),
+        ({"meta": {"foo": "bar"}}, "unknown key"),
+        ({"limited": {"gone.range": 1}}, "without a column"),
         ({"spec": replace(SPEC, kind="banana")}, "unknown kind of device"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(DermisError, match=what):
             module.dumps(replace(a_track(3), **change))

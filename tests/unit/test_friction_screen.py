@@ -59,8 +59,18 @@ def test_inverse_refuses_a_negative_amplitude():
         FrictionLaw().friction([-1.0])
 
 
-@pytest.mark.parametrize("fields", [{"slope": 0}, {"slope": -1}, {"slope": math.nan}, {"intercept": math.inf},
-                                    {"base": 1}, {"base": 0.5}, {"base": math.nan}])  # fmt: skip
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"slope": 0},
+        {"slope": -1},
+        {"slope": math.nan},
+        {"intercept": math.inf},
+        {"base": 1},
+        {"base": 0.5},
+        {"base": math.nan},
+    ],
+)
 def test_refuses_a_law_that_is_none(fields):
     with pytest.raises(DermisError, match="friction law"):
         FrictionLaw(**fields)
@@ -95,8 +105,10 @@ def test_outside_the_span_is_counted_and_nothing_changed(spec):
     findings = {f.code: f for f in screen.check(volts, carrier, "here")}
     np.testing.assert_array_equal(volts, before)
     assert {code: f.count for code, f in findings.items()} == {
-        "below-measured-span": 1, "above-measured-span": 2, "carrier-not-measured": 1,
-    }  # fmt: skip
+        "below-measured-span": 1,
+        "above-measured-span": 2,
+        "carrier-not-measured": 1,
+    }
     assert findings["above-measured-span"].severity == "warning"
     assert screen.check(volts[2:4], carrier[2:4]) == ()
 

@@ -9,11 +9,11 @@ import weakref
 import numpy as np
 import pytest
 
-from core.contact.gap import Surface
-from core.contact.nearest import CentroidTree
 from core.contact.surfaces import surface_of
 from core.errors import DermisError
-from core.scene import Mesh
+from core.scene.tactile_scene import Mesh
+from core.surface.gap import Surface
+from core.surface.nearest import CentroidTree
 
 CUBE_VERTICES = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * 0.01
 CUBE_TRIANGLES = np.array([
@@ -81,9 +81,9 @@ def test_box_distance_in_closed_form():
     np.testing.assert_allclose(q.gap, box_distance(points, 0.01), atol=1e-15)
     # the normal is the gradient: central differences of the closed form, away from its ridges
     h = 1e-7
-    gradient = np.stack([
-        (box_distance(points + h * e, 0.01) - box_distance(points - h * e, 0.01)) / (2 * h) for e in np.eye(3)
-    ], axis=1)  # fmt: skip
+    gradient = np.stack(
+        [(box_distance(points + h * e, 0.01) - box_distance(points - h * e, 0.01)) / (2 * h) for e in np.eye(3)], axis=1
+    )
     smooth = np.abs(np.linalg.norm(gradient, axis=1) - 1) < 1e-6
     assert smooth.mean() > 0.99
     np.testing.assert_allclose(q.normal[smooth], gradient[smooth], atol=1e-5)
@@ -113,7 +113,7 @@ def test_random_soup_equals_brute_force(seed):
     np.testing.assert_allclose(np.abs(surface.query(points).gap), exact, atol=1e-14)
     tree = CentroidTree(surface.table)
     surface._tree_if_large = lambda n: tree  # type: ignore[method-assign]
-    import core.contact.nearest as module
+    import core.surface.nearest as module
 
     dense, module.DENSE_PAIRS = module.DENSE_PAIRS, 0
     try:
@@ -301,12 +301,15 @@ def test_cells_answer_as_a_fresh_search_does(kind, reach):
     assert surface._cells is not None and surface._cells._count > 0
 
 
-@pytest.mark.parametrize("vertices, triangles", [
-    (np.zeros((3, 2)), np.zeros((1, 3), int)),
-    (np.zeros((3, 3)), np.zeros((0, 3), int)),
-    (np.full((3, 3), np.nan), np.zeros((1, 3), int)),
-    (np.zeros((3, 3)), np.array([[0, 1, 3]])),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "vertices, triangles",
+    [
+        (np.zeros((3, 2)), np.zeros((1, 3), int)),
+        (np.zeros((3, 3)), np.zeros((0, 3), int)),
+        (np.full((3, 3), np.nan), np.zeros((1, 3), int)),
+        (np.zeros((3, 3)), np.array([[0, 1, 3]])),
+    ],
+)
 def test_broken_meshes_are_refused(vertices, triangles):
     with pytest.raises(DermisError):
         Surface.build(vertices, triangles)

@@ -63,10 +63,14 @@ def test_the_minimum_at_a_servo_limit_equals_a_general_solver(device):
             lambda x: (x / scale, np.diag(1 / scale)), goal, NEUTRAL, device, max_iterations=60, max_evaluations=200
         )
         other = minimize(
-            lambda y, to: 0.5 * ((y - to) ** 2).sum(), NEUTRAL / scale, (goal,), jac=lambda y, to: y - to,
-            method="SLSQP", constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale)[0]},
+            lambda y, to: 0.5 * ((y - to) ** 2).sum(),
+            NEUTRAL / scale,
+            (goal,),
+            jac=lambda y, to: y - to,
+            method="SLSQP",
+            constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale)[0]},
             options={"ftol": 1e-13},
-        )  # fmt: skip
+        )
         assert found.room.min() >= 0.0 and found.active
         assert found.kkt < 0.02
         assert found.cost <= other.fun * (1 + 2e-3)
@@ -85,10 +89,14 @@ def test_a_target_beyond_a_singular_pose_ends_at_the_least_firmness(device):
             lambda x: (x / scale, np.diag(1 / scale)), goal, NEUTRAL, device, max_iterations=60, max_evaluations=200
         )
         other = minimize(
-            lambda y, to: 0.5 * ((y - to) ** 2).sum(), NEUTRAL / scale, (goal,), jac=lambda y, to: y - to,
-            method="SLSQP", constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale)[0]},
+            lambda y, to: 0.5 * ((y - to) ** 2).sum(),
+            NEUTRAL / scale,
+            (goal,),
+            jac=lambda y, to: y - to,
+            method="SLSQP",
+            constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale)[0]},
             options={"ftol": 1e-13, "maxiter": 300},
-        )  # fmt: skip
+        )
         assert found.room.min() >= 0.0 and GIVES_WAY in found.active and found.kkt < 0.02
         assert found.cost <= other.fun * (1 + 2e-3)
         turned = device.forward(device.servo_angles(found.x)[0], NEUTRAL)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.contact.bodies import ContactBody, ContactFrame
-from core.contact.cone import OPEN, STICK
-from core.contact.halfspace import halfspace_compliance, square_grid
-from core.contact.path import PathSolver
-from core.contact.plane import Plane
-from core.contact.solve import solve
+from core.contact.solver.bodies import ContactBody, ContactFrame
+from core.contact.solver.cone import OPEN, STICK
+from core.contact.solver.halfspace import halfspace_compliance, square_grid
+from core.contact.solver.path import PathSolver
+from core.contact.solver.solve import solve
 from core.errors import DermisError
+from core.surface.plane import Plane
 
 YOUNG, POISSON = 1e5, 0.5
 RADIUS, DEPTH = 0.01, 4e-4
@@ -23,8 +23,9 @@ def frame(nodes, gap, friction, shift=(0.0, 0.0)):
     """A rigid body below the half-space, given by its gap and how far it has moved sideways."""
     m = len(nodes)
     body = ContactBody(PLANE, translation=np.array([*shift, 0.0]), friction=friction)
-    return ContactFrame((body,), gap, np.tile(UP, (m, 1)), np.zeros(m, int), np.zeros(m, int), np.full(m, friction),
-                        np.zeros(m))  # fmt: skip
+    return ContactFrame(
+        (body,), gap, np.tile(UP, (m, 1)), np.zeros(m, int), np.zeros(m, int), np.full(m, friction), np.zeros(m)
+    )
 
 
 def sphere_gap(nodes, depth, radius=RADIUS):
@@ -47,11 +48,13 @@ def test_compliance_against_point_forces_far_away():
     x, y, r = 40.0, 30.0, 50.0
     g = (1 + nu) / (np.pi * e)
     couple = (1 - 2 * nu) / 2
-    exact = g * np.array([
-        [(1 - nu) / r + nu * x * x / r**3, nu * x * y / r**3, -couple * x / r**2],
-        [nu * x * y / r**3, (1 - nu) / r + nu * y * y / r**3, -couple * y / r**2],
-        [couple * x / r**2, couple * y / r**2, (1 - nu) / r],
-    ])  # fmt: skip
+    exact = g * np.array(
+        [
+            [(1 - nu) / r + nu * x * x / r**3, nu * x * y / r**3, -couple * x / r**2],
+            [nu * x * y / r**3, (1 - nu) / r + nu * y * y / r**3, -couple * y / r**2],
+            [couple * x / r**2, couple * y / r**2, (1 - nu) / r],
+        ]
+    )
     np.testing.assert_allclose(c, exact, rtol=1e-3)
 
 

@@ -12,7 +12,7 @@ from core.contact.held import held
 from core.contact.sampled import SampledTouch
 from core.contact.touch import TouchSampler
 from core.errors import DermisError
-from core.scene import Body, Chunk, Finger, Mesh, TactileScene, sample_frames
+from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene, sample_frames
 
 TIMES = np.arange(1001) / 1000.0
 
@@ -29,10 +29,19 @@ def grasp(places: list[Any], channels: dict[str, np.ndarray] | None = None, **pa
     fingers = np.tile(np.eye(4), (len(places), len(t), 1, 1))
     for f, place in enumerate(places):
         fingers[f, :, :3, 3] = place(t) if callable(place) else place
-    chunk = Chunk(frames, t, fingers, np.tile(np.eye(4), (1, len(t), 1, 1)), np.zeros((0, len(t), 4, 4)), {},
-                  channels or {})  # fmt: skip
-    scene = TactileScene("s", Fraction(24), (1, 25), 240.0, tuple(Finger(f"f{i}") for i in range(len(places))),
-                         (Body("cube", cube(0.02), parameters),), (), (chunk,))  # fmt: skip
+    chunk = Chunk(
+        frames, t, fingers, np.tile(np.eye(4), (1, len(t), 1, 1)), np.zeros((0, len(t), 4, 4)), {}, channels or {}
+    )
+    scene = TactileScene(
+        "s",
+        Fraction(24),
+        (1, 25),
+        240.0,
+        tuple(Finger(f"f{i}") for i in range(len(places))),
+        (Body("cube", cube(0.02), parameters),),
+        (),
+        (chunk,),
+    )
     sampler = TouchSampler(scene)
     sampler.add(chunk)
     return sampler.finish(), scene

@@ -7,12 +7,12 @@ import itertools
 import numpy as np
 import pytest
 
-from core.contact.cone import SLIP
-from core.contact.gap import Surface
 from core.contact.held_object import HeldObject, HoldingFinger
-from core.contact.plane import Plane
+from core.contact.solver.cone import SLIP
 from core.errors import DermisError
 from core.skin.model import fingertip_skin
+from core.surface.gap import Surface
+from core.surface.plane import Plane
 
 HALF = np.array([0.01, 0.015, 0.01])
 TRIANGLES = np.array([

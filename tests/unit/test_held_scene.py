@@ -8,14 +8,14 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from core.contact.gap import Surface
 from core.contact.held import held
 from core.contact.held_body import inertia_of
 from core.contact.skin_touch import SkinSampler
 from core.contact.touch import TouchSampler
 from core.errors import DermisError
-from core.scene import Body, Chunk, Finger, Mesh, TactileScene
+from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 from core.skin.model import fingertip_skin
+from core.surface.gap import Surface
 
 HALF = np.array([0.01, 0.015, 0.01])
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float) * HALF
@@ -52,17 +52,24 @@ def carried(path, turn=None):
 def make(mass=0.03, mode="auto", **more):
     given = {"friction": 0.6, "held_mode": mode, **({} if mass is None else {"mass": mass}), **more}
     fingers = tuple(Finger(n) for n in ("index", "thumb"))
-    return TactileScene("s", Fraction(24), (1, 2), RATE, fingers, (Body("block", BLOCK, given),), (), (),
-                        tuple(GRAVITY))  # fmt: skip
+    return TactileScene(
+        "s", Fraction(24), (1, 2), RATE, fingers, (Body("block", BLOCK, given),), (), (), tuple(GRAVITY)
+    )
 
 
 def run(scene, skins, block, fingers, cuts=(), channels=None, surfaces=None):
     pads, sampler = TouchSampler(scene), SkinSampler(scene, skins)
     for i, j in zip((0, *cuts), (*cuts, COUNT), strict=True):
         screens = np.zeros((0, j - i, 4, 4))
-        chunk = Chunk(np.arange(i, j) / 10 + 1, TIMES[i:j], fingers[:, i:j], block[None, i:j], screens,
-                      {} if surfaces is None else {0: surfaces[i:j]},
-                      {k: v[i:j] for k, v in (channels or {}).items()})  # fmt: skip
+        chunk = Chunk(
+            np.arange(i, j) / 10 + 1,
+            TIMES[i:j],
+            fingers[:, i:j],
+            block[None, i:j],
+            screens,
+            {} if surfaces is None else {0: surfaces[i:j]},
+            {k: v[i:j] for k, v in (channels or {}).items()},
+        )
         pads.add(chunk)
         sampler.add(chunk)
     touch = pads.finish()
@@ -122,8 +129,9 @@ def test_it_slips_at_the_mass_that_friction_cannot_carry(skin):
     light, _ = run(make(1e-5), {0: skin, 1: skin}, block, fingers)
     limit = 2 * 0.6 * float(light[0].normal_force[-1]) / 9.81
     holds, _ = run(make(0.85 * limit), {0: skin, 1: skin}, block, fingers)
-    np.testing.assert_allclose(on_block(holds, fingers, COUNT - 1), -0.85 * limit * GRAVITY, rtol=1e-6,
-                               atol=1e-6 * limit * 9.81)  # fmt: skip
+    np.testing.assert_allclose(
+        on_block(holds, fingers, COUNT - 1), -0.85 * limit * GRAVITY, rtol=1e-6, atol=1e-6 * limit * 9.81
+    )
     slips, _ = run(make(1.05 * limit), {0: skin, 1: skin}, block, fingers)
     found = [f for f in slips[0].findings if f.code == "slips"]
     assert len(found) == 1 and found[0].where == "object 'block'" and found[0].count >= COUNT - CLOSED

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.contact.bodies import ContactBody
-from core.contact.path import PathSolver
+from core.contact.solver.bodies import ContactBody
+from core.contact.solver.path import PathSolver
 from core.devices import hexapod
 from core.devices.disc_pose import Disc
 from core.devices.poses import Poses, rotation
@@ -69,8 +69,9 @@ def test_the_sweep_has_the_papers_number_of_rows_and_stays_in_range(spec, device
 def test_a_press_agrees_with_the_path_solver_on_the_same_path(device, pitch, roll):
     """Two implementations, one law: batch in single precision against frame after frame in double."""
     skin = fingertip_skin(level="draft")
-    poses = platform_poses(skin.positions, np.array([1.2e-3]), np.array([pitch]), np.array([roll]), np.zeros((1, 2)),
-                           np.zeros(1))  # fmt: skip
+    poses = platform_poses(
+        skin.positions, np.array([1.2e-3]), np.array([pitch]), np.array([roll]), np.zeros((1, 2)), np.zeros(1)
+    )
     command = device.commands(poses)
     steps = 40
     found = Press(skin.compliance, skin.positions, device, 0.4, steps=steps).press(command)

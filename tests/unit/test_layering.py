@@ -13,9 +13,21 @@ ADDON = ROOT / "blender_addon"
 
 BASE = {"errors", "units", "version", "foreign", "files", "npz", "number_rows", "cache", "interpolate", "devices.spec"}
 # Files of devices/ that need no more than a device's description: presets are judged by them.
-MECHANISMS = {"parameters", "shear_tactor", "friction_screen", "pin_array", "thimble", "firmness",
-              "forward_kinematics", "servo_limits", "cable_platform", "hexapod", "poses", "coupling",
-              "retraction"}  # fmt: skip
+MECHANISMS = {
+    "parameters",
+    "shear_tactor",
+    "friction_screen",
+    "pin_array",
+    "thimble",
+    "firmness",
+    "forward_kinematics",
+    "servo_limits",
+    "cable_platform",
+    "hexapod",
+    "poses",
+    "coupling",
+    "retraction",
+}
 SCENE = BASE | {"presets", "scene"}
 CONTACT = SCENE | {"skin", "motion", "contact", "images"}
 STIMULUS = CONTACT | {"stimulus", "sensor", "track"}

@@ -183,18 +183,18 @@ def test_no_table_is_refused(tmp_path):
 @pytest.mark.parametrize("device", ["cable_platform", "hexapod"])
 def test_a_scene_is_rendered_and_the_track_makes_the_skin_feel_alike(device):
     """Through the whole pipeline: rest where nothing touches, within the device's range, and felt as wanted."""
-    from core import pipeline
     from core.design.interactions import Wobble, interaction
     from core.matching.readings import readings_of
     from core.matching.table import press_of
+    from core.pipeline import render
     from core.presets import Library
-    from core.scene import DeviceUse, Finger
+    from core.scene.tactile_scene import DeviceUse, Finger
     from core.skin.model import fingertip_skin
 
     skin = fingertip_skin(level="draft")
     scene = interaction("flat", skin.positions, wobble=Wobble(0, 0, 0, 0), repetitions=1)
     finger = Finger("Index", (DeviceUse(device),), {"skin_level": "draft"})
-    bake = pipeline.run(replace(scene, fingers=(finger,)))
+    bake = render.run(replace(scene, fingers=(finger,)))
     assert [f for f in bake.all_findings if f.severity == "error"] == []
     (output,) = bake.outputs
     spec = Library().device(device)

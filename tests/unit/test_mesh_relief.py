@@ -8,12 +8,12 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from core.contact.gap import Surface
 from core.contact.touch import TouchSampler
 from core.errors import DermisError
-from core.matching.perceptual import render
+from core.matching.friction_screen import render
 from core.presets import Library
-from core.scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene
+from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene
+from core.surface.gap import Surface
 
 RATE, COUNT = 240.0, 241
 SPEC = Library().device("electrovibration")
@@ -71,9 +71,14 @@ def sample(way, *, device, bodies=STILL, surfaces=None, screens=True, world=None
     heights = height(*np.meshgrid(x, y)).astype(np.float32)
     screen = (Screen("Pad", SIZE, heights, 1.0, {"touch_distance": 0.005}),) if screens else ()
     use = DeviceUse("electrovibration", device, "Pad" if screens else "")
-    chunk = Chunk(1 + np.arange(n) * 24 / RATE, np.arange(n) / RATE, rigid @ fingers,
-                  np.tile(rigid, (len(bodies), n, 1, 1)), np.tile(rigid, (len(screen), n, 1, 1)),
-                  {} if surfaces is None else {0: surfaces})  # fmt: skip
+    chunk = Chunk(
+        1 + np.arange(n) * 24 / RATE,
+        np.arange(n) / RATE,
+        rigid @ fingers,
+        np.tile(rigid, (len(bodies), n, 1, 1)),
+        np.tile(rigid, (len(screen), n, 1, 1)),
+        {} if surfaces is None else {0: surfaces},
+    )
     last = 1 + math.ceil((n - 1) * 24 / RATE)
     scene = TactileScene("t", Fraction(24), (1, last), RATE, (Finger("Index", (use,)),), tuple(bodies), screen, [chunk])
     sampler = TouchSampler(scene)
@@ -190,11 +195,17 @@ def test_nothing_to_touch_is_said():
     assert "never-touches" in {f.code for f in far.findings}
 
 
-@pytest.mark.parametrize(("device", "words"), [
-    ({"relief": "voxels"}, "relief"), ({**MESH, "profile": "height"}, "profile"),
-    ({**MESH, "downhill": "up"}, "downhill"), ({**MESH, "scale": 0.0}, "scale"),
-    ({**MESH, "scale_mode": "some"}, "scale"), ({**MESH, "relief_formula": "other"}, "relief formula"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("device", "words"),
+    [
+        ({"relief": "voxels"}, "relief"),
+        ({**MESH, "profile": "height"}, "profile"),
+        ({**MESH, "downhill": "up"}, "downhill"),
+        ({**MESH, "scale": 0.0}, "scale"),
+        ({**MESH, "scale_mode": "some"}, "scale"),
+        ({**MESH, "relief_formula": "other"}, "relief formula"),
+    ],
+)
 def test_what_it_cannot_do_is_refused(device, words):
     with pytest.raises(DermisError, match=words):
         sample(path(), device=device)

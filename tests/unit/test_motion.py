@@ -41,8 +41,13 @@ def test_cubics_are_reproduced_on_uneven_times() -> None:
     coefficients = rng.normal(size=(4, 3))
     at = np.linspace(t[0], t[-1], 333)
     spline = Spline(t, np.vander(t, 4) @ coefficients)
-    for order, basis in enumerate((np.vander(at, 4), np.stack([3 * at**2, 2 * at, 1 + 0 * at, 0 * at], 1),
-                                   np.stack([6 * at, 2 + 0 * at, 0 * at, 0 * at], 1))):  # fmt: skip
+    for order, basis in enumerate(
+        (
+            np.vander(at, 4),
+            np.stack([3 * at**2, 2 * at, 1 + 0 * at, 0 * at], 1),
+            np.stack([6 * at, 2 + 0 * at, 0 * at, 0 * at], 1),
+        )
+    ):
         assert np.allclose(spline.at(at, order), basis @ coefficients, rtol=0, atol=1e-9)
 
 
@@ -54,8 +59,13 @@ def test_position_velocity_and_acceleration_converge_as_a_cubic_spline_does() ->
         at = np.linspace(0.2, 0.8, 2001)
         got, exact = motion.at(at), np.stack([np.sin(7 * at), np.cos(7 * at), 0 * at], axis=1)
         d1 = 7 * np.stack([np.cos(7 * at), -np.sin(7 * at), 0 * at], axis=1)
-        errors.append([np.abs(got.position - exact).max(), np.abs(got.velocity - d1).max(),
-                       np.abs(got.acceleration + 49 * exact).max()])  # fmt: skip
+        errors.append(
+            [
+                np.abs(got.position - exact).max(),
+                np.abs(got.velocity - d1).max(),
+                np.abs(got.acceleration + 49 * exact).max(),
+            ]
+        )
     orders = np.log2(np.array(errors[0]) / np.array(errors[1]))
     assert orders == pytest.approx([4, 3, 2], abs=0.2)
 

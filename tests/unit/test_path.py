@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import core.contact.path as path_module
-from core.contact.bodies import ContactBody
-from core.contact.candidates import CandidateInverse
-from core.contact.cone import SLIP, STICK, along
-from core.contact.gap import Surface
-from core.contact.path import PathSolver
-from core.contact.plane import Plane
-from core.contact.solve import solve
+import core.contact.solver.path as path_module
+from core.contact.solver.bodies import ContactBody
+from core.contact.solver.candidates import CandidateInverse
+from core.contact.solver.cone import SLIP, STICK, along
+from core.contact.solver.path import PathSolver
+from core.contact.solver.solve import solve
 from core.skin.model import fingertip_skin
+from core.surface.gap import Surface
+from core.surface.plane import Plane
 
 MU = 0.6
 UP = np.array([0.0, 0.0, 1.0])
@@ -221,8 +221,9 @@ def block(half=0.02, cells=8):
     x, y = (g.ravel() for g in np.meshgrid(axis, axis, indexing="ij"))
     top = np.column_stack([x, y, np.zeros_like(x)])
     n = cells + 1
-    quads = np.array([(i * n + j, (i + 1) * n + j, (i + 1) * n + j + 1, i * n + j + 1)
-                      for i in range(cells) for j in range(cells)])  # fmt: skip
+    quads = np.array(
+        [(i * n + j, (i + 1) * n + j, (i + 1) * n + j + 1, i * n + j + 1) for i in range(cells) for j in range(cells)]
+    )
     faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     bottom = top - [0, 0, 0.01]
     rim = [i * n for i in range(n)] + [(n - 1) * n + j for j in range(1, n)]

@@ -11,11 +11,11 @@ import pytest
 
 from core.contact.touch import TouchSampler
 from core.errors import DermisError
-from core.matching.perceptual import render, screen_maps
-from core.matching.projection import device_times
+from core.matching.friction_screen import render, screen_maps
 from core.matching.screen_map import ScreenMap
+from core.matching.shear_tactor import device_times
 from core.presets import Library
-from core.scene import Chunk, DeviceUse, Finger, Screen, TactileScene
+from core.scene.tactile_scene import Chunk, DeviceUse, Finger, Screen, TactileScene
 
 RATE = 240.0
 SIZE = (0.2, 0.1)
@@ -46,8 +46,20 @@ BUMP = bump()
 STEEPEST = TOP / (SIGMA * math.sqrt(math.e))
 
 
-def scene_of(path, *, heights=BUMP, unit=1.0, parameters=None, device=None, screen_at=None, size=SIZE,
-             finger_world=None, screens=1, use_screen="Pad", channels=None):  # fmt: skip
+def scene_of(
+    path,
+    *,
+    heights=BUMP,
+    unit=1.0,
+    parameters=None,
+    device=None,
+    screen_at=None,
+    size=SIZE,
+    finger_world=None,
+    screens=1,
+    use_screen="Pad",
+    channels=None,
+):
     """A finger whose pad follows `path` (n, 3) in the screen's own frame, sampled at 240 Hz."""
     path = np.asarray(path, float)
     n = len(path)
@@ -63,9 +75,13 @@ def scene_of(path, *, heights=BUMP, unit=1.0, parameters=None, device=None, scre
     all_screens = (screen,) + tuple(dataclasses.replace(screen, name=f"Pad {i + 2}") for i in range(screens - 1))
     poses = np.stack([matrices] + [offset(matrices, 0.5 * (i + 1)) for i in range(screens - 1)])
     chunk = Chunk(
-        frames=1 + np.arange(n) * 24 / RATE, times=np.arange(n) / RATE, fingers=fingers[None],
-        bodies=np.zeros((0, n, 4, 4)), screens=poses, channels=channels or {},
-    )  # fmt: skip
+        frames=1 + np.arange(n) * 24 / RATE,
+        times=np.arange(n) / RATE,
+        fingers=fingers[None],
+        bodies=np.zeros((0, n, 4, 4)),
+        screens=poses,
+        channels=channels or {},
+    )
     last = 1 + max(1, math.ceil((n - 1) * 24 / RATE))
     return TactileScene("test", Fraction(24), (1, last), RATE, (Finger("Index", (use,)),), (), all_screens, [chunk])
 
@@ -294,8 +310,9 @@ def test_animated_settings_override_the_constant_ones():
 
 def test_a_keyed_scale_may_begin_at_zero_and_the_largest_is_written_down():
     t = np.arange(len(ACROSS)) / RATE
-    result = rendered(scene_of(ACROSS, device={"scale_mode": "manual", "scale": 0.0},
-                               channels={"device/0/0/scale": 100 * t}))  # fmt: skip
+    result = rendered(
+        scene_of(ACROSS, device={"scale_mode": "manual", "scale": 0.0}, channels={"device/0/0/scale": 100 * t})
+    )
     up = (result.signals["x"] < -0.001) & (result.track.times > 0.002)
     exact = 100 * result.track.times * result.signals["grad_x"]
     np.testing.assert_allclose(result.signals["friction"][up], exact[up], rtol=1e-9)
@@ -420,9 +437,12 @@ def test_export_gives_the_same_bytes_and_refuses_what_it_does_not_know(tmp_path)
     with np.load(first, allow_pickle=False) as archive:
         np.testing.assert_array_equal(archive["heights"][0], BUMP)
         text = archive["meta"].tobytes().decode()
-    for broken_text, message in ((text.replace("map 1", "map 2"), "version"),
-                                 (text.replace('"offset"', '"off"'), "fields"),
-                                 (text.replace('"rectify"', '"free"'), "downhill"), ("[]", "version")):  # fmt: skip
+    for broken_text, message in (
+        (text.replace("map 1", "map 2"), "version"),
+        (text.replace('"offset"', '"off"'), "fields"),
+        (text.replace('"rectify"', '"free"'), "downhill"),
+        ("[]", "version"),
+    ):
         np.savez(second, heights=BUMP[None], meta=np.frombuffer(broken_text.encode(), np.uint8))
         with pytest.raises(DermisError, match=message):
             ScreenMap.load(second)

@@ -8,14 +8,14 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from core import scene_file
 from core.__main__ import main
 from core.contact.skin_touch import SkinSampler
 from core.contact.touch import TouchSampler
 from core.errors import DermisError
 from core.matching import pin_report
 from core.presets import Library
-from core.scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene
+from core.scene import scene_file
+from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene
 from core.skin.file import save_mesh
 from core.skin.model import fingertip_skin, skin_from_parameters
 from core.sliding import sliding_plane

@@ -14,7 +14,7 @@ from core.matching import pin_resolution, pins
 from core.matching.deformation import RANK_TOLERANCE
 from core.matching.pin_report import compare
 from core.presets import Library
-from core.scene import DeviceUse
+from core.scene.tactile_scene import DeviceUse
 from core.skin.model import fingertip_skin
 from core.sliding import sliding_plane
 

@@ -17,7 +17,7 @@ from core.matching import pin_report, pins
 from core.matching.bounded_lsq import BoundedLeastSquares
 from core.matching.deformation import METHODS, PinSolver
 from core.presets import Library
-from core.scene import DeviceUse
+from core.scene.tactile_scene import DeviceUse
 from core.skin.model import fingertip_skin, skin_from_parameters
 from core.sliding import RATE, SETTLE, sliding_plane
 from core.stimulus import Stimulus
@@ -120,10 +120,13 @@ def test_real_problems_match_two_outside_solvers_and_carry_certificates():
             bvls = optimize.lsq_linear(root.T, side, (0, 0.4), method="bvls", tol=1e-15, max_iter=2000).x
             np.testing.assert_allclose(ours.x, bvls, atol=1e-6)
             box = optimize.minimize(
-                lambda x, c=c, h=gram, s=scale: (0.5 * x @ h @ x - c @ x) / s, np.full(len(c), 0.1),
-                jac=lambda x, c=c, h=gram, s=scale: (h @ x - c) / s, bounds=[(0, 0.4)] * len(c), method="L-BFGS-B",
+                lambda x, c=c, h=gram, s=scale: (0.5 * x @ h @ x - c @ x) / s,
+                np.full(len(c), 0.1),
+                jac=lambda x, c=c, h=gram, s=scale: (h @ x - c) / s,
+                bounds=[(0, 0.4)] * len(c),
+                method="L-BFGS-B",
                 options={"maxiter": 200_000, "maxfun": 400_000, "ftol": 0, "gtol": 1e-13, "maxcor": 60},
-            ).x  # fmt: skip
+            ).x
 
             def cost(x, c=c, h=gram):
                 return 0.5 * x @ h @ x - c @ x
@@ -179,8 +182,10 @@ def test_the_finer_mesh_has_a_target_of_its_own():
     direct = pins.match(PinSolver(pins.setup(skin(), spec()).matcher, "DM2"), felt())
     fine, ready = felt("standard"), pins.setup(skin("standard"), spec())
     i = len(fine.times) - 1
-    u, shown = (skin("standard").displacement(f)[skin("standard").mesh.free]
-                for f in (fine.force_at(i), pins.rendered_force(ready, direct.forces[i])))  # fmt: skip
+    u, shown = (
+        skin("standard").displacement(f)[skin("standard").mesh.free]
+        for f in (fine.force_at(i), pins.rendered_force(ready, direct.forces[i]))
+    )
     expected = np.linalg.norm(u - shown) / np.sqrt(len(u))
     assert pin_report.error_on(ready, fine, direct)[i] == pytest.approx(expected, rel=1e-4)
 

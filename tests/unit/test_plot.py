@@ -12,19 +12,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from core import font, plot
-from core.canvas import PngCanvas, SvgCanvas
 from core.devices.spec import Channel, DeviceSpec
 from core.errors import DermisError
-from core.track import CommandTrack
+from core.plot import font
+from core.plot import track as plot
+from core.plot.canvas import PngCanvas, SvgCanvas
+from core.track.command_track import CommandTrack
 
 SPEC = DeviceSpec(
     "d", "Dev <&>", "k", 100.0, (Channel("x", "m", -0.002, 0.002), Channel("volts", "V")), stated_hash="0"
 )
 TRACK = CommandTrack(
-    SPEC, np.arange(101) / 100, np.stack([np.linspace(-0.002, 0.002, 101), np.full(101, 3.0)], axis=1),
-    {"finger": "Index", "scene": "Tap"}, {"x.range": 4},
-)  # fmt: skip
+    SPEC,
+    np.arange(101) / 100,
+    np.stack([np.linspace(-0.002, 0.002, 101), np.full(101, 3.0)], axis=1),
+    {"finger": "Index", "scene": "Tap"},
+    {"x.range": 4},
+)
 
 
 def pixels(data: bytes) -> NDArray[np.uint8]:
@@ -177,8 +181,11 @@ def test_same_bytes_twice_and_odd_tracks(tmp_path: Path, write: object) -> None:
 
 def test_small_units_read_well(tmp_path: Path) -> None:
     for size, unit in ((0.5, "m"), (0.004, "mm"), (4e-6, "µm")):
-        small = replace(TRACK, spec=replace(SPEC, channels=(Channel("x", "m"), SPEC.channels[1])),
-                        values=TRACK.values * [size / 0.002, 1])  # fmt: skip
+        small = replace(
+            TRACK,
+            spec=replace(SPEC, channels=(Channel("x", "m"), SPEC.channels[1])),
+            values=TRACK.values * [size / 0.002, 1],
+        )
         plot.write_svg(small, tmp_path / "p.svg")
         assert f">x [{unit}]<" in (tmp_path / "p.svg").read_text(encoding="utf-8")
 

@@ -7,12 +7,12 @@ import re
 import numpy as np
 import pytest
 
-from core.canvas import PngCanvas, SvgCanvas
 from core.images import read
-from core.plot import write_png, write_svg
-from core.plot_pins import HEIGHT, pin_map
+from core.plot.canvas import PngCanvas, SvgCanvas
+from core.plot.pins import HEIGHT, pin_map
+from core.plot.track import write_png, write_svg
 from core.presets import Library
-from core.track import CommandTrack
+from core.track.command_track import CommandTrack
 
 CIRCLE = re.compile(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="([\d.]+)" fill="(#\w+)"/>')
 

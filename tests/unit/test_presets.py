@@ -17,20 +17,28 @@ MATERIAL = {
     "schema": "dermis-material 1",
     "name": "Cork",
     "parameters": {
-        "friction": {"value": 60, "unit": "%"}, "transient_on": True,
-        "transient_frequency": {"value": 0.2, "unit": "kHz"}, "texture_period_x": {"value": 2, "unit": "mm"},
+        "friction": {"value": 60, "unit": "%"},
+        "transient_on": True,
+        "transient_frequency": {"value": 0.2, "unit": "kHz"},
+        "texture_period_x": {"value": 2, "unit": "mm"},
         "content_kind": "slosh",
     },
-}  # fmt: skip
+}
 DEVICE = {
-    "schema": "dermis-device 1", "name": "Dev", "kind": "shear_tactor", "rate": 100,
+    "schema": "dermis-device 1",
+    "name": "Dev",
+    "kind": "shear_tactor",
+    "rate": 100,
     "channels": [{"name": "tactor_x", "unit": "m"}],
     "parameters": {
-        "link_length": {"value": 5, "unit": "mm"}, "range": {"value": 2, "unit": "mm"},
-        "max_speed": {"value": 150, "unit": "mm/s"}, "torque_limit": {"value": 17, "unit": "mN*m"},
-        "axis_direction": {"value": -90, "unit": "deg"}, "tap_axis": [0, 1],
+        "link_length": {"value": 5, "unit": "mm"},
+        "range": {"value": 2, "unit": "mm"},
+        "max_speed": {"value": 150, "unit": "mm/s"},
+        "torque_limit": {"value": 17, "unit": "mN*m"},
+        "axis_direction": {"value": -90, "unit": "deg"},
+        "tap_axis": [0, 1],
     },
-}  # fmt: skip
+}
 
 
 def put(folder: Path, group: str, key: str, content: Any) -> Path:
@@ -49,17 +57,21 @@ def built_in(tmp_path: Path) -> Path:
 
 def test_a_material_in_si(built_in: Path) -> None:
     assert Library(built_in=built_in).material("cork") == {
-        "friction": 0.6, "transient_on": True, "transient_frequency": 200.0, "texture_period_x": 0.002,
+        "friction": 0.6,
+        "transient_on": True,
+        "transient_frequency": 200.0,
+        "texture_period_x": 0.002,
         "content_kind": "slosh",
-    }  # fmt: skip
+    }
 
 
 def test_listing_by_key_with_names(built_in: Path) -> None:
     put(built_in, "materials", "ash", {**MATERIAL, "name": "Ash Wood"})
     entries = Library(built_in=built_in).list("materials")
     assert [(e.key, e.name, e.error, e.user, e.overrides) for e in entries] == [
-        ("ash", "Ash Wood", None, False, False), ("cork", "Cork", None, False, False),
-    ]  # fmt: skip
+        ("ash", "Ash Wood", None, False, False),
+        ("cork", "Cork", None, False, False),
+    ]
     assert Library(built_in=built_in).list("skins") == ()
 
 
@@ -68,8 +80,9 @@ def test_a_persons_own_preset_replaces_and_says_so(built_in: Path, tmp_path: Pat
     put(tmp_path / "mine", "materials", "felt", {**MATERIAL, "name": "Felt"})
     library = Library(tmp_path / "mine", built_in)
     assert [(e.key, e.name, e.user, e.overrides) for e in library.list("materials")] == [
-        ("cork", "My Cork", True, True), ("felt", "Felt", True, False),
-    ]  # fmt: skip
+        ("cork", "My Cork", True, True),
+        ("felt", "Felt", True, False),
+    ]
     assert library.load("materials", "cork")["name"] == "My Cork"
 
 
@@ -96,7 +109,7 @@ def test_a_users_folder_need_not_exist(built_in: Path, tmp_path: Path) -> None:
         ({**MATERIAL, "parameters": {"texture_on": 1}}, r"another kind of value \(found 1; allowed: true or false\)"),
         ({**MATERIAL, "parameters": {"held_mode": 1}}, "allowed: a text"),
     ],
-)  # fmt: skip
+)
 def test_a_broken_preset_is_listed_with_its_reason_and_the_others_work(
     built_in: Path, content: Any, reason: str
 ) -> None:

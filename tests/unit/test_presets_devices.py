@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core import pipeline
 from core.devices.parameters import PARAMETERS
 from core.devices.spec import KINDS, DeviceSpec
 from core.errors import DermisError
+from core.pipeline import render
 from core.presets import BUILT_IN, Library, check
-from core.scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
+from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
 from core.units import UNITS
 
 PRESETS = {p["kind"]: p for p in (json.loads(f.read_text("utf-8")) for f in (BUILT_IN / "devices").glob("*.json"))}
@@ -85,7 +85,7 @@ BAD = [
     ("hexapod", "base_radius", mm(0), "'base_radius' must be above zero"),
     ("hexapod", "sweep_shift", mm([1, 1]), "sweep_shift: another kind of value"),
     ("hexapod", "friction", "wet", "friction: another kind of value"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("kind", "name", "value", "reason"), BAD, ids=[f"{b[0]}-{b[1]}-{b[2]}" for b in BAD])
@@ -113,7 +113,7 @@ def test_a_malformed_parameter_is_listed_with_its_reason(
         ("cable_platform", [{"name": "m_{}", "unit": "rad", "low": 0, "high": 1, "repeat": 2}], "found 2; allowed: 3"),
         ("hexapod", [{"name": "leg_{}", "unit": "m", "low": 0, "repeat": 6}], "a motor needs a range"),
     ],
-)  # fmt: skip
+)
 def test_channels_that_a_kind_cannot_fill(kind: str, channels: list[dict[str, Any]], reason: str) -> None:
     preset = {**copy.deepcopy(PRESETS[kind]), "channels": channels}
     preset["parameters"] = {k: v for k, v in preset["parameters"].items() if not k.startswith("range_disc")}
@@ -128,7 +128,7 @@ def test_an_unknown_kind_is_broken(kind: Any) -> None:
 
 
 def test_every_kind_has_its_table_its_renderer_and_known_units() -> None:
-    assert set(KINDS) == set(PARAMETERS) == set(pipeline.RENDERERS) == set(PRESETS)
+    assert set(KINDS) == set(PARAMETERS) == set(render.RENDERERS) == set(PRESETS)
     si = {unit for unit, _ in UNITS.values()} | {"", "true or false", "a text", "a list of texts"}
     assert {p.unit for table in PARAMETERS.values() for p in table.values()} <= si
 
@@ -144,9 +144,30 @@ def test_what_is_stated_of_single_channels_is_known() -> None:
 def test_any_value_of_json_is_judged_and_never_breaks() -> None:
     """Every parameter of every kind, replaced in turn by every form that JSON has."""
     forms: list[Any] = [
-        None, True, "", "x", [], ["x"], [[]], [[1]], {}, -1, 0, 1e-300, 1e8, 10**400, [1e8, -1e8], mm(0), mm(-1),
-        mm([]), mm([[1, 2], [3, 4]]), mm(1e11), mm("1"), {"value": 1}, {"unit": "mm"},
-    ]  # fmt: skip
+        None,
+        True,
+        "",
+        "x",
+        [],
+        ["x"],
+        [[]],
+        [[1]],
+        {},
+        -1,
+        0,
+        1e-300,
+        1e8,
+        10**400,
+        [1e8, -1e8],
+        mm(0),
+        mm(-1),
+        mm([]),
+        mm([[1, 2], [3, 4]]),
+        mm(1e11),
+        mm("1"),
+        {"value": 1},
+        {"unit": "mm"},
+    ]
     for kind, preset in PRESETS.items():
         for name in PARAMETERS[kind]:
             for form in forms:
@@ -174,7 +195,7 @@ def test_a_bake_loses_only_the_broken_device(tmp_path: Path) -> None:
     fingers = (Finger("Thumb", bad), Finger("Index", (DeviceUse("haptip"),)))
     chunk = Chunk(frames, times, still, still[:1], still[:0])
     scene = TactileScene("Tap", Fraction(24), (1, 3), 240.0, fingers, (Body("Plane", plane),), (), (chunk,))
-    bake = pipeline.run(scene, Library(tmp_path))
+    bake = render.run(scene, Library(tmp_path))
     assert [(o.finger, o.device) for o in bake.outputs] == [("Index", "haptip")]
     lost = [f for f in bake.findings if f.code == "device-unavailable"]
     assert [f.severity for f in lost] == ["error"] * 3 and all("Thumb" in f.where for f in lost)
@@ -188,9 +209,14 @@ def test_a_kinds_own_reading_refuses_what_a_file_may_hold(kind: str) -> None:
     from core.devices.friction_screen import FrictionScreen
     from core.devices.shear_tactor import ShearTactor
 
-    reading = {"shear_tactor": ShearTactor.from_spec, "friction_screen": FrictionScreen.of,
-               "pin_array": pin_array.layout, "thimble": thimble.mechanism,
-               "cable_platform": cable_platform.mechanism, "hexapod": hexapod.mechanism}[kind]  # fmt: skip
+    reading = {
+        "shear_tactor": ShearTactor.from_spec,
+        "friction_screen": FrictionScreen.of,
+        "pin_array": pin_array.layout,
+        "thimble": thimble.mechanism,
+        "cable_platform": cable_platform.mechanism,
+        "hexapod": hexapod.mechanism,
+    }[kind]
     key = next(f.stem for f in (BUILT_IN / "devices").glob("*.json") if json.loads(f.read_text())["kind"] == kind)
     spec = Library().device(key)
     reading(spec)

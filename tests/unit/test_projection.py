@@ -14,11 +14,11 @@ import pytest
 from core.contact.touch import TouchSampler
 from core.devices.shear_tactor import ShearTactor
 from core.errors import DermisError
-from core.matching.projection import device_times, projected, render
 from core.matching.rendered import Rendered
+from core.matching.shear_tactor import device_times, projected, render
 from core.motion import matrices
 from core.presets import Library
-from core.scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
+from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
 
 SPEC = Library().device("haptip")
 TACTOR = ShearTactor.from_spec(SPEC)
@@ -49,16 +49,28 @@ def path(x: Any = 0.0, y: Any = 0.0, z: Any = 0.0) -> np.ndarray:
 
 
 def baked(
-    fingers: list[np.ndarray], bodies: list[tuple[Body, np.ndarray]], use: Mapping[str, Any] | None = None,
-    finger: Mapping[str, Any] | None = None, channels: Mapping[str, np.ndarray] | None = None, which: int = 0,
+    fingers: list[np.ndarray],
+    bodies: list[tuple[Body, np.ndarray]],
+    use: Mapping[str, Any] | None = None,
+    finger: Mapping[str, Any] | None = None,
+    channels: Mapping[str, np.ndarray] | None = None,
+    which: int = 0,
     spec: Any = SPEC,
-) -> Rendered:  # fmt: skip
+) -> Rendered:
     device = DeviceUse("haptip", use or {})
-    chunk = Chunk(FRAMES, T, np.stack(fingers), np.stack([p for _, p in bodies]), np.zeros((0, len(T), 4, 4)), {},
-                  channels or {})  # fmt: skip
-    scene = TactileScene("s", FPS, RANGE, 240.0,
-                         tuple(Finger(f"f{i}", (device,), finger or {}) for i in range(len(fingers))),
-                         tuple(b for b, _ in bodies), (), (chunk,))  # fmt: skip
+    chunk = Chunk(
+        FRAMES, T, np.stack(fingers), np.stack([p for _, p in bodies]), np.zeros((0, len(T), 4, 4)), {}, channels or {}
+    )
+    scene = TactileScene(
+        "s",
+        FPS,
+        RANGE,
+        240.0,
+        tuple(Finger(f"f{i}", (device,), finger or {}) for i in range(len(fingers))),
+        tuple(b for b, _ in bodies),
+        (),
+        (chunk,),
+    )
     sampler = TouchSampler(scene)
     sampler.add(chunk)
     return render(sampler.finish(), scene, which, device, spec)
@@ -105,8 +117,12 @@ def test_unknown_methods_are_refused() -> None:
 
 def tap(**use: Any) -> tuple[Rendered, float]:
     """A finger, turned about Z, that comes down into a table at 0.2 m/s."""
-    material = QUIET | {"transient_on": True, "transient_amplitude": 0.8, "transient_decay": 60.0,
-                        "transient_frequency": 30.0}  # fmt: skip
+    material = QUIET | {
+        "transient_on": True,
+        "transient_amplitude": 0.8,
+        "transient_decay": 60.0,
+        "transient_frequency": 30.0,
+    }
     turn = matrices(np.array([[math.cos(0.35), 0, 0, math.sin(0.35)]]))[0]
     rendered = baked([poses(path(z=0.09 - 0.2 * T), turn)], [(Body("b", TABLE, material), poses(path()))], use)
     return rendered, (0.05 - 0.0005) / 0.2
@@ -128,8 +144,14 @@ def test_straight_tap_as_printed_shows_nothing() -> None:
 
 def stroke(turn: np.ndarray, place: np.ndarray, **use: Any) -> Rendered:
     """A finger that strokes along a turned table's X at 40 mm/s."""
-    material = QUIET | {"texture_on": True, "friction": 0.7, "texture_amplitude_x": 0.3, "texture_amplitude_y": 0.0,
-                        "texture_period_x": 0.004, "texture_speed_threshold": 0.005}  # fmt: skip
+    material = QUIET | {
+        "texture_on": True,
+        "friction": 0.7,
+        "texture_amplitude_x": 0.3,
+        "texture_amplitude_y": 0.0,
+        "texture_period_x": 0.004,
+        "texture_speed_threshold": 0.005,
+    }
     along = place + path(x=0.04 * T - 0.01, z=0.04) @ turn.T
     return baked([poses(along, turn)], [(Body("b", TABLE, material), poses(np.tile(place, (len(T), 1)), turn))], use)
 
@@ -162,8 +184,15 @@ def test_direction_is_zero_before_the_first_movement_and_held_after_the_last() -
     assert p[C > 0.7] == pytest.approx(-0.4 * 2e-3, rel=1e-3)  # sin(2 pi 2.25) = 1
 
 
-def grip(shift: np.ndarray, use: Mapping[str, Any] | None = None, which: int = 0, channels: Any = None,
-         more: Any = (), content: tuple[str, ...] = (), **material: Any) -> Rendered:  # fmt: skip
+def grip(
+    shift: np.ndarray,
+    use: Mapping[str, Any] | None = None,
+    which: int = 0,
+    channels: Any = None,
+    more: Any = (),
+    content: tuple[str, ...] = (),
+    **material: Any,
+) -> Rendered:
     """Thumb and index hold a cube of 4 cm, and everything moves along `shift`."""
     cube = (Body("cube", cuboid(0.02, 0.02, 0.02), QUIET | material, content), poses(shift))
     fingers = [poses(shift + [-0.02, 0, 0], THUMB), poses(shift + [0.02, 0, 0], INDEX)]
@@ -195,8 +224,10 @@ def test_weight_needs_holding() -> None:
 def test_auto_range_keeps_weights_apart_over_the_bake() -> None:
     shift = path(y=0.02 * np.sin(6 * T))
     peaks: dict[bool, list[float]] = {False: [], True: []}
-    heavy = (Body("heavy", cuboid(0.02, 0.02, 0.02),
-                  QUIET | {"weight_on": True, "weight_acceleration": 9.0}), poses(shift + [0, 0, 0.0]))  # fmt: skip
+    heavy = (
+        Body("heavy", cuboid(0.02, 0.02, 0.02), QUIET | {"weight_on": True, "weight_acceleration": 9.0}),
+        poses(shift + [0, 0, 0.0]),
+    )
     for auto in (False, True):
         for alpha in (3.0, 9.0):
             rendered = grip(shift, {"auto_range": auto}, weight_on=True, weight_acceleration=alpha, more=[])
@@ -206,8 +237,12 @@ def test_auto_range_keeps_weights_apart_over_the_bake() -> None:
     # In one scene: both are held at once, the lighter keeps a third of the heavier.
     light = Body("light", heavy[0].mesh, QUIET | {"weight_on": True, "weight_acceleration": 3.0})
     far = np.array([1.0, 0, 0])
-    fingers = [poses(shift + [-0.02, 0, 0], THUMB), poses(shift + [0.02, 0, 0], INDEX),
-               poses(shift + far + [-0.02, 0, 0], THUMB), poses(shift + far + [0.02, 0, 0], INDEX)]  # fmt: skip
+    fingers = [
+        poses(shift + [-0.02, 0, 0], THUMB),
+        poses(shift + [0.02, 0, 0], INDEX),
+        poses(shift + far + [-0.02, 0, 0], THUMB),
+        poses(shift + far + [0.02, 0, 0], INDEX),
+    ]
     scene = [heavy, (light, poses(shift + far))]
     tops = [np.abs(cap(baked(fingers, scene, {"auto_range": True}, which=f))).max() for f in range(4)]
     assert tops == pytest.approx([2e-3, 2e-3, 2e-3 / 3, 2e-3 / 3], rel=1e-6)
@@ -219,8 +254,14 @@ def test_auto_range_keeps_weights_apart_over_the_bake() -> None:
 def test_content_of_a_child_is_the_way_between_the_centres_of_gravity() -> None:
     marble = Mesh(cuboid(0.002, 0.002, 0.002).vertices + [0, 0, 0.001], cuboid(1, 1, 1).triangles)
     inside = path(y=0.01 * np.sin(3 * T), z=-0.004)
-    rendered = grip(path(), content=("marble",), content_on=True, content_amplitude=30.0, content_kind="child",
-                    more=[(Body("marble", marble, QUIET), poses(inside))])  # fmt: skip
+    rendered = grip(
+        path(),
+        content=("marble",),
+        content_on=True,
+        content_amplitude=30.0,
+        content_kind="child",
+        more=[(Body("marble", marble, QUIET), poses(inside))],
+    )
     oc = np.stack([0 * C, 0.01 * np.sin(3 * C), 0 * C - 0.003], axis=1)
     assert cap(rendered) == pytest.approx(2e-3 * 30.0 * (oc @ THUMB)[:, :2], abs=1e-9)
 
@@ -233,8 +274,15 @@ def test_content_without_a_child_says_so() -> None:
 @pytest.mark.parametrize("kind", ["pendulum", "slosh", "loose"])
 def test_built_in_contents_at_their_rest(kind: str) -> None:
     """A pendulum hangs its length down, a liquid lies level, a loose body lies on the floor of its room."""
-    rendered = grip(path(), content_on=True, content_amplitude=10.0, content_kind=kind, content_length=0.03,
-                    content_size=0.02, content_damping=0.9)  # fmt: skip
+    rendered = grip(
+        path(),
+        content_on=True,
+        content_amplitude=10.0,
+        content_kind=kind,
+        content_length=0.03,
+        content_size=0.02,
+        content_damping=0.9,
+    )
     down = {"pendulum": 0.03, "slosh": 0.0, "loose": 0.02}[kind]
     assert cap(rendered)[-1] == pytest.approx(2e-3 * 10.0 * (np.array([0, 0, -down]) @ THUMB)[:2], abs=1e-12)
 
@@ -242,11 +290,16 @@ def test_built_in_contents_at_their_rest(kind: str) -> None:
 def test_pattern_plays_on_its_own_in_the_pad_s_plane() -> None:
     _, t = FRAMES, T
     rendered = baked(
-        [poses(path(z=3.0))], [(Body("b", TABLE), poses(path()))],
-        finger={"pattern": "orientation", "pattern_angle": math.pi / 2, "pattern_frequency": 2.0,
-                "pattern_amplitude": 0.75},
+        [poses(path(z=3.0))],
+        [(Body("b", TABLE), poses(path()))],
+        finger={
+            "pattern": "orientation",
+            "pattern_angle": math.pi / 2,
+            "pattern_frequency": 2.0,
+            "pattern_amplitude": 0.75,
+        },
         channels={"finger/0/pattern_play": (t >= 0.25).astype(float)},
-    )  # fmt: skip
+    )
     s = C - 0.25
     want = np.where((s >= 0) & (s <= 0.5), 1.5e-3 * np.sin(2 * np.pi * 2 * s), 0.0)
     assert cap(rendered) == pytest.approx(want[:, None] * np.array([1.0, 0.0]), abs=1e-12)
@@ -255,14 +308,22 @@ def test_pattern_plays_on_its_own_in_the_pad_s_plane() -> None:
 def test_pattern_switch_that_is_animated_silences_it_only_while_off() -> None:
     """The switch holds each sample's value until the next; the pattern itself goes on behind it, in phase."""
     wave = 2e-3 * 0.5 * np.sin(2 * np.pi * 2.0 * C)
-    play = {"pattern": "orientation", "pattern_play": True, "pattern_repeat": True, "pattern_amplitude": 0.5,
-            "pattern_frequency": 2.0}  # fmt: skip
+    play = {
+        "pattern": "orientation",
+        "pattern_play": True,
+        "pattern_repeat": True,
+        "pattern_amplitude": 0.5,
+        "pattern_frequency": 2.0,
+    }
     for use, on in ((T < 0.5).astype(float), C < 0.5), ((T >= 0.5).astype(float), C >= 0.5):
         for header in (True, False):  # the channel decides, whatever the header says
             rendered = baked(
-                [poses(path(z=0.5))], [(Body("b", TABLE, QUIET), poses(path()))], {"use_pattern": header},
-                finger=play, channels={"device/0/0/use_pattern": use},
-            )  # fmt: skip
+                [poses(path(z=0.5))],
+                [(Body("b", TABLE, QUIET), poses(path()))],
+                {"use_pattern": header},
+                finger=play,
+                channels={"device/0/0/use_pattern": use},
+            )
             expected = np.where(on, wave, 0.0)
             # where the switch cuts in or out the tactor needs some samples to follow
             settled = np.abs(C - 0.5) > 0.02
@@ -272,8 +333,14 @@ def test_pattern_switch_that_is_animated_silences_it_only_while_off() -> None:
 
 # -- several at once, limits, skipping ---------------------------------------------------------------------------------
 
-BOTH = {"weight_on": True, "weight_gravity": 0.06, "content_on": True, "content_amplitude": 10.0,
-        "content_kind": "pendulum", "content_length": 0.03}  # fmt: skip
+BOTH = {
+    "weight_on": True,
+    "weight_gravity": 0.06,
+    "content_on": True,
+    "content_amplitude": 10.0,
+    "content_kind": "pendulum",
+    "content_length": 0.03,
+}
 
 
 def test_effects_are_added_then_limited_once() -> None:
@@ -293,8 +360,12 @@ def test_each_switch_of_the_device_works() -> None:
 
 
 def test_cap_and_pulleys_agree_in_every_sample_and_nothing_is_too_fast() -> None:
-    material = QUIET | {"transient_on": True, "transient_amplitude": 3.0, "transient_frequency": 300.0,
-                        "transient_decay": 90.0}  # fmt: skip
+    material = QUIET | {
+        "transient_on": True,
+        "transient_amplitude": 3.0,
+        "transient_frequency": 300.0,
+        "transient_decay": 90.0,
+    }
     z = 0.045 - 0.02 * np.sin(2 * np.pi * 3 * T)
     rendered = baked([poses(path(z=z))], [(Body("b", TABLE, material), poses(path()))])
     track = rendered.track

@@ -15,15 +15,14 @@ from hypothesis import strategies as st
 
 from core.devices.spec import Channel, DeviceSpec
 from core.errors import DermisError
-from core.stream import adapter, cobs, maestro, osc, packets, servo_animation
-from core.stream.packets import Kind
-from core.stream.virtual_others import MaestroDevice, OscDevice, ServoAnimationDevice
+from core.stream.protocols import adapter, cobs, maestro, osc, packets, servo_animation
+from core.stream.protocols.packets import Kind
+from core.stream.virtual.others import MaestroDevice, OscDevice, ServoAnimationDevice
 from core.stream.wire import Wire
 
 SERVOS = DeviceSpec(
-    "servos", "Servos", "test", 50.0,
-    tuple(Channel(f"s{i}", "rad", -1.0, 1.0, 8.0, 0.0, f"m{i}") for i in range(4)),
-)  # fmt: skip
+    "servos", "Servos", "test", 50.0, tuple(Channel(f"s{i}", "rad", -1.0, 1.0, 8.0, 0.0, f"m{i}") for i in range(4))
+)
 WIRE = Wire.of(SERVOS)
 
 
@@ -266,19 +265,26 @@ def test_osc_against_python_osc() -> None:
 
 @pytest.mark.parametrize(
     ("protocol", "options", "what"),
-    [("native", {"watchdog_ms": "500"}, "watchdog_ms: .* '500'; allowed: 10 to 80"),
-     ("native", {"watchdog_ms": "20.5"}, "no whole number within its limits"),
-     ("native", {"reach": "at_once"}, "allowed: ramp, release"),
-     ("maestro", {"first": "22"}, "'maestro', first: .* '22'; allowed: 0 to 20"),
-     ("maestro", {"first": "1.9"}, "no whole number"), ("maestro", {"first": "24"}, "'24'; allowed: 0 to 20"),
-     ("maestro", {"first": "-1"}, "allowed: 0 to 20"), ("maestro", {"pulse_low_us": "2000"}, "impossible pulses"),
-     ("servo-animation", {"first": "252.5"}, "'252.5'; allowed: 0 to 252"),
-     ("servo-animation", {"first": "253"}, "'253'; allowed: 0 to 252"),
-     ("servo-animation", {"position_high": "40000"}, "position_high: .* '40000'; allowed: 0 to 32767"),
-     ("servo-animation", {"position_low": "2000"}, "one position"), ("maestro", {"speed": "1"}, "unknown option"),
-     ("morse", {}, "no such protocol"), ("torque", {"torque": "0"}, "torque limit"),
-     ("maestro", {"first": "x"}, "no whole number"), ("osc", {"prefix": "x"}, "address")],
-)  # fmt: skip
+    [
+        ("native", {"watchdog_ms": "500"}, "watchdog_ms: .* '500'; allowed: 10 to 80"),
+        ("native", {"watchdog_ms": "20.5"}, "no whole number within its limits"),
+        ("native", {"reach": "at_once"}, "allowed: ramp, release"),
+        ("maestro", {"first": "22"}, "'maestro', first: .* '22'; allowed: 0 to 20"),
+        ("maestro", {"first": "1.9"}, "no whole number"),
+        ("maestro", {"first": "24"}, "'24'; allowed: 0 to 20"),
+        ("maestro", {"first": "-1"}, "allowed: 0 to 20"),
+        ("maestro", {"pulse_low_us": "2000"}, "impossible pulses"),
+        ("servo-animation", {"first": "252.5"}, "'252.5'; allowed: 0 to 252"),
+        ("servo-animation", {"first": "253"}, "'253'; allowed: 0 to 252"),
+        ("servo-animation", {"position_high": "40000"}, "position_high: .* '40000'; allowed: 0 to 32767"),
+        ("servo-animation", {"position_low": "2000"}, "one position"),
+        ("maestro", {"speed": "1"}, "unknown option"),
+        ("morse", {}, "no such protocol"),
+        ("torque", {"torque": "0"}, "torque limit"),
+        ("maestro", {"first": "x"}, "no whole number"),
+        ("osc", {"prefix": "x"}, "address"),
+    ],
+)
 def test_refusals(protocol: str, options: dict[str, str], what: str) -> None:
     with pytest.raises(DermisError, match=what):
         adapter.make(protocol, WIRE, options)

@@ -18,13 +18,40 @@ from tests.readers import OWN, READERS, Reader
 ROOT = Path(__file__).resolve().parents[2]
 DOORS = ("core/files.py", "core/foreign.py", "core/npz.py")
 CALLS = {
-    "open", "read_bytes", "read_text", "read_json", "opened", "opened_npz", "read_npz", "array_of", "json_of",
+    "open",
+    "read_bytes",
+    "read_text",
+    "read_json",
+    "opened",
+    "opened_npz",
+    "read_npz",
+    "array_of",
+    "json_of",
     "ZipFile",
-    "frombuffer", "fromfile", "loadtxt", "genfromtxt", "memmap", "unpack", "unpack_from", "iter_unpack", "TarFile",
-    "InferenceSession", "imread", "decompress", "decompressobj", "literal_eval",
-}  # fmt: skip
-OF_MODULES = {"json": {"load", "loads"}, "np": {"load"}, "numpy": {"load"}, "tomllib": {"load", "loads"},
-              "csv": {"reader", "DictReader"}, "wave": {"open"}, "pickle": {"load", "loads"}}  # fmt: skip
+    "frombuffer",
+    "fromfile",
+    "loadtxt",
+    "genfromtxt",
+    "memmap",
+    "unpack",
+    "unpack_from",
+    "iter_unpack",
+    "TarFile",
+    "InferenceSession",
+    "imread",
+    "decompress",
+    "decompressobj",
+    "literal_eval",
+}
+OF_MODULES = {
+    "json": {"load", "loads"},
+    "np": {"load"},
+    "numpy": {"load"},
+    "tomllib": {"load", "loads"},
+    "csv": {"reader", "DictReader"},
+    "wave": {"open"},
+    "pickle": {"load", "loads"},
+}
 
 
 def readers_in(path: Path, module: str) -> set[str]:

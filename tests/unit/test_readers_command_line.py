@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core import scene_file
 from core.__main__ import REFUSED, _parser, main
 from core.errors import DermisError
 from core.files import check_writable
-from core.formats import csv, export
-from core.formats.check import by_preset, findings_of, preset_findings
 from core.presets import Library
-from core.track import CommandTrack
+from core.scene import scene_file
+from core.track import csv, export
+from core.track.check import by_preset, findings_of, preset_findings
+from core.track.command_track import CommandTrack
 from tests import reader_examples as ex
 from tests.mutations import Mutator
 
@@ -35,13 +35,13 @@ def tracks(count: int) -> list[bytes]:
 
 
 def json_bytes() -> bytes:
-    from core.formats import json_track
+    from core.track import json_track
 
     return json_track.dumps(ex.track()).encode()
 
 
 def binary_bytes() -> bytes:
-    from core.formats import binary
+    from core.track import binary
 
     return binary.dumps(ex.uneven_track())
 
@@ -52,12 +52,14 @@ def scenes(count: int) -> list[bytes]:
 
 
 VERBS = [
-    (("check", "FILE"), tracks), (("check", "--json", "FILE"), tracks),
+    (("check", "FILE"), tracks),
+    (("check", "--json", "FILE"), tracks),
     (("export", "FILE", "--format", "c", "--out", "OUT", "--force", "--limit"), tracks),
-    (("render", "FILE", "--out", "OUT", "--quiet"), scenes), (("compare", "FILE"), scenes),
+    (("render", "FILE", "--out", "OUT", "--quiet"), scenes),
+    (("compare", "FILE"), scenes),
     (("thimble", "plot", "FILE", "--out", "OUT/a.png"), scenes),
     (("design", "FILE", "--quiet", "--table", "FILE"), scenes),
-]  # fmt: skip
+]
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -75,13 +77,18 @@ def test_no_damaged_file_shows_a_traceback(words: tuple[str, ...], made: object,
 @pytest.mark.parametrize(
     "words",
     [
-        ("thimble", "follow", "gone.csv", "--out", "a.csv"), ("thimble", "follow", "gone.npz", "--out", "a.csv"),
+        ("thimble", "follow", "gone.csv", "--out", "a.csv"),
+        ("thimble", "follow", "gone.npz", "--out", "a.csv"),
         ("thimble", "follow", "a.csv", "--table", "gone.npz", "--out", "b.csv"),
-        ("stream", "play", "gone.csv", "--url", "virtual:"), ("stream", "play", "/dev/zero", "--url", "virtual:"),
-        ("stream", "play", "a.csv", "--url", "virtual:", "--calibration", "gone.json"), ("check", "/dev/zero"),
-        ("design", "gone.csv"), ("design", "gone.npz"), ("design", "ball", "--table", "gone.npz"),
+        ("stream", "play", "gone.csv", "--url", "virtual:"),
+        ("stream", "play", "/dev/zero", "--url", "virtual:"),
+        ("stream", "play", "a.csv", "--url", "virtual:", "--calibration", "gone.json"),
+        ("check", "/dev/zero"),
+        ("design", "gone.csv"),
+        ("design", "gone.npz"),
+        ("design", "ball", "--table", "gone.npz"),
     ],
-)  # fmt: skip
+)
 def test_a_missing_file_is_named_in_words(
     words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -110,12 +117,15 @@ def test_every_option_that_is_written_to_is_judged_before_the_work() -> None:
 @pytest.mark.parametrize(
     "words",
     [
-        ("render", "gone.npz", "--out", "OUT"), ("export", "gone.csv", "--format", "json", "--out", "OUT"),
-        ("thimble", "adapt", "--out", "OUT"), ("thimble", "follow", "gone.csv", "--out", "OUT/a.csv"),
-        ("thimble", "plot", "gone.npz", "--out", "OUT/a.png"), ("design", "ball", "--out", "OUT"),
+        ("render", "gone.npz", "--out", "OUT"),
+        ("export", "gone.csv", "--format", "json", "--out", "OUT"),
+        ("thimble", "adapt", "--out", "OUT"),
+        ("thimble", "follow", "gone.csv", "--out", "OUT/a.csv"),
+        ("thimble", "plot", "gone.npz", "--out", "OUT/a.png"),
+        ("design", "ball", "--out", "OUT"),
         ("design", "ball", "--save-table", "OUT/a.npz"),
     ],
-)  # fmt: skip
+)
 def test_a_place_that_cannot_be_written_is_refused_before_any_work(
     words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

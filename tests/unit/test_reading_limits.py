@@ -48,8 +48,9 @@ print(time.perf_counter() - started, (resource.getrusage(resource.RUSAGE_SELF).r
 def tried(reader: str, path: Path) -> tuple[str, float, float]:
     """Read a file in a child; return its words, the seconds it took and the megabytes it added."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
-    done = subprocess.run([sys.executable, "-c", CHILD, reader, str(path)], capture_output=True, text=True, timeout=120,
-                          env=environment)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", CHILD, reader, str(path)], capture_output=True, text=True, timeout=120, env=environment
+    )
     assert done.returncode == 0, done.stderr[-2000:]
     *words, numbers = done.stdout.strip().splitlines()
     seconds, megabytes = map(float, numbers.split())
@@ -180,17 +181,27 @@ def wide_preset(path: Path) -> None:
 
 READ_TABLE = "table.read_table"
 BOMBS: list[tuple[Callable[[Path], None], str, str]] = [
-    (flat_png, "images.read", "too large"), (allowed_png, "images.read", "far more than it holds"),
-    (one_bit_png, "images.read", "far more than it holds"), (huge_npz, READ_TABLE, "too large"),
+    (flat_png, "images.read", "too large"),
+    (allowed_png, "images.read", "far more than it holds"),
+    (one_bit_png, "images.read", "far more than it holds"),
+    (huge_npz, READ_TABLE, "too large"),
     (big_npz, READ_TABLE, "far more than it holds"),
-    (many_npz, READ_TABLE, "far more than it holds"), (lying_npz, "lambda p: sensor.read_stimuli(p, 2)", "declares"),
-    (empty_npz, READ_TABLE, "endless"), (lying_npy, "images.read", "declares"), (members_npz, READ_TABLE, "members"),
-    (header_scene, "scene_file.load", "far more than it holds"), (text_netpbm, "images.read", "cut short"),
-    (sparse_pgm, "images.read", "too large"), (sparse_csv, "export.read", "not a Dermis command track"),
-    (sparse_preset, "presets.read", "too large"), (nested_preset, "presets.read", "nested too deeply"),
-    (wide_preset, "presets.read", "too large"), (big_npz, "SkinTable.load", "missing"),
-    (big_npz, "ScreenMap.load", "missing"), (big_npz, "skin.load_mesh", "schema"),
-]  # fmt: skip
+    (many_npz, READ_TABLE, "far more than it holds"),
+    (lying_npz, "lambda p: sensor.read_stimuli(p, 2)", "declares"),
+    (empty_npz, READ_TABLE, "endless"),
+    (lying_npy, "images.read", "declares"),
+    (members_npz, READ_TABLE, "members"),
+    (header_scene, "scene_file.load", "far more than it holds"),
+    (text_netpbm, "images.read", "cut short"),
+    (sparse_pgm, "images.read", "too large"),
+    (sparse_csv, "export.read", "not a Dermis command track"),
+    (sparse_preset, "presets.read", "too large"),
+    (nested_preset, "presets.read", "nested too deeply"),
+    (wide_preset, "presets.read", "too large"),
+    (big_npz, "SkinTable.load", "missing"),
+    (big_npz, "ScreenMap.load", "missing"),
+    (big_npz, "skin.load_mesh", "schema"),
+]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="measures as POSIX does")

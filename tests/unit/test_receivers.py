@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core.stream import adapter, packets, virtual_native
-from core.stream.packets import DeviceState, Kind, Nack, Packet, Reach
-from core.stream.virtual_native import NativeDevice
+from core.stream.protocols import adapter, packets
+from core.stream.protocols.packets import DeviceState, Kind, Nack, Packet, Reach
+from core.stream.virtual import native
+from core.stream.virtual.native import NativeDevice
 from tests.unit.firmware_board import BAUD, ROOT, SKETCH, Board, emulated, firmware, servos
 
 OWN, OTHER = 7, 9
@@ -131,8 +132,15 @@ def strangers(r: Receiver) -> list[Any]:
 def order(r: Receiver) -> list[Any]:
     """HELLO, CONFIGURE, ARM, in every wrong order; bodies that do not fit."""
     out = [r.say(Kind.HELLO, HELLO), r.say(Kind.ARM), r.command(1, 2), r.say(Kind.SAFE)]
-    for body in (configuration(9), configuration(81), configuration(reach=3), configuration(slew=[250, 0]), b"",
-                 configuration(slew=[250] * 3, safe=[0] * 3), configuration()[:-1]):  # fmt: skip
+    for body in (
+        configuration(9),
+        configuration(81),
+        configuration(reach=3),
+        configuration(slew=[250, 0]),
+        b"",
+        configuration(slew=[250] * 3, safe=[0] * 3),
+        configuration()[:-1],
+    ):
         out.append(r.say(Kind.CONFIGURE, body))
     out += [r.say(Kind.CONFIGURE, configuration()), r.command(1, 2), r.say(Kind.ARM, b"?"), r.say(Kind.ARM)]
     out += [r.say(Kind.ARM), r.command(1), r.command(1, 2, 3), r.say(Kind.SYNC, b"abc"), r.say(0x42), r.say(0x85)]
@@ -202,8 +210,13 @@ def taken_over(r: Receiver) -> list[Any]:
     out.append(r.say(Kind.SAFE))
     r.hear(packets.pack(Kind.HELLO, OTHER, 1, HELLO), 0.02)
     r.hear(packets.pack(Kind.CONFIGURE, OTHER, 2, configuration(safe=[40_000, 40_000])), 0.4)
-    return [*out, r.hear(packets.pack(Kind.HELLO, OTHER, 3, HELLO)), r.hear(packets.pack(Kind.ARM, OTHER, 4)),
-            r.hear(packets.pack(Kind.HELLO, OTHER, 5, HELLO)), r.say(Kind.SYNC, b"abcd")]  # fmt: skip
+    return [
+        *out,
+        r.hear(packets.pack(Kind.HELLO, OTHER, 3, HELLO)),
+        r.hear(packets.pack(Kind.ARM, OTHER, 4)),
+        r.hear(packets.pack(Kind.HELLO, OTHER, 5, HELLO)),
+        r.say(Kind.SYNC, b"abcd"),
+    ]
 
 
 def released(r: Receiver) -> list[Any]:
@@ -312,10 +325,10 @@ def test_page_sketch_and_virtual_device_state_the_same_limits() -> None:
     page = (ROOT / "presets" / "streaming.md").read_text("utf-8")
     sketch = SKETCH.with_name("native.h").read_text("utf-8")
     told = {name: int(value) for name, value in re.findall(r"static const uint\d+_t (\w+) = (\d+);", sketch)}
-    assert told["NACK_EVERY"] == virtual_native.NACK_EVERY * 1e3 and "One NACK in 5 ms" in page
-    assert told["MOST_STEPS"] == virtual_native.MOST_STEP and "no more than 5 ms of elapsed time" in page
-    assert told["WINDOW"] == virtual_native.WINDOW and "1 to 1024 ahead" in page
+    assert told["NACK_EVERY"] == native.NACK_EVERY * 1e3 and "One NACK in 5 ms" in page
+    assert told["MOST_STEPS"] == native.MOST_STEP and "no more than 5 ms of elapsed time" in page
+    assert told["WINDOW"] == native.WINDOW and "1 to 1024 ahead" in page
     assert told["VERSION"] == packets.VERSION and f"version {packets.VERSION}" in page
-    least, most = virtual_native.WATCHDOGS[0], virtual_native.WATCHDOGS[-1]
+    least, most = native.WATCHDOGS[0], native.WATCHDOGS[-1]
     assert f"a watchdog outside {least} to {most} ms" in page.replace("\n", " ").replace("  ", " ")
     assert f"#define DERMIS_BAUD {BAUD}" in SKETCH.read_text("utf-8") and f"{BAUD:,} baud" in page

@@ -9,7 +9,6 @@ from core.__main__ import main
 from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.files import write_npz
-from core.formats import csv
 from core.matching.recorded import RecordedMatcher, check_recording
 from core.number_rows import read_rows
 from core.presets import Library
@@ -18,6 +17,7 @@ from core.surrogate.learned import LearnedModel
 from core.surrogate.ridge import fit_ridge
 from core.surrogate.store import contact_of
 from core.surrogate.table import SampleTable, read_table, write_table
+from core.track import csv
 
 DEVICE = mechanism(Library().device("thimble_3rrs"))
 GAINS = np.random.default_rng(3).normal(size=(5, 3)) * [10.0, 10.0, 4e3]
@@ -79,8 +79,9 @@ def test_channels_that_never_change_are_refused():
     table = recording()
     dead = SampleTable(table.x, table.memory, np.full((len(table.x), 4), 7.0), table.trajectory)
     with pytest.raises(DermisError, match="no recorded pose.*makes the channels change"):
-        RecordedMatcher(DEVICE, contact_of(DEVICE, fingertip_skin(level="draft"), 0.6),
-                        LearnedModel(fit_ridge(dead)), dead)  # fmt: skip
+        RecordedMatcher(
+            DEVICE, contact_of(DEVICE, fingertip_skin(level="draft"), 0.6), LearnedModel(fit_ridge(dead)), dead
+        )
 
 
 @pytest.mark.parametrize(

@@ -73,17 +73,23 @@ def transposed():
 
 
 BAD = {
-    "missing": (text(np.column_stack([np.arange(9.0), counts(9)[:, :19]]), ("time", *NAMES[:19])),
-                "channels are missing .*20 columns.*; allowed: 21"),
-    "extra": (text(np.column_stack([np.arange(9.0), counts(9), counts(9)[:, :1]]), ("time", *NAMES, "more")),
-              "extra channels .*22 columns"),
+    "missing": (
+        text(np.column_stack([np.arange(9.0), counts(9)[:, :19]]), ("time", *NAMES[:19])),
+        "channels are missing .*20 columns.*; allowed: 21",
+    ),
+    "extra": (
+        text(np.column_stack([np.arange(9.0), counts(9), counts(9)[:, :1]]), ("time", *NAMES, "more")),
+        "extra channels .*22 columns",
+    ),
     "constant": (constant(), "e5: the channel is constant .*1234"),
     "saturated": (saturated(), "e8: the channel is saturated .*20 % of the time"),
     "lengths": ("\n".join(recording().splitlines()[:5] + ["0.9,1,2,3"]), "line 6: the line has another length .*4 val"),
     "transposed": (transposed(), "the file is transposed"),
     "trailing": ("\n".join(line + "," for line in recording().splitlines()), "lines end with a separator"),
-    "trailing later": ("\n".join([*recording().splitlines()[:7], recording().splitlines()[7] + ","]),
-                       "line 8: the line ends with a separator"),
+    "trailing later": (
+        "\n".join([*recording().splitlines()[:7], recording().splitlines()[7] + ","]),
+        "line 8: the line ends with a separator",
+    ),
     "nan": (changed(3, 2, "nan"), "line 4, e2: a value is not finite"),
     "text": (changed(3, 2, "oops"), "line 4, e2: not a number .*oops"),
     "empty cell": (changed(3, 2, ""), "line 4, e2: not a number"),
@@ -95,7 +101,7 @@ BAD = {
     "twice": (recording().replace("e2", "e1", 1), "two columns have one name .*e1"),
     "short": ("\n".join(recording().splitlines()[:2]), "too few samples"),
     "empty": ("", "no data"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("kind", BAD)

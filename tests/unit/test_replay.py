@@ -12,7 +12,7 @@ from core.matching.thimble import match_touch
 from core.matching.thimble_use import prepare
 from core.presets import Library
 from core.skin.model import fingertip_skin
-from core.track import CommandTrack
+from core.track.command_track import CommandTrack
 from tests import touches
 
 

@@ -15,7 +15,7 @@ from core.devices.spec import WORN, from_preset
 from core.devices.thimble import FIRM, mechanism
 from core.errors import DermisError
 from core.presets import BUILT_IN, Library
-from core.stream.packets import FULL, Reach
+from core.stream.protocols.packets import FULL, Reach
 from core.stream.wire import Wire
 from tests.unit.safe_ways import Platforms, Thimbles, deepened, depth, each, follow, pad, shapes, together
 from tests.unit.stream_lab import Lab
@@ -175,8 +175,14 @@ def test_a_value_for_channels_that_are_one_entry_counts_for_each() -> None:
 
 def test_how_long_the_way_takes() -> None:
     seconds = {key: Wire.of(LIBRARY.device(key)).safe_seconds for key in KEYS}
-    told = {"thimble_3rrs": 72 / 600, "cable_platform": 152 / 600, "hexapod": 26.081089 / 50, "haptip": 24 / 2300,
-            "pin_array_128": 0.0, "electrovibration": 0.0}  # fmt: skip
+    told = {
+        "thimble_3rrs": 72 / 600,
+        "cable_platform": 152 / 600,
+        "hexapod": 26.081089 / 50,
+        "haptip": 24 / 2300,
+        "pin_array_128": 0.0,
+        "electrovibration": 0.0,
+    }
     assert seconds == pytest.approx(told)
     preset = LIBRARY.load("devices", "haptip")
     preset["safe"]["reach"] = "release"

@@ -14,13 +14,13 @@ import pytest
 from core.calibration import Calibration
 from core.devices.spec import Channel, DeviceSpec
 from core.presets import Library
-from core.stream import adapter, packets
-from core.stream.capacity import ramp_period
 from core.stream.drain import DRAIN
 from core.stream.gate import Gate
-from core.stream.packets import DeviceState, Kind
+from core.stream.links.capacity import ramp_period
+from core.stream.links.transport import Transport
+from core.stream.protocols import adapter, packets
+from core.stream.protocols.packets import DeviceState, Kind
 from core.stream.safe_ramp import SafeRamp
-from core.stream.transport import Transport
 from core.stream.wire import Wire
 from tests.unit.stream_box import posix
 from tests.unit.stream_lab import TICK, Lab
@@ -350,7 +350,7 @@ def test_a_serial_port_loses_nothing_by_being_closed() -> None:
     import pty
     import tty
 
-    from core.stream.serial_port import Serial
+    from core.stream.links.serial_port import Serial
 
     there, here = pty.openpty()
     tty.setraw(here)
@@ -378,8 +378,8 @@ def test_a_serial_port_loses_nothing_by_being_closed() -> None:
 
 
 def test_a_connection_that_is_closed_has_said_everything() -> None:
-    from core.stream.sockets import Tcp
-    from core.stream.url import Url
+    from core.stream.links.sockets import Tcp
+    from core.stream.links.url import Url
 
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))

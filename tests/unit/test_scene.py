@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core.content_hash import ContentHash
 from core.errors import DermisError, Finding, worst
-from core.pipeline import run
-from core.scene import (
+from core.pipeline.render import run
+from core.scene.content_hash import ContentHash
+from core.scene.tactile_scene import (
     Body,
     Chunk,
     DeviceUse,
@@ -118,22 +118,31 @@ def digest(of: TactileScene) -> str:
 
 
 CHANGES: list[dict[str, Any]] = [
-    {"name": "T"}, {"fps": Fraction(25)}, {"frame_range": (1, 26)}, {"rate": 120.0}, {"gravity": (0.0, 0.0, 0.0)},
-    {"fingers": (Finger("G"),)}, {"fingers": (Finger("F", parameters={"a": 1}),)}, {"bodies": (Body("B", None),)},
+    {"name": "T"},
+    {"fps": Fraction(25)},
+    {"frame_range": (1, 26)},
+    {"rate": 120.0},
+    {"gravity": (0.0, 0.0, 0.0)},
+    {"fingers": (Finger("G"),)},
+    {"fingers": (Finger("F", parameters={"a": 1}),)},
+    {"bodies": (Body("B", None),)},
     {"bodies": (Body("B", Mesh(np.eye(3) * 2, TRIANGLE.triangles)),)},
     {"screens": (Screen("P", (1.0, 1.0), np.zeros((1, 1), np.float32)),)},
-    {"screens": (Screen("P", (1.0, 1.0), np.ones((1, 1), np.float32)),)}, {"chunks": ()},
+    {"screens": (Screen("P", (1.0, 1.0), np.ones((1, 1), np.float32)),)},
+    {"chunks": ()},
     {"chunks": (replace(CHUNK, times=np.array([0.0, 1e-300])),)},
     {"chunks": (replace(CHUNK, channels={"b": np.ones(2)}),)},
     {"chunks": (replace(CHUNK, surfaces={0: (TRIANGLE,)}),)},
-]  # fmt: skip
+]
 
 
 def test_the_hash_changes_with_everything_and_with_nothing_else() -> None:
     digests = [digest(scene())] + [digest(scene(**change)) for change in CHANGES]
     assert len(set(digests)) == len(digests)
-    copy = Chunk(*(np.asfortranarray(getattr(CHUNK, n)) for n in ("frames", "times", "fingers", "bodies", "screens")),
-                 channels=dict(CHUNK.channels))  # fmt: skip
+    copy = Chunk(
+        *(np.asfortranarray(getattr(CHUNK, n)) for n in ("frames", "times", "fingers", "bodies", "screens")),
+        channels=dict(CHUNK.channels),
+    )
     assert digest(scene(chunks=(copy,))) == digest(scene())
 
 

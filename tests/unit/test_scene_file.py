@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.content_hash import ContentHash
 from core.errors import DermisError, Finding
-from core.scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, header
-from core.scene_file import load, save
+from core.scene.content_hash import ContentHash
+from core.scene.scene_file import load, save
+from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, header
 
 TETRA = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], dtype=np.int32)
 
@@ -26,23 +26,45 @@ def chunk(first: int, n: int, same: bool = True) -> Chunk:
     if not same:  # topology that changes: the last has one vertex and one face less
         mesh = (*mesh[:-1], Mesh(rng.normal(size=(3, 3)), TETRA[:1]))
     return Chunk(
-        np.arange(first, first + n) / 10, np.arange(first, first + n) / 240, rng.normal(size=(2, n, 4, 4)),
-        rng.normal(size=(2, n, 4, 4)), rng.normal(size=(1, n, 4, 4)), {1: mesh},
+        np.arange(first, first + n) / 10,
+        np.arange(first, first + n) / 240,
+        rng.normal(size=(2, n, 4, 4)),
+        rng.normal(size=(2, n, 4, 4)),
+        rng.normal(size=(1, n, 4, 4)),
+        {1: mesh},
         {"finger/0/pattern": rng.normal(size=n), "body/0/friction": np.arange(n) + 0.1},
-    )  # fmt: skip
+    )
 
 
 def scene(chunks: object = None) -> TactileScene:
     return TactileScene(
-        name="Ä scene", fps=Fraction(30000, 1001), frame_range=(1, 250), rate=240.0,
-        fingers=(Finger("Index", (DeviceUse("haptip", {"use_weight": False}), DeviceUse("screen", {}, "Panel")),
-                        {"touch_distance": 0.1 + 0.2}), Finger("Thumb")),
+        name="Ä scene",
+        fps=Fraction(30000, 1001),
+        frame_range=(1, 250),
+        rate=240.0,
+        fingers=(
+            Finger(
+                "Index",
+                (DeviceUse("haptip", {"use_weight": False}), DeviceUse("screen", {}, "Panel")),
+                {"touch_distance": 0.1 + 0.2},
+            ),
+            Finger("Thumb"),
+        ),
         bodies=(Body("Ball", Mesh(np.eye(3), TETRA[:1]), {"friction": 0.5}, ("Cloth",), True), Body("Cloth", None)),
-        screens=(Screen("Panel", (0.1, 0.07), np.arange(6, dtype=np.float32).reshape(2, 3), 0.001, {"profile": "slope"},
-                        (Finding("info", "repaired", "two holes", value=2),)),),
+        screens=(
+            Screen(
+                "Panel",
+                (0.1, 0.07),
+                np.arange(6, dtype=np.float32).reshape(2, 3),
+                0.001,
+                {"profile": "slope"},
+                (Finding("info", "repaired", "two holes", value=2),),
+            ),
+        ),
         chunks=(chunk(0, 5), chunk(5, 3, same=False), chunk(8, 1)) if chunks is None else chunks,  # type: ignore[arg-type]
-        gravity=(0.0, 0.1, -9.81), findings=(Finding("warning", "w", "odd", frame=3.5, value=(1, 2)),),
-    )  # fmt: skip
+        gravity=(0.0, 0.1, -9.81),
+        findings=(Finding("warning", "w", "odd", frame=3.5, value=(1, 2)),),
+    )
 
 
 def digest(of: TactileScene) -> str:
@@ -141,7 +163,7 @@ def rewritten(path: Path, change: dict[str, object] | None = None, drop: str = "
         (None, "chunk/1/times.npy", "chunk/1/times: .* a part is missing"),
         (None, "triangles/0.npy", "triangles/0: .* a part is missing"),
     ],
-)  # fmt: skip
+)
 def test_refusals(tmp_path: Path, change: dict[str, object] | None, drop: str, message: str) -> None:
     save(scene(), tmp_path / "s.npz")
     with pytest.raises(DermisError, match=message) as caught:

@@ -14,7 +14,7 @@ from core.effects.heading import REST_RADIUS, STILL_SPEED, Heading
 from core.effects.slide import directions
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
-from core.stream.adapter import Touch
+from core.stream.protocols.adapter import Touch
 from core.stream.source import Panel
 from core.stream.wire import Wire
 from tests.unit.stream_lab import Lab
@@ -33,8 +33,17 @@ def ramp(maps: int = 1, **more: Any) -> ScreenMap:
     x = (np.arange(64) + 0.5) / 64 * 0.1 - 0.05
     one = np.broadcast_to((0.5 * x).astype(np.float32), (64, 64))
     heights = np.stack([one * (k / max(maps - 1, 1) if maps > 1 else 1.0) for k in range(maps)])
-    return ScreenMap(heights, (0.1, 0.1), 1.0, FrictionScreen.of(SPEC), scale=120.0, lowest=float(heights.min()),
-                     highest=float(heights.max()), direction_window=WINDOW, **more)  # fmt: skip
+    return ScreenMap(
+        heights,
+        (0.1, 0.1),
+        1.0,
+        FrictionScreen.of(SPEC),
+        scale=120.0,
+        lowest=float(heights.min()),
+        highest=float(heights.max()),
+        direction_window=WINDOW,
+        **more,
+    )
 
 
 def felt(panel: Panel, times: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:

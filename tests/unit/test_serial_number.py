@@ -9,7 +9,7 @@ import pytest
 from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
-from core.stream.serial_port import Serial, serial_number
+from core.stream.links.serial_port import Serial, serial_number
 
 
 @pytest.fixture

@@ -105,9 +105,12 @@ def test_separate_parts_do_not_feel_each_other() -> None:
     mesh = cube_mesh(2)
     n = len(mesh.nodes)
     both = TetraMesh(
-        np.concatenate([mesh.nodes, mesh.nodes + 3.0]), np.concatenate([mesh.tetrahedra, mesh.tetrahedra + n]),
-        np.concatenate([mesh.fixed, mesh.fixed + n]), np.concatenate([mesh.pad, mesh.pad + n]), mesh.surface,
-    )  # fmt: skip
+        np.concatenate([mesh.nodes, mesh.nodes + 3.0]),
+        np.concatenate([mesh.tetrahedra, mesh.tetrahedra + n]),
+        np.concatenate([mesh.fixed, mesh.fixed + n]),
+        np.concatenate([mesh.pad, mesh.pad + n]),
+        mesh.surface,
+    )
     free = degrees(both.free)
     matrix = stiffness(both, Elastic(1.0, 0.3))[free][:, free]
     compliance = condense(matrix, np.searchsorted(both.free, both.pad)).compliance

@@ -35,8 +35,14 @@ def test_bytes_do_not_depend_on_time(tmp_path: Path) -> None:
 
 def test_defaults_find_skin_and_pad(tmp_path: Path) -> None:
     mesh = fingertip_mesh(level="draft")
-    np.savez(tmp_path / "own.npz", schema=SCHEMA, unit="mm", nodes=mesh.nodes * 1e3, tetrahedra=mesh.tetrahedra,
-             fixed=mesh.fixed)  # fmt: skip
+    np.savez(
+        tmp_path / "own.npz",
+        schema=SCHEMA,
+        unit="mm",
+        nodes=mesh.nodes * 1e3,
+        tetrahedra=mesh.tetrahedra,
+        fixed=mesh.fixed,
+    )
     own = load_mesh(tmp_path / "own.npz")
     assert own.nodes == pytest.approx(mesh.nodes, abs=1e-17, rel=1e-15)
     assert set(mesh.pad) <= set(own.pad)
@@ -62,15 +68,23 @@ def test_the_documented_example_loads(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "what"),
     [
-        ({"schema": "other 1"}, "unknown schema"), ({"schema": None}, "unknown schema"),
-        ({"unit": "N"}, "unit of length"), ({"tetrahedra": [[0, 1, 2]]}, "shape"),
-        ({"nodes": [[0, 0], [1, 1]]}, "shape"), ({"nodes": [["a", 0, 0]]}, "numbers"),
-        ({"tetrahedra": [[0, 2, 1, 7]]}, "does not exist"), ({"tetrahedra": [[0, 2, 1, -1]]}, "does not exist"),
-        ({"tetrahedra": [[0, 1, 2, 3]]}, "inverted"), ({"tetrahedra": [[0.5, 1, 2, 3]]}, "whole"),
-        ({"tetrahedra": []}, "no tetrahedra"), ({"fixed": [0, 1]}, "too few fixed"), ({"pad": [2]}, "fixed"),
-        ({"pad": []}, "no pad"), ({"nodes": None}, "shape"),
+        ({"schema": "other 1"}, "unknown schema"),
+        ({"schema": None}, "unknown schema"),
+        ({"unit": "N"}, "unit of length"),
+        ({"tetrahedra": [[0, 1, 2]]}, "shape"),
+        ({"nodes": [[0, 0], [1, 1]]}, "shape"),
+        ({"nodes": [["a", 0, 0]]}, "numbers"),
+        ({"tetrahedra": [[0, 2, 1, 7]]}, "does not exist"),
+        ({"tetrahedra": [[0, 2, 1, -1]]}, "does not exist"),
+        ({"tetrahedra": [[0, 1, 2, 3]]}, "inverted"),
+        ({"tetrahedra": [[0.5, 1, 2, 3]]}, "whole"),
+        ({"tetrahedra": []}, "no tetrahedra"),
+        ({"fixed": [0, 1]}, "too few fixed"),
+        ({"pad": [2]}, "fixed"),
+        ({"pad": []}, "no pad"),
+        ({"nodes": None}, "shape"),
     ],
-)  # fmt: skip
+)
 def test_bad_files_are_refused(tmp_path: Path, change: dict[str, object], what: str) -> None:
     path = tmp_path / "bad.json"
     path.write_text(json.dumps({**TETRAHEDRON, **change}))

@@ -124,12 +124,16 @@ def test_dihedral_angles_of_known_tetrahedra() -> None:
 @pytest.mark.parametrize(
     ("change", "what"),
     [
-        ({"width": -1e-3}, "above zero"), ({"bone_width": 16e-3}, "bone_width"),
-        ({"bone_thickness": 11e-3}, "thickness"), ({"nail_width": 20e-3}, "nail_width"), ({"tip": 24e-3}, "tip"),
+        ({"width": -1e-3}, "above zero"),
+        ({"bone_width": 16e-3}, "bone_width"),
+        ({"bone_thickness": 11e-3}, "thickness"),
+        ({"nail_width": 20e-3}, "nail_width"),
+        ({"tip": 24e-3}, "tip"),
         ({"bone_bed": 0.1e-3}, "bone_bed"),
-        ({"nail_length": 30e-3}, "nail_length"), ({"thickness": float("nan")}, "above zero"),
+        ({"nail_length": 30e-3}, "nail_length"),
+        ({"thickness": float("nan")}, "above zero"),
     ],
-)  # fmt: skip
+)
 def test_shapes_that_do_not_fit_are_refused(change: dict[str, float], what: str) -> None:
     with pytest.raises(DermisError, match=what):
         FingertipShape(**change)
@@ -176,9 +180,10 @@ def broken(kind: str) -> TetraMesh:
     if kind == "not held":
         other = cube_mesh(2)
         return replace(
-            mesh, nodes=np.concatenate([mesh.nodes, other.nodes + 5.0]),
+            mesh,
+            nodes=np.concatenate([mesh.nodes, other.nodes + 5.0]),
             tetrahedra=np.concatenate([mesh.tetrahedra, other.tetrahedra + len(mesh.nodes)]),
-        )  # fmt: skip
+        )
     assert kind == "hangs on"
     # a small tetrahedron outside whose corner lies in the middle of an edge of the cube, where the cube has no node
     a = mesh.nodes[mesh.tetrahedra[0]]
@@ -189,9 +194,11 @@ def broken(kind: str) -> TetraMesh:
     cell = np.array([[n, n + 1, n + 2, n + 3]])
     assert tetra_volumes(extra, cell - n)[0] > 0 and len(a) == 4
     return replace(
-        mesh, nodes=np.concatenate([mesh.nodes, extra]), tetrahedra=np.concatenate([mesh.tetrahedra, cell]),
+        mesh,
+        nodes=np.concatenate([mesh.nodes, extra]),
+        tetrahedra=np.concatenate([mesh.tetrahedra, cell]),
         fixed=np.concatenate([mesh.fixed, np.arange(n, n + 4)]),
-    )  # fmt: skip
+    )
 
 
 def boundary_edges(mesh: TetraMesh) -> list[tuple[int, int]]:
@@ -202,10 +209,21 @@ def boundary_edges(mesh: TetraMesh) -> list[tuple[int, int]]:
 @pytest.mark.parametrize(
     "kind",
     [
-        "inverted", "flat", "hanging nodes", "not a finite", "does not exist", "more than two", "too few fixed",
-        "on one line", "no pad", "pad node is fixed", "not on the surface", "not held", "hangs on",
+        "inverted",
+        "flat",
+        "hanging nodes",
+        "not a finite",
+        "does not exist",
+        "more than two",
+        "too few fixed",
+        "on one line",
+        "no pad",
+        "pad node is fixed",
+        "not on the surface",
+        "not held",
+        "hangs on",
     ],
-)  # fmt: skip
+)
 def test_bad_meshes_are_refused(kind: str) -> None:
     check_mesh(cube_mesh(2))
     with pytest.raises(DermisError, match=kind):

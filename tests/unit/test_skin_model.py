@@ -72,8 +72,9 @@ def test_keys_tell_apart_what_matters_and_nothing_else() -> None:
     def key(**change: object) -> str:
         material = Elastic(float(change.get("young", 1e5)), float(change.get("poisson", 0.48)))  # type: ignore[arg-type]
         shape = FingertipShape(width=float(change.get("width", 16e-3)))  # type: ignore[arg-type]
-        return fingertip_skin(shape, material, level=str(change.get("level", "draft")),
-                              element=change.get("element", "anp")).key  # type: ignore[arg-type]  # fmt: skip
+        return fingertip_skin(
+            shape, material, level=str(change.get("level", "draft")), element=change.get("element", "anp")
+        ).key  # type: ignore[arg-type]
 
     base = key()
     assert key(young=5e5) == base

@@ -10,7 +10,7 @@ import pytest
 
 from core.contact.skin_touch import SkinSampler
 from core.errors import DermisError
-from core.scene import Body, Chunk, Finger, Mesh, TactileScene
+from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 from core.skin.model import fingertip_skin
 
 BOX = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], dtype=float)
@@ -145,8 +145,9 @@ def test_an_animated_scale_drags_the_skin_as_a_mesh_of_that_shape_does(skin, kin
     world[:3, :3] *= np.linalg.det(world[:3, :3])
     fingers = world @ poses(np.tile(place, (n, 1)))
     meshes = tuple(Mesh(PLATE.vertices @ m.T, FACES) for m in linear)
-    deforming = felt(skin, fingers, np.tile(world, (n, 1, 1)), body=Body("plate", None, {"friction": 0.6}),
-                     surfaces=meshes)  # fmt: skip
+    deforming = felt(
+        skin, fingers, np.tile(world, (n, 1, 1)), body=Body("plate", None, {"friction": 0.6}), surfaces=meshes
+    )
     animated = world @ poses(np.zeros((n, 3)), linear)
     for cuts in ((), (5, 11, 12, 30)):
         got = felt(skin, fingers, animated, cuts=cuts)

@@ -17,14 +17,26 @@ PRESET: dict[str, Any] = {
     "kind": "shear_tactor",
     "rate": {"value": 1, "unit": "kHz"},
     "channels": [
-        {"name": "x", "unit": "m", "low": {"value": -2, "unit": "mm"}, "high": {"value": 2, "unit": "mm"},
-         "slew": {"value": 150, "unit": "mm/s"}, "rest": {"value": 1, "unit": "mm"}, "actuator": "m1"},
+        {
+            "name": "x",
+            "unit": "m",
+            "low": {"value": -2, "unit": "mm"},
+            "high": {"value": 2, "unit": "mm"},
+            "slew": {"value": 150, "unit": "mm/s"},
+            "rest": {"value": 1, "unit": "mm"},
+            "actuator": "m1",
+        },
         {"name": "y", "unit": "m", "low": -0.001},
     ],
-    "parameters": {"link": {"value": 5, "unit": "mm"}, "mode": "fast", "on": True, "names": ["a"],
-                   "list": {"value": [1, 2], "unit": "deg"}},
+    "parameters": {
+        "link": {"value": 5, "unit": "mm"},
+        "mode": "fast",
+        "on": True,
+        "names": ["a"],
+        "list": {"value": [1, 2], "unit": "deg"},
+    },
     "wire": {"bandwidth": {"value": 115.2, "unit": "kbit/s"}, "bits_per_sample": 8},
-}  # fmt: skip
+}
 
 
 def changed(path: str, value: Any) -> dict[str, Any]:
@@ -94,7 +106,7 @@ def test_hash_is_the_presets_and_not_the_order_of_its_keys() -> None:
         ("parameters/range_disc", ["x", "z"], "must name two channels"),
         ("parameters/range_disc", ["x", "y"], "needs 'range_disc_radius', one number"),
     ],
-)  # fmt: skip
+)
 def test_refusals(path: str, value: Any, message: str) -> None:
     with pytest.raises(DermisError, match=message):
         from_preset("t", changed(path, value))

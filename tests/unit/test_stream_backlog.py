@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from core.presets import Library
-from core.stream.native import WATCHDOG_MS
-from core.stream.packets import DeviceState
-from core.stream.transport import Transport
-from core.stream.url import Url
-from core.stream.virtual_device import make
-from core.stream.virtual_native import NativeDevice
+from core.stream.links.transport import Transport
+from core.stream.links.url import Url
+from core.stream.protocols.native import WATCHDOG_MS
+from core.stream.protocols.packets import DeviceState
+from core.stream.virtual.device import make
+from core.stream.virtual.native import NativeDevice
 from core.stream.wire import Wire
 from tests.unit.stream_lab import TICK, Lab, sine_track
 
@@ -129,8 +129,16 @@ def test_a_healthy_link_loses_nothing_to_the_bound(
     look_ahead: float, delay: float, jitter: float, track_file: Path
 ) -> None:
     """Answers that an adapter holds back for up to 16 ms, a far network: neither is taken for a queue."""
-    lab = LineLab(2 * NEEDED, delay=delay, jitter=jitter, track=str(track_file), ramp=0.0, look_ahead=look_ahead,
-                  rate=1000.0, queue=255)  # fmt: skip
+    lab = LineLab(
+        2 * NEEDED,
+        delay=delay,
+        jitter=jitter,
+        track=str(track_file),
+        ramp=0.0,
+        look_ahead=look_ahead,
+        rate=1000.0,
+        queue=255,
+    )
     lab.run(0.5)
     lab.arm()
     lab.run(0.3)

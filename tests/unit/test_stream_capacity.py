@@ -14,11 +14,12 @@ import pytest
 from core.devices.spec import Channel, DeviceSpec
 from core.errors import DermisError
 from core.presets import Library
-from core.stream import adapter, capacity
-from core.stream.native import Native
-from core.stream.transport import Transport
-from core.stream.url import Url
-from core.stream.virtual_link import open_link
+from core.stream.links import capacity
+from core.stream.links.transport import Transport
+from core.stream.links.url import Url
+from core.stream.protocols import adapter
+from core.stream.protocols.native import Native
+from core.stream.virtual.link import open_link
 from core.stream.wire import Wire
 from tests.unit.stream_box import posix
 from tests.unit.stream_lab import Lab, sine_track
@@ -150,9 +151,13 @@ def pty() -> Iterator[str]:
 @posix
 @pytest.mark.parametrize(
     ("protocol", "options", "bytes_a_second"),
-    [("native", "", 50_000.0), ("maestro", "", 11_520.0), ("servo-animation", "", 11_520.0),
-     ("native", "?baud=115200", 11_520.0)],
-)  # fmt: skip
+    [
+        ("native", "", 50_000.0),
+        ("maestro", "", 11_520.0),
+        ("servo-animation", "", 11_520.0),
+        ("native", "?baud=115200", 11_520.0),
+    ],
+)
 def test_a_serial_port_is_opened_with_the_protocols_own_baud(
     protocol: str, options: str, bytes_a_second: float, pty: str, tmp_path: Path
 ) -> None:

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import core
-from core.formats import csv
 from core.presets import Library
-from core.track import CommandTrack
+from core.track import csv
+from core.track.command_track import CommandTrack
 
 pytestmark = pytest.mark.real_time
 
@@ -38,8 +38,12 @@ def play(track: Path, *more: str, typed: str | None = None) -> subprocess.Comple
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths)), "PYTHONUTF8": "1"}
     return subprocess.run(
         [sys.executable, "-m", "core", "stream", "play", str(track), "--url", "virtual:", *more],
-        env=env, capture_output=True, encoding="utf-8", timeout=60, input="" if typed is None else typed,
-    )  # fmt: skip
+        env=env,
+        capture_output=True,
+        encoding="utf-8",
+        timeout=60,
+        input="" if typed is None else typed,
+    )
 
 
 def test_an_end_of_input_does_not_arm(track: Path) -> None:

@@ -11,16 +11,16 @@ import pytest
 
 from core.devices.friction_screen import FrictionScreen
 from core.devices.spec import Channel, DeviceSpec
-from core.formats import csv
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
-from core.stream import osc
-from core.stream.adapter import Touch
 from core.stream.gate import Gate
+from core.stream.protocols import osc
+from core.stream.protocols.adapter import Touch
 from core.stream.source import Panel
-from core.stream.virtual_others import OscDevice
+from core.stream.virtual.others import OscDevice
 from core.stream.wire import Wire
-from core.track import CommandTrack
+from core.track import csv
+from core.track.command_track import CommandTrack
 from tests.unit.stream_lab import TICK, Lab, sine_track
 
 
@@ -150,8 +150,15 @@ def screen() -> ScreenMap:
     """A ramp along x: uphill there is a voltage."""
     x = (np.arange(64) + 0.5) / 64 * 0.1 - 0.05
     heights = np.broadcast_to((0.5 * x).astype(np.float32), (1, 64, 64)).copy()
-    return ScreenMap(heights, (0.1, 0.1), 1.0, FrictionScreen.of(Library().device("electrovibration")), scale=120.0,
-                     lowest=float(heights.min()), highest=float(heights.max()))  # fmt: skip
+    return ScreenMap(
+        heights,
+        (0.1, 0.1),
+        1.0,
+        FrictionScreen.of(Library().device("electrovibration")),
+        scale=120.0,
+        lowest=float(heights.min()),
+        highest=float(heights.max()),
+    )
 
 
 def uphill(panel: Panel, end: float) -> None:

@@ -97,8 +97,9 @@ while True:
 def test_kill_9_of_blender(boxes: Any, track_file: str) -> None:
     """The parent dies without a word: the pipe closes, the sender brings the device to its safe state and ends."""
     box = boxes("pty")
-    parent = subprocess.Popen([sys.executable, "-c", PARENT, box.url, track_file], env=environment(),
-                              stdout=subprocess.PIPE, text=True)  # fmt: skip
+    parent = subprocess.Popen(
+        [sys.executable, "-c", PARENT, box.url, track_file], env=environment(), stdout=subprocess.PIPE, text=True
+    )
     try:
         assert parent.stdout is not None
         pid = int(parent.stdout.readline().split()[1])

@@ -8,10 +8,10 @@ import pytest
 from core.calibration import Calibration
 from core.errors import DermisError
 from core.presets import Library
-from core.stream import adapter, packets
-from core.stream.native import Native
-from core.stream.packets import Kind, Reach
-from core.stream.virtual_native import NativeDevice
+from core.stream.protocols import adapter, packets
+from core.stream.protocols.native import Native
+from core.stream.protocols.packets import Kind, Reach
+from core.stream.virtual.native import NativeDevice
 from core.stream.wire import Wire
 from tests.unit.stream_lab import Lab
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from core.devices.spec import Channel, DeviceSpec
-from core.formats import csv
 from core.presets import Library
 from core.stream.lowpass import low_passed
 from core.stream.source import Play
-from core.stream.virtual_native import NativeDevice
+from core.stream.virtual.native import NativeDevice
 from core.stream.wire import Wire
-from core.track import CommandTrack
+from core.track import csv
+from core.track.command_track import CommandTrack
 from tests.unit.stream_lab import Lab
 
 HAPTIP = Library().device("haptip")

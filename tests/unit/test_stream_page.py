@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from core.devices.spec import Channel, DeviceSpec
-from core.stream import adapter, faults, native, packets, torque, url
-from core.stream.packets import DeviceState, Kind, Nack, Reach
+from core.stream.links import url
+from core.stream.protocols import adapter, native, packets, torque
+from core.stream.protocols.packets import DeviceState, Kind, Nack, Reach
+from core.stream.virtual import faults
 from core.stream.wire import Wire
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -19,8 +21,11 @@ PAGE = (ROOT / "presets" / "streaming.md").read_text("utf-8")
 VECTORS = dict(
     line.split(": ") for block in re.findall(r"```vectors\n(.*?)```", PAGE, re.S) for line in block.splitlines()
 )
-WIRE = Wire.of(DeviceSpec("servos", "Servos", "t", 50.0,
-                          tuple(Channel(f"s{i}", "rad", -1.0, 1.0, 8.0, 0.0, f"m{i}") for i in range(2))))  # fmt: skip
+WIRE = Wire.of(
+    DeviceSpec(
+        "servos", "Servos", "t", 50.0, tuple(Channel(f"s{i}", "rad", -1.0, 1.0, 8.0, 0.0, f"m{i}") for i in range(2))
+    )
+)
 
 
 def u16(*counts: int) -> np.ndarray:
@@ -37,8 +42,9 @@ def by_adapter(name: str) -> bytes:
 
 MADE = {
     "HELLO": framed(Kind.HELLO, 1, packets.hello(2, bytes(range(1, 9)))),
-    "WELCOME": framed(Kind.WELCOME, 1,
-                      packets.Welcome(2, 2, b"VIRTUAL1", bytes(8), 1000, 0, 255, u16(32768, 32768), 50).body()),
+    "WELCOME": framed(
+        Kind.WELCOME, 1, packets.Welcome(2, 2, b"VIRTUAL1", bytes(8), 1000, 0, 255, u16(32768, 32768), 50).body()
+    ),
     "CONFIGURE": framed(Kind.CONFIGURE, 2, packets.configure(70, Reach.RAMP, u16(32768, 32768), u16(262, 262))),
     "ARM": framed(Kind.ARM, 3),
     "STATE": framed(Kind.STATE, 2, packets.state(DeviceState.ARMED, Kind.ARM)),
@@ -53,7 +59,7 @@ MADE = {
     "osc": by_adapter("osc"),
     "torque": torque.HEAD.pack(torque.TO_BOARD, 1) + np.array([0.001, -0.002], "<f4").tobytes(),
     "torque answer": torque.HEAD.pack(torque.FROM_BOARD, 1) + np.array([0.1, -0.1], "<f4").tobytes(),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", sorted(MADE))

@@ -21,7 +21,7 @@ from core.devices.friction_screen import FrictionScreen
 from core.errors import DermisError
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
-from core.stream.osc import bundle, padded
+from core.stream.protocols.osc import bundle, padded
 from core.stream.touch_input import touch_input, touch_of_line, touches_of_osc
 from core.work import command, environment
 from tests.unit.stream_box import Box, posix, running
@@ -41,15 +41,29 @@ def screen(tmp_path: Path) -> Path:
     """A slope of 0.5 along x: friction 60 towards +x, none back."""
     x = (np.arange(64) + 0.5) / 64 * 0.1 - 0.05
     heights = np.broadcast_to((0.5 * x).astype(np.float32), (1, 64, 64)).copy()
-    made = ScreenMap(heights, (0.1, 0.1), 1.0, FrictionScreen.of(Library().device("electrovibration")), scale=120.0,
-                     lowest=float(heights.min()), highest=float(heights.max()), direction_window=0.02)  # fmt: skip
+    made = ScreenMap(
+        heights,
+        (0.1, 0.1),
+        1.0,
+        FrictionScreen.of(Library().device("electrovibration")),
+        scale=120.0,
+        lowest=float(heights.min()),
+        highest=float(heights.max()),
+        direction_window=0.02,
+    )
     made.save(tmp_path / "slope.map.npz")
     return tmp_path / "slope.map.npz"
 
 
 def panel(screen: Path, *more: str, typed: Any = subprocess.PIPE) -> subprocess.Popen[str]:
-    return subprocess.Popen(command("stream", "panel", str(screen), *more), env=environment(), stdin=typed,
-                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)  # fmt: skip
+    return subprocess.Popen(
+        command("stream", "panel", str(screen), *more),
+        env=environment(),
+        stdin=typed,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def refused(screen: Path, *more: str, typed: str = "") -> str:
@@ -202,8 +216,13 @@ def test_what_cannot_be_is_refused_in_words_before_anything_is_armed(screen: Pat
 
 @posix
 def test_without_a_display_a_mouse_is_refused_in_words(screen: Path) -> None:
-    one = subprocess.run(command("stream", "panel", str(screen), "--url", "virtual:", "--touch", "mouse", "--yes"),
-                         env={**environment(), "DISPLAY": ""}, capture_output=True, text=True, timeout=60)  # fmt: skip
+    one = subprocess.run(
+        command("stream", "panel", str(screen), "--url", "virtual:", "--touch", "mouse", "--yes"),
+        env={**environment(), "DISPLAY": ""},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
     assert one.returncode == 2 and "no window can be opened here" in one.stderr and "osc://" in one.stderr
     assert "Traceback" not in one.stderr
 
@@ -237,8 +256,13 @@ def test_the_pressed_mouse_is_a_finger() -> None:
 
     if shutil.which("xvfb-run") is None:
         pytest.skip("no virtual display")
-    done = subprocess.run(["xvfb-run", "-a", sys.executable, "-c", MOUSE], env={**os.environ, **environment()},
-                          capture_output=True, text=True, timeout=60)  # fmt: skip
+    done = subprocess.run(
+        ["xvfb-run", "-a", sys.executable, "-c", MOUSE],
+        env={**os.environ, **environment()},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -265,7 +289,9 @@ def test_lines_and_datagrams_that_are_touches() -> None:
             touch_of_line(line, 1.0)
     assert list(touches_of_osc(touch(True, 0.25, -0.5))) == [(True, 0.25, -0.5)]
     assert list(touches_of_osc(bundle(1, [touch(True, 0.5, 0.0), touch(False, 0.0, 0.0)]))) == [
-        (True, 0.5, 0.0), (False, 0.0, 0.0)]  # fmt: skip
+        (True, 0.5, 0.0),
+        (False, 0.0, 0.0),
+    ]
     assert list(touches_of_osc(padded(b"/other") + padded(b",f") + struct.pack(">f", 1.0))) == []
     short = padded(b"/dermis/touch") + padded(b",f") + b"\0" * 4
     for data in (b"", b"#bundle\0", touch(True, float("nan"), 0.0), short):

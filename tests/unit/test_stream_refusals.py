@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from core.calibration import Calibration
+from core.command_line.stream import add_parser
 from core.errors import DermisError
 from core.presets import Library
-from core.stream import adapter
 from core.stream.client import SenderClient
-from core.stream.command_line import add_parser
-from core.stream.url import Url
-from core.stream.virtual_device import options_of
+from core.stream.links.url import Url
+from core.stream.protocols import adapter
+from core.stream.virtual.device import options_of
 from core.stream.wire import Wire
 from core.stream.wish import Wish, wish_of
 from tests.unit.stream_lab import Lab
@@ -94,10 +94,21 @@ def test_such_limits_under_way_end_in_the_safe_state(protocol: str) -> None:
 
 
 BAD = [
-    ("ramp", math.nan), ("ramp", math.inf), ("ramp", -1.0), ("ramp", "1"), ("ramp", True), ("look_ahead", math.nan),
-    ("look_ahead", -0.5), ("stall", 0.0), ("stall", math.inf), ("stall", math.nan), ("rate", -1.0), ("rate", math.nan),
-    ("offset", math.nan), ("offset", -math.inf),
-]  # fmt: skip
+    ("ramp", math.nan),
+    ("ramp", math.inf),
+    ("ramp", -1.0),
+    ("ramp", "1"),
+    ("ramp", True),
+    ("look_ahead", math.nan),
+    ("look_ahead", -0.5),
+    ("stall", 0.0),
+    ("stall", math.inf),
+    ("stall", math.nan),
+    ("rate", -1.0),
+    ("rate", math.nan),
+    ("offset", math.nan),
+    ("offset", -math.inf),
+]
 
 
 @pytest.mark.parametrize(("name", "value"), BAD)
@@ -151,9 +162,15 @@ def test_the_client_refuses_before_the_sender_sees_it() -> None:
 
 @pytest.mark.parametrize(
     ("option", "value"),
-    [("--ramp", "nan"), ("--ramp", "inf"), ("--ramp", "-1"), ("--look-ahead", "nan"), ("--look-ahead", "-0.5"),
-     ("--ramp", "soon")],
-)  # fmt: skip
+    [
+        ("--ramp", "nan"),
+        ("--ramp", "inf"),
+        ("--ramp", "-1"),
+        ("--look-ahead", "nan"),
+        ("--look-ahead", "-0.5"),
+        ("--ramp", "soon"),
+    ],
+)
 def test_the_command_line_names_what_cannot_be(option: str, value: str, capsys: pytest.CaptureFixture[str]) -> None:
     parser = argparse.ArgumentParser()
     add_parser(parser.add_subparsers(), lambda path: None)

@@ -13,14 +13,15 @@ import pytest
 
 from core.errors import DermisError
 from core.presets import Library
-from core.stream import faults, serial_port
 from core.stream.client import SenderClient
-from core.stream.links import open_link
-from core.stream.serial_port import Serial
+from core.stream.links import serial_port
+from core.stream.links.open_link import open_link
+from core.stream.links.serial_port import Serial
+from core.stream.links.transport import Transport, holder_of
+from core.stream.links.url import Url
 from core.stream.streamer import Streamer
-from core.stream.transport import Transport, holder_of
-from core.stream.url import Url
-from core.stream.virtual_link import open_link as open_any
+from core.stream.virtual import faults
+from core.stream.virtual.link import open_link as open_any
 from core.stream.wire import Wire
 from core.work import command, environment
 from tests.unit.stream_box import HAPTIP, Box, posix, ready, running
@@ -111,9 +112,13 @@ def test_a_disk_without_room_ends_the_record_and_not_the_stream(tmp_path: Path, 
     import resource
 
     done = subprocess.run(
-        [sys.executable, "-c", SENDS, str(tmp_path / "record.txt")], env=environment(), capture_output=True, text=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (room, room)), timeout=60,
-    )  # fmt: skip
+        [sys.executable, "-c", SENDS, str(tmp_path / "record.txt")],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (room, room)),
+        timeout=60,
+    )
     assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
     assert done.stderr.count("is not whole") == 1 and "the link goes on without it" in done.stderr
     during, after = done.stdout.splitlines()
@@ -172,14 +177,28 @@ def test_port_in_use_names_the_sender_alone(boxes: Callable[..., Box]) -> None:
 # -- every name once
 
 
-@pytest.mark.parametrize("url", [
-    "/dev/ttyNoSuch9", "serial:/dev/ttyNoSuch9", "bogus://x", "spy://bogus://x", "socket://127.0.0.1:1",
-    "socket://no-such-host.invalid:1", "/dev/null?baud=fast",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "url",
+    [
+        "/dev/ttyNoSuch9",
+        "serial:/dev/ttyNoSuch9",
+        "bogus://x",
+        "spy://bogus://x",
+        "socket://127.0.0.1:1",
+        "socket://no-such-host.invalid:1",
+        "/dev/null?baud=fast",
+    ],
+)
 def test_the_command_line_names_a_link_once(url: str, tmp_path: Path) -> None:
     track = sine_track(tmp_path / "t.csv")
-    done = subprocess.run(command("stream", "play", str(track), "--url", url, "--yes"), env=environment(),
-                          capture_output=True, text=True, timeout=60, stdin=subprocess.DEVNULL)  # fmt: skip
+    done = subprocess.run(
+        command("stream", "play", str(track), "--url", url, "--yes"),
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        stdin=subprocess.DEVNULL,
+    )
     place = url.removeprefix("spy://").removeprefix("serial:").partition("?")[0]
     assert done.returncode == 2 and "Traceback" not in done.stderr
     assert done.stderr.count(place) == 1, done.stderr
@@ -204,14 +223,31 @@ def test_a_ports_description_says_more_than_its_name() -> None:
 # -- faults
 
 
-@pytest.mark.parametrize(("fault", "limit"), [
-    ("loss=2", "0 to 1"), ("loss=-0.1", "0 to 1"), ("corrupt=1.5", "0 to 1"), ("delay=-1", "0 to 60 s"),
-    ("jitter=61", "0 to 60 s"), ("slow=-5", "bytes a second"), ("skew=2", "-0.1 to 0.1"), ("stuck=1.5", "whole"),
-    ("seed=0.5", "whole"), ("finger=2", "0 to 1"), ("stuck=99", "0 to 1"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("fault", "limit"),
+    [
+        ("loss=2", "0 to 1"),
+        ("loss=-0.1", "0 to 1"),
+        ("corrupt=1.5", "0 to 1"),
+        ("delay=-1", "0 to 60 s"),
+        ("jitter=61", "0 to 60 s"),
+        ("slow=-5", "bytes a second"),
+        ("skew=2", "-0.1 to 0.1"),
+        ("stuck=1.5", "whole"),
+        ("seed=0.5", "whole"),
+        ("finger=2", "0 to 1"),
+        ("stuck=99", "0 to 1"),
+    ],
+)
 def test_a_fault_that_cannot_be_is_refused_before_anything_is_told(fault: str, limit: str) -> None:
-    done = subprocess.run(command("stream", "virtual", "--fault", fault), env=environment(), capture_output=True,
-                          text=True, timeout=60, stdin=subprocess.DEVNULL)  # fmt: skip
+    done = subprocess.run(
+        command("stream", "virtual", "--fault", fault),
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        stdin=subprocess.DEVNULL,
+    )
     assert done.returncode == 2 and done.stdout == "" and "Traceback" not in done.stderr
     assert limit in done.stderr and fault.partition("=")[0] in done.stderr, done.stderr
     with pytest.raises(DermisError, match=limit):

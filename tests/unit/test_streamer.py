@@ -10,13 +10,13 @@ import pytest
 
 from core.calibration import Calibration
 from core.devices.spec import Channel, DeviceSpec
-from core.formats import csv
 from core.presets import Library
 from core.stream.board import Beat
-from core.stream.clock import TrackClock
 from core.stream.gate import Gate
+from core.stream.protocols.clock import TrackClock
 from core.stream.wire import Wire
-from core.track import CommandTrack
+from core.track import csv
+from core.track.command_track import CommandTrack
 from tests.unit.stream_lab import TICK, Lab, sine_track
 
 
@@ -47,8 +47,9 @@ def test_it_plays_the_track_in_step_with_blender(track_file: Path) -> None:
     lab.run(0.1)
     errors: list[float] = []
     step = 24.0 / 65535 * 2 * math.pi / 180
-    lab.run(3.0, lambda: errors.append(float(np.abs(
-        lab.at - 0.1 * np.sin(2 * np.pi * lab.time) * np.array([1, 2])).max())))  # fmt: skip
+    lab.run(
+        3.0, lambda: errors.append(float(np.abs(lab.at - 0.1 * np.sin(2 * np.pi * lab.time) * np.array([1, 2])).max()))
+    )
     # The sample of this millisecond or of the one before: at most 2 pi 0.2 rad/s for one millisecond and a count.
     assert max(errors) <= 2 * np.pi * 0.2 * 1.5e-3 + step
     assert not lab.streamer.gate.limited and not lab.streamer.counters["skipped"]  # type: ignore[union-attr]
@@ -64,8 +65,9 @@ def test_look_ahead_arrives_early_and_plays_on_time(track_file: Path, look_ahead
     lab.run(0.5)
     errors: list[float] = []
     lab.device.early_least = np.inf
-    lab.run(2.0, lambda: errors.append(float(np.abs(
-        lab.at - 0.1 * np.sin(2 * np.pi * lab.time) * np.array([1, 2])).max())))  # fmt: skip
+    lab.run(
+        2.0, lambda: errors.append(float(np.abs(lab.at - 0.1 * np.sin(2 * np.pi * lab.time) * np.array([1, 2])).max()))
+    )
     assert max(errors) <= 2 * np.pi * 0.2 * 2e-3
     assert lab.device.late == 0 and lab.device.lost == 0
     assert look_ahead - 0.003 < lab.device.early_least <= look_ahead
@@ -277,9 +279,14 @@ def test_not_a_number_is_held_and_counted() -> None:
 
 
 def test_a_round_range_is_kept() -> None:
-    spec = DeviceSpec("disc", "Disc", "t", 100.0,
-                      (Channel("x", "m", -2e-3, 2e-3, actuator="a"), Channel("y", "m", -2e-3, 2e-3, actuator="b")),
-                      {"range_disc": ["x", "y"], "range_disc_radius": 2e-3})  # fmt: skip
+    spec = DeviceSpec(
+        "disc",
+        "Disc",
+        "t",
+        100.0,
+        (Channel("x", "m", -2e-3, 2e-3, actuator="a"), Channel("y", "m", -2e-3, 2e-3, actuator="b")),
+        {"range_disc": ["x", "y"], "range_disc_radius": 2e-3},
+    )
     gate = Gate(Wire.of(spec))
     gate.begin(np.zeros(2), 0.0, 0.0)
     out = gate.step(np.array([2e-3, 2e-3]), 1.0)

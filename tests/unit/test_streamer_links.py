@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from core.calibration import Calibration
-from core.formats import csv
 from core.presets import Library
-from core.stream import packets
-from core.track import CommandTrack
+from core.stream.protocols import packets
+from core.track import csv
+from core.track.command_track import CommandTrack
 from tests.unit.stream_lab import TICK, Lab, sine_track
 
 

@@ -9,17 +9,17 @@ import pytest
 
 from core.calibration import Calibration
 from core.devices.spec import Channel, DeviceSpec, from_preset
-from core.formats import csv
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
-from core.stream.clock import DeviceClock, RoundTrips
 from core.stream.gate import Gate
+from core.stream.links.transport import Transport
+from core.stream.links.url import Url
+from core.stream.protocols.clock import DeviceClock, RoundTrips
 from core.stream.source import Jog, Play, follow_values
-from core.stream.transport import Transport
-from core.stream.url import Url
 from core.stream.wire import Wire
 from core.stream.wish import Wish
-from core.track import CommandTrack
+from core.track import csv
+from core.track.command_track import CommandTrack
 from tests.unit.stream_lab import Lab
 
 # -- the touch panel
@@ -32,8 +32,15 @@ def screen() -> ScreenMap:
 
     x = (np.arange(64) + 0.5) / 64 * 0.1 - 0.05
     heights = np.broadcast_to((0.5 * x).astype(np.float32), (1, 64, 64)).copy()
-    return ScreenMap(heights, (0.1, 0.1), 1.0, FrictionScreen.of(Library().device("electrovibration")), scale=120.0,
-                     lowest=float(heights.min()), highest=float(heights.max()))  # fmt: skip
+    return ScreenMap(
+        heights,
+        (0.1, 0.1),
+        1.0,
+        FrictionScreen.of(Library().device("electrovibration")),
+        scale=120.0,
+        lowest=float(heights.min()),
+        highest=float(heights.max()),
+    )
 
 
 def test_the_panel_is_answered_by_map_and_law(screen: ScreenMap) -> None:
@@ -98,7 +105,7 @@ def test_a_torque_board_that_falls_silent_gets_no_torque() -> None:
     assert lab.at[0] == pytest.approx(0.2, abs=2e-3), "the integrator holds against the spring"
     lab.device.feed = lambda data, now: []
     lab.run(0.02)
-    from core.stream.torque import HEAD
+    from core.stream.protocols.torque import HEAD
 
     last = np.frombuffer(lab.sent[-1][1], "<f4", offset=HEAD.size)
     assert not last.any()

@@ -15,7 +15,7 @@ from core.errors import DermisError
 from core.matching.stress import StressMatcher
 from core.matching.thimble import describe, finish, match_sequence, match_stimuli, matcher, render
 from core.presets import Library
-from core.scene import DeviceUse, Finger, TactileScene
+from core.scene.tactile_scene import DeviceUse, Finger, TactileScene
 from core.skin.mesh import Level, fingertip_mesh
 from core.skin.model import fingertip_skin, mesh_skin
 from core.skin.stress import locate, probes_at
@@ -197,8 +197,21 @@ def test_rendering_fills_the_track_at_the_devices_rate(skin):
     contact = np.flatnonzero(forces.any(axis=(1, 2)))
     n, zero = len(forces), np.zeros(31)
     times = np.arange(n) / 30.0
-    felt = SkinTouch(skin, times, times * 30, contact, forces[contact].astype(np.float32), zero, zero, zero, zero,
-                     zero.astype(np.int32), zero.astype(np.int32), (), {})  # fmt: skip
+    felt = SkinTouch(
+        skin,
+        times,
+        times * 30,
+        contact,
+        forces[contact].astype(np.float32),
+        zero,
+        zero,
+        zero,
+        zero,
+        zero.astype(np.int32),
+        zero.astype(np.int32),
+        (),
+        {},
+    )
     scene = TactileScene("s", Fraction(30), (0, 30), 30.0, (Finger("index"),), (), (), ())
     use = DeviceUse("thimble_3rrs", {"thimble_method": "network", "thimble_surrogate": "/nowhere/at/all"})
     out = render(None, scene, 0, use, spec, felt)  # type: ignore[arg-type]

@@ -25,9 +25,13 @@ def table_of(function, count=400, inputs=7, seed=0):
 def random_network(inputs=7, hidden=11, outputs=4, seed=5):
     rng = np.random.default_rng(seed)
     return Network(
-        rng.normal(size=inputs), rng.uniform(0.5, 2, inputs), rng.normal(size=(hidden, inputs)),
-        rng.normal(size=hidden), rng.normal(size=(outputs, hidden)), rng.normal(size=outputs),
-    )  # fmt: skip
+        rng.normal(size=inputs),
+        rng.uniform(0.5, 2, inputs),
+        rng.normal(size=(hidden, inputs)),
+        rng.normal(size=hidden),
+        rng.normal(size=(outputs, hidden)),
+        rng.normal(size=outputs),
+    )
 
 
 def check_derivative(fit, u):
@@ -137,14 +141,19 @@ def rewritten(data, **changes):
         (lambda d: d.replace(b"dermis-surrogate 1", b"someone-elses-one1"), "did not make"),
         (lambda d: d.replace(b"jacobian", b"gradient"), "'jacobian' is not"),
         (lambda d: d.replace(b"friction", b"memories"), "'friction' is not"),
-        (lambda d: d.replace(onnx._field(8, onnx._field(1, b"") + onnx._varint(2, 17)),
-                             onnx._field(8, onnx._field(1, b"") + onnx._varint(2, 99))), "operator set"),
+        (
+            lambda d: d.replace(
+                onnx._field(8, onnx._field(1, b"") + onnx._varint(2, 17)),
+                onnx._field(8, onnx._field(1, b"") + onnx._varint(2, 99)),
+            ),
+            "operator set",
+        ),
         (lambda d: rewritten(d, inputs=9), "is not what a surrogate has"),
         (lambda d: rewritten(d, outputs=-1), "impossible sizes"),
         (lambda d: rewritten(d, skin="another"), "trained for another skin"),
         (lambda d: d.replace(b"MatMul", b"MutMal"), "cannot run"),
     ],
-)  # fmt: skip
+)
 def test_foreign_files_are_refused_in_words(tmp_path, change, words):
     pytest.importorskip("onnxruntime")
     data = onnx.dumps(random_network(), {"skin": "mine"})

@@ -107,9 +107,12 @@ def test_stiffness_scales_stress_and_forces(skin, device, small):
     stiff = skin.with_material(alpha=2.0)
     x = np.array([0.05, -0.1, 0.0171])
     readout = made.descriptors.readout
-    for state in (FrictionState.rest(skin.pad_count), FrictionState(
-        np.zeros(skin.pad_count, bool), np.zeros((skin.pad_count, 2)), np.full((skin.pad_count, 3), 0.01)
-    )):  # fmt: skip
+    for state in (
+        FrictionState.rest(skin.pad_count),
+        FrictionState(
+            np.zeros(skin.pad_count, bool), np.zeros((skin.pad_count, 2)), np.full((skin.pad_count, 3), 0.01)
+        ),
+    ):
         doubled = replace(state, force=2 * state.force)
         soft, hard = made.model(skin, "ridge"), made.model(stiff, "ridge")
         soft.hold(state)
@@ -143,8 +146,9 @@ def test_what_was_saved_is_what_is_loaded(tmp_path, skin, device, small):
         save(tmp_path / "again", read)
 
 
-@pytest.mark.parametrize(("other", "words"), [("skin", "another skin"), ("device", "another device"),
-                                              ("friction", "another friction")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("other", "words"), [("skin", "another skin"), ("device", "another device"), ("friction", "another friction")]
+)
 def test_surrogates_of_something_else_are_refused(tmp_path, skin, device, small, other, words):
     made, _ = small
     save(tmp_path / "mine", made)
@@ -172,9 +176,13 @@ def test_a_job_makes_the_files_where_the_finger_looks_for_them(tmp_path, device)
     library, told = Library(), []
     spec, skin = library.device("thimble_3rrs"), skin_from_parameters(library.skin("index_medium"), level="draft")
     parameters = {
-        "device": library.load("devices", "thimble_3rrs"), "skin": library.skin("index_medium"), "level": "draft",
-        "folder": str(tmp_path), "trajectories": 30, "iterations": 5,
-    }  # fmt: skip
+        "device": library.load("devices", "thimble_3rrs"),
+        "skin": library.skin("index_medium"),
+        "level": "draft",
+        "folder": str(tmp_path),
+        "trajectories": 30,
+        "iterations": 5,
+    }
     out = adapt_job({}, parameters, lambda done, total: told.append(done / total))
     assert out["errors"].shape == (2,) and (out["errors"] > 0).all()
     assert told == sorted(told) and told[-1] == 1.0

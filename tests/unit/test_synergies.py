@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.design import picture, report
+from core.design import report
 from core.design.report import Design, design
 from core.design.synergies import components, knee, reduce, rendering_error, sensed_metric
 from core.devices.coupling import coupling_of
@@ -17,6 +17,7 @@ from core.errors import DermisError
 from core.matching.lookup import commands_of, readings_for
 from core.matching.sweep import halton
 from core.matching.table import SkinTable
+from core.plot import motors as picture
 from core.presets import Library
 from core.stream.wire import Wire
 
@@ -154,8 +155,11 @@ def answered() -> Design:
     spec = Library().device("cable_platform")
     table, felt = synthetic(20_000)
     ends = np.array([c.high for c in spec.channels])
-    return design(spec, replace(table, commands=table.commands * ends, scale=ends),
-                  {"press": felt(path(rank=1)), "again": felt(path(rank=1, seed=1, count=300))})  # fmt: skip
+    return design(
+        spec,
+        replace(table, commands=table.commands * ends, scale=ends),
+        {"press": felt(path(rank=1)), "again": felt(path(rank=1, seed=1, count=300))},
+    )
 
 
 def test_noise_without_structure_is_not_called_low_rank():

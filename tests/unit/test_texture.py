@@ -50,8 +50,19 @@ def test_tangential_part() -> None:
     assert tangential(np.array([[1.0, 0.6, 0.8]]), n) == pytest.approx(np.array([[1.0, 0, 0]]))
 
 
-@pytest.mark.parametrize("normal", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0, -1, 0), (0.3, 0.2, 0.9), (0.8, -0.5, 0.2),
-                                    (-0.2, 0.9, 0.4), (0.1, 0.2, -0.97)])  # fmt: skip
+@pytest.mark.parametrize(
+    "normal",
+    [
+        (0, 0, 1),
+        (0, 0, -1),
+        (1, 0, 0),
+        (0, -1, 0),
+        (0.3, 0.2, 0.9),
+        (0.8, -0.5, 0.2),
+        (-0.2, 0.9, 0.4),
+        (0.1, 0.2, -0.97),
+    ],
+)
 def test_on_any_plane_coordinates_are_lengths(normal: tuple[float, float, float]) -> None:
     n = np.array(normal) / np.linalg.norm(normal)
     rng = np.random.default_rng(0)

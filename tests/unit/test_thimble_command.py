@@ -7,18 +7,18 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from core import scene_file
 from core.__main__ import main
 from core.devices.disc_pose import FrictionState, placed
 from core.devices.thimble import mechanism
 from core.files import write_npz
-from core.formats import csv
 from core.presets import Library
-from core.scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene
+from core.scene import scene_file
+from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene
 from core.sensor import electrode_sensor
 from core.skin.model import fingertip_skin, skin_from_parameters
 from core.surrogate.store import contact_of
 from core.surrogate.table import SampleTable, write_table
+from core.track import csv
 
 
 @pytest.fixture(scope="module")
@@ -65,8 +65,10 @@ def test_noise_of_an_untouched_sensor_is_no_touch(tmp_path, recorded, capsys):
     rest = np.zeros((60, channels.shape[1]))
     readings = np.concatenate([rest, channels, rest])
     sigma = 0.004 * np.abs(channels).max()
-    write_npz(tmp_path / "felt.npz", {"times": np.arange(len(readings)) / 100.0,
-                                      "stimuli": readings + rng.normal(0.0, sigma, readings.shape)})  # fmt: skip
+    write_npz(
+        tmp_path / "felt.npz",
+        {"times": np.arange(len(readings)) / 100.0, "stimuli": readings + rng.normal(0.0, sigma, readings.shape)},
+    )
     arguments = ["thimble", "follow", str(tmp_path / "felt.npz"), "--out", str(tmp_path / "t.csv")]
     assert main(arguments) == 0
     track = csv.read(tmp_path / "t.csv")
@@ -94,8 +96,10 @@ def test_findings_are_told(tmp_path, recorded, capsys):
 def test_a_recorded_table_takes_the_place_of_the_model(tmp_path, recorded, device):
     times, x, channels = recorded
     touched = np.abs(channels).max(axis=1) > 0
-    write_table(tmp_path / "table.npz", SampleTable(x[touched], np.zeros((touched.sum(), 0)), channels[touched],
-                                                    np.arange(touched.sum()) // 5))  # fmt: skip
+    write_table(
+        tmp_path / "table.npz",
+        SampleTable(x[touched], np.zeros((touched.sum(), 0)), channels[touched], np.arange(touched.sum()) // 5),
+    )
     write_npz(tmp_path / "felt.npz", {"times": times, "stimuli": channels})
     arguments = ["thimble", "follow", str(tmp_path / "felt.npz"), "--out", str(tmp_path / "t.csv")]
     assert main([*arguments, "--table", str(tmp_path / "table.npz")]) == 0

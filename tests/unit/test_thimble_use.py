@@ -19,7 +19,7 @@ from core.matching.replay import configurations
 from core.matching.thimble import finish, match_sequence, match_touch, render
 from core.matching.thimble_use import prepare
 from core.presets import Library
-from core.scene import DeviceUse, Finger, TactileScene
+from core.scene.tactile_scene import DeviceUse, Finger, TactileScene
 from core.skin.model import fingertip_skin
 from core.surrogate import onnx
 from core.surrogate.network import Network
@@ -130,8 +130,9 @@ def test_a_network_of_other_size_or_without_numbers_is_a_finding(tmp_path, skin,
     pytest.importorskip("onnxruntime")
     save(tmp_path / "mine", made)
     p, c, rng = made.network.inputs, made.network.outputs + more, np.random.default_rng(0)
-    other = Network(np.zeros(p), np.ones(p), rng.normal(size=(8, p)), np.zeros(8), spoil * rng.normal(size=(c, 8)),
-                    np.zeros(c))  # fmt: skip
+    other = Network(
+        np.zeros(p), np.ones(p), rng.normal(size=(8, p)), np.zeros(8), spoil * rng.normal(size=(c, 8)), np.zeros(c)
+    )
     onnx.write(tmp_path / "mine.onnx", other, dict(made.meta))
     use = {"thimble_method": "network", "thimble_surrogate": str(tmp_path / "mine.npz")}
     used = prepare(spec, skin, use)
@@ -208,8 +209,9 @@ def test_a_channels_narrower_limits_are_the_servos(skin, spec):
         device = mechanism(own)
         assert device.servo_speed == pytest.approx(np.radians(min(changes.get("slew", 600.0), 600.0)))
         low, high = np.degrees(device.servo_limits)
-        np.testing.assert_allclose([low, high], [[max(changes.get("low", -40.0), -40.0)] * 3,
-                                                 [min(changes.get("high", 40.0), 40.0)] * 3])  # fmt: skip
+        np.testing.assert_allclose(
+            [low, high], [[max(changes.get("low", -40.0), -40.0)] * 3, [min(changes.get("high", 40.0), 40.0)] * 3]
+        )
         track = render(None, scene, 0, DeviceUse("narrow"), own, felt).track  # type: ignore[arg-type]
         assert not track.check() and not any(track.within_limits().limited.values())  # nothing is left to cut off
         told = np.stack([track.column(n) for n in ("pitch", "roll", "distance")], axis=1)
@@ -235,8 +237,10 @@ def test_of_another_skin_friction_or_device(tmp_path, skin, spec, made):
         changed = prepare(from_preset("mine", own), skin, use)
         assert changed.method == "stress" and words in str(changed.findings[0])
     # and what took its place works
-    found = match_touch(prepare(spec, fingertip_skin(level="draft"), {**use, "thimble_surrogate": "/none"}),
-                        touches.flat_press(12).forces(skin))  # fmt: skip
+    found = match_touch(
+        prepare(spec, fingertip_skin(level="draft"), {**use, "thimble_surrogate": "/none"}),
+        touches.flat_press(12).forces(skin),
+    )
     assert np.median(found.mismatch[found.wanted]) < 0.3
 
 
@@ -244,8 +248,21 @@ def felt_of(skin, forces, rate=30.0):
     """Return what a skin felt, from forces."""
     n, zero = len(forces), np.zeros(len(forces))
     contact, times = np.flatnonzero(forces.any(axis=(1, 2))), np.arange(n) / rate
-    return SkinTouch(skin, times, times * rate, contact, forces[contact].astype(np.float32), zero, zero, zero, zero,
-                     zero.astype(np.int32), zero.astype(np.int32), (), {})  # fmt: skip
+    return SkinTouch(
+        skin,
+        times,
+        times * rate,
+        contact,
+        forces[contact].astype(np.float32),
+        zero,
+        zero,
+        zero,
+        zero,
+        zero.astype(np.int32),
+        zero.astype(np.int32),
+        (),
+        {},
+    )
 
 
 def test_without_contact_the_device_waits_level_and_that_is_counted(skin, spec):

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core.contact.centre import centre_of
 from core.contact.encounter import Encounter
 from core.contact.sampled import SampledTouch
 from core.contact.touch import TouchSampler
 from core.errors import DermisError
 from core.motion import matrices
-from core.scene import Body, Chunk, Finger, Mesh, TactileScene, sample_frames
+from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene, sample_frames
+from core.surface.centre import centre_of
 
 RATE = 240.0
 
@@ -44,22 +44,40 @@ def times(seconds: float = 1.0) -> np.ndarray:
 
 
 def sampled(
-    fingers: list[np.ndarray], bodies: list[tuple[Body, np.ndarray]], *, size: int = 97,
-    surfaces: dict[int, tuple[Mesh, ...]] | None = None, channels: dict[str, np.ndarray] | None = None,
-) -> SampledTouch:  # fmt: skip
+    fingers: list[np.ndarray],
+    bodies: list[tuple[Body, np.ndarray]],
+    *,
+    size: int = 97,
+    surfaces: dict[int, tuple[Mesh, ...]] | None = None,
+    channels: dict[str, np.ndarray] | None = None,
+) -> SampledTouch:
     count = len(fingers[0])
     t = np.arange(count) / RATE
     frames = 1 + 24 * t
-    scene = TactileScene("s", Fraction(24), (1, 25), RATE, tuple(Finger(f"f{i}") for i in range(len(fingers))),
-                         tuple(b for b, _ in bodies), (), ())  # fmt: skip
+    scene = TactileScene(
+        "s",
+        Fraction(24),
+        (1, 25),
+        RATE,
+        tuple(Finger(f"f{i}") for i in range(len(fingers))),
+        tuple(b for b, _ in bodies),
+        (),
+        (),
+    )
     sampler = TouchSampler(scene)
     for i in range(0, count, size):
         k = slice(i, i + size)
-        sampler.add(Chunk(
-            frames[k], t[k], np.stack(fingers)[:, k], np.stack([p for _, p in bodies])[:, k],
-            np.zeros((0, len(t[k]), 4, 4)), {b: m[k] for b, m in (surfaces or {}).items()},
-            {c: v[k] for c, v in (channels or {}).items()},
-        ))  # fmt: skip
+        sampler.add(
+            Chunk(
+                frames[k],
+                t[k],
+                np.stack(fingers)[:, k],
+                np.stack([p for _, p in bodies])[:, k],
+                np.zeros((0, len(t[k]), 4, 4)),
+                {b: m[k] for b, m in (surfaces or {}).items()},
+                {c: v[k] for c, v in (channels or {}).items()},
+            )
+        )
     return sampler.finish()
 
 
@@ -88,8 +106,10 @@ def test_animated_scale_is_followed_sample_by_sample() -> None:
     t = times()
     grow = 1.0 + 0.5 * t
     linear = np.eye(3)[None] * grow[:, None, None]
-    touch = sampled([poses(np.tile([0, 0, 0.08], (len(t), 1)))],
-                    [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3)), linear))])  # fmt: skip
+    touch = sampled(
+        [poses(np.tile([0, 0, 0.08], (len(t), 1)))],
+        [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3)), linear))],
+    )
     assert touch.gap[0, 0] == pytest.approx(0.08 - 0.04 * grow, abs=1e-6)
 
 
@@ -105,7 +125,7 @@ def test_chunk_length_does_not_matter() -> None:
 def test_far_objects_cost_no_query_and_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     t = times()
     asked: list[int] = []
-    from core.contact.gap import Surface
+    from core.surface.gap import Surface
 
     plain = Surface.query
     monkeypatch.setattr(Surface, "query", lambda self, p, reach=np.inf: asked.append(len(p)) or plain(self, p, reach))
@@ -136,8 +156,11 @@ def test_deforming_surface_brings_its_own_velocity() -> None:
     plain = cuboid(0.05, 0.05, 0.04)
     up = np.array([0, 0, 1.0]) * (plain.vertices[:, 2:] > 0)
     meshes = tuple(Mesh(plain.vertices + 0.01 * x * up, plain.triangles) for x in t)
-    touch = sampled([poses(np.tile([0, 0, 0.06], (len(t), 1)))], [(Body("soft", None), poses(np.zeros((len(t), 3))))],
-                    surfaces={0: meshes})  # fmt: skip
+    touch = sampled(
+        [poses(np.tile([0, 0, 0.06], (len(t), 1)))],
+        [(Body("soft", None), poses(np.zeros((len(t), 3))))],
+        surfaces={0: meshes},
+    )
     pair = touch.pairs[0, 0]
     assert pair.gap == pytest.approx(0.02 - 0.01 * t, abs=1e-12)
     assert pair.surface_velocity is not None
@@ -156,9 +179,11 @@ def test_an_animated_scale_brings_the_velocity_of_the_surface(sheared: bool, siz
     if sheared:
         linear[:, 1, 0] = 0.1 * t
     x = 0.03
-    touch = sampled([poses(np.tile([x, 0, 0.06], (len(t), 1)) @ rot.T, rot)],
-                    [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3)), rot @ linear))],
-                    size=size)  # fmt: skip
+    touch = sampled(
+        [poses(np.tile([x, 0, 0.06], (len(t), 1)) @ rot.T, rot)],
+        [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3)), rot @ linear))],
+        size=size,
+    )
     met = Encounter(touch, 0, 0, t, 0.05)
     material = x / linear[:, 0, 0]
     exact = np.stack([-0.2 * material, -(0.1 if sheared else 0.0) * material, 0 * t], axis=1)
@@ -172,8 +197,10 @@ def test_growing_towards_the_pad_is_an_onset_of_that_speed() -> None:
     t = times()
     linear = np.tile(np.eye(3), (len(t), 1, 1))
     linear[:, 2, 2] += 0.5 * t
-    touch = sampled([poses(np.tile([0, 0, 0.05], (len(t), 1)))],
-                    [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3)), linear))])  # fmt: skip
+    touch = sampled(
+        [poses(np.tile([0, 0, 0.05], (len(t), 1)))],
+        [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3)), linear))],
+    )
     met = Encounter(touch, 0, 0, COMMANDS, 0.0005)
     assert met.onsets == pytest.approx([(0.05 - 0.0005 - 0.04) / 0.02], abs=1e-9)
     assert met.onset_velocities == pytest.approx(np.array([[0, 0, -0.02]]), abs=1e-9)
@@ -187,8 +214,11 @@ def test_scale_and_shape_add_up() -> None:
     meshes = tuple(Mesh(plain.vertices + 0.01 * x * up, plain.triangles) for x in t)
     linear = np.tile(np.eye(3), (len(t), 1, 1))
     linear[:, 2, 2] = 3.0 + 0.5 * t
-    touch = sampled([poses(np.tile([0, 0, 0.11], (len(t), 1)))],
-                    [(Body("b", None), poses(np.zeros((len(t), 3)), linear))], surfaces={0: meshes})  # fmt: skip
+    touch = sampled(
+        [poses(np.tile([0, 0, 0.11], (len(t), 1)))],
+        [(Body("b", None), poses(np.zeros((len(t), 3)), linear))],
+        surfaces={0: meshes},
+    )
     velocity = touch.pairs[0, 0].surface_velocity
     assert velocity is not None
     exact = 0.01 * (3.0 + 0.5 * t) + 0.5 * (0.02 + 0.01 * t)  # product rule
@@ -200,8 +230,10 @@ def test_a_constant_scale_of_a_turning_object_is_no_motion_of_its_own() -> None:
     angle = 3.0 * t
     turn = matrices(np.stack([np.cos(angle / 2), 0 * t, 0 * t, np.sin(angle / 2)], axis=1))
     rounded = (turn @ np.diag([1.7, 0.6, 1.1])).astype(np.float32).astype(float)
-    touch = sampled([poses(np.tile([0.01, 0, 0.05], (len(t), 1)))],
-                    [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3)), rounded))])  # fmt: skip
+    touch = sampled(
+        [poses(np.tile([0.01, 0, 0.05], (len(t), 1)))],
+        [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3)), rounded))],
+    )
     assert touch.pairs[0, 0].surface_velocity is None
 
 
@@ -209,8 +241,10 @@ def test_scale_zero_is_reported_and_the_rest_is_kept() -> None:
     t = times()
     linear = np.tile(np.eye(3), (len(t), 1, 1))
     linear[100:120, 2, 2] = 0.0
-    touch = sampled([poses(np.tile([0, 0, 0.05], (len(t), 1)))],
-                    [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3)), linear))])  # fmt: skip
+    touch = sampled(
+        [poses(np.tile([0, 0, 0.05], (len(t), 1)))],
+        [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3)), linear))],
+    )
     [finding] = [f for f in touch.findings if f.code == "zero-scale"]
     assert finding.count == 20 and finding.frame == pytest.approx(11.0) and finding.severity == "error"
     known = np.isfinite(touch.gap[0, 0])
@@ -225,8 +259,11 @@ def test_values_that_are_not_numbers_are_held_and_reported() -> None:
     finger[50:60] = np.nan
     switch = t.copy()
     switch[[0, 7]] = np.nan
-    touch = sampled([finger], [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3))))],
-                    channels={"body/0/held": switch})  # fmt: skip
+    touch = sampled(
+        [finger],
+        [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3))))],
+        channels={"body/0/held": switch},
+    )
     assert touch.gap[0, 0, 50:60] == pytest.approx(touch.gap[0, 0, 49])
     found = [(f.where, f.count) for f in touch.findings if f.code == "not-finite"]
     assert found == [("finger 'f0'", 10), ("body/0/held", 2)]
@@ -275,8 +312,10 @@ def test_onset_is_found_between_samples_and_commands(turned: bool) -> None:
 
 def test_each_tap_of_a_tapping_finger_is_one_onset() -> None:
     t = times()
-    touch = sampled([poses(np.stack([0 * t, 0 * t, 0.04 + 0.005 * np.cos(2 * np.pi * 4 * t)], 1))],
-                    [(Body("b", cuboid(0.1, 0.1, 0.04)), poses(np.zeros((len(t), 3))))])  # fmt: skip
+    touch = sampled(
+        [poses(np.stack([0 * t, 0 * t, 0.04 + 0.005 * np.cos(2 * np.pi * 4 * t)], 1))],
+        [(Body("b", cuboid(0.1, 0.1, 0.04)), poses(np.zeros((len(t), 3))))],
+    )
     met = Encounter(touch, 0, 0, COMMANDS, 0.0005)
     first = np.arccos(0.1) / (2 * np.pi * 4)
     assert met.onsets == pytest.approx(first + 0.25 * np.arange(4), abs=2e-7)
@@ -285,8 +324,9 @@ def test_each_tap_of_a_tapping_finger_is_one_onset() -> None:
 
 def test_touching_from_the_start_is_no_contact_made() -> None:
     t = times()
-    touch = sampled([poses(np.tile([0, 0, 0.04], (len(t), 1)))],
-                    [(Body("b", cuboid(0.1, 0.1, 0.04)), poses(np.zeros((len(t), 3))))])  # fmt: skip
+    touch = sampled(
+        [poses(np.tile([0, 0, 0.04], (len(t), 1)))], [(Body("b", cuboid(0.1, 0.1, 0.04)), poses(np.zeros((len(t), 3))))]
+    )
     met = Encounter(touch, 0, 0, COMMANDS, 0.0005)
     assert met.touching.all() and met.onsets.size == 0
 
@@ -297,8 +337,9 @@ def test_path_over_a_turning_body_is_that_of_the_finger_in_its_frame() -> None:
     rot = matrices(np.stack([np.cos(half), 0 * t, np.sin(half), 0 * t], 1))
     slide = np.stack([0.03 * np.sin(5 * t), 0.02 * np.cos(4 * t), 0.04 + 0 * t], 1)
     shift = np.stack([0.2 * t, -0.1 * t**2, 0 * t], 1)
-    touch = sampled([poses(shift + np.einsum("nij,nj->ni", rot, slide))],
-                    [(Body("b", cuboid(0.1, 0.1, 0.04)), poses(shift, rot))])  # fmt: skip
+    touch = sampled(
+        [poses(shift + np.einsum("nij,nj->ni", rot, slide))], [(Body("b", cuboid(0.1, 0.1, 0.04)), poses(shift, rot))]
+    )
     met = Encounter(touch, 0, 0, COMMANDS, 0.0005)
     c = COMMANDS
     assert met.touching.all()

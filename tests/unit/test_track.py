@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from core.devices.spec import Channel, DeviceSpec
 from core.errors import DermisError
 from core.interpolate import grid, interpolate, pchip_slopes
-from core.track import CommandTrack
+from core.track.command_track import CommandTrack
 
 FIXED = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
@@ -57,8 +57,12 @@ def test_grid_ends_at_or_just_before_the_last_time() -> None:
 
 
 def test_linear_resampling_of_a_line_is_the_line() -> None:
-    line = track(np.stack([3 * np.arange(25) / 240, 1 - np.arange(25) / 240], axis=1), Channel("a", "m"),
-                 Channel("b", "m"), rate=240.0)  # fmt: skip
+    line = track(
+        np.stack([3 * np.arange(25) / 240, 1 - np.arange(25) / 240], axis=1),
+        Channel("a", "m"),
+        Channel("b", "m"),
+        rate=240.0,
+    )
     fine = line.resampled(1000.0)
     assert len(fine.times) == 101 and fine.spec.rate == 1000.0 and fine.spec.hash == line.spec.hash
     np.testing.assert_allclose(fine.values[:, 0], 3 * fine.times, rtol=0, atol=1e-16)
@@ -193,8 +197,9 @@ def test_a_step_of_just_the_limit_is_no_change() -> None:
 
 
 def test_round_range_pulls_back_along_the_radius() -> None:
-    spec = device(Channel("x", "m"), Channel("y", "m"), rate=1.0,
-                  parameters={"range_disc": ["x", "y"], "range_disc_radius": 5.0})  # fmt: skip
+    spec = device(
+        Channel("x", "m"), Channel("y", "m"), rate=1.0, parameters={"range_disc": ["x", "y"], "range_disc_radius": 5.0}
+    )
     raw = CommandTrack(spec, np.arange(3.0), np.array([[6.0, 8.0], [3.0, 4.0], [0.0, -7.0]]))
     held = raw.within_limits()
     np.testing.assert_allclose(held.values, [[3, 4], [3, 4], [0, -5]], rtol=1e-15)
@@ -203,8 +208,11 @@ def test_round_range_pulls_back_along_the_radius() -> None:
 
 
 def test_round_range_slews_on_a_straight_line() -> None:
-    spec = device(Channel("x", "m", slew=3.0), Channel("y", "m", slew=1.0),
-                  parameters={"range_disc": ["x", "y"], "range_disc_radius": 5.0})  # fmt: skip
+    spec = device(
+        Channel("x", "m", slew=3.0),
+        Channel("y", "m", slew=1.0),
+        parameters={"range_disc": ["x", "y"], "range_disc_radius": 5.0},
+    )
     held = CommandTrack(spec, np.arange(4.0), np.array([[0, 0], [3, 4], [3, 4], [3, 4]], dtype=float)).within_limits()
     np.testing.assert_allclose(held.values, [[0, 0], [0.75, 1], [1.5, 2], [2.25, 3]], rtol=1e-15)
 
@@ -319,8 +327,9 @@ def test_wire_budget_is_exact() -> None:
         return codes(track(np.zeros((11, 3)), *channels, wire=cost))
 
     assert wire(72000.0) == [] and wire(71999.0) == ["wire-budget"] and wire(0.0) == []
-    loud = track(np.zeros((11, 3)), *channels,
-                 wire={"bandwidth": 36000.0, "bits_per_sample": 40.0, "bits_per_channel": 16.0}).check()[0]  # fmt: skip
+    loud = track(
+        np.zeros((11, 3)), *channels, wire={"bandwidth": 36000.0, "bits_per_sample": 40.0, "bits_per_channel": 16.0}
+    ).check()[0]
     assert (loud.value, loud.limit) == ("72000 bit/s", "36000 bit/s") and "500 Hz" in loud.remedy
 
 

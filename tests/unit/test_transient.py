@@ -43,8 +43,14 @@ def test_overlapping_transients_add() -> None:
 
 
 def test_each_contact_may_have_its_own_material() -> None:
-    d = displacement(TIMES, np.array([0.1, 0.5]), np.ones((2, 1)), np.array([1.0, 0.5]), np.array([60.0, 90.0]),
-                     np.array([30.0, 300.0]))  # fmt: skip
+    d = displacement(
+        TIMES,
+        np.array([0.1, 0.5]),
+        np.ones((2, 1)),
+        np.array([1.0, 0.5]),
+        np.array([60.0, 90.0]),
+        np.array([30.0, 300.0]),
+    )
     assert d[110, 0] == pytest.approx(exact(0.11, 0.1, 1.0, 60.0, 30.0, 1.0), abs=1e-12)
     tail = exact(0.503, 0.1, 1.0, 60.0, 30.0, 1.0)
     assert d[503, 0] - tail == pytest.approx(exact(0.503, 0.5, 0.5, 90.0, 300.0, 1.0), abs=1e-9)

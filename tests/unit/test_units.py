@@ -13,13 +13,26 @@ from core.units import UNITS, from_si, quantity, to_si
 @pytest.mark.parametrize(
     ("value", "unit", "expected", "si"),
     [
-        (5.0, "mm", 0.005, "m"), (3.0, "um", 3e-6, "m"), (2.0, "cm", 0.02, "m"), (150.0, "mm/s", 0.15, "m/s"),
-        (9810.0, "mm/s^2", 9.81, "m/s^2"), (180.0, "deg", math.pi, "rad"), (90.0, "deg/s", math.pi / 2, "rad/s"),
-        (25.0, "ms", 0.025, "s"), (4.0, "us", 4e-6, "s"), (1.5, "kHz", 1500.0, "Hz"), (20.0, "mN", 0.02, "N"),
-        (7.0, "mN*m", 0.007, "N*m"), (1.1, "N/mm", 1100.0, "N/m"), (100.0, "kPa", 1e5, "Pa"), (3.0, "MPa", 3e6, "Pa"),
-        (12.0, "g", 0.012, "kg"), (45.0, "%", 0.45, "1"), (115.2, "kbit/s", 115200.0, "bit/s"),
+        (5.0, "mm", 0.005, "m"),
+        (3.0, "um", 3e-6, "m"),
+        (2.0, "cm", 0.02, "m"),
+        (150.0, "mm/s", 0.15, "m/s"),
+        (9810.0, "mm/s^2", 9.81, "m/s^2"),
+        (180.0, "deg", math.pi, "rad"),
+        (90.0, "deg/s", math.pi / 2, "rad/s"),
+        (25.0, "ms", 0.025, "s"),
+        (4.0, "us", 4e-6, "s"),
+        (1.5, "kHz", 1500.0, "Hz"),
+        (20.0, "mN", 0.02, "N"),
+        (7.0, "mN*m", 0.007, "N*m"),
+        (1.1, "N/mm", 1100.0, "N/m"),
+        (100.0, "kPa", 1e5, "Pa"),
+        (3.0, "MPa", 3e6, "Pa"),
+        (12.0, "g", 0.012, "kg"),
+        (45.0, "%", 0.45, "1"),
+        (115.2, "kbit/s", 115200.0, "bit/s"),
     ],
-)  # fmt: skip
+)
 def test_conversions(value: float, unit: str, expected: float, si: str) -> None:
     assert to_si(value, unit) == pytest.approx(expected, rel=1e-15) and UNITS[unit][0] == si
     assert from_si(to_si(value, unit), unit) == pytest.approx(value, rel=1e-15)

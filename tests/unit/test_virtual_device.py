@@ -16,10 +16,10 @@ import pytest
 from core.errors import DermisError
 from core.presets import Library
 from core.stream.client import SenderClient
-from core.stream.faults import Faults
-from core.stream.links import open_link
-from core.stream.url import Url
-from core.stream.virtual_link import open_link as open_any
+from core.stream.links.open_link import open_link
+from core.stream.links.url import Url
+from core.stream.virtual.faults import Faults
+from core.stream.virtual.link import open_link as open_any
 from tests.unit.stream_box import HAPTIP, beating, posix, ready, running, sine_file
 
 pytestmark = pytest.mark.real_time
@@ -60,10 +60,16 @@ def test_the_way_from_blender_to_the_device(at: str, boxes: Any, track_file: str
 
 def test_what_is_not_there_says_so() -> None:
     for url, what in (
-        ("/dev/ttyDoesNotExist", "no such port"), ("socket://127.0.0.1:1", "cannot be opened"), ("", "no port is"),
-        ("udp://127.0.0.1", "HOST:PORT"), ("gopher://x", "unknown kind of link"), ("virtual:?loss=2", "impossible"),
-        ("virtual:?stuck=9", "no such actuator"), ("/dev/null?baud=fast", "baud"), ("spy://", "needs the URL"),
-    ):  # fmt: skip
+        ("/dev/ttyDoesNotExist", "no such port"),
+        ("socket://127.0.0.1:1", "cannot be opened"),
+        ("", "no port is"),
+        ("udp://127.0.0.1", "HOST:PORT"),
+        ("gopher://x", "unknown kind of link"),
+        ("virtual:?loss=2", "impossible"),
+        ("virtual:?stuck=9", "no such actuator"),
+        ("/dev/null?baud=fast", "baud"),
+        ("spy://", "needs the URL"),
+    ):
         from core.stream.wire import Wire
 
         with pytest.raises(DermisError, match=what):
@@ -147,13 +153,21 @@ def test_a_finger_on_the_virtual_panel_is_answered_through_a_real_sender(tmp_pat
     x = (np.arange(64) + 0.5) / 64 * 0.1 - 0.05
     heights = np.broadcast_to((0.5 * x).astype(np.float32), (1, 64, 64)).copy()
     screen = FrictionScreen.of(Library().device("electrovibration"))
-    made = ScreenMap(heights, (0.1, 0.1), 1.0, screen, scale=120.0, lowest=float(heights.min()),
-                     highest=float(heights.max()))  # fmt: skip
+    made = ScreenMap(
+        heights, (0.1, 0.1), 1.0, screen, scale=120.0, lowest=float(heights.min()), highest=float(heights.max())
+    )
     made.save(tmp_path / "ramp.map.npz")
     preset = Library().load("devices", "electrovibration")
     with SenderClient() as client:
-        client.connect("virtual:?finger=1", "native", "electrovibration", preset, mode="panel", ramp=0.0,
-                       screen=str(tmp_path / "ramp.map.npz"))  # fmt: skip
+        client.connect(
+            "virtual:?finger=1",
+            "native",
+            "electrovibration",
+            preset,
+            mode="panel",
+            ramp=0.0,
+            screen=str(tmp_path / "ramp.map.npz"),
+        )
         client.beat()
         client.wait("ready", 10)
         beating(client, 0.3)

@@ -1,0 +1,1 @@
+"""Example scenes that show what Dermis does, built from nothing."""

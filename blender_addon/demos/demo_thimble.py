@@ -1,0 +1,227 @@
+"""The examples for the thimble: the scenes of [S0], each three seconds long, at real size.
+
+An object stands still; the finger comes, presses and moves over it. Movements are given as the object's in the finger's
+frame and turned round, so that they are the very touches that the engine's own figures are made with.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Euler, Matrix, Vector
+
+from .. import compat, fingertip_mesh
+from ..properties import scene_properties
+from . import demo_skin
+
+NAME = "Dermis Thimble"
+DEVICE = "thimble_3rrs"
+FPS, LAST = 24, 73
+BALL, ROD, CUP, RIM = 15e-3, 3e-3, 35e-3, 1.5e-3  # radii [m]
+FOAM = 8.0  # [MPa/m]: it yields 1 mm under 8 kPa
+HELD = (14, 68)  # frames in which the block counts as held
+GRIP, BLOCK, SHAKE, SHAKES = 1.0e-3, 24e-3, 5e-3, 4  # depth of both fingers, thickness [m], stroke [m], how often
+
+Keys = list[tuple[float, float]]
+PRESS: Keys = [(0.0, -0.3), (0.35, 1.2), (0.75, 1.2), (1.0, -0.3)]
+ROD_PRESS: Keys = [(0.0, -0.3), (0.3, 1.0), (0.8, 1.0), (1.0, -0.3)]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One of the paper's touches.
+
+    Attributes:
+        title, text: for the menu. thing: what is touched.
+        keys: depth, x, y [mm] and pitch, roll [deg] of the object in the finger's frame, as (share of the time, value).
+        soft: stiffness of the object's surface [MPa/m], 0 for rigid.
+    """
+
+    title: str
+    text: str
+    thing: str
+    keys: Mapping[str, Keys] = field(default_factory=dict)
+    soft: float = 0.0
+
+
+SCENES: Mapping[str, Scene] = {
+    "BALL": Scene("Ball", "A ball is pressed and rolled about the pad: what the device does best", "ball", {
+        "depth": PRESS, "x": [(0, 0), (0.3, 0), (0.5, 3), (0.7, -3), (1, 0)],
+        "y": [(0, 0), (0.4, 2), (0.6, -2), (1, 0)]}),
+    "EDGE": Scene("Edge", "An edge is pressed and turned: the device rounds it", "edge", {
+        "depth": [(0, -0.3), (0.35, 1.0), (0.75, 1.0), (1, -0.3)],
+        "pitch": [(0, 0), (0.35, 0), (0.55, 15), (0.75, -15), (1, 0)], "y": [(0, 0), (0.5, 1.5), (1, 0)]}),
+    "BACK": Scene("Cylinder, Back", "A thin cylinder at the back of the pad", "rod", {
+        "depth": ROD_PRESS, "y": [(0, -4), (1, -4)]}),
+    "FRONT": Scene("Cylinder, Front", "A thin cylinder at the front of the pad", "rod", {
+        "depth": ROD_PRESS, "y": [(0, 4), (1, 4)]}),
+    "PRESS": Scene("Press", "The cylinder is pressed and let go", "rod", {"depth": ROD_PRESS}),
+    "SLIDE": Scene("Slide", "A plate is pressed and slides sideways and back: friction makes the disc roll", "plate", {
+        "depth": [(0, -0.3), (0.25, 1.0), (0.85, 1.0), (1, -0.3)],
+        "x": [(0, 0), (0.3, 0), (0.55, 3), (0.8, -3), (1, -3)]}),
+    "BLOCK": Scene("Shaken Block", "A block is held by two fingers and shaken up and down", "block"),
+    "CUP": Scene("Rim of a Cup", "The rim of a cup is pressed and turned: far from what the device can do", "cup", {
+        "depth": [(0, -0.3), (0.4, 1.0), (0.7, 1.0), (1, -0.3)],
+        "roll": [(0, 0), (0.5, 12), (0.75, -12), (1, 0)], "y": [(0, -1.5), (0.5, 1.5), (1, 0)]}),
+    "FOAM": Scene("Foam", "A soft block is pressed and tilted", "plate", {
+        "depth": [(0, -0.3), (0.4, 1.6), (0.7, 1.6), (1, -0.3)], "pitch": [(0, 0), (0.5, 10), (1, 0)],
+        "roll": [(0, 0), (0.3, 8), (0.7, -8), (1, 0)]}, FOAM),
+}  # fmt: skip
+
+
+def build(which: str) -> bpy.types.Scene:
+    """Return a new scene with one of `SCENES`.
+
+    Raises:
+        KeyError: there is no such scene.
+    """
+    what = SCENES[which]
+    scene = bpy.data.scenes.new(f"{NAME}: {what.title}")
+    scene.render.fps, scene.render.fps_base = FPS, 1.0
+    scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", 1.0
+    scene.unit_settings.length_unit = "MILLIMETERS"
+    scene.render.engine = "BLENDER_WORKBENCH"
+    scene.frame_start, scene.frame_end = 1, LAST
+    if what.thing == "block":
+        _held(scene)
+    else:
+        _touched(scene, what)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.data.clip_start, camera.data.lens, camera.data.display_size = 0.005, 60.0, 0.02
+    camera.location = (-0.08, 0.16, 0.07)
+    camera.rotation_euler = (Vector((0.0, 0.0, 0.006)) - camera.location).to_track_quat("-Z", "Y").to_euler()
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene_properties.stamp(scene)
+    scene.frame_set(1)
+    return scene
+
+
+def poses(what: Scene) -> np.ndarray:
+    """Return the finger's poses, frame after frame, over an object whose top is the origin, shape (n, 4, 4)."""
+    share = np.linspace(0.0, 1.0, LAST)
+    rest: Keys = [(0.0, 0.0), (1.0, 0.0)]
+    v = {name: _smooth(share, what.keys.get(name, rest)) for name in ("depth", "x", "y", "pitch", "roll")}
+    out = []
+    for i in range(LAST):
+        pitch, roll = math.radians(v["pitch"][i]), math.radians(v["roll"][i])
+        turn = Matrix.Rotation(pitch, 4, "X") @ Matrix.Rotation(roll, 4, "Y")
+        at = Matrix.Translation(1e-3 * Vector((v["x"][i], v["y"][i], v["depth"][i])))
+        out.append(np.array((at @ turn).inverted()))
+    return np.array(out)
+
+
+def _touched(scene: bpy.types.Scene, what: Scene) -> None:
+    data = {
+        "ball": lambda: demo_skin.sphere(BALL),
+        "edge": lambda: demo_skin.ridge(0.03, 12e-3, 0.5 * math.pi, 0.5e-3),
+        "rod": lambda: rod(ROD, 0.034),
+        "plate": lambda: demo_skin.block(0.05, 0.05, 6e-3),
+        "cup": lambda: cup(CUP, RIM, 0.03),
+    }[what.thing]()
+    place = {"ball": (0.0, 0.0, -BALL)}.get(what.thing, (0.0, 0.0, 0.0))
+    colour = demo_skin.ROSE if what.soft else demo_skin.STEEL
+    obj = demo_skin._link(scene, what.title, data, place, colour)
+    demo_skin._touchable(obj, 0.6, soft=what.soft)
+    finger = _finger(scene, "Index")
+    _key(finger, poses(what))
+
+
+def _held(scene: bpy.types.Scene) -> None:
+    """Two fingers take a block from both sides, their pads upright, and shake it along its height."""
+    half, t = 0.5 * BLOCK, np.linspace(0.0, 1.0, LAST)
+    data = demo_skin.block(BLOCK, 0.03, 0.03)
+    data.transform(Matrix.Translation((0.0, 0.0, 0.015)))
+    block = demo_skin._link(scene, "Block", data, (0.0, 0.0, 0.0), demo_skin.BLUE)
+    demo_skin._touchable(block, 0.8)
+    block.dermis.material.mass, block.dermis.material.held_mode = 0.03, "keyed"
+    # held from when both fingers have a grip until they let go
+    compat.set_keys(block, "dermis.material.held", 0, [1, HELD[0], HELD[1]], [0.0, 1.0, 0.0], interpolation="CONSTANT")
+    window = np.clip((t - 0.25) / 0.1, 0.0, 1.0) * np.clip((0.9 - t) / 0.1, 0.0, 1.0)
+    up = SHAKE * np.sin(2 * np.pi * SHAKES * np.clip((t - 0.3) / 0.6, 0.0, 1.0)) * window**2
+    compat.set_keys(block, "location", 2, np.arange(1, LAST + 1).tolist(), up.tolist(), interpolation="BEZIER")
+    grip = 1e-3 * _smooth(t, [(0.0, -1.0), (0.2, 1e3 * GRIP), (0.94, 1e3 * GRIP), (1.0, 0.5)])
+    for name, side in (("Index", 1.0), ("Thumb", -1.0)):
+        # the pad (-Z) looks at the block, the tip (+Y) along the world's Y
+        turn = np.array([[0.0, 0.0, side], [0.0, 1.0, 0.0], [-side, 0.0, 0.0]])
+        way = np.tile(np.eye(4), (LAST, 1, 1))
+        way[:, :3, :3] = turn
+        way[:, 0, 3], way[:, 2, 3] = side * (half - grip), up
+        _key(_finger(scene, name), way)
+
+
+def _finger(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
+    obj = demo_skin._finger(scene, name, "index_medium", "draft")
+    obj.dermis.finger.devices.add().preset = DEVICE
+    obj.rotation_mode = "XYZ"
+    fingertip_mesh.fit(obj, scene)
+    return obj
+
+
+def _key(obj: bpy.types.Object, way: np.ndarray) -> None:
+    frames = list(range(1, len(way) + 1))
+    before, turns = Euler(), []
+    for pose in way:
+        before = Matrix(pose.tolist()).to_euler("XYZ", before)
+        turns.append(tuple(before))
+    angles = np.array(turns)
+    for axis in range(3):
+        for path, values in (("location", way[:, axis, 3]), ("rotation_euler", angles[:, axis])):
+            if np.ptp(values) > 1e-9:
+                compat.set_keys(obj, path, axis, frames, values.tolist(), interpolation="BEZIER")
+            else:
+                getattr(obj, path)[axis] = float(values[0])
+
+
+def rod(radius: float, length: float, segments: int = 96) -> bpy.types.Mesh:
+    """Return a closed round rod along X whose top is the origin [m]."""
+    angle = np.arange(segments) * (2 * math.pi / segments)
+    circle = np.stack([radius * np.sin(angle), radius * (np.cos(angle) - 1.0)], axis=1)
+    ends = [np.column_stack([np.full(segments, x), circle]) for x in (-0.5 * length, 0.5 * length)]
+    n = segments
+    faces: list[tuple[int, ...]] = [(i + n, (i + 1) % n + n, (i + 1) % n, i) for i in range(n)]
+    faces += [tuple(range(n)), tuple(range(2 * n - 1, n - 1, -1))]
+    return _mesh("Rod", np.vstack(ends), faces)
+
+
+def cup(radius: float, rounding: float, height: float, segments: int = 192) -> bpy.types.Mesh:
+    """Return a cup whose rim touches the origin from below and curves away along X; its middle lies at -Y [m]."""
+    arc = np.linspace(0.0, math.pi, 17)
+    wall = np.stack([radius + rounding * np.cos(arc), rounding * (np.sin(arc) - 1.0)], axis=1)
+    profile = np.vstack([[radius + rounding, -height], wall, [radius - rounding, -height]])
+    angle = np.arange(segments) * (2 * math.pi / segments)
+    k = len(profile)
+    points = np.stack(
+        [
+            np.outer(np.cos(angle), profile[:, 0]),
+            np.outer(np.sin(angle), profile[:, 0]) - radius,
+            np.tile(profile[:, 1], (segments, 1)),
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    faces: list[tuple[int, ...]] = []
+    for s in range(segments):
+        a, b = s * k, (s + 1) % segments * k
+        faces += [(a + i, b + i, b + (i + 1) % k, a + (i + 1) % k) for i in range(k)]
+    return _mesh("Cup", points, faces)
+
+
+def _mesh(name: str, points: np.ndarray, faces: list[tuple[int, ...]]) -> bpy.types.Mesh:
+    data: Any = bpy.data.meshes.new(name)
+    data.from_pydata(points.tolist(), [], faces)
+    data.update()
+    return data
+
+
+def _smooth(at: np.ndarray, keys: Keys) -> np.ndarray:
+    """Interpolate with a cosine between keys."""
+    times, values = np.array(keys, np.float64).T
+    i = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
+    s = np.clip((at - times[i]) / (times[i + 1] - times[i]), 0.0, 1.0)
+    out: np.ndarray = values[i] + (values[i + 1] - values[i]) * (0.5 - 0.5 * np.cos(np.pi * s))
+    return out

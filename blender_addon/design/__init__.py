@@ -1,0 +1,1 @@
+"""'How many motors?': settings, answers and their pictures."""

@@ -1,0 +1,114 @@
+"""What the artist sets of 'How Many Motors?': parameters only. What was found is kept by `design_results`."""
+
+# mypy: disable-error-code="valid-type"
+# No postponed annotations here: Blender reads the properties from them when a class is registered.
+
+from typing import Any
+
+import bpy
+from bpy.props import CollectionProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+
+from ..compat import BLEND_RELATIVE
+
+
+def _platforms(_self: Any, _context: Any, text: str) -> list[str]:
+    from .. import choices
+    from ..devices import platform_devices
+
+    found = [e for e in choices.devices() if choices.kind_of(e.key) in platform_devices.KINDS]
+    return [e.key for e in found if text.lower() in f"{e.key} {e.name}".lower()]
+
+
+class DermisDesignTouch(bpy.types.PropertyGroup):
+    """One touch that the motors shall render: a baked scene of this file, or a recording."""
+
+    scene: PointerProperty(name="Scene", description="A baked scene of this file", type=bpy.types.Scene)
+    filepath: StringProperty(
+        name="Recording",
+        description="CSV of a 20-channel sensor over time: a column 'time' [s] and 20 channels [counts of 12 bits]",
+        subtype="FILE_PATH",
+        options=BLEND_RELATIVE,
+    )
+
+
+class DermisDesign(bpy.types.PropertyGroup):
+    """How the fewest motors are sought."""
+
+    device: StringProperty(
+        name="Device",
+        description="Platform whose motors shall become fewer, by its preset's file name",
+        default="cable_platform",
+        search=_platforms,
+        options=set(),
+    )
+    touches: CollectionProperty(type=DermisDesignTouch)
+    active_touch: IntProperty(name="Active Touch", default=0, min=0, options=set())
+    finger: StringProperty(
+        name="Finger", description="Which finger of the scenes; empty: the first whose skin was baked", options=set()
+    )
+    table: StringProperty(
+        name="Table",
+        description="A collected (.npz) or recorded (.csv) look-up table of this device; empty: one is "
+        "swept for the finger's skin",
+        subtype="FILE_PATH",
+        options=BLEND_RELATIVE,
+    )
+    table_rows: IntProperty(
+        name="Configurations",
+        description="How many configurations of the device are swept for its table; the paper "
+        "has 166,375 for three motors and 4,033 for six",
+        default=9261,
+        min=8,
+        max=2_000_000,
+        soft_min=512,
+        soft_max=166_375,
+        options=set(),
+    )
+    noise: FloatProperty(
+        name="Noise [counts]",
+        description="Standard deviation of the virtual sensor's noise in every channel, in "
+        "counts of 12 bits; recordings have their own",
+        default=2.0,
+        min=0.0,
+        max=400.0,
+        soft_max=20.0,
+        options=set(),
+    )
+    choice: EnumProperty(
+        name="Components",
+        description="How the couplings are chosen",
+        items=(
+            ("variance", "Variance", "Those that explain most of the movement of the motors, as in the paper"),
+            ("rendered", "Rendered Error", "Those that leave least of what is sensed, to first order"),
+        ),
+        default="variance",
+        options=set(),
+    )
+    motors: IntProperty(
+        name="Motors",
+        description="How many motors the new preset has; 0: as many as the rule recommends",
+        default=0,
+        min=0,
+        max=6,
+        options=set(),
+    )
+
+
+CLASSES: tuple[type, ...] = (DermisDesignTouch, DermisDesign)
+
+
+def register() -> None:
+    """Register the groups and hang them on scenes."""
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.dermis_design = PointerProperty(type=DermisDesign, name="How Many Motors?")
+
+
+def unregister() -> None:
+    """Undo `register`, and forget what was found."""
+    from . import design_results
+
+    design_results.forget()
+    del bpy.types.Scene.dermis_design
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

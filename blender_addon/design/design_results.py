@@ -1,0 +1,201 @@
+"""'How many motors?': from baked scenes and recordings to an answer, its picture and the new preset."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Generator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..devices import platform_devices, skin_models
+from ..preferences import core_module, library, presets_folder, user_folder
+from ..properties import skin_properties
+from ..results import store
+
+IMAGE = "Dermis: How Many Motors?"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was found.
+
+    Attributes:
+        design: the engine's `Design`. preset: key of the preset made last, or ''. picture: where the PNG lies.
+    """
+
+    design: Any
+    preset: str
+    picture: Path
+
+
+_answers: dict[int, Answer] = {}
+
+
+def current(scene: bpy.types.Scene) -> Answer | None:
+    """Return what was found in this scene's panel, in this session."""
+    return _answers.get(scene.session_uid)
+
+
+def find(scene: bpy.types.Scene) -> Generator[Any, None, Any]:
+    """Find the fewest motors for the touches of a scene's panel; yield progress, return the engine's `Design`.
+
+    Raises:
+        DermisError: nothing to render, a scene without a bake, a recording or table that cannot be used, skins of
+            different fingers, or a touch that never touches.
+    """
+    errors, settings = core_module("errors"), scene.dermis_design
+    task, progress = core_module("design.task"), core_module("pipeline.render").Progress
+    spec = platform_devices.spec_of(settings.device)
+    if spec is None:
+        raise errors.DermisError(
+            "not a platform's preset",
+            where="How Many Motors?",
+            value=settings.device,
+            limit="a cable platform or a six-leg platform",
+        )
+    core_module("devices.coupling").refuse_coupled(spec)
+    yield progress("touches", 0, 1)
+    sensed, skin = touches(scene)
+    model = None
+    if settings.table:
+        steps = task.table_for(spec, None, platform_devices.folder(), file=Path(bpy.path.abspath(settings.table)))
+        table = yield from _told(steps)
+        if skin is not None:
+            with skin_models.one_thread():
+                model = skin_models.get(skin["skin"], skin["level"], wait=True)
+    else:
+        if skin is None:
+            skin = {"skin": {}, "level": "draft"}
+        model, table = yield from platform_devices.swept(spec, skin["skin"], skin["level"], settings.table_rows)
+    steps = task.answer(spec, table, sensed, noise=settings.noise, skin=model, spread=not settings.table)
+    return (yield from _told(steps))
+
+
+def touches(scene: bpy.types.Scene) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    """Return what is sensed in each touch of a panel's list, by name, and the skin of the baked ones.
+
+    Raises:
+        DermisError: an empty list, a scene without a bake of a skin, different skins, or an unusable recording.
+    """
+    errors, task, settings = core_module("errors"), core_module("design.task"), scene.dermis_design
+    sensed: dict[str, Any] = {}
+    skin: dict[str, Any] | None = None
+    for number, item in enumerate(settings.touches):
+        if item.scene is None:
+            path = Path(bpy.path.abspath(item.filepath))
+            found = task.read_sensed([path])
+        else:
+            own, found = _baked(item.scene, settings, number)
+            if skin is not None and own != skin:
+                raise errors.DermisError(
+                    "its finger has another skin than the scenes before",
+                    where=f"scene '{item.scene.name}'",
+                    remedy="Use one size and accuracy of skin",
+                )
+            skin = own
+        for name, values in found.items():
+            if name in sensed:
+                raise errors.DermisError("two touches have one name", where="How Many Motors?", value=name)
+            sensed[name] = values
+    if not sensed:
+        raise errors.DermisError(
+            "no touch is chosen", where="How Many Motors?", remedy="Add a baked scene or a recording"
+        )
+    return sensed, skin
+
+
+def make_preset(scene: bpy.types.Scene, found: Any) -> str:
+    """Write the new preset into the user's presets; return its key.
+
+    Raises:
+        DermisError: more motors than the device has, or a folder that cannot be written.
+    """
+    report, settings = core_module("design.report"), scene.dermis_design
+    made = report.preset(found, settings.choice, settings.motors or None)
+    count = len(made["channels"])
+    names = "_".join(re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") for name in found.names)[:40].strip("_")
+    key = f"{found.spec.key}_{count}_motor{'s' if count > 1 else ''}_{names}"
+    report.write_preset(made, presets_folder() / "devices" / f"{key}.json")
+    library().device(key)  # what cannot be read again must be told now
+    from .. import choices
+
+    platform_devices.forget()
+    choices.refresh()
+    return key
+
+
+def preset_findings(key: str) -> tuple[Any, ...]:
+    """Return what makes a device preset unfit for streaming."""
+    return tuple(core_module("devices.safe_state").safe_findings(library().device(key)))
+
+
+def keep(scene: bpy.types.Scene, found: Any, preset: str) -> Answer:
+    """Draw the picture, load it as an image of the file, and remember what was found."""
+    folder = user_folder("designs", create=True)
+    picture = folder / f"{re.sub(r'[^A-Za-z0-9_-]+', '_', scene.name)}.png"
+    core_module("plot.motors").write_picture(found, picture)
+    image = bpy.data.images.get(IMAGE)
+    if image is None:
+        image = bpy.data.images.load(str(picture))
+        image.name = IMAGE
+    image.filepath = str(picture)
+    image.reload()
+    _answers[scene.session_uid] = Answer(found, preset, picture)
+    return _answers[scene.session_uid]
+
+
+def save(scene: bpy.types.Scene, folder: Path) -> tuple[Path, ...]:
+    """Write report.txt, report.json, report.png and the preset into a folder; return their paths.
+
+    Raises:
+        DermisError: nothing was found yet, or the folder cannot be written.
+    """
+    answer, settings = current(scene), scene.dermis_design
+    if answer is None:
+        raise core_module("errors").DermisError(
+            "nothing was found yet", where="How Many Motors?", remedy="Press How Many Motors?"
+        )
+    motors = settings.motors or None
+    written: tuple[Path, ...] = core_module("design.task").write(
+        answer.design, folder, choice=settings.choice, motors=motors
+    )
+    return written
+
+
+def forget() -> None:
+    """Drop what was found."""
+    _answers.clear()
+
+
+def _baked(scene: bpy.types.Scene, settings: Any, number: int) -> tuple[dict[str, Any], dict[str, Any]]:
+    errors, result = core_module("errors"), store.current(scene)
+    where = f"scene '{scene.name}'"
+    if result is None:
+        raise errors.DermisError("the scene is not baked", where=where, remedy="Bake it first")
+    skins = result.bake.skins
+    name = settings.finger or next(iter(skins), "")
+    if name not in skins:
+        raise errors.DermisError(
+            "the bake has no such skin",
+            where=where,
+            value=settings.finger or None,
+            limit=", ".join(skins) or "show a finger's skin, or give it a platform, and bake",
+        )
+    kept = result.skins.get(name)
+    if kept is None:
+        obj = scene.objects.get(name)
+        if obj is None:
+            raise errors.DermisError("the finger is gone", where=where, value=name, remedy="Bake again")
+        values = skin_properties.parameters(obj.dermis.finger.skin)
+        kept = {"skin": values["skin"], "level": values["skin_level"]}
+    sensed = core_module("design.task").sense_touch(skins[name], noise=settings.noise, seed=number)
+    title = scene.name.split(":")[-1].strip()
+    return {"skin": dict(kept["skin"]), "level": str(kept["level"])}, {title: sensed}
+
+
+def _told(steps: Any) -> Generator[Any, None, Any]:
+    """Pass the engine's progress on, which has the window's form already."""
+    return (yield from steps)

@@ -1,0 +1,1 @@
+"""Which preset, skin and table an item of the scene uses, prepared for the engine."""

@@ -1,0 +1,154 @@
+"""Which platform a finger wears, and its look-up table: whether it is at hand, and how it is made.
+
+A table says what a device does to one finger's skin. It is swept once for a mechanism, a size of finger and a number of
+configurations, by child processes, and kept with the skin.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..preferences import core_module, user_folder
+from ..properties import skin_properties
+from . import active_presets, skin_models
+
+KINDS = ("cable_platform", "hexapod")
+MOST = 8
+WORKERS = max(1, min(2, (os.cpu_count() or 2) - 1))
+
+
+def device_of(obj: bpy.types.Object) -> Any | None:
+    """Return the settings of the finger's first platform that is switched on, or None."""
+    return active_presets.device_of(obj, KINDS)
+
+
+def spec_of(preset: str) -> Any | None:
+    """Return a platform's preset; None for other devices and for presets that cannot be read."""
+    return active_presets.spec_of(preset, KINDS)
+
+
+def absolute(values: dict[str, Any]) -> dict[str, Any]:
+    """Return a device's values with the path of its table for a process that knows no .blend."""
+    table = values.get("table", "")
+    return {**values, "table": bpy.path.abspath(table)} if table else values
+
+
+def model_of(obj: bpy.types.Object, *, wait: bool = False) -> Any | None:
+    """Return a finger's skin; None while it is being made.
+
+    Raises:
+        DermisError: a size that leaves no room for tissue.
+    """
+    skin = skin_properties.parameters(obj.dermis.finger.skin)
+    return skin_models.get(skin["skin"], skin["skin_level"], where=f"finger '{obj.name}', skin", wait=wait)
+
+
+def table(obj: bpy.types.Object, device: Any) -> Any | None:
+    """Return the table that a finger's platform is looked up in; None where it must be made first.
+
+    Raises:
+        DermisError: a file that cannot be read, a table of another device, or a skin that cannot be made.
+    """
+    spec, model = spec_of(device.preset), model_of(obj)
+    if spec is None or model is None:
+        return None
+    path = bpy.path.abspath(device.table) if device.table else ""
+    with skin_models.one_thread():
+        return core_module("matching.lookup").table_at_hand(model, spec, path, device.table_rows)
+
+
+def missing(obj: bpy.types.Object, device: Any) -> bool:
+    """Tell whether a platform waits for its table; one that cannot be read is not missing: rendering says why."""
+    try:
+        return spec_of(device.preset) is not None and table(obj, device) is None
+    except core_module("errors").DermisError:
+        return False
+
+
+def waits(finger: str, preset: str) -> bool:
+    """Tell whether a finger's platform cannot be shown while scrubbing, because its table must be made first."""
+    obj = bpy.context.scene.objects.get(finger)
+    devices = obj.dermis.finger.devices if obj is not None and spec_of(preset) is not None else ()
+    return any(d.preset == preset and missing(obj, d) for d in devices)
+
+
+def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
+    """Sweep a finger's platform and keep the table; yield progress, return it.
+
+    Closing the generator ends the child processes; what they finished is kept, and the next sweep goes on from there.
+
+    Raises:
+        DermisError: no platform, a skin that cannot be made, or a sweep that fails.
+    """
+    errors, progress = core_module("errors"), core_module("pipeline.render").Progress
+    spec = spec_of(device.preset)
+    if spec is None:
+        raise errors.DermisError(
+            "the finger wears no platform", where=f"finger '{obj.name}'", remedy="Add one under Devices"
+        )
+    yield progress("skin", 0, 1)
+    skin, rows = skin_properties.parameters(obj.dermis.finger.skin), int(device.table_rows)
+    steps = swept(spec, skin["skin"], skin["skin_level"], rows)
+    while True:
+        try:
+            yield next(steps)
+        except StopIteration as stop:
+            model, made = stop.value
+            core_module("matching.lookup").keep_table(model, spec, rows, made)
+            return made
+
+
+def make_missing(scene: bpy.types.Scene) -> Generator[Any, None, None]:
+    """Make the tables that a bake will need, so that it has progress and can be stopped.
+
+    What cannot be made is left to the bake, which leaves that device out and says why.
+    """
+    for obj in sorted((o for o in scene.objects if o.dermis.role == "FINGER"), key=lambda o: o.name):
+        for device in obj.dermis.finger.devices:
+            if device.enabled and missing(obj, device):
+                try:
+                    yield from make(obj, device)
+                except core_module("errors").DermisError:
+                    continue
+
+
+def swept(spec: Any, skin: dict[str, Any], level: str, rows: int | None) -> Generator[Any, None, tuple[Any, Any]]:
+    """Sweep a device on a skin in child processes; yield progress, return the skin's model and the table.
+
+    Raises:
+        DermisError: a skin that cannot be made, or a sweep that fails.
+    """
+    progress = core_module("pipeline.render").Progress
+    with skin_models.one_thread():
+        model = skin_models.get(skin, level, wait=True)
+    material = {k: float(v) for k, v in skin.items() if k in ("young", "poisson", "alpha")}
+    lengths = {k: v for k, v in skin.items() if k not in material}
+    shape = core_module("skin.shape").shape_from_parameters(lengths)
+    steps = core_module("design.collect").collect(
+        spec, shape, folder(), level=level, rows=rows, workers=WORKERS, material=material
+    )
+    try:
+        while True:
+            try:
+                with skin_models.one_thread():
+                    done, total = next(steps)
+            except StopIteration as stop:
+                return model, stop.value
+            yield progress("table", done, total)
+    finally:
+        steps.close()
+
+
+def folder() -> Path:
+    """Return where parts of unfinished tables are kept."""
+    return user_folder("collection", create=True)
+
+
+def forget() -> None:
+    """Read presets anew."""
+    active_presets.forget()

@@ -1,0 +1,101 @@
+"""Adapting a thimble to a finger: a child process learns, and its two files go where the methods look for them."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..preferences import core_module
+from ..properties import skin_properties
+from . import skin_models, thimble_devices
+
+MOVING = 600  # of the thousand steps that the engine tells; then it trains
+_told: dict[Path, tuple[float, dict[str, Any]]] = {}
+
+
+def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, Any]]:
+    """Adapt to a finger; yield progress, return test errors and number of samples.
+
+    Closing the generator ends the child process and leaves no file of its own; an older adaptation stays.
+
+    Args:
+        less: fewer 'trajectories' or 'iterations', for tests.
+
+    Raises:
+        DermisError: no thimble, a preset or skin that cannot be used, or what the child process says.
+    """
+    device = thimble_devices.device_of(obj)
+    spec = thimble_devices.spec_of(device.preset) if device is not None else None
+    if device is None or spec is None:
+        raise core_module("errors").DermisError(
+            "the finger wears no thimble", where=f"finger '{obj.name}'", remedy="Add one under Devices"
+        )
+    progress = core_module("pipeline.render").Progress
+    skin = skin_properties.parameters(obj.dermis.finger.skin)
+    use = {k: v for k, v in thimble_devices.parameters_of(device).items() if k.startswith("thimble_")}
+    folder = thimble_devices.folder(create=True)
+    parameters = {
+        "device": dict(spec.source),
+        "device_key": spec.key,
+        "skin": dict(skin["skin"]),
+        "level": skin["skin_level"],
+        "use": use,
+        "folder": str(folder),
+        **less,
+    }
+    where = f"finger '{obj.name}', skin"
+    yield progress("starting", 0, 1)
+    with skin_models.one_thread():
+        model = skin_models.get(skin["skin"], skin["skin_level"], where=where, wait=True)
+        uses = core_module("matching.thimble_use")
+        target = core_module("surrogate.store").place_of(folder, model, *uses.fitted(spec, model, use))
+    older, done = target.is_file(), False
+    worker = core_module("work").Worker()
+    steps = worker.run("adapt", {}, parameters)
+    try:
+        while True:
+            try:
+                now, total = next(steps)
+            except StopIteration as stop:
+                done = True
+                return dict(stop.value)
+            yield progress("moving the disc" if now < MOVING else "learning", now, max(total, 1))
+    finally:
+        steps.close()
+        worker.close()
+        if not done:
+            _remove(folder, target.stem, whole=not older)
+
+
+def status(device: Any, model: Any) -> dict[str, Any] | None:
+    """Return what is known of the adaptation to a skin, such as 'network_error'; None where there is none.
+
+    Raises:
+        DermisError: a preset or settings that cannot be used.
+    """
+    path = thimble_devices.adapted(device, model)
+    if path is None:
+        return None
+    changed = path.stat().st_mtime
+    known = _told.get(path)
+    if known is None or known[0] != changed:
+        errors, npz, foreign = core_module("errors"), core_module("npz"), core_module("foreign")
+        try:
+            with npz.opened_npz(path) as archive:
+                meta = foreign.json_of(archive.array("meta").tobytes(), str(path))
+        except errors.DermisError:  # the bake says what is wrong
+            meta = {}
+        meta = meta if isinstance(meta, dict) else {}
+        known = _told[path] = (changed, meta)
+    return known[1]
+
+
+def _remove(folder: Path, stem: str, *, whole: bool) -> None:
+    """Remove half-written files, and whole ones where they are not an older adaptation's."""
+    for path in folder.iterdir():
+        mine = path.name.startswith(f".{stem}.") or (whole and path.name.startswith(f"{stem}."))
+        if mine:
+            path.unlink(missing_ok=True)

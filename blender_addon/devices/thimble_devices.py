@@ -1,0 +1,84 @@
+"""Which thimble a finger wears and how it is used: from the artist's settings to the engine's `ThimbleUse`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..preferences import core_module, user_folder
+from ..properties import scene_properties
+from . import active_presets, skin_models
+
+KINDS = ("thimble",)
+LEARNED = ("network", "ridge")
+MOST = 8
+_uses: dict[str, Any] = {}
+
+
+def folder(*, create: bool = False) -> Path:
+    """Return the folder of the adaptations to fingers."""
+    return user_folder("surrogates", create=create)
+
+
+def device_of(obj: bpy.types.Object) -> Any | None:
+    """Return the settings of the finger's first thimble that is switched on, or None."""
+    return active_presets.device_of(obj, KINDS)
+
+
+def spec_of(preset: str) -> Any | None:
+    """Return a thimble's preset; None for other devices and for presets that cannot be read."""
+    return active_presets.spec_of(preset, KINDS)
+
+
+def parameters_of(device: Any) -> dict[str, Any]:
+    """Return a device's values for the engine; learned methods look for their files where adaptations are kept."""
+    values = scene_properties.parameters(device)
+    if values["thimble_method"] in LEARNED:
+        given = values["thimble_surrogate"]
+        values["thimble_surrogate"] = bpy.path.abspath(given) if given else str(folder())
+    return values
+
+
+def used(device: Any, model: Any) -> Any:
+    """Return how a thimble is used on a skin.
+
+    Raises:
+        DermisError: a preset or settings that cannot be used.
+    """
+    spec = spec_of(device.preset)
+    if spec is None:
+        raise core_module("errors").DermisError("no such thimble", where="thimble", value=device.preset)
+    values = {k: v for k, v in parameters_of(device).items() if k.startswith("thimble_")}
+    key = json.dumps([spec.hash, model.key, repr(model.material), values], sort_keys=True)
+    if key not in _uses:
+        while len(_uses) >= MOST:
+            _uses.pop(next(iter(_uses)))
+        with skin_models.one_thread():
+            _uses[key] = core_module("matching.thimble_use").prepare(spec, model, values, device.preset)
+    return _uses[key]
+
+
+def adapted(device: Any, model: Any) -> Path | None:
+    """Return the files of the adaptation to a skin, or None where there is none.
+
+    Raises:
+        DermisError: a preset or settings that cannot be used.
+    """
+    module, spec = core_module("matching.thimble_use"), spec_of(device.preset)
+    if spec is None:
+        return None
+    fitted, friction = module.fitted(spec, model, scene_properties.parameters(device))
+    given = device.thimble_surrogate
+    values = {"thimble_surrogate": bpy.path.abspath(given) if given else str(folder(create=True))}
+    path: Path = module.surrogate_path(values, model, fitted, friction)
+    tables = path.with_suffix(".npz")
+    return tables if tables.is_file() and path.with_suffix(".onnx").is_file() else None
+
+
+def forget() -> None:
+    """Read everything anew: a surrogate came or went."""
+    active_presets.forget()
+    _uses.clear()

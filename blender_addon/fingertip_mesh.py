@@ -1,0 +1,213 @@
+"""The fingertip that Add > Dermis > Finger puts into the scene: shape in millimetres, mesh in scene units.
+
+Its origin is the pad's centre, +Y points to the tip, +Z to the nail, so the object's own matrix is the finger's frame.
+Pad and sides follow the engine's skin of the same lengths; crease, nail bed, folds and nail are drawn on top of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_RINGS, _SEGMENTS = 60, 80
+_PALM_SHARE, _WAIST_PALM, _WAIST_SIDE = 0.54, 0.12, 0.05  # as the engine's skin has them
+SKIN, NAIL = (0.76, 0.42, 0.31, 1.0), (0.87, 0.58, 0.52, 1.0)
+OURS = "dermis_fingertip"  # marks a mesh as one that follows the finger's lengths
+
+
+@dataclass(frozen=True)
+class Lengths:
+    """Lengths of a fingertip [mm]; see the engine's `FingertipShape`. The default is an adult's index finger."""
+
+    width: float = 16.0
+    thickness: float = 13.0
+    length: float = 24.0
+    tip: float = 10.5
+    nail_width: float = 10.5
+    nail_length: float = 11.0
+    nail_margin: float = 1.5
+
+    @classmethod
+    def of(cls, lengths: Mapping[str, float]) -> Lengths:
+        """Take what matters from lengths in metres by the engine's names."""
+        return cls(**{name: 1e3 * lengths[name] for name in cls.__dataclass_fields__})
+
+    @property
+    def base(self) -> float:
+        """Where the finger is cut off, along Y."""
+        return self.tip - self.length
+
+    @property
+    def middle(self) -> float:
+        """Height of the widest part above the pad."""
+        return self.thickness * _PALM_SHARE
+
+    @property
+    def top(self) -> float:
+        """Height of the back above the pad; the nail lies a little higher."""
+        return 0.975 * self.thickness
+
+    @property
+    def nail_reach(self) -> float:
+        """Half the length of the visible nail, which reaches beyond its bed."""
+        return 0.58 * self.nail_length
+
+    @property
+    def nail_centre(self) -> float:
+        """Middle of the nail along Y."""
+        return self.tip - 0.6 * self.nail_margin - self.nail_reach
+
+
+def shape(lengths: Lengths | None = None) -> tuple[Array, list[tuple[int, ...]], NDArray[np.int32]]:
+    """Return vertices [mm] (n, 3), polygons, and the material of each polygon: 0 skin, 1 nail."""
+    lengths = lengths or Lengths()
+    skin, skin_faces = _skin(lengths)
+    nail, nail_faces = _nail(lengths)
+    faces = skin_faces + [tuple(i + len(skin) for i in face) for face in nail_faces]
+    material = np.repeat(np.array([0, 1], dtype=np.int32), [len(skin_faces), len(nail_faces)])
+    return np.vstack([skin, nail]), faces, material
+
+
+def mesh(metres_per_unit: float = 1.0, lengths: Lengths | None = None) -> bpy.types.Mesh:
+    """Return a new mesh with skin and nail materials, in scene units."""
+    vertices, faces, material = shape(lengths)
+    data = bpy.data.meshes.new("Fingertip")
+    data.from_pydata((vertices * 1e-3 / metres_per_unit).tolist(), [], faces)
+    data.polygons.foreach_set("material_index", material)
+    smooth = np.array([len(face) <= 4 for face in faces])  # the cut end stays flat
+    data.polygons.foreach_set("use_smooth", smooth)
+    data.materials.append(_material("Fingertip Skin", SKIN, 0.5))
+    data.materials.append(_material("Fingertip Nail", NAIL, 0.25))
+    data[OURS] = True
+    data.update()
+    return data
+
+
+def fit(obj: bpy.types.Object, scene: bpy.types.Scene) -> bool:
+    """Bring a fingertip of ours to its finger's lengths; an artist's own mesh is left alone. Return whether it was."""
+    from .properties import skin_properties
+    from .sampling.participants import metres_per_unit
+
+    data = obj.data
+    if not isinstance(data, bpy.types.Mesh) or not data.get(OURS) or data.users > 1 or data.shape_keys is not None:
+        return False
+    vertices, _, _ = shape(Lengths.of(skin_properties.lengths(obj.dermis.finger.skin)))
+    if len(vertices) != len(data.vertices):
+        return False
+    data.vertices.foreach_set("co", (vertices * 1e-3 / metres_per_unit(scene)).astype(np.float32).ravel())
+    data.update()
+    return True
+
+
+def _material(name: str, colour: tuple[float, ...], roughness: float) -> bpy.types.Material:
+    found = bpy.data.materials.get(name)
+    if found is not None and found.library is None:
+        return found
+    made = bpy.data.materials.new(name)
+    made.diffuse_color = colour
+    made.roughness = roughness
+    if made.node_tree is None:
+        made.use_nodes = True
+    shader = next((n for n in made.node_tree.nodes if n.type == "BSDF_PRINCIPLED"), None)
+    if shader is not None:
+        shader.inputs["Base Color"].default_value = colour
+        shader.inputs["Roughness"].default_value = roughness
+    return made
+
+
+def _rounded(t: Array, power: float) -> Array:
+    """Fall from 1 at t <= 0 to 0 at t = 1 along a superellipse."""
+    return np.power(np.clip(1.0 - np.power(np.clip(t, 0.0, 1.0), power), 0.0, 1.0), 1.0 / power)
+
+
+def _waist(y: Array, tip: float, drop: float) -> Array:
+    """Narrow a section behind the pad as the engine's skin does."""
+    q2 = np.minimum(y / tip, 0.0) ** 2
+    return 1.0 - 0.5 * q2 / (1.0 + q2 / (2.0 * drop))
+
+
+def _profile(y: Array, size: Lengths) -> tuple[Array, Array, Array, Array]:
+    """Half width, middle height, height above the middle and depth below it, along the finger."""
+    section = _rounded(y / size.tip, 2.0)
+    crease = 0.16 * np.exp(-(((y - size.base - 2.6) / 1.0) ** 2))  # the fold of the last joint
+    half = 0.5 * size.width * section * _waist(y, size.tip, _WAIST_SIDE) - crease
+    middle = np.full_like(y, size.middle)
+    back = np.clip(y / size.base, 0.0, 1.0)
+    above = (size.top - size.middle) * _rounded((y + 3.0) / (size.tip + 3.0), 2.5) + 0.3 * back**2 - crease
+    below = size.middle * section * _waist(y, size.tip, _WAIST_PALM) - crease
+    return half, middle, above, below
+
+
+def _nail_distance(x: Array, y: Array, size: Lengths) -> Array:
+    """How far a point lies from the nail's middle: 1 on its outline."""
+    across, along = 2.0 * x / size.nail_width, (y - size.nail_centre) / size.nail_reach
+    return np.power(np.abs(across) ** 3.2 + np.abs(along) ** 3.2, 1.0 / 3.2)
+
+
+def _skin(size: Lengths) -> tuple[Array, list[tuple[int, ...]]]:
+    # Rings crowd towards the tip, where the surface turns.
+    y = size.base + size.length * np.sin(np.linspace(0.0, np.pi / 2, _RINGS + 1))[:-1]
+    half, middle, above, below = _profile(y, size)
+    angle = np.arange(_SEGMENTS) * (2.0 * np.pi / _SEGMENTS)
+    cos, sin = np.cos(angle), np.sin(angle)
+    # An ellipse on the palm's side, as the engine has it, and a little squarer on the back.
+    power = np.where(sin > 0.0, 2.0 / 2.25, 1.0)
+    x = half[:, None] * (np.sign(cos) * np.abs(cos) ** power)
+    height = np.sign(sin) * np.abs(sin) ** power
+    z = middle[:, None] + np.where(height > 0.0, above[:, None], below[:, None]) * height
+    yy = np.broadcast_to(y[:, None], x.shape)
+
+    # The skin sinks under the nail and folds up around its sides and root.
+    distance = _nail_distance(x, yy, size)
+    upper = np.clip((z - size.middle - 0.5) / 2.0, 0.0, 1.0)
+    bed = np.clip((1.13 - distance) / 0.13, 0.0, 1.0) * np.clip((size.tip - yy) / 2.5, 0.0, 1.0)
+    fold = np.exp(-(((distance - 1.22) / 0.11) ** 2)) * np.clip((size.tip - 0.5 - yy) / 5.0, 0.0, 1.0)
+    z = z + upper * (0.42 * fold - 0.75 * bed * bed * (3.0 - 2.0 * bed))
+
+    ring = np.arange(_SEGMENTS)
+    following = np.roll(ring, -1)
+    vertices = np.vstack([np.stack([x, yy, z], axis=-1).reshape(-1, 3), [[0.0, size.tip, size.middle]]])
+    faces: list[tuple[Any, ...]] = []
+    for r in range(_RINGS - 1):
+        a, b = r * _SEGMENTS, (r + 1) * _SEGMENTS
+        faces += zip(a + ring, b + ring, b + following, a + following, strict=True)
+    last, tip = (_RINGS - 1) * _SEGMENTS, len(vertices) - 1
+    faces += [(last + i, tip, last + j) for i, j in zip(ring, following, strict=True)]
+    faces.append(tuple(ring.tolist()))  # the cut end
+    return vertices, [tuple(int(i) for i in face) for face in faces]
+
+
+def _nail(size: Lengths) -> tuple[Array, list[tuple[int, ...]]]:
+    """A plate with a curve in both directions and an edge, over the same outline as the bed."""
+    circles, segments = 10, 48
+    radius = np.append(np.linspace(0.0, 1.0, circles + 1)[1:], [1.0])
+    angle = np.arange(segments) * (2.0 * np.pi / segments)
+    outline = np.power(np.abs(np.cos(angle)) ** 3.2 + np.abs(np.sin(angle)) ** 3.2, -1.0 / 3.2)
+    x = 0.5 * size.nail_width * radius[:, None] * outline * np.cos(angle)
+    y = size.nail_centre + size.nail_reach * radius[:, None] * outline * np.sin(angle)
+    z = _nail_height(x, y, size)
+    z[-1] -= 0.45  # the plate's thickness
+    middle = np.array([size.nail_centre])
+    centre = np.array([[0.0, middle[0], _nail_height(np.zeros(1), middle, size)[0]]])
+    vertices = np.vstack([centre, np.stack([x, y, z], axis=-1).reshape(-1, 3)])
+    ring = np.arange(segments)
+    following = np.roll(ring, -1)
+    faces: list[tuple[int, ...]] = [(0, int(1 + i), int(1 + j)) for i, j in zip(ring, following, strict=True)]
+    for c in range(circles):
+        a, b = 1 + c * segments, 1 + (c + 1) * segments
+        quads = zip(a + ring, b + ring, b + following, a + following, strict=True)
+        faces += [tuple(int(i) for i in quad) for quad in quads]
+    return vertices, faces
+
+
+def _nail_height(x: Array, y: Array, size: Lengths) -> Array:
+    arch = 0.54 * size.width
+    bow = 0.0085 * 10.5 / size.tip * (y + 0.4 * size.tip) ** 2
+    return size.top - 0.1 - bow - (arch - np.sqrt(arch**2 - np.clip(np.abs(x), 0, arch) ** 2))

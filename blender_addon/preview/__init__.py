@@ -1,0 +1,1 @@
+"""What skins and devices do at the current frame; computed in handlers and timers, never while drawing."""

@@ -1,0 +1,68 @@
+"""What every skin felt at a frame of a bake."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .. import handlers
+from .skin_state import SkinState
+
+_baked: tuple[Any, tuple[SkinState, ...]] = ((), ())
+
+
+def states(scene: bpy.types.Scene, result: Any, frame: float, state: str) -> tuple[SkinState, ...]:
+    """Return the skins that are shown, from a bake that is 'fresh', 'stale' or 'earlier'."""
+    global _baked
+    memo = (id(result), frame, state, handlers.edits())
+    if _baked[0] != memo:
+        _baked = (
+            memo,
+            tuple(
+                _baked_state(name, touch, frame, state)
+                for name, touch in result.bake.skins.items()
+                if name in scene.objects and scene.objects[name].dermis.finger.skin.shown
+            ),
+        )
+    return _baked[1]
+
+
+def _baked_state(name: str, touch: Any, frame: float, state: str) -> SkinState:
+    notes = {
+        "fresh": "from the bake",
+        "stale": "from a bake that is out of date",
+        "earlier": "from an earlier session's bake",
+    }
+    source = "bake" if state == "fresh" else state
+    counters = {k.removeprefix("skin_").replace("_", " "): int(v) for k, v in touch.skipped.items()}
+    frames = touch.frames
+    if not len(frames) or frame < frames[0] - 0.5 or frame > frames[-1] + 0.5:
+        return SkinState(
+            name,
+            touch.model,
+            np.zeros((touch.model.pad_count, 3)),
+            source=source,
+            note="outside the baked range",
+            counters=counters,
+        )
+    after = min(int(np.searchsorted(frames, frame)), len(frames) - 1)
+    i = after - 1 if after > 0 and frame - frames[after - 1] < frames[after] - frame else after
+    unconverged = any(f.code == "not-converged" for f in touch.findings)
+    return SkinState(
+        name,
+        touch.model,
+        touch.force_at(i),
+        float(touch.normal_force[i]),
+        float(touch.tangential_force[i]),
+        float(touch.depth[i]),
+        float(touch.lift[i]),
+        int(touch.sticking[i]),
+        int(touch.slipping[i]),
+        source,
+        notes[state],
+        "baked",
+        not unconverged,
+        counters,
+    )

@@ -1,0 +1,74 @@
+"""What platforms do at the current frame, without a bake: the skin of `skin_preview`, looked up in the table."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices import platform_devices, skin_models
+from ..preferences import core_module
+
+if TYPE_CHECKING:
+    from . import device_preview
+    from .skin_preview import SkinState
+
+_found: dict[str, tuple[SkinState, tuple[Any, ...], NDArray[np.float64] | None]] = {}
+
+
+def live_rows(scene: bpy.types.Scene) -> tuple[device_preview.Row, ...]:
+    """Return what the platforms of fingers whose skin is shown do at the current frame; none without a table."""
+    from . import device_preview, skin_preview
+
+    rows = []
+    for target in skin_preview.own(scene):
+        obj = scene.objects.get(target.finger)
+        device = platform_devices.device_of(obj) if obj is not None else None
+        spec = platform_devices.spec_of(device.preset) if device is not None else None
+        if obj is None or device is None or spec is None or target.model is None or target.source != "live":
+            continue
+        values = commands(obj, device, spec, target)
+        if values is None:
+            continue
+        names = [c.name for c in spec.channels]
+        rows.append(
+            device_preview.Row(
+                finger=target.finger,
+                device=device.preset,
+                title=spec.name,
+                kind=spec.kind,
+                values=dict(zip(names, values.tolist(), strict=True)),
+                low={c.name: c.low for c in spec.channels},
+                high={c.name: c.high for c in spec.channels},
+                units={c.name: c.unit for c in spec.channels},
+                path=np.empty((0, 2)),
+                contact=float(target.touching),
+            )
+        )
+    return tuple(rows)
+
+
+def commands(obj: Any, device: Any, spec: Any, target: SkinState) -> NDArray[np.float64] | None:
+    """Return motor commands for one frame's skin; None while the table is missing or cannot be used."""
+    key = (spec.hash, device.table, device.table_rows)
+    known = _found.get(target.finger)
+    if known is not None and known[0] is target and known[1] == key and known[2] is not None:
+        return known[2]
+    lookup, values = core_module("matching.lookup"), None
+    try:
+        table = platform_devices.table(obj, device)
+        if table is not None:
+            with skin_models.one_thread():
+                force = np.asarray(target.force)[None] if target.touching else np.zeros((0, *np.shape(target.force)))
+                values = lookup.commands_now(table, spec, target.model, force)
+    except core_module("errors").DermisError:
+        values = None  # the panel and the bake say why
+    _found[target.finger] = (target, key, values)
+    return values
+
+
+def reset() -> None:
+    """Forget what was looked up."""
+    _found.clear()

@@ -1,0 +1,1 @@
+"""What the artist sets, saved in the .blend."""

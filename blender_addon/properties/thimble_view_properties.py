@@ -1,0 +1,51 @@
+"""How the view shows thimbles: parameters only. What a thimble does is set on its device."""
+
+# mypy: disable-error-code="valid-type"
+# No postponed annotations here: Blender reads the properties from them when a class is registered.
+
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty
+
+
+def _redraw(_self: Any, _context: Any) -> None:
+    from ..preview import skin_preview
+
+    skin_preview.redraw()
+
+
+class DermisThimbleView(bpy.types.PropertyGroup):
+    """What the 3D view shows of thimbles beside their twin."""
+
+    split: BoolProperty(
+        name="Split View",
+        description="Show the skin as the thimble renders it beside the target, as maps of the pad. "
+        "Needs the finger's skin to be shown",
+        default=True,
+        options=set(),
+        update=_redraw,
+    )
+    workspace: BoolProperty(
+        name="Workspace",
+        description="Draw where the pointer under the disc can go, at several heights: each loop is "
+        "the largest tilt in every direction",
+        default=False,
+        options=set(),
+        update=_redraw,
+    )
+
+
+CLASSES: tuple[type, ...] = (DermisThimbleView,)
+
+
+def register() -> None:
+    """Register the group; `scene_properties` hangs it on scenes."""
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,1 @@
+"""Bakes, kept beside the .blend, and their files."""

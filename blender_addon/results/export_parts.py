@@ -1,0 +1,206 @@
+"""Parts of a bake as files: the whole of it, the preview range, from marker to marker, or an action's frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isclose
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..preferences import core_module
+
+SPANS = ("ALL", "PREVIEW", "MARKERS", "ACTION")
+
+
+@dataclass(frozen=True)
+class Part:
+    """A track, whole or cut, and the file that it shall go to."""
+
+    path: Path
+    track: Any
+
+
+def write(
+    scene: bpy.types.Scene,
+    result: Any,
+    folder: Path,
+    form: str,
+    span: str = "ALL",
+    *,
+    active: bpy.types.Object | None = None,
+    finger: str | None = None,
+    force: bool = False,
+) -> tuple[list[Path], list[Any]]:
+    """Write a file for each output and each range; return the files, and what there is to say about them.
+
+    Args:
+        form: of `core.track.export.FORMATS`. span: of `SPANS`. active: whose action 'ACTION' means.
+        finger: this one only; None: all.
+
+    Raises:
+        DermisError: see `plan` and `write_parts`.
+    """
+    parts, found = plan(scene, result, folder, form, span, active=active, finger=finger)
+    written, more = write_parts(parts, form, force=force)
+    return written, found + more
+
+
+def plan(
+    scene: bpy.types.Scene,
+    result: Any,
+    folder: Path,
+    form: str,
+    span: str = "ALL",
+    *,
+    active: bpy.types.Object | None = None,
+    finger: str | None = None,
+    prefix: str = "",
+    names: Any = None,
+) -> tuple[list[Part], list[Any]]:
+    """Cut the ranges out of the tracks and name their files, before the first is written; tell of what is left out.
+
+    Args:
+        prefix: of the names, such as the scene's, safe. names: the export's `FileNames`, where it has several scenes.
+
+    Raises:
+        DermisError: no such range, one beyond the bake, or none in which a sample lies.
+    """
+    formats, outputs = core_module("track.export"), core_module("pipeline.outputs")
+    file_names = core_module("track.file_names")
+    finding = core_module("errors").Finding
+    names = names or file_names.FileNames()
+    suffix = formats.format_of(form).suffix
+    spans, taken = ranges(scene, result, span, active), file_names.FileNames()
+    labels = [taken.take(file_names.safe(name)) if name else "" for name, _, _ in spans]
+    parts: list[Part] = []
+    found: list[Any] = _markers_outside(scene, result) if span == "MARKERS" else []
+    empty: list[Any] = []
+    for stem, output in zip(outputs.file_names(result.bake), result.bake.outputs, strict=True):
+        if finger is not None and output.finger != finger:
+            continue
+        for label, (name, first, last) in zip(labels, spans, strict=True):
+            track = output.track
+            if name:
+                try:
+                    start, stop = ((f - result.first) / result.fps for f in (first, last))
+                    track = formats.cut(track, start, stop, name=name)
+                except formats.EmptyRange as error:
+                    empty.append(error)
+                    found.append(
+                        finding(
+                            "warning",
+                            "range-empty",
+                            f"not written: {error.what}",
+                            f"{stem}, {error.where}",
+                            error.value,
+                            remedy="Move the marker, or make the range longer",
+                            frame=first,
+                        )
+                    )
+                    continue
+            whole = ".".join(p for p in (prefix, stem, label) if p)
+            parts.append(Part(folder / names.take(whole, suffix), track))
+    if empty and not parts:
+        raise empty[0]
+    return parts, found
+
+
+def write_parts(parts: Sequence[Part], form: str, *, force: bool = False) -> tuple[list[Path], list[Any]]:
+    """Write parts, each on its own: one that is refused leads to a finding, and the others are written all the same.
+
+    Raises:
+        DermisError: every one is refused; the first one's reason.
+    """
+    formats, errors = core_module("track.export"), core_module("errors")
+    written: list[Path] = []
+    found: list[Any] = []
+    refused: list[Any] = []
+    for part in parts:
+        try:
+            found += formats.write(part.track, part.path, form, force=force)
+        except errors.DermisError as error:
+            refused.append(error)
+            what = error.what.removeprefix("not written: ")
+            found.append(
+                errors.Finding(
+                    "error",
+                    "refused",
+                    f"not written: {what}",
+                    f"{part.path.name}: {error.where}",
+                    error.value,
+                    error.limit,
+                    error.remedy,
+                )
+            )
+        else:
+            written.append(part.path)
+    if refused and not written:
+        raise refused[0]
+    return written, found
+
+
+def ranges(
+    scene: bpy.types.Scene, result: Any, span: str, active: bpy.types.Object | None
+) -> list[tuple[str, float, float]]:
+    """Return name, first and last frame of every range asked for; a name of '' is the whole bake.
+
+    Markers without a name are named by their frame as Blender does; no name is there twice.
+
+    Raises:
+        DermisError: the scene has no such range.
+    """
+    refuse = core_module("errors").DermisError
+    if span == "ALL":
+        return [("", 0.0, 0.0)]
+    if span == "PREVIEW":
+        if not scene.use_preview_range:
+            raise refuse("the scene has no preview range", where=scene.name, remedy="Set one in the timeline")
+        return [("preview", float(scene.frame_preview_start), float(scene.frame_preview_end))]
+    if span == "ACTION":
+        action = active.animation_data.action if active is not None and active.animation_data else None
+        if action is None:
+            raise refuse("the active object has no action", where=active.name if active else scene.name)
+        first, last = action.frame_range
+        return [(action.name, float(first), float(last))]
+    end = last_frame(result)
+    markers = sorted(
+        (float(m.frame), m.name or f"F_{m.frame}") for m in scene.timeline_markers if result.first <= m.frame < end
+    )
+    if not markers:
+        raise refuse("no marker lies in the baked range", where=scene.name, remedy="Add markers with M")
+    ends = [frame for frame, _ in markers[1:]] + [end]
+    names = core_module("track.file_names").numbered([name for _, name in markers])
+    return [(name, first, last) for name, (first, _), last in zip(names, markers, ends, strict=True)]
+
+
+def last_frame(result: Any) -> float:
+    """Return the frame at which a bake ends; its tracks end at their last whole sample, at or just before it."""
+    reached = [result.first + o.track.duration * result.fps for o in result.bake.outputs]
+    for output in result.bake.outputs:
+        words = output.track.meta.get("frame_range", "").split()
+        if len(words) == 2 and isclose(float(words[0]), result.first):
+            return float(words[1])
+    return max(reached, default=result.first)
+
+
+def _markers_outside(scene: bpy.types.Scene, result: Any) -> list[Any]:
+    end = last_frame(result)
+    out = sorted(m.frame for m in scene.timeline_markers if not result.first <= m.frame <= end)
+    if not out:
+        return []
+    what = "markers lie outside the baked range, so no range begins there"
+    return [
+        core_module("errors").Finding(
+            "info",
+            "marker-outside",
+            what,
+            scene.name,
+            f"{len(out)} of them",
+            f"frames {result.first:g} to {end:g}",
+            frame=float(out[0]),
+            count=len(out),
+        )
+    ]

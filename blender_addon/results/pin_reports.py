@@ -1,0 +1,60 @@
+"""What was found out about fingers with pin arrays, for the session: press tests, and methods side by side."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..devices import active_presets, skin_models
+from ..preferences import core_module, library
+from ..viewport import pin_view
+from . import store
+
+calibrated: dict[str, Any] = {}
+"""The last press test of each finger, by its name."""
+
+_reports: dict[str, tuple[str, tuple[Any, ...], tuple[Any, ...]]] = {}
+
+
+def device_of(obj: bpy.types.Object) -> Any | None:
+    """Return the settings of the finger's first pin array that is switched on, or None."""
+    return active_presets.device_of(obj, pin_view.KINDS)
+
+
+def compare(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
+    """Compare all methods for what a finger felt in the last bake, and remember it.
+
+    Raises:
+        DermisError: no bake, none with this finger's skin, or nothing touched.
+    """
+    errors, device, result = core_module("errors"), device_of(obj), store.current(scene)
+    felt = result.bake.skins.get(obj.name) if result is not None else None
+    if device is None or result is None or felt is None:
+        raise errors.DermisError(
+            "no bake of this finger's skin is at hand", where=f"finger '{obj.name}'", remedy="Press Bake, then compare"
+        )
+    engine, spec, where = core_module("matching.pin_report"), library().device(device.preset), f"finger '{obj.name}'"
+    with skin_models.one_thread():
+        weighting = device.pin_nodes
+        reports = engine.compare(felt, spec, weighting=weighting, bounded=device.pin_bounded, where=where)
+        findings = engine.doubts(felt, spec, weighting=weighting, where=where)
+    _reports[obj.name] = (result.bake.content_hash, reports, findings)
+    return reports
+
+
+def shown(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
+    """Return the comparison of the bake that is at hand; empty where there is none."""
+    known = _known(scene, obj)
+    return known[1] if known else ()
+
+
+def doubts(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
+    """Return what is to be doubted about that comparison, as findings."""
+    known = _known(scene, obj)
+    return known[2] if known else ()
+
+
+def _known(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[str, tuple[Any, ...], tuple[Any, ...]] | None:
+    result, known = store.current(scene), _reports.get(obj.name)
+    return known if result is not None and known is not None and known[0] == result.bake.content_hash else None

@@ -1,0 +1,240 @@
+"""What the last bake of each scene gave: kept in memory for the session, stored outside the .blend for the next.
+
+A stored result is one .npz of plain arrays and a JSON text, named by the bake's content hash. Nothing is read because
+a file was opened: `load` runs when the user asks for it. A loaded result is shown as 'from an earlier session',
+never as up to date, since nobody has watched the scene meanwhile.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .. import handlers
+from ..preferences import core_module, setting, user_folder
+from ..properties import skin_properties
+from . import stored_skins
+
+RESULT_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Result:
+    """A bake, and what the scene was when it was made.
+
+    Attributes:
+        bake: the engine's `Bake`.
+        fps, first: frames a second, and the frame at which the tracks start.
+        generation: of `handlers` when it was made; -1 for one from an earlier session.
+        fingerprint: the scene settings that no change handler reports.
+        skins: size, material and accuracy of every skin of the bake, from which its model is made again.
+    """
+
+    bake: Any
+    fps: float
+    first: float
+    generation: int
+    fingerprint: tuple[Any, ...]
+    skins: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+
+_results: dict[int, Result] = {}
+
+
+def fingerprint(scene: bpy.types.Scene) -> tuple[Any, ...]:
+    """Return the settings of a scene that a bake depends on and that change without a depsgraph update."""
+    render, units, mine = scene.render, scene.unit_settings, scene.dermis
+    return (
+        render.fps,
+        render.fps_base,
+        scene.frame_start,
+        scene.frame_end,
+        scene.use_preview_range,
+        scene.frame_preview_start,
+        scene.frame_preview_end,
+        units.system,
+        units.scale_length,
+        scene.use_gravity,
+        tuple(scene.gravity),
+        mine.sample_rate,
+        mine.use_range,
+        mine.frame_start,
+        mine.frame_end,
+    )
+
+
+def keep(scene: bpy.types.Scene, bake: Any) -> Result:
+    """Take over the result of a bake that has just ended: from here on changes make it out of date."""
+    from ..sampling.scene_sweep import frame_range, frames_per_second
+
+    fps, first = float(frames_per_second(scene)), float(frame_range(scene)[0])
+    skins = {name: _skin_of(scene.objects[name]) for name in bake.skins if name in scene.objects}
+    kept = Result(bake, fps, first, handlers.generation(), fingerprint(scene), skins)
+    _results[scene.session_uid] = kept
+    handlers.clear_dirty()
+    return kept
+
+
+def current(scene: bpy.types.Scene) -> Result | None:
+    """Return the scene's result, up to date or not."""
+    return _results.get(scene.session_uid)
+
+
+def state(scene: bpy.types.Scene) -> str:
+    """Return 'none', 'fresh', 'stale' (the scene changed since) or 'earlier' (from an earlier session)."""
+    result = current(scene)
+    if result is None:
+        return "none"
+    if result.generation < 0:
+        return "earlier"
+    same = result.generation == handlers.generation() and not handlers.dirty()
+    return "fresh" if same and result.fingerprint == fingerprint(scene) else "stale"
+
+
+def forget() -> None:
+    """Drop every result from memory; stored ones stay."""
+    _results.clear()
+
+
+def values_at(result: Result, output: Any, frame: float) -> np.ndarray | None:
+    """Return the values of a track at a frame, linearly between samples; None outside the range."""
+    track = output.track
+    t = (frame - result.first) / result.fps
+    if not len(track.times) or t < track.times[0] - 1e-9 or t > track.times[-1] + 1.0 / result.fps:
+        return None
+    return np.array([np.interp(t, track.times, column) for column in track.values.T])
+
+
+def signal_at(result: Result, output: Any, name: str, frame: float) -> float | None:
+    """Return a diagnostic signal at a frame, or None where the bake has none of that name."""
+    if name not in output.signals:
+        return None
+    t = (frame - result.first) / result.fps
+    return float(np.interp(t, output.track.times, output.signals[name]))
+
+
+def cache() -> Any:
+    """Return the size-capped folder of stored results."""
+    return core_module("cache").Cache(user_folder("results", create=True), int(setting("cache_megabytes")) * 1_000_000)
+
+
+def store(scene: bpy.types.Scene, result: Result) -> Path:
+    """Write a result to the user folder and note its key in the scene."""
+    bake = result.bake
+    path: Path = cache().put(_key(bake.content_hash), lambda target: _write(Path(target), result))
+    scene.dermis.bake_key = bake.content_hash
+    return path
+
+
+def load(scene: bpy.types.Scene) -> Result | None:
+    """Read the stored result of the scene's last bake; None where it is gone.
+
+    Raises:
+        DermisError: the stored file cannot be read.
+    """
+    key = scene.dermis.bake_key
+    path = cache().get(_key(key)) if key else None
+    if path is None:
+        return None
+    result = _read(Path(path))
+    _results[scene.session_uid] = result
+    return result
+
+
+def _skin_of(obj: bpy.types.Object) -> dict[str, Any]:
+    values = skin_properties.parameters(obj.dermis.finger.skin)
+    return {"skin": values["skin"], "level": values["skin_level"]}
+
+
+def _key(content_hash: str) -> str:
+    return str(core_module("cache").cache_key(f"bake {RESULT_VERSION}", content_hash))
+
+
+def _write(path: Path, result: Result) -> None:
+    bake = result.bake
+    arrays: dict[str, Any] = {}
+    outputs = []
+    for i, output in enumerate(bake.outputs):
+        arrays[f"times_{i}"], arrays[f"values_{i}"] = output.track.times, output.track.values
+        for name, series in output.signals.items():
+            arrays[f"signal_{i}_{name}"] = np.asarray(series, np.float32)
+        outputs.append(
+            {
+                "finger": output.finger,
+                "device": output.device,
+                "spec": dict(output.track.spec.source),
+                "meta": dict(output.track.meta),
+                "limited": dict(output.track.limited),
+                "signals": sorted(output.signals),
+                "findings": [f.as_dict() for f in output.findings],
+            }
+        )
+    skins = stored_skins.pack(bake.skins, result.skins, arrays)
+    text = json.dumps(
+        {
+            "version": RESULT_VERSION,
+            "skins": skins,
+            "fps": result.fps,
+            "first": result.first,
+            "outputs": outputs,
+            "findings": [f.as_dict() for f in bake.findings],
+            "skipped": dict(bake.skipped),
+            "content_hash": bake.content_hash,
+            "stage_seconds": dict(bake.stage_seconds),
+        },
+        default=str,
+    )
+    with open(path, "wb") as file:
+        np.savez_compressed(file, header=np.frombuffer(text.encode(), np.uint8), **arrays)
+
+
+def _read(path: Path) -> Result:
+    errors, pipeline = core_module("errors"), core_module("pipeline.render")
+    from_preset, track = core_module("devices.spec").from_preset, core_module("track.command_track").CommandTrack
+    npz, foreign = core_module("npz"), core_module("foreign")
+    with foreign.damage_told("the stored result cannot be read", str(path), remedy="Bake again"):
+        # trusted: of a device at rest ten thousand samples become ten bytes
+        with npz.opened_npz(path, kind="a stored result", trusted=True) as archive:
+            file = archive.arrays(archive.names)
+            header = foreign.json_of(file["header"].tobytes(), str(path), foreign.MOST_TEXT, constants=True)
+            if header["version"] != RESULT_VERSION:
+                raise errors.DermisError(
+                    "made by another version",
+                    where=str(path),
+                    value=header["version"],
+                    limit=str(RESULT_VERSION),
+                    remedy="Bake again",
+                )
+            outputs = tuple(
+                pipeline.Output(
+                    entry["finger"],
+                    entry["device"],
+                    track(
+                        from_preset(entry["device"], entry["spec"]),
+                        file[f"times_{i}"],
+                        file[f"values_{i}"],
+                        entry["meta"],
+                        entry["limited"],
+                    ),
+                    {name: file[f"signal_{i}_{name}"].astype(float) for name in entry["signals"]},
+                    tuple(errors.Finding(**f) for f in entry["findings"]),
+                )
+                for i, entry in enumerate(header["outputs"])
+            )
+            skins = stored_skins.unpack(header.get("skins", []), file)
+        bake = pipeline.Bake(
+            outputs,
+            tuple(errors.Finding(**f) for f in header["findings"]),
+            header["skipped"],
+            header["content_hash"],
+            header["stage_seconds"],
+            skins,
+        )
+        made_of = {e["finger"]: {"skin": e["skin"], "level": e["level"]} for e in header.get("skins", [])}
+        return Result(bake, float(header["fps"]), float(header["first"]), -1, (), made_of)

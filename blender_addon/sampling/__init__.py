@@ -1,0 +1,1 @@
+"""From Blender to the engine: who takes part, and where everything is at every sample."""

@@ -1,0 +1,223 @@
+"""The relief of a touch screen: from a Blender image, a file, a sequence, or any mesh, always heights to the viewer."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import core
+from ..properties import scene_properties
+from . import mesh_heights, meshes
+
+_errors = import_module(".errors", core.__name__)
+DermisError, Finding = _errors.DermisError, _errors.Finding
+Screen = import_module(".scene.tactile_scene", core.__name__).Screen
+
+LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
+"""Rec. 709 weights of red, green and blue."""
+
+_kept: dict[int, tuple[Any, Any]] = {}
+
+
+def forget() -> None:
+    """Drop the reliefs kept for the live preview: an image or a mesh was edited."""
+    _kept.clear()
+
+
+def bounds(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return centre and size of a screen's mesh in its own X and Y, in scene units before its matrix.
+
+    Raises:
+        DermisError: it has no width or no height.
+    """
+    with meshes.evaluated_mesh(obj.evaluated_get(depsgraph)) as mesh:
+        raw = np.zeros((0, 3)) if mesh is None else meshes.positions(mesh).astype(np.float64)
+    low, high = (raw.min(axis=0), raw.max(axis=0)) if len(raw) else (np.zeros(3), np.zeros(3))
+    size = high[:2] - low[:2]
+    if not (size > 0).all():
+        raise DermisError(
+            "the touch screen has no area",
+            where=f"object '{obj.name_full}'",
+            value=f"{size[0]:g} x {size[1]:g}",
+            limit="a mesh with width and height in its own XY",
+            remedy="Use a plane, or add a screen with Add > Dermis",
+        )
+    return np.array([*(0.5 * (low[:2] + high[:2])), 0.0]), size
+
+
+def build(
+    obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, unit: float, *, mirrored: bool = False, keep: bool = False
+) -> Any:
+    """Return the engine's `Screen` of a touch screen object at the current frame.
+
+    Args:
+        unit: metres in a scene unit.
+        mirrored: the object's matrix reflects X; the map is turned over instead.
+        keep: use the relief again while the settings stay (for the live preview); `forget` ends that.
+
+    Raises:
+        DermisError: no relief to be had, with the reason.
+    """
+    settings = obj.dermis.screen
+    _, size = bounds(obj, depsgraph)
+    key = _key(obj) if keep else None
+    kept = _kept.get(obj.session_uid)
+    if keep and kept is not None and kept[0] == key:
+        heights, height_unit, findings = kept[1]
+    else:
+        heights, height_unit, findings = _relief(obj, depsgraph, unit)
+        if settings.source == "MESH" and not keep and not _felt_as_mesh(obj, depsgraph.scene):
+            findings += mesh_heights.frozen(obj, depsgraph.scene)
+        if mirrored:
+            heights = np.ascontiguousarray(heights[..., ::-1])
+        if keep and _chosen(settings):
+            _kept[obj.session_uid] = (key, (heights, height_unit, findings))
+    parameters = {k: v for k, v in scene_properties.parameters(settings).items() if k != "height"}
+    if heights.ndim == 3:
+        parameters["sequence_start"] = int(settings.sequence_start)
+    width, height = (float(s) * unit for s in size)
+    return Screen(obj.name_full, (width, height), heights, height_unit, parameters, tuple(findings))
+
+
+def _relief(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[np.float32], float, tuple[Any, ...]]:
+    settings = obj.dermis.screen
+    if not _chosen(settings) and _felt_as_mesh(obj, depsgraph.scene):
+        return (
+            np.zeros((1, 1), np.float32),
+            1.0,
+            (
+                Finding(
+                    "info",
+                    "no-map",
+                    "no relief was chosen, so the screen is flat to devices that read its map",
+                    where=f"screen '{obj.name_full}'",
+                ),
+            ),
+        )
+    heights, height_unit, findings = _read(obj, depsgraph, unit)
+    if height_unit == 0.0:  # to the engine 0 is a map without a unit, as high as the screen is wide
+        findings += (
+            Finding(
+                "warning",
+                "no-height",
+                "its height is 0 mm, so the relief is flat",
+                where=f"screen '{obj.name_full}'",
+                remedy="Set Height in the Dermis tab under Screen",
+            ),
+        )
+        return np.zeros_like(heights), 1.0, findings
+    return heights, height_unit, findings
+
+
+def _chosen(settings: Any) -> bool:
+    if settings.source == "MESH":
+        return settings.mesh_object is not None
+    return settings.image is not None if settings.source == "IMAGE" else bool(settings.filepath.strip())
+
+
+def _felt_as_mesh(screen: bpy.types.Object, scene: bpy.types.Scene) -> bool:
+    """Tell whether a device reads the surfaces that lie over a screen instead of its map."""
+    return any(
+        device.enabled and device.relief == "mesh" and device.screen in (None, screen)
+        for obj in scene.objects
+        if obj.dermis.role == "FINGER"
+        for device in obj.dermis.finger.devices
+    )
+
+
+def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[np.float32], float, tuple[Any, ...]]:
+    depth_map = import_module(".effects.depth_map", core.__name__)
+    settings = obj.dermis.screen
+    where = f"screen '{obj.name_full}'"
+    meaning = "depth" if settings.invert else "height"
+    full_scale = float(settings.height_mm) * 1e-3
+    hole = 0.0 if settings.zero_is_hole else None
+    if settings.source == "MESH":
+        heights, noticed = mesh_heights.cast(obj, depsgraph, unit, *bounds(obj, depsgraph))
+        # Steps in a mesh are edges of the model, not of the storage: they stay.
+        made = depth_map.from_array(heights, levels=0, where=where)
+        return made.heights, 1.0, noticed + made.findings
+    if settings.source == "IMAGE":
+        values, empty, noticed = pixels(settings.image, where)
+        made = depth_map.from_array(
+            values,
+            meaning=meaning,
+            hole=hole,
+            declared=empty,
+            levels=0 if settings.image.is_float else 256,
+            where=where,
+        )
+        return made.heights, full_scale, noticed + made.findings
+    if not settings.filepath.strip():
+        raise DermisError("no image file was chosen", where=where, remedy="Choose one in the Dermis tab under Screen")
+    path = bpy.path.abspath(settings.filepath, library=obj.library)
+    if settings.source == "SEQUENCE":
+        images = import_module(".images", core.__name__)
+        made = depth_map.read(images.sequence(path), meaning=meaning, hole=hole)
+        gap = images.gap_after(path)
+        return made.heights, full_scale, made.findings + (() if gap is None else (gap,))
+    made = depth_map.read(path, meaning=meaning, hole=hole)
+    return made.heights, full_scale, made.findings
+
+
+def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float32], NDArray[np.bool_], tuple[Any, ...]]:
+    """Return an image's raw brightness, row 0 at the bottom, where it is empty (alpha 0), and what was noticed.
+
+    Raises:
+        DermisError: no image, or one without pixels.
+    """
+    if image is None:
+        raise DermisError("the image is missing", where=where, remedy="Choose one in the Dermis tab under Screen")
+    width, height = image.size
+    if width == 0 or height == 0 or (len(image.pixels) == 0):
+        raise DermisError(
+            "the image has no pixels",
+            where=f"{where}, image '{image.name_full}'",
+            value=f"{width} x {height}",
+            limit="at least 1 x 1",
+            remedy="Check that its file exists; a Viewer Node gives no pixels",
+        )
+    raw = np.empty(width * height * image.channels, np.float32)
+    image.pixels.foreach_get(raw)
+    planes = raw.reshape(height, width, image.channels)
+    findings: tuple[Any, ...] = ()
+    if image.is_float and not image.colorspace_settings.is_data and image.source == "FILE":
+        findings = (
+            Finding(
+                "warning",
+                "colour-managed",
+                "Blender has bent this image's values by its colour space",
+                where=f"{where}, image '{image.name_full}'",
+                value=image.colorspace_settings.name,
+                limit="Non-Color",
+                remedy="Set the image's Color Space to Non-Color, or read it as a file",
+            ),
+        )
+    values = planes[:, :, :3] @ LUMA if image.channels >= 3 else planes[:, :, 0]
+    if image.channels >= 3:
+        grey = (planes[:, :, 0] == planes[:, :, 1]) & (planes[:, :, 1] == planes[:, :, 2])
+        values = np.where(grey, planes[:, :, 0], values)  # greys stay exactly what was stored
+    transparent = image.channels in (2, 4) and image.alpha_mode in ("STRAIGHT", "PREMUL")
+    empty = planes[:, :, -1] == 0.0 if transparent else np.zeros((height, width), bool)
+    return np.ascontiguousarray(values), empty, findings
+
+
+def _key(obj: bpy.types.Object) -> Any:
+    """Return what a kept relief depends on, as far as can be told without reading it."""
+    s = obj.dermis.screen
+    image, mesh = s.image, s.mesh_object
+    return (
+        s.source,
+        s.invert,
+        s.zero_is_hole,
+        s.height_mm,
+        s.filepath,
+        s.resolution,
+        None if image is None else (image.session_uid, tuple(image.size), image.filepath),
+        None if mesh is None else (mesh.session_uid, tuple(map(tuple, mesh.matrix_world))),
+        tuple(map(tuple, obj.matrix_world)) if s.source == "MESH" else None,
+    )

@@ -1,0 +1,186 @@
+"""The relief of a mesh, cast onto a touch screen by rays along the screen's own Z."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils.bvhtree import BVHTree
+from numpy.typing import NDArray
+
+from .._core import core
+from . import meshes
+
+_errors = import_module(".errors", core.__name__)
+DermisError, Finding = _errors.DermisError, _errors.Finding
+
+LOOKS = 9
+"""Frames of the range at which a moving mesh is compared with where it is at the first."""
+
+
+def cast(
+    screen: bpy.types.Object,
+    depsgraph: bpy.types.Depsgraph,
+    unit: float,
+    centre: NDArray[np.float64],
+    size: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], tuple[Any, ...]]:
+    """Cast rays against the screen's -Z onto its mesh object; return heights over the screen [m].
+
+    Row 0 lies at the bottom; rays go through the middle of each pixel, in the current frame. Where none hits there is
+    the screen itself: height 0.
+
+    Args:
+        unit: metres in a scene unit.
+        centre, size: of the screen's own mesh in its X and Y, see `height_maps.bounds`.
+
+    Raises:
+        DermisError: no mesh, a screen scaled to nothing, or nothing of the mesh over the screen.
+    """
+    settings = screen.dermis.screen
+    target = settings.mesh_object
+    where = f"screen '{screen.name_full}'"
+    if target is None:
+        raise DermisError(
+            "no mesh was chosen for its relief", where=where, remedy="Choose an object under Screen > Mesh"
+        )
+    evaluated = target.evaluated_get(depsgraph)
+    with meshes.evaluated_mesh(evaluated) as mesh:
+        points = np.zeros((0, 3)) if mesh is None else meshes.positions(mesh).astype(np.float64)
+        faces = np.zeros((0, 3), np.int32) if mesh is None else meshes.triangles(mesh)
+    if len(faces) == 0:
+        raise DermisError("the mesh has no faces", where=f"object '{target.name_full}'", remedy="Give it faces")
+    matrix = np.array(screen.evaluated_get(depsgraph).matrix_world, np.float64)
+    stretch = np.linalg.norm(matrix[:3, :3], axis=0)
+    if abs(np.linalg.det(matrix[:3, :3])) <= 1e-9 * stretch.prod():
+        raise DermisError(
+            "the screen is scaled to nothing",
+            where=where,
+            value=" x ".join(f"{s:g}" for s in stretch),
+            limit="a scale other than zero",
+            remedy="Give it a scale above zero in X, Y and Z",
+        )
+    axes = matrix[:3, :3] / stretch
+    origin = matrix[:3, :3] @ centre + matrix[:3, 3]
+    to_world = np.array(evaluated.matrix_world, np.float64)
+    local = ((points @ to_world[:3, :3].T + to_world[:3, 3]) - origin) @ np.linalg.inv(axes).T * unit
+    extent = size * stretch[:2] * unit
+    shape = grid(extent, settings.resolution)
+    heights = _ray_grid(local, faces, extent, shape)
+    bare = np.isnan(heights)
+    missed = int(bare.sum())
+    if missed == heights.size:
+        raise DermisError(
+            "nothing of the mesh lies over the touch screen",
+            where=where,
+            value=target.name_full,
+            remedy="Move the mesh in front of the screen, along the screen's own Z",
+        )
+    if not missed:
+        return heights, ()
+    heights[bare] = 0.0
+    return heights, (
+        Finding(
+            "info",
+            "bare-screen",
+            "the mesh does not cover the whole screen; beside it the screen itself is felt",
+            where=where,
+            value=f"{100.0 * missed / heights.size:.3g} % of it",
+            count=missed,
+        ),
+    )
+
+
+def frozen(screen: bpy.types.Object, scene: bpy.types.Scene) -> tuple[Any, ...]:
+    """Return the finding that a mesh changes while its relief does not; the frame is the range's first, and stays.
+
+    Blender's own relations tell what depends on time. A mesh that moves with its screen does not change on it.
+    """
+    target = screen.dermis.screen.mesh_object
+    if target is None or not _changes(screen, target, scene):
+        return ()
+    return (
+        Finding(
+            "info",
+            "relief-frozen",
+            "the mesh changes with time, but its relief is cast once, at the first frame",
+            where=f"screen '{screen.name_full}'",
+            value=target.name_full,
+            remedy="Make the mesh touchable and set the device's Relief to Mesh, which follows it",
+        ),
+    )
+
+
+def _changes(screen: bpy.types.Object, target: bpy.types.Object, scene: bpy.types.Scene) -> bool:
+    first, uids = scene.frame_current, {screen.session_uid, target.session_uid}
+    moved: set[int] = set()
+    bent: set[int] = set()
+
+    def note(_scene: bpy.types.Scene, depsgraph: Any = None) -> None:
+        for update in depsgraph.updates if depsgraph is not None else ():
+            if isinstance(update.id, bpy.types.Object) and update.id.original.session_uid in uids:
+                uid = update.id.original.session_uid
+                moved.update({uid} if update.is_updated_transform else ())
+                bent.update({uid} if update.is_updated_geometry else ())
+
+    bpy.app.handlers.frame_change_post.append(note)
+    try:
+        scene.frame_set(first + 1)
+        moved.clear()  # what was edited before counts as updated the first time
+        bent.clear()
+        scene.frame_set(first)
+    finally:
+        bpy.app.handlers.frame_change_post.remove(note)
+    if target.session_uid in bent:
+        return True
+    if not moved:
+        return False
+    if target.rigid_body is not None and target.rigid_body.type == "ACTIVE":
+        return True  # where it will be is known only once it was simulated
+    from . import scene_sweep
+
+    last = max(scene_sweep.frame_range(scene)[1], first + 1)
+    still = _relative(screen, target)
+    tolerance = 1e-5 * float(np.abs(still).max())
+    try:
+        for frame in np.unique(np.linspace(first, last, LOOKS).round().astype(int)).tolist():
+            scene.frame_set(frame)
+            if np.abs(_relative(screen, target) - still).max() > tolerance:
+                return True
+    finally:
+        scene.frame_set(first)
+    return False
+
+
+def _relative(screen: bpy.types.Object, target: bpy.types.Object) -> NDArray[np.float64]:
+    return np.linalg.solve(np.array(screen.matrix_world, np.float64), np.array(target.matrix_world, np.float64))
+
+
+def grid(extent: NDArray[np.float64], resolution: int) -> tuple[int, int]:
+    """Return rows and columns with `resolution` points along the longer side and pixels as square as can be."""
+    longer = float(extent.max())
+    columns, rows = (max(1, round(resolution * float(e) / longer)) for e in extent)
+    return rows, columns
+
+
+def _ray_grid(
+    points: NDArray[np.float64], faces: NDArray[np.int32], extent: NDArray[np.float64], shape: tuple[int, int]
+) -> NDArray[np.float64]:
+    rows, columns = shape
+    # The tree works in single precision and has tolerances of its own: put the mesh into a box of size one.
+    size = float(np.abs(points).max()) or 1.0
+    tree = BVHTree.FromPolygons((points / size).tolist(), faces.tolist(), all_triangles=True)
+    top = float(points[:, 2].max()) / size + 1.0
+    xs = ((np.arange(columns) + 0.5) / columns - 0.5) * extent[0] / size
+    ys = ((np.arange(rows) + 0.5) / rows - 0.5) * extent[1] / size
+    heights = np.full(shape, np.nan)
+    down = (0.0, 0.0, -1.0)
+    for r, y in enumerate(ys.tolist()):
+        row = heights[r]
+        for c, x in enumerate(xs.tolist()):
+            distance = tree.ray_cast((x, y, top), down)[3]
+            if distance is not None:
+                row[c] = (top - distance) * size
+    return heights

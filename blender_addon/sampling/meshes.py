@@ -1,0 +1,163 @@
+"""Evaluated surfaces: read fast, in metres, and the same object again where nothing changed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import core
+
+Mesh = import_module(".scene.tactile_scene", core.__name__).Mesh
+Finding = import_module(".errors", core.__name__).Finding
+
+SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+"""Types of object that have a surface."""
+
+FAR = 1e6
+"""[m] where the surface of something absent is put."""
+
+
+@contextmanager
+def evaluated_mesh(evaluated: bpy.types.Object) -> Iterator[bpy.types.Mesh | None]:
+    """Give the mesh of an evaluated object of any type that has one; None for the others.
+
+    A mesh in edit mode keeps no arrays, and a curve has no mesh at all: for those Blender makes one, freed here.
+    """
+    if evaluated.type not in SURFACE_TYPES:
+        yield None
+        return
+    data = evaluated.data
+    if isinstance(data, bpy.types.Mesh) and "position" in data.attributes:
+        yield data
+        return
+    try:
+        yield evaluated.to_mesh()
+    finally:
+        evaluated.to_mesh_clear()
+
+
+def positions(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
+    """Return vertex positions in scene units, shape (V, 3)."""
+    layer = mesh.attributes.get("position")
+    if layer is None or len(layer.data) == 0:
+        return np.zeros((0, 3), np.float32)
+    raw = np.empty((len(layer.data), 3), np.float32)
+    layer.data.foreach_get("vector", raw.ravel())
+    return raw
+
+
+def triangles(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
+    """Return Blender's triangulation, shape (T, 3)."""
+    mesh.calc_loop_triangles()
+    out = np.empty((len(mesh.loop_triangles), 3), np.int32)
+    mesh.loop_triangles.foreach_get("vertices", out.ravel())
+    return out
+
+
+@dataclass
+class _Last:
+    raw: NDArray[np.float32]
+    corners: NDArray[np.int32]
+    starts: int
+    unit: float
+    mesh: Any
+
+
+class MeshReader:
+    """Reads surfaces and hands out the same `Mesh` while positions stay, the same triangles while topology stays."""
+
+    def __init__(self) -> None:
+        self._last: dict[tuple[int, bool], _Last] = {}
+
+    def read(self, evaluated: bpy.types.Object, unit: float, mirrored: bool = False) -> Any:
+        """Return the evaluated surface of an object in its own space.
+
+        Args:
+            unit: metres in a scene unit.
+            mirrored: reflect X, for objects of negative scale, whose matrices lose the reflection in turn.
+        """
+        with evaluated_mesh(evaluated) as mesh:
+            if mesh is None:
+                return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
+            raw = positions(mesh)
+            key = (evaluated.original.session_uid, mirrored)  # evaluated copies all have uid 0
+            last = self._last.get(key)
+            corners = _corners(mesh)
+            same = (
+                last is not None
+                and last.unit == unit
+                and last.starts == len(mesh.polygons)
+                and len(last.raw) == len(raw)
+                and np.array_equal(last.corners, corners)
+            )
+            if same and np.array_equal(last.raw, raw):  # type: ignore[union-attr]
+                return last.mesh  # type: ignore[union-attr]
+            # The first triangulation holds while the faces do: Blender may split a bending quad along its other
+            # diagonal from one frame to the next, which would look like a change of topology.
+            faces = last.mesh.triangles if same else _faces(mesh, mirrored)  # type: ignore[union-attr]
+            made = Mesh(to_metres(raw, unit, mirrored), faces)
+            self._last[key] = _Last(raw, corners, len(mesh.polygons), unit, made)
+            return made
+
+    def clear(self) -> None:
+        """Forget every surface."""
+        self._last.clear()
+
+
+def to_metres(raw: NDArray[Any], unit: float, mirrored: bool) -> NDArray[np.float64]:
+    """Return positions in metres and, if asked, with X reflected."""
+    out = raw.astype(np.float64)
+    out *= unit
+    if mirrored:
+        out[:, 0] *= -1.0
+    return out
+
+
+def absent_mesh() -> Any:
+    """Return a surface too far away to be touched, for something that is not there at a sample."""
+    return Mesh(np.array([[FAR, FAR, FAR], [FAR + 1, FAR, FAR], [FAR, FAR + 1, FAR]]), np.array([[0, 1, 2]], np.int32))
+
+
+def zero_area_finding(mesh: Any, name: str) -> Any | None:
+    """Report faces without area, which cannot tell where outside is."""
+    a, b, c = (mesh.vertices[mesh.triangles[:, i]] for i in range(3))
+    longest = np.max(
+        [np.linalg.norm(b - a, axis=1), np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1)], axis=0
+    )
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    # Against the square of the longest edge, a face this thin is a line in single precision.
+    bad = area <= 1e-7 * longest**2
+    if not bad.any():
+        return None
+    return Finding(
+        "warning",
+        "zero-area",
+        "faces without area",
+        where=f"object '{name}'",
+        value=int(bad.sum()),
+        limit="none",
+        remedy="Use Mesh > Clean Up > Degenerate Dissolve",
+        count=int(bad.sum()),
+    )
+
+
+def _corners(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
+    out = np.empty(len(mesh.loops), np.int32)
+    layer = mesh.attributes.get(".corner_vert")
+    if layer is not None:
+        layer.data.foreach_get("value", out)
+    else:
+        mesh.loops.foreach_get("vertex_index", out)
+    return out
+
+
+def _faces(mesh: bpy.types.Mesh, mirrored: bool) -> NDArray[np.int32]:
+    faces = triangles(mesh)
+    return np.ascontiguousarray(faces[:, ::-1]) if mirrored else faces

@@ -1,0 +1,230 @@
+"""Who takes part in a sweep: fingers, things to touch and screens, by session uid and never by pointer.
+
+A roster is made at one frame and holds for the whole sweep; the order of its entries is the order in the engine's
+header and chunks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import bpy
+
+from .. import compat
+from .._core import core
+from ..properties import scene_properties
+
+Finding = import_module(".errors", core.__name__).Finding
+
+_UNUSED = 2**31 - 1  # what Blender fills unused levels of a persistent id with
+
+
+class InstanceKey(NamedTuple):
+    """What identifies an instance from frame to frame."""
+
+    instancer: int
+    object: int
+    ids: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One finger, body or screen.
+
+    Attributes:
+        uid: session uid of the object; of an instance, that of the object it shows.
+        instance: set for instances.
+        mirrored: its matrix reflects; the reflection moves from matrix to mesh.
+        deforming: its surface depends on time.
+        simulated: it hangs on a simulation and is swept at whole frames.
+        blinking: it comes or goes within the range.
+    """
+
+    name: str
+    uid: int
+    instance: InstanceKey | None = None
+    mirrored: bool = False
+    deforming: bool = False
+    simulated: bool = False
+    blinking: bool = False
+    offset: tuple[float, ...] = (0.0, 0.0, 0.0)  # of a screen's middle from its origin [scene units, in its space]
+    channels: tuple[tuple[str, str, float], ...] = ()  # (channel name, path below `dermis`, factor to SI)
+
+
+@dataclass
+class Roster:
+    """Everything that is swept."""
+
+    scene: str
+    view_layer: str
+    unit: float
+    fingers: tuple[Entry, ...] = ()
+    bodies: tuple[Entry, ...] = ()
+    screens: tuple[Entry, ...] = ()
+    findings: list[Any] = field(default_factory=list)
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """Fingers, bodies and screens, in this order."""
+        return self.fingers + self.bodies + self.screens
+
+
+def metres_per_unit(scene: bpy.types.Scene) -> float:
+    """Return what one scene unit stands for; without a unit system that is one metre, whatever the scale says.
+
+    Where a scene has units, its scale is a float32; 0.001 is meant, not 0.0010000000474974513.
+    """
+    settings = scene.unit_settings
+    return 1.0 if settings.system == "NONE" else float(f"{settings.scale_length:.7g}")
+
+
+def role_of(obj: bpy.types.Object) -> str:
+    """Return 'NONE', 'FINGER', 'TOUCHABLE' or 'SCREEN'."""
+    return str(obj.dermis.role)
+
+
+def is_disabled(obj: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> bool:
+    """Tell whether Blender leaves an object out of evaluation; hiding it with the eye does not do that."""
+    if view_layer.objects.get(obj.name) != obj:
+        return True
+    shown = obj.visible_get(view_layer=view_layer) or obj.hide_get(view_layer=view_layer)
+    return bool(obj.hide_viewport or not shown)
+
+
+def taking_part(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, findings: list[Any]) -> list[bpy.types.Object]:
+    """Return the scene's objects with a role, in order of name; report those that are disabled."""
+    found = []
+    for obj in sorted(scene.objects, key=lambda o: o.name_full):
+        if role_of(obj) == "NONE":
+            continue
+        if is_disabled(obj, view_layer) and not comes_and_goes(obj):
+            findings.append(
+                Finding(
+                    "warning",
+                    "disabled",
+                    "it is disabled or excluded in the view layer, so it is left out",
+                    where=f"object '{obj.name_full}'",
+                    remedy="Enable it in the Outliner, or set its role to Nothing",
+                )
+            )
+            continue
+        found.append(obj)
+    return found
+
+
+def has_instancers(scene: bpy.types.Scene) -> bool:
+    """Tell whether anything in the scene can make instances."""
+    return any(
+        o.is_instancer or len(o.particle_systems) or any(m.type == "NODES" for m in o.modifiers) for o in scene.objects
+    )
+
+
+def instances(depsgraph: bpy.types.Depsgraph) -> Iterator[tuple[InstanceKey, str, Any]]:
+    """Yield key, name and `DepsgraphObjectInstance` of every instance of something touchable.
+
+    An instance is touchable where the object it shows is, or the object that makes it.
+    """
+    for item in depsgraph.object_instances:
+        if not item.is_instance:
+            continue
+        shown, maker = item.object.original, item.parent.original
+        if role_of(shown) != "TOUCHABLE" and role_of(maker) != "TOUCHABLE":
+            continue
+        ids = tuple(i for i in item.persistent_id if i != _UNUSED)
+        key = InstanceKey(maker.session_uid, shown.session_uid, ids)
+        yield key, instance_name(shown, maker, key), item
+
+
+def fingers_in_instances(depsgraph: bpy.types.Depsgraph) -> list[str]:
+    """Return the names of fingers that are only shown by instances, such as a linked hand; those cannot feel."""
+    return sorted(
+        {
+            i.object.original.name_full
+            for i in depsgraph.object_instances
+            if i.is_instance and role_of(i.object.original) == "FINGER"
+        }
+    )
+
+
+def instance_name(shown: bpy.types.Object, maker: bpy.types.Object, key: InstanceKey) -> str:
+    """Return 'Cube @ Scatter 0.3': what is shown, what makes it, and its persistent id."""
+    return f"{shown.name_full} @ {maker.name_full} {'.'.join(map(str, key.ids))}"
+
+
+def comes_and_goes(obj: bpy.types.Object) -> bool:
+    """Tell whether an object's visibility in the viewport is animated."""
+    return "hide_viewport" in compat.animated_paths(obj)
+
+
+def group_of(obj: bpy.types.Object) -> Any:
+    """Return the property group that holds the parameters of an object's role."""
+    return {"FINGER": obj.dermis.finger, "SCREEN": obj.dermis.screen}.get(role_of(obj), obj.dermis.material)
+
+
+def animated_channels(obj: bpy.types.Object) -> tuple[tuple[str, str, float], ...]:
+    """Return what of an object's parameters is animated: channel name, path below `obj.dermis`, factor to SI.
+
+    A device's channel is named 'device/<device index>/<name>'.
+    """
+    paths = {p.removeprefix("dermis.") for p in compat.animated_paths(obj) if p.startswith("dermis.")}
+    if not paths:
+        return ()
+    out = []
+    branch = {"FINGER": "finger", "SCREEN": "screen"}.get(role_of(obj), "material")
+    for a in _animatable(group_of(obj)):
+        if f"{branch}.{a.attribute}" in paths:
+            out.append((a.parameter, f"{branch}.{a.attribute}", a.factor))
+    if branch == "finger":
+        enabled = [d for d in enumerate(obj.dermis.finger.devices) if d[1].enabled]
+        for number, (index, device) in enumerate(enabled):
+            for a in _animatable(device):
+                path = f"finger.devices[{index}].{a.attribute}"
+                if path in paths:
+                    out.append((f"device/{number}/{a.parameter}", path, a.factor))
+    return tuple(out)
+
+
+def idle_curves(obj: bpy.types.Object) -> list[Any]:
+    """Report curves and drivers of settings that stay constant over a bake: Blender does not evaluate them."""
+    idle = set()
+    for path in compat.animated_paths(obj):
+        group_path, _, attribute = path.rpartition(".")
+        if not path.startswith("dermis.") or "[" in attribute:
+            continue
+        try:
+            prop = obj.path_resolve(group_path).bl_rna.properties.get(attribute)
+        except (ValueError, AttributeError):
+            continue  # what it belonged to is gone
+        if prop is not None and not prop.is_animatable:
+            idle.add(prop.name)
+    return [
+        Finding(
+            "warning",
+            "keyed-constant",
+            "a setting is keyed or driven, but it is constant over a bake",
+            where=f"object '{obj.name_full}'",
+            value=name,
+            remedy="Delete its keys or driver, and set the value",
+        )
+        for name in sorted(idle)
+    ]
+
+
+def _animatable(group: Any) -> list[scene_properties.Attribute]:
+    known = type(group).bl_rna.properties
+    return [a for a in scene_properties.ATTRIBUTES[type(group)] if known[a.attribute].is_animatable]
+
+
+def channel_key(kind: str, index: int, name: str) -> str:
+    """Return a chunk's key of a channel, such as 'body/3/friction' or 'device/0/1/use_weight'."""
+    if name.startswith("device/"):
+        return f"device/{index}/{name.removeprefix('device/')}"
+    return f"{kind}/{index}/{name}"
+
+
+def look_up(uids: set[int]) -> dict[int, bpy.types.Object]:
+    """Return the objects with these session uids; what was deleted is missing."""
+    return {o.session_uid: o for o in bpy.data.objects if o.session_uid in uids}

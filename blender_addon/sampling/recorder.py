@@ -1,0 +1,340 @@
+"""Takes the evaluated values of a roster, sample by sample, and makes chunks of them.
+
+The matrices of all objects come in one call into one buffer, and everything else is done once a chunk: a bare
+frame_set of a light scene costs 30 microseconds, so every microsecond spent here a sample would show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import core
+from . import participants
+from .meshes import MeshReader, absent_mesh
+from .participants import Entry, InstanceKey, Roster
+
+_errors = import_module(".errors", core.__name__)
+DermisError, Finding = _errors.DermisError, _errors.Finding
+Chunk = import_module(".scene.tactile_scene", core.__name__).Chunk
+Array = NDArray[np.float64]
+
+SMALLEST_SCALE = 1e-6
+"""What a scale of zero becomes: a matrix that cannot be inverted has no inside."""
+
+
+class Recorder:
+    """Records a roster over at most `count` samples at a time."""
+
+    def __init__(
+        self, roster: Roster, reader: MeshReader, count: int, presence: Mapping[InstanceKey, Any], simulated: Any = None
+    ) -> None:
+        """Prepare buffers; `simulated` is the recording that stands in for what simulations move."""
+        self._roster, self._reader, self._simulated = roster, reader, simulated
+        self._entries = roster.entries
+        total = len(bpy.data.objects)
+        self._uids, self._now = np.empty(total, np.int32), np.empty(total, np.int32)
+        bpy.data.objects.foreach_get("session_uid", self._uids)
+        self._raw = np.empty((count, total * 16), np.float32)
+        place = {int(uid): i for i, uid in enumerate(self._uids)}
+        self._place = np.array([place[e.uid] for e in self._entries], np.int64)
+        self._instances = {e.instance: i for i, e in enumerate(self._entries) if e.instance is not None}
+        self._instance_raw = np.full((len(self._entries), count, 4, 4), np.nan)
+        self._held = {i: presence.get(key) for key, i in self._instances.items()}
+        self._blinking = [
+            (i, int(self._place[i])) for i, e in enumerate(self._entries) if e.blinking and e.instance is None
+        ]
+        self._present = np.ones((len(self._entries), count), bool)
+        first_body = len(roster.fingers)
+        self._surfaced = [
+            (first_body + i, i, e)
+            for i, e in enumerate(roster.bodies)
+            if (e.deforming or e.blinking) and (simulated is None or not simulated.has_surface(e.name))
+        ]
+        self._surfaces: list[list[Any]] = [[None] * count for _ in self._surfaced]
+        self._absent = absent_mesh()
+        self._bare = np.zeros((len(self._entries), count), bool)
+        self._channels = self._channel_table()
+        self._values = {key: np.empty(count) for key, _, _, _ in self._channels}
+        self._checked = self._direct = False
+
+    def record(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
+        """Take sample k of the current frame."""
+        objects = bpy.data.objects
+        if len(objects) != len(self._uids):
+            self._changed()
+        if not self._checked:
+            self._check_source(depsgraph)
+        if self._direct:
+            self._record_directly(k, depsgraph)
+        else:
+            objects.foreach_get("matrix_world", self._raw[k])
+        for i, place in self._blinking:
+            self._present[i, k] = not objects[place].hide_viewport
+        if self._instances:
+            self._record_instances(k, depsgraph)
+        if self._surfaced:
+            self._record_surfaces(k, depsgraph)
+        for key, place, path, factor in self._channels:
+            value = objects[place].evaluated_get(depsgraph).dermis.path_resolve(path)
+            self._values[key][k] = value * factor
+
+    def chunk(self, frames: Array, times: Array, n: int, findings: list[Any], *, simulating: bool = False) -> Any:
+        """Return samples 0 to n - 1 as a chunk, and note what had to be mended.
+
+        Raises:
+            DermisError: a matrix or a parameter that is not a finite number.
+        """
+        # An exchange of objects that keeps their number shows here at the latest, before anything is handed on.
+        if len(bpy.data.objects) != len(self._uids):
+            self._changed()
+        bpy.data.objects.foreach_get("session_uid", self._now)
+        if not np.array_equal(self._now, self._uids):
+            self._changed()
+        poses = self._poses(n)
+        self._check_finite(poses, frames)
+        self._mend_scales(poses, frames, findings)
+        if self._simulated is not None:
+            for i, entry in enumerate(self._entries):
+                if entry.simulated:
+                    poses[i] = self._simulated.poses_at(entry.name, times)
+        f, b = len(self._roster.fingers), len(self._roster.bodies)
+        surfaces = {body: tuple(self._surfaces[s][:n]) for s, (_, body, _) in enumerate(self._surfaced)}
+        if self._simulated is not None:
+            for body, entry in enumerate(self._roster.bodies):
+                if self._simulated.has_surface(entry.name):
+                    surfaces[body] = self._simulated.surfaces_at(entry.name, times)
+        for key, values in self._values.items():
+            bad = np.flatnonzero(~np.isfinite(values[:n]))
+            if len(bad):
+                raise DermisError(
+                    "an animated value is not a finite number",
+                    where=f"channel '{key}'",
+                    value=f"{values[bad[0]]} at frame {frames[bad[0]]:g}",
+                    remedy="Look at its F-curve or driver",
+                )
+        self._report_presence(frames[:n], findings, simulating)
+        channels = {key: values[:n].copy() for key, values in self._values.items()}
+        return Chunk(frames, times, _rigid(poses[:f]), poses[f : f + b], poses[f + b :], surfaces, channels)
+
+    def surfaces_of(self, k: int) -> Iterator[tuple[Entry, Any]]:
+        """Yield the surfaces of deforming bodies at sample k."""
+        for s, (_, _, entry) in enumerate(self._surfaced):
+            if entry.deforming:
+                yield entry, self._surfaces[s][k]
+
+    def _channel_table(self) -> list[tuple[str, int, str, float]]:
+        table = []
+        at = 0
+        for kind, entries in (
+            ("finger", self._roster.fingers),
+            ("body", self._roster.bodies),
+            ("screen", self._roster.screens),
+        ):
+            for index, entry in enumerate(entries):
+                for name, path, factor in entry.channels:
+                    table.append((participants.channel_key(kind, index, name), int(self._place[at]), path, factor))
+                at += 1
+        return table
+
+    def _changed(self) -> None:
+        raise DermisError(
+            "objects were added or removed while the scene was sampled",
+            where=f"scene '{self._roster.scene}'",
+            remedy="Bake again",
+        )
+
+    def _check_source(self, depsgraph: bpy.types.Depsgraph) -> None:
+        """See whether Blender copies evaluated matrices back to the objects; it does for the active graph only."""
+        self._checked = True
+        self._direct = not depsgraph_is_active(depsgraph, [bpy.data.objects[int(i)] for i in self._place])
+
+    def _record_directly(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
+        row = self._raw[k].reshape(-1, 4, 4)
+        for place in self._place.tolist():
+            row[place] = np.array(bpy.data.objects[place].evaluated_get(depsgraph).matrix_world).T
+
+    def _record_instances(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
+        indices = list(self._instances.values())
+        self._present[indices, k] = False
+        for key, _, item in participants.instances(depsgraph):
+            i = self._instances.get(key)
+            if i is not None:
+                self._present[i, k] = True
+                self._instance_raw[i, k] = item.matrix_world
+
+    def _record_surfaces(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
+        for s, (i, _, entry) in enumerate(self._surfaced):
+            if not self._present[i, k]:
+                self._bare[i, k] = False
+                self._surfaces[s][k] = self._absent
+                continue
+            evaluated = bpy.data.objects[int(self._place[i])].evaluated_get(depsgraph)
+            mesh = self._reader.read(evaluated, self._roster.unit, entry.mirrored)
+            self._bare[i, k] = len(mesh.triangles) == 0
+            self._surfaces[s][k] = self._absent if self._bare[i, k] else mesh
+
+    def _poses(self, n: int) -> Array:
+        """Return matrices of all entries in metres, reflections taken out, shape (entries, n, 4, 4)."""
+        rows = self._raw[:n].reshape(n, -1, 4, 4)[:, self._place]
+        poses = rows.transpose(1, 0, 3, 2).astype(np.float64)  # Blender's are column-major
+        for i in self._instances.values():
+            poses[i] = self._hold(i, n)
+        for i, entry in enumerate(self._entries):
+            if any(entry.offset):
+                poses[i, :, :3, 3] += poses[i, :, :3, :3] @ np.array(entry.offset)
+            if entry.mirrored:
+                poses[i, :, :3, 0] *= -1.0
+        poses[:, :, :3, 3] *= self._roster.unit
+        return poses
+
+    def _hold(self, i: int, n: int) -> Array:
+        """Return an instance's matrices, held where it is absent, so that no velocity comes of it."""
+        out = self._instance_raw[i, :n].copy()
+        here = self._present[i, :n]
+        last = self._held[i]
+        if last is None or (here.any() and not np.isfinite(last).all()):
+            last = out[np.argmax(here)].copy() if here.any() else np.eye(4)
+        for k in range(n):
+            if here[k]:
+                last = out[k]
+            else:
+                out[k] = last
+        self._held[i] = np.array(last)
+        return out
+
+    def _check_finite(self, poses: Array, frames: Array) -> None:
+        if np.isfinite(poses).all():
+            return
+        i, k = np.argwhere(~np.isfinite(poses).all(axis=(2, 3)))[0]
+        raise DermisError(
+            "its transform is not a finite number",
+            where=f"object '{self._entries[i].name}'",
+            value=f"NaN or infinity at frame {frames[k]:g}",
+            remedy="Look for a broken key or driver at this frame",
+        )
+
+    def _mend_scales(self, poses: Array, frames: Array, findings: list[Any]) -> None:
+        linear = poses[:, :, :3, :3]
+        norms = np.linalg.norm(linear, axis=2)
+        flat = (norms < 1e-9).any(axis=2)
+        turned = np.linalg.det(linear) < 0
+        turned[: len(self._roster.fingers)] = False
+        for i in np.flatnonzero(flat.any(axis=1) | turned.any(axis=1)):
+            name = self._entries[i].name
+            if flat[i].any():
+                _note(
+                    findings,
+                    Finding(
+                        "warning",
+                        "zero-scale",
+                        f"a scale of zero was taken as {SMALLEST_SCALE:g}",
+                        where=f"object '{name}'",
+                        remedy="Give it a scale, or stop it being touchable",
+                        frame=float(frames[np.argmax(flat[i])]),
+                        count=int(flat[i].sum()),
+                    ),
+                )
+                for k in np.flatnonzero(flat[i]):
+                    linear[i, k] = _with_scale(linear[i, k])
+            if (turned[i] & ~flat[i]).any():
+                _note(
+                    findings,
+                    Finding(
+                        "warning",
+                        "scale-sign",
+                        "its scale changes sign within the range, which turns it inside out",
+                        where=f"object '{name}'",
+                        frame=float(frames[np.argmax(turned[i])]),
+                        count=int(turned[i].sum()),
+                    ),
+                )
+
+    def _report_presence(self, frames: Array, findings: list[Any], simulating: bool) -> None:
+        if simulating:
+            return
+        for i, entry in enumerate(self._entries):
+            gone = ~self._present[i, : len(frames)]
+            if gone.any():
+                _note(
+                    findings,
+                    Finding(
+                        "info",
+                        "absent",
+                        "it is not there all the time, and cannot be touched meanwhile",
+                        where=f"object '{entry.name}'",
+                        frame=float(frames[np.argmax(gone)]),
+                        count=int(gone.sum()),
+                    ),
+                )
+            bare = self._bare[i, : len(frames)]
+            if bare.any():
+                _note(
+                    findings,
+                    Finding(
+                        "warning",
+                        "no-faces",
+                        "it has no faces for a while, and cannot be touched meanwhile",
+                        where=f"object '{entry.name}'",
+                        frame=float(frames[np.argmax(bare)]),
+                        count=int(bare.sum()),
+                    ),
+                )
+
+
+def depsgraph_is_active(depsgraph: bpy.types.Depsgraph, objects: list[bpy.types.Object]) -> bool:
+    """Tell whether original objects hold this graph's evaluated matrices."""
+    for obj in objects:
+        evaluated = obj.evaluated_get(depsgraph)
+        theirs, ours = np.array(evaluated.matrix_world), np.array(obj.matrix_world)
+        if evaluated != obj and not np.array_equal(theirs, ours, equal_nan=True):
+            return False
+    return True
+
+
+def _rigid(poses: Array) -> Array:
+    """Return finger frames without scale or shear: Y as it is, Z made square to it, X to the right of both."""
+    out = np.zeros_like(poses)
+    y, z = poses[..., :3, 1], poses[..., :3, 2]
+    y = y / np.linalg.norm(y, axis=-1, keepdims=True)
+    z = z - y * (y * z).sum(axis=-1, keepdims=True)
+    z = z / np.linalg.norm(z, axis=-1, keepdims=True)
+    out[..., :3, 0], out[..., :3, 1], out[..., :3, 2] = np.cross(y, z), y, z
+    out[..., :3, 3] = poses[..., :3, 3]
+    out[..., 3, 3] = 1.0
+    return out
+
+
+def _with_scale(linear: Array) -> Array:
+    """Return a right-handed matrix in which columns of no length have the smallest scale."""
+    lengths = np.linalg.norm(linear, axis=0)
+    rotation, _ = np.linalg.qr(np.where(lengths < 1e-9, np.eye(3), linear / np.maximum(lengths, 1e-30)))
+    sign = np.sign((rotation * linear).sum(axis=0))
+    rotation = rotation * np.where(sign == 0, 1.0, sign)
+    if np.linalg.det(rotation) < 0:
+        rotation[:, int(np.argmin(lengths))] *= -1.0
+    return rotation * np.maximum(lengths, SMALLEST_SCALE)
+
+
+def _note(findings: list[Any], finding: Any) -> None:
+    """Add a finding, or count it to the one of the same kind that is there."""
+    for i, known in enumerate(findings):
+        if (known.code, known.where) == (finding.code, finding.where):
+            findings[i] = Finding(
+                known.severity,
+                known.code,
+                known.what,
+                known.where,
+                known.value,
+                known.limit,
+                known.remedy,
+                known.frame,
+                known.count + finding.count,
+            )
+            return
+    findings.append(finding)

@@ -1,0 +1,366 @@
+"""What the engine must know before the first sample: names, parameters, surfaces, reliefs, and their flaws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib import import_module
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .._core import core
+from ..devices import platform_devices, thimble_devices
+from ..properties import scene_properties, skin_properties
+from . import height_maps, participants
+from .meshes import MeshReader, zero_area_finding
+from .participants import Entry, InstanceKey, Roster
+from .simulated_motion import Simulations
+
+_errors = import_module(".errors", core.__name__)
+DermisError, Finding = _errors.DermisError, _errors.Finding
+_scene = import_module(".scene.tactile_scene", core.__name__)
+
+_LEFT_OUT, _SO_LEFT_OUT = "It is left out", ", so it is left out"
+
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+"""[m/s^2] what a new Blender scene has."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """The engine's header, and the roster of those that made it in, in the same order."""
+
+    roster: Roster
+    fingers: tuple[Any, ...]
+    bodies: tuple[Any, ...]
+    screens: tuple[Any, ...]
+
+
+def scene_findings(scene: bpy.types.Scene) -> list[Any]:
+    """Report what is peculiar about a scene's settings."""
+    findings = []
+    where = f"scene '{scene.name_full}'"
+    version = int(scene.dermis.file_version)
+    if version > scene_properties.FILE_VERSION:
+        findings.append(
+            Finding(
+                "warning",
+                "newer-version",
+                "the file comes from a newer Dermis; what this one does not know is ignored",
+                where=where,
+                value=version,
+                limit=f"up to {scene_properties.FILE_VERSION}",
+                remedy="Update Dermis",
+            )
+        )
+    if bpy.app.autoexec_fail:
+        findings.append(
+            Finding(
+                "warning",
+                "scripts-blocked",
+                "Blender did not run the file's scripts, so what they drive stands still",
+                where=where,
+                value=bpy.app.autoexec_fail_message,
+                remedy="If you trust the file, allow its scripts (-y)",
+            )
+        )
+    if scene.use_preview_range and not scene.dermis.use_range:
+        findings.append(
+            Finding(
+                "info",
+                "preview-range",
+                "the preview range is on, so only that is baked",
+                where=where,
+                value=f"{scene.frame_preview_start} to {scene.frame_preview_end}",
+            )
+        )
+    return findings
+
+
+def gravity(scene: bpy.types.Scene, findings: list[Any]) -> tuple[float, float, float]:
+    """Return gravity [m/s^2] in world space.
+
+    Blender keeps it in scene units. One that was left at the default in a scene of millimetres or feet would stand for
+    a fraction of the Earth's; what is meant is the Earth's, and a finding says so.
+    """
+    if not scene.use_gravity:
+        return (0.0, 0.0, 0.0)
+    unit = participants.metres_per_unit(scene)
+    g = tuple(float(f"{c:.7g}") for c in scene.gravity)
+    if unit != 1.0 and g == STANDARD_GRAVITY:
+        findings.append(
+            Finding(
+                "info",
+                "default-gravity",
+                "gravity was left at Blender's default, so weight uses the Earth's",
+                where=f"scene '{scene.name_full}'",
+                value=f"{g[2] * unit:.6g} m/s^2 in this scene's units",
+            )
+        )
+        return STANDARD_GRAVITY
+    return (g[0] * unit, g[1] * unit, g[2] * unit)
+
+
+def roster(
+    scene: bpy.types.Scene,
+    depsgraph: bpy.types.Depsgraph,
+    view_layer: bpy.types.ViewLayer,
+    simulations: Simulations,
+    deforming: frozenset[int] | None,
+    presence: Mapping[InstanceKey, Any],
+) -> Roster:
+    """List who takes part, at the current frame.
+
+    Args:
+        deforming: session uids of objects whose surface depends on time; None if every surface may.
+        presence: the instances of the range, see `prepass.instances`.
+    """
+    out = Roster(scene.name_full, view_layer.name, participants.metres_per_unit(scene))
+    fingers, bodies, screens = [], [], []
+    for obj in participants.taking_part(scene, view_layer, out.findings):
+        matrix = np.array(obj.evaluated_get(depsgraph).matrix_world, np.float64)
+        entry = Entry(
+            obj.name_full,
+            obj.session_uid,
+            mirrored=bool(np.linalg.det(matrix[:3, :3]) < 0),
+            simulated=obj.session_uid in simulations.uids,
+            blinking=participants.comes_and_goes(obj),
+            channels=participants.animated_channels(obj),
+        )
+        out.findings += participants.idle_curves(obj)
+        role = participants.role_of(obj)
+        if role == "FINGER":
+            fingers.append(_finger_entry(entry, out.findings))
+        elif role == "SCREEN":
+            screens.append(entry)
+        elif obj.name_full in simulations.fluids:
+            out.findings.append(
+                Finding(
+                    "error",
+                    "fluid",
+                    "the surface of a fluid simulation cannot be followed, so it is left out",
+                    where=f"object '{obj.name_full}'",
+                    remedy="Touch a mesh that stands for it",
+                )
+            )
+        else:
+            bodies.append(replace(entry, deforming=deforming is None or obj.session_uid in deforming))
+    if presence or participants.has_instancers(scene):
+        out.findings += [
+            Finding(
+                "warning",
+                "finger-instance",
+                "it is shown by an instance, and instances cannot feel",
+                where=f"finger '{name}'",
+                remedy="Make the instance real, or a library override of it",
+            )
+            for name in participants.fingers_in_instances(depsgraph)
+        ]
+    bodies += _instance_entries(depsgraph, simulations, deforming, presence)
+    out.fingers, out.bodies, out.screens = tuple(fingers), tuple(bodies), tuple(screens)
+    return out
+
+
+def header(depsgraph: bpy.types.Depsgraph, roster: Roster, reader: MeshReader, *, live: bool = False) -> Header:
+    """Read parameters, surfaces and reliefs at the current frame; leave out, with a finding, what cannot be used.
+
+    Args:
+        live: for the preview: surfaces come with the chunks, reliefs are kept, animated parameters have their defaults.
+    """
+    findings = roster.findings
+    objects = participants.look_up({e.uid for e in roster.entries})
+    screens, screen_entries = [], []
+    for entry in roster.screens:
+        obj = objects[entry.uid]
+        try:
+            made = height_maps.build(obj, depsgraph, roster.unit, mirrored=entry.mirrored, keep=live)
+            centre, _ = height_maps.bounds(obj, depsgraph)
+        except DermisError as error:
+            findings.append(_left_out(error, "screen-unusable"))
+            continue
+        screens.append(made)
+        screen_entries.append(replace(entry, offset=tuple(centre.tolist())))
+    names = {s.name for s in screens}
+    if live:
+        screens = [
+            replace(s, parameters=_defaults(s.parameters, objects[e.uid], e))
+            for s, e in zip(screens, screen_entries, strict=True)
+        ]
+    fingers = [_finger(objects[e.uid], names, findings) for e in roster.fingers]
+    if live:
+        fingers = [_live_finger(f, objects[e.uid], e) for f, e in zip(fingers, roster.fingers, strict=True)]
+    bodies, body_entries = [], []
+    for entry in roster.bodies:
+        obj = objects[entry.uid]
+        mesh = reader.read(obj.evaluated_get(depsgraph), roster.unit, entry.mirrored)
+        if live or not entry.deforming:  # what deforms may get its faces later: the chunks tell
+            try:
+                _scene.check_mesh(mesh, entry.name)
+            except DermisError as error:
+                findings.append(_left_out(error, "mesh-unusable"))
+                continue
+        if entry.instance is None and not live and (flaw := zero_area_finding(mesh, entry.name)):
+            findings.append(flaw)
+        parameters = scene_properties.parameters(obj.dermis.material)
+        if live:
+            parameters = _defaults(parameters, obj, entry)
+        own = entry.deforming or entry.blinking
+        bodies.append(_scene.Body(entry.name, None if own else mesh, parameters, simulated=entry.simulated))
+        body_entries.append(entry)
+    bodies = [
+        _with_content(b, e, objects, {x.name for x in bodies}, findings)
+        for b, e in zip(bodies, body_entries, strict=True)
+    ]
+    kept = replace(roster, bodies=tuple(body_entries), screens=tuple(screen_entries))
+    return Header(kept, tuple(fingers), tuple(bodies), tuple(screens))
+
+
+def _finger_entry(entry: Entry, findings: list[Any]) -> Entry:
+    if entry.mirrored:
+        findings.append(
+            Finding(
+                "warning",
+                "mirrored-finger",
+                "it has a negative scale; its frame stays right-handed along its own Y and Z",
+                where=f"finger '{entry.name}'",
+                remedy="Apply the scale",
+            )
+        )
+    return replace(entry, mirrored=False)
+
+
+def _finger(obj: bpy.types.Object, screens: set[str], findings: list[Any]) -> Any:
+    where = f"finger '{obj.name_full}'"
+    uses = []
+    for device in obj.dermis.finger.devices:
+        if not device.enabled:
+            continue
+        screen = device.screen.name_full if device.screen is not None else ""
+        if not device.preset:
+            findings.append(
+                Finding(
+                    "error",
+                    "no-preset",
+                    "one of its devices has no preset",
+                    where=where,
+                    remedy="Choose one in the Dermis tab under Devices",
+                )
+            )
+        elif screen and screen not in screens:
+            findings.append(
+                Finding(
+                    "error",
+                    "screen-missing",
+                    "its touch screen is not in the scene, or cannot be used",
+                    where=where,
+                    value=screen,
+                    limit=", ".join(sorted(screens)) or "no usable touch screen here",
+                    remedy="Choose another screen in the Dermis tab under Devices",
+                )
+            )
+        # Kept all the same: the numbers of its neighbours' channels must not change.
+        values = platform_devices.absolute(thimble_devices.parameters_of(device))
+        uses.append(_scene.DeviceUse(device.preset, values, screen))
+    finger = obj.dermis.finger
+    values = {**scene_properties.parameters(finger), **skin_properties.parameters(finger.skin)}
+    return _scene.Finger(obj.name_full, tuple(uses), values)
+
+
+def _with_content(body: Any, entry: Entry, objects: Mapping[int, Any], names: set[str], findings: list[Any]) -> Any:
+    material = objects[entry.uid].dermis.material
+    if entry.instance is not None or material.content_kind != "child":
+        return body
+    inside = tuple(sorted(c.name_full for c in objects[entry.uid].children if c.name_full in names))
+    if material.content_on and not inside:
+        findings.append(
+            Finding(
+                "warning",
+                "no-content",
+                "its content should be its child objects, but none of them is touchable",
+                where=f"object '{body.name}'",
+                remedy="Parent a touchable object to it, or choose another kind of content",
+            )
+        )
+    return replace(body, content=inside)
+
+
+def _instance_entries(
+    depsgraph: bpy.types.Depsgraph,
+    simulations: Simulations,
+    deforming: frozenset[int] | None,
+    presence: Mapping[InstanceKey, Any],
+) -> list[Entry]:
+    if not presence:
+        return []
+    now = {key: np.array(i.matrix_world, np.float64) for key, _, i in participants.instances(depsgraph)}
+    objects = participants.look_up({u for key in presence for u in (key.instancer, key.object)})
+    out = []
+    for key, first_seen in presence.items():
+        shown, maker = objects[key.object], objects[key.instancer]
+        matrix = now.get(key, first_seen)
+        out.append(
+            Entry(
+                participants.instance_name(shown, maker, key),
+                key.object,
+                key,
+                mirrored=matrix is not None and bool(np.linalg.det(matrix[:3, :3]) < 0),
+                deforming=deforming is None or key.object in deforming,
+                simulated=key.object in simulations.uids or key.instancer in simulations.uids,
+                blinking=first_seen is not None,
+                channels=participants.animated_channels(shown),
+            )
+        )
+    return sorted(out, key=lambda e: e.name)
+
+
+def _defaults(parameters: Mapping[str, Any], obj: bpy.types.Object, entry: Entry) -> dict[str, Any]:
+    """Return parameters in which the animated ones have their defaults."""
+    out = dict(parameters)
+    for name, path, factor in entry.channels:
+        if not name.startswith("device/"):
+            out[name] = _default(obj, path) * factor
+    return out
+
+
+def _live_finger(finger: Any, obj: bpy.types.Object, entry: Entry) -> Any:
+    uses = list(finger.devices)
+    for name, path, factor in entry.channels:
+        if name.startswith("device/"):
+            _, number, parameter = name.split("/")
+            use = uses[int(number)]
+            uses[int(number)] = replace(use, parameters={**use.parameters, parameter: _default(obj, path) * factor})
+    return replace(finger, devices=tuple(uses), parameters=_defaults(finger.parameters, obj, entry))
+
+
+def _default(obj: bpy.types.Object, path: str) -> Any:
+    group_path, _, attribute = path.rpartition(".")
+    return obj.dermis.path_resolve(group_path).bl_rna.properties[attribute].default
+
+
+def reason(tactile: Any, error: Any) -> Any:
+    """Return why nothing is left to render, where the only finger or all there is to touch was refused; else `error`.
+
+    Args:
+        tactile: the refused `TactileScene`. error: what its `validate` raised.
+    """
+    if error.what not in ("no finger", "nothing to touch"):
+        return error
+    fingers = {f"object '{o.name_full}'" for o in bpy.data.objects if participants.role_of(o) == "FINGER"}
+    for finding in tactile.findings:
+        refused = finding.code in ("disabled", "mesh-unusable", "screen-unusable")
+        if refused and (finding.where in fingers) == (not tactile.fingers):
+            return DermisError(
+                f"{error.what}: {finding.what.removesuffix(_SO_LEFT_OUT)}",
+                where=finding.where,
+                value=finding.value,
+                limit=finding.limit,
+                remedy=finding.remedy.removesuffix(_LEFT_OUT).removesuffix(". "),
+            )
+    return error
+
+
+def _left_out(error: Any, code: str) -> Any:
+    remedy = f"{error.remedy}. {_LEFT_OUT}" if error.remedy else _LEFT_OUT
+    return Finding("error", code, error.what, where=error.where, value=error.value, limit=error.limit, remedy=remedy)

@@ -1,0 +1,342 @@
+"""From Blender's evaluated scene to the engine's `TactileScene`: the only reader of scene data.
+
+Everything is sampled at (frame, sub-frame) after full evaluation, never from F-curves, so constraints, IK, drivers,
+NLA and instances just work. One sweep samples all objects. Blender evaluates time in single precision, so samples are
+taken at the nearest frame that single precision knows, and that very frame and its time go into the chunk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from fractions import Fraction
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import handlers
+from .._core import core
+from . import height_maps, participants, prepass, scene_header, simulated_motion
+from .meshes import MeshReader
+from .participants import Entry, InstanceKey, Roster
+from .recorder import Recorder
+
+_scene = import_module(".scene.tactile_scene", core.__name__)
+_errors = import_module(".errors", core.__name__)
+DermisError = _errors.DermisError
+TactileScene = _scene.TactileScene
+Array = NDArray[np.float64]
+
+CHUNK = 64
+"""Samples in a chunk. It is fixed, because the content hash sees chunks."""
+
+
+_live_reader = MeshReader()
+
+
+def frames_per_second(scene: bpy.types.Scene) -> Fraction:
+    """Return fps / fps_base as the simplest fraction that Blender's single precision stands for (30000/1001)."""
+    base = scene.render.fps_base
+    denominator = 1
+    while True:
+        fraction = Fraction(base).limit_denominator(denominator)
+        if fraction > 0 and np.float32(float(fraction)) == np.float32(base):
+            return Fraction(scene.render.fps) / fraction
+        denominator *= 10
+
+
+def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
+    """Return the range to bake: Dermis' own, else the preview range where it is on, else the scene's."""
+    settings = scene.dermis
+    if settings.use_range:
+        return settings.frame_start, settings.frame_end
+    if scene.use_preview_range:
+        return scene.frame_preview_start, scene.frame_preview_end
+    return scene.frame_start, scene.frame_end
+
+
+def sweep_frames(fps: Fraction, span: tuple[int, int], rate: float) -> tuple[Array, Array]:
+    """Return the frames that Blender can evaluate nearest to a steady rate, and their times [s] from the first."""
+    frames, _ = _scene.sample_frames(fps, span, rate)
+    frames = frames.astype(np.float32).astype(np.float64)
+    return frames, (frames - span[0]) * fps.denominator / fps.numerator
+
+
+@contextmanager
+def undisturbed(scene: bpy.types.Scene) -> Iterator[None]:
+    """Mute our handlers and put the scene back to its frame at the end, whatever happens."""
+    name, frame, subframe = scene.name_full, scene.frame_current, scene.frame_subframe
+    with handlers.muted():
+        try:
+            yield
+        finally:
+            again = _scene_named(name)
+            if again is not None:
+                again.frame_set(frame, subframe=subframe)
+
+
+class Sweep:
+    """An iterator of chunks that samples while it is read, and that can be advanced by one sample at a time.
+
+    Attributes:
+        done, total: samples taken, simulation frames included.
+        findings: what was noticed on the way; complete when the sweep has ended.
+    """
+
+    def __init__(self, steps: Generator[Any, None, None], total: int, findings: list[Any]) -> None:
+        self.done, self.total, self.findings = 0, total, findings
+        self._steps = steps
+        self._ready: list[Any] = []
+
+    def advance(self) -> bool:
+        """Take one sample; return whether a chunk is ready or the sweep has ended, so that `next` costs nothing."""
+        if self._ready:
+            return True
+        try:
+            chunk = next(self._steps)
+        except StopIteration:
+            return True
+        if chunk is None:
+            self.done += 1
+            return False
+        self._ready.append(chunk)
+        return True
+
+    def __iter__(self) -> Sweep:
+        return self
+
+    def __next__(self) -> Any:
+        while not self._ready:
+            chunk = next(self._steps)
+            if chunk is None:
+                self.done += 1
+            else:
+                return chunk
+        return self._ready.pop()
+
+    def close(self) -> None:
+        """Stop sampling and restore the scene's frame."""
+        self._steps.close()
+
+
+def sample(
+    scene: bpy.types.Scene | None = None,
+    view_layer: bpy.types.ViewLayer | None = None,
+    *,
+    span: tuple[int, int] | None = None,
+    chunk_size: int = CHUNK,
+) -> Any:
+    """Return the scene as a `TactileScene` whose chunks are a `Sweep`: it samples while they are read.
+
+    Args:
+        scene, view_layer: the context's where left out.
+        span: first and last frame, both included; `frame_range(scene)` where left out.
+
+    Raises:
+        DermisError: the scene cannot be rendered at all. More may be raised while chunks are read.
+    """
+    scene = scene or bpy.context.scene
+    view_layer = view_layer or (bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0])
+    span = span or frame_range(scene)
+    fps, rate = frames_per_second(scene), float(scene.dermis.sample_rate)
+    findings = scene_header.scene_findings(scene)
+    if span[1] <= span[0]:
+        raise DermisError(
+            "the frame range has no duration",
+            where=f"scene '{scene.name_full}'",
+            value=f"{span[0]} to {span[1]}",
+            limit="an end frame after the start frame",
+            remedy="Set the range in the Output properties, or in the Dermis tab",
+        )
+    reader = MeshReader()
+    simulations = simulated_motion.find(scene)
+    with undisturbed(scene):
+        deforming = prepass.time_dependent(scene, span[0])
+        presence = prepass.instances(scene, view_layer, span, simulations)
+        scene.frame_set(span[0])
+        depsgraph = prepass.depsgraph_of(scene, view_layer)
+        roster = scene_header.roster(scene, depsgraph, view_layer, simulations, deforming, presence)
+        header = scene_header.header(depsgraph, roster, reader)
+        roster = header.roster
+    made = TactileScene(
+        scene.name_full,
+        fps,
+        span,
+        rate,
+        header.fingers,
+        header.bodies,
+        header.screens,
+        (),
+        gravity=scene_header.gravity(scene, findings),
+        findings=(*findings, *roster.findings),
+    )
+    try:
+        made.validate()
+    except DermisError as error:
+        raise scene_header.reason(made, error) from error
+    frames, times = sweep_frames(fps, span, rate)
+    noticed: list[Any] = []
+    whole = _whole_frames(roster, simulations, span)
+    steps = _steps(roster, reader, frames, times, fps, whole, presence, chunk_size, noticed)
+    return replace(made, chunks=Sweep(steps, len(frames) + len(whole), noticed))
+
+
+def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Any:
+    """Return the scene as it is evaluated now, as a `TactileScene` of one chunk with one sample; no frame changes.
+
+    Every surface comes with the chunk, as the same object while it does not change, so the engine's search structures
+    last from call to call. Animated parameters are in the channels; in the header they have their defaults, so that
+    the headers of successive frames compare equal.
+
+    Raises:
+        DermisError: a value that is not a finite number.
+    """
+    global _live_cast
+    fps, span = frames_per_second(scene), frame_range(scene)
+    key = (
+        scene.session_uid,
+        depsgraph.view_layer.name,
+        handlers.ticks(),
+        handlers.edits(),
+        len(bpy.data.objects),
+        participants.metres_per_unit(scene),
+    )
+    if _live_cast is None or _live_cast.key != key:
+        _live_cast = _cast(scene, depsgraph, span, key)
+    cast = _live_cast
+    recorder = Recorder(cast.header.roster, _live_reader, 1, cast.presence)
+    recorder.record(0, depsgraph)
+    frame = float(np.float32(scene.frame_current_final))
+    time = (frame - span[0]) * fps.denominator / fps.numerator
+    chunk = recorder.chunk(np.array([frame]), np.array([time]), 1, [])
+    if not cast.lasting:
+        _live_cast = None
+    return TactileScene(
+        scene.name_full,
+        fps,
+        span,
+        float(scene.dermis.sample_rate),
+        cast.header.fingers,
+        cast.header.bodies,
+        cast.header.screens,
+        (chunk,),
+        gravity=scene_header.gravity(scene, list(cast.findings)),
+        findings=(*cast.findings, *cast.header.roster.findings),
+    )
+
+
+class _Cast(NamedTuple):
+    """Who takes part in the live preview, and for which state of the scene that was found out."""
+
+    key: tuple[Any, ...]
+    header: Any
+    presence: dict[InstanceKey, Any]
+    findings: tuple[Any, ...]
+    lasting: bool  # it holds for other frames too
+
+
+_live_cast: _Cast | None = None
+
+
+def _cast(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, span: tuple[int, int], key: tuple[Any, ...]) -> _Cast:
+    """Find out who takes part: once a change, and once a frame only where instances, reliefs or visibility vary."""
+    view_layer = scene.view_layers[depsgraph.view_layer.name]
+    findings = scene_header.scene_findings(scene)
+    has = participants.has_instancers(scene)
+    presence = {k: None for k, _, _ in participants.instances(depsgraph)} if has else {}
+    none = simulated_motion.Simulations(frozenset(), span[0], ())
+    roster = scene_header.roster(scene, depsgraph, view_layer, none, None, presence)
+    header = scene_header.header(depsgraph, roster, _live_reader, live=True)
+    scene_header.gravity(scene, findings)
+    varies = any(e.blinking or e.mirrored for e in header.roster.entries)
+    varies |= any(f.code == "mesh-unusable" for f in header.roster.findings)  # it may get its faces later
+    lasting = not has and not header.screens and not varies
+    return _Cast(key, header, presence, tuple(findings), lasting)
+
+
+def forget() -> None:
+    """Drop the surfaces and reliefs kept for the live preview."""
+    global _live_cast
+    _live_cast = None
+    _live_reader.clear()
+    height_maps.forget()
+
+
+def _scene_named(name: str) -> bpy.types.Scene | None:
+    return next((s for s in bpy.data.scenes if s.name_full == name), None)
+
+
+def _whole_frames(roster: Roster, simulations: Any, span: tuple[int, int]) -> range:
+    if not any(e.simulated for e in roster.entries):
+        return range(0)
+    return range(min(simulations.start, span[0]), span[1] + 1)
+
+
+def _steps(
+    roster: Roster,
+    reader: MeshReader,
+    frames: Array,
+    times: Array,
+    fps: Fraction,
+    whole: range,
+    presence: dict[InstanceKey, Any],
+    chunk_size: int,
+    findings: list[Any],
+) -> Generator[Any, None, None]:
+    """Yield None after each sample, and each chunk when it is complete."""
+    scene = _scene_named(roster.scene)
+    if scene is None:
+        raise DermisError("the scene was removed", where=f"scene '{roster.scene}'")
+    with undisturbed(scene):
+        simulated = None
+        if len(whole):
+            simulated = yield from _simulate(roster, reader, whole, frames[0], fps, presence, findings)
+        recorder = Recorder(roster, reader, chunk_size, presence, simulated)
+        for start in range(0, len(frames), chunk_size):
+            part = slice(start, min(start + chunk_size, len(frames)))
+            for k, frame in enumerate(frames[part].tolist()):
+                recorder.record(k, _go_to(roster, frame))
+                yield None
+            yield recorder.chunk(frames[part], times[part], part.stop - part.start, findings)
+
+
+def _go_to(roster: Roster, frame: float) -> bpy.types.Depsgraph:
+    scene = _scene_named(roster.scene) if bpy.context.scene.name_full != roster.scene else bpy.context.scene
+    if scene is None:
+        raise DermisError("the scene was removed while it was sampled", where=f"scene '{roster.scene}'")
+    whole = int(np.floor(frame))
+    scene.frame_set(whole, subframe=frame - whole)
+    return scene.view_layers[roster.view_layer].depsgraph
+
+
+def _simulate(
+    roster: Roster,
+    reader: MeshReader,
+    whole: range,
+    first: float,
+    fps: Fraction,
+    presence: dict[InstanceKey, Any],
+    findings: list[Any],
+) -> Generator[None, None, simulated_motion.Recording]:
+    """Run the simulations through, frame by frame from their start, and keep what they move."""
+
+    def pick(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
+        return tuple(replace(e, channels=()) for e in entries if e.simulated)
+
+    part = replace(roster, fingers=pick(roster.fingers), bodies=pick(roster.bodies), screens=pick(roster.screens))
+    recorder = Recorder(part, reader, len(whole), presence)
+    recording = simulated_motion.Recording((np.array(whole, np.float64) - first) * fps.denominator / fps.numerator)
+    for k, frame in enumerate(whole):
+        recorder.record(k, _go_to(roster, float(frame)))
+        for entry, mesh in recorder.surfaces_of(k):
+            recording.keep_surface(entry.name, mesh)
+        yield None
+    chunk = recorder.chunk(np.array(whole, np.float64), recording.times, len(whole), findings, simulating=True)
+    for entries, poses in ((part.fingers, chunk.fingers), (part.bodies, chunk.bodies), (part.screens, chunk.screens)):
+        for entry, matrices in zip(entries, poses, strict=True):
+            recording.keep_poses(entry.name, matrices)
+    return recording

@@ -1,0 +1,170 @@
+"""What simulations move: found, swept at whole frames from their start, and interpolated smoothly.
+
+Simulations do not answer to sub-frames: Blender gives stairs, or straight segments out of a cache. Position and
+rotation, stretch and vertices pass through the engine's own C2 splines.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import core
+
+Mesh = import_module(".scene.tactile_scene", core.__name__).Mesh
+Array = NDArray[np.float64]
+
+MARGIN = 8
+"""Frames of vertices taken either side of a window: a cubic spline forgets a knot by 0.27 a frame, 3e-5 in eight."""
+
+_CACHED = {"CLOTH", "SOFT_BODY"}
+_SIMULATED_TYPES = {"CLOTH", "SOFT_BODY", "DYNAMIC_PAINT", "EXPLODE", "PARTICLE_INSTANCE"}
+_NO_LINK = ("Scene", "Collection", "WindowManager", "WorkSpace", "Screen", "Window", "Library", "Text")
+
+
+@dataclass(frozen=True)
+class Simulations:
+    """What of a scene is simulated.
+
+    Attributes:
+        uids: session uids of simulated objects and of all that depend on them.
+        start: first frame of the earliest simulation.
+        fluids: names of fluid domains, whose surface cannot be followed.
+    """
+
+    uids: frozenset[int]
+    start: int
+    fluids: tuple[str, ...]
+
+
+def find(scene: bpy.types.Scene) -> Simulations:
+    """Look for simulations and for everything that hangs on them: children, constraints, modifiers, drivers."""
+    sources: set[Any] = set()
+    starts: list[int] = []
+    fluids = []
+    world = scene.rigidbody_world
+    if world is not None and world.enabled and world.collection is not None:
+        active = {o for o in world.collection.all_objects if o.rigid_body is not None and o.rigid_body.type == "ACTIVE"}
+        if active:
+            sources |= active
+            starts.append(world.point_cache.frame_start)
+    for obj in scene.objects:
+        for modifier in obj.modifiers:
+            if not modifier.show_viewport:
+                continue
+            if modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN":
+                fluids.append(obj.name_full)
+            elif modifier.type in _SIMULATED_TYPES or (modifier.type == "NODES" and _simulates(modifier.node_group)):
+                sources.add(obj)
+                cache = modifier.point_cache if modifier.type in _CACHED else None
+                starts.append(cache.frame_start if cache else scene.frame_start)
+        for system in obj.particle_systems:
+            sources.add(obj)
+            starts.append(system.point_cache.frame_start)
+    dependants = _dependants(sources)
+    uids = frozenset(o.session_uid for o in dependants if isinstance(o, bpy.types.Object))
+    return Simulations(uids, min(starts, default=scene.frame_start), tuple(sorted(fluids)))
+
+
+def _simulates(tree: Any) -> bool:
+    seen = set()
+    pending = [tree]
+    while pending:
+        current = pending.pop()
+        if current is None or current.name_full in seen:
+            continue
+        seen.add(current.name_full)
+        for node in current.nodes:
+            if node.bl_idname == "GeometryNodeSimulationOutput":
+                return True
+            pending.append(getattr(node, "node_tree", None))
+    return False
+
+
+def _dependants(sources: set[Any]) -> set[Any]:
+    """Return the sources and every ID that refers to one, directly or through others."""
+    if not sources:
+        return set()
+    users = bpy.data.user_map()
+    found, pending = set(sources), list(sources)
+    while pending:
+        for user in users.get(pending.pop(), ()):
+            if user not in found and type(user).__name__ not in _NO_LINK:
+                found.add(user)
+                pending.append(user)
+    return found
+
+
+class Recording:
+    """What simulations moved, at whole frames."""
+
+    def __init__(self, times: Array) -> None:
+        """Take the times [s] of the whole frames, shape (n,)."""
+        self.times = times
+        self._poses: dict[str, Poses] = {}
+        self._surfaces: dict[str, list[Any]] = {}
+
+    def keep_poses(self, name: str, matrices: Array) -> None:
+        """Take one entry's matrices at the whole frames, shape (n, 4, 4)."""
+        self._poses[name] = Poses(self.times, matrices)
+
+    def keep_surface(self, name: str, mesh: Any) -> None:
+        """Take a body's surface at the next whole frame; in single precision, as Blender had it."""
+        self._surfaces.setdefault(name, []).append(Mesh(mesh.vertices.astype(np.float32), mesh.triangles))
+
+    def has_surface(self, name: str) -> bool:
+        """Tell whether a body's surface was recorded."""
+        return name in self._surfaces
+
+    def poses_at(self, name: str, times: Array) -> Array:
+        """Return matrices at other times, shape (m, 4, 4)."""
+        return self._poses[name].at(times)
+
+    def surfaces_at(self, name: str, times: Array) -> tuple[Any, ...]:
+        """Return surfaces at other times; where topology changes nearby, the last whole frame's holds."""
+        meshes = self._surfaces[name]
+        step = self.times[1] - self.times[0]
+        at = np.clip(np.searchsorted(self.times, times + 1e-9 * step, side="right") - 1, 0, len(meshes) - 1)
+        low, high = max(int(at[0]) - MARGIN, 0), min(int(at[-1]) + 1 + MARGIN, len(meshes) - 1)
+        window = meshes[low : high + 1]
+        if any(m.triangles is not window[0].triangles for m in window):
+            return tuple(meshes[i] for i in at)
+        stack = np.stack([m.vertices for m in window])
+        spline = import_module(".motion", core.__name__).Spline(
+            self.times[low : high + 1], stack.reshape(len(window), -1)
+        )
+        return tuple(
+            Mesh(vertices.copy(), window[0].triangles) for vertices in spline.at(times).reshape(-1, *stack.shape[1:])
+        )
+
+
+class Poses:
+    """Matrices at whole frames, and between them."""
+
+    def __init__(self, times: Array, matrices: Array) -> None:
+        """Take times [s], shape (n,), and matrices with positive stretch, shape (n, 4, 4); NaN means absent."""
+        gone: NDArray[np.bool_] = ~np.logical_and.reduce(np.isfinite(matrices), axis=(1, 2))
+        if gone.any() and not gone.all():
+            # Held where absent, so that the spline stays calm; presence is told elsewhere.
+            nearest = np.maximum.accumulate(np.where(~gone, np.arange(len(gone)), -1))
+            matrices = matrices[np.where(nearest < 0, np.argmin(gone), nearest)]
+        stretch = np.linalg.norm(matrices[:, :3, :3], axis=1)
+        rigid = matrices.copy()
+        rigid[:, :3, :3] /= stretch[:, None, :]
+        motion = import_module(".motion", core.__name__)
+        self._motion = motion.Motion(times, rigid)
+        self._stretches = motion.Spline(times, stretch)
+
+    def at(self, times: Array) -> Array:
+        """Return matrices at other times, shape (m, 4, 4)."""
+        samples = self._motion.at(times)
+        out = np.zeros((len(times), 4, 4))
+        out[:, :3, :3] = samples.rotation * self._stretches.at(times)[:, None, :]
+        out[:, :3, 3] = samples.position
+        out[:, 3, 3] = 1.0
+        return out

@@ -1,0 +1,1 @@
+"""Live to the hardware: the session, its devices, calibrations and tracks."""

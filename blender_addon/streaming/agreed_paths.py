@@ -1,0 +1,81 @@
+"""Files that the settings of a .blend name: nothing reads or writes one before a person of this session agreed.
+
+Whoever sets a path in this session, in the panel or by a script, has agreed by that. What came with the file has to be
+confirmed; a session remembers it.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from typing import Any, NamedTuple
+
+import bpy
+
+from ..preferences import core_module
+
+
+class Claim(NamedTuple):
+    """A file that a setting names: `kind` is 'read' or 'write', `what` says what it is for."""
+
+    path: str
+    kind: str
+    what: str
+
+
+_WHAT = {
+    "url": ("write", "a record of every byte (spy://)"),
+    "track_file": ("read", "the command track to be played"),
+    "screen_file": ("read", "the screen map"),
+}
+_confirmed: set[tuple[str, str]] = set()  # (path, kind)
+
+
+def claims(settings: Any, *names: str) -> list[Claim]:
+    """Return every file that some settings name (all three if left out), whatever the mode is now."""
+    found = []
+    for name in names or _WHAT:
+        text = getattr(settings, name)
+        path = _record_of(text) if name == "url" else bpy.path.abspath(text)
+        if path:
+            found.append(Claim(os.path.realpath(path), *_WHAT[name]))
+    return found
+
+
+def pending(settings: Any, *names: str) -> list[Claim]:
+    """Return the files that nobody has confirmed."""
+    return [claim for claim in claims(settings, *names) if (claim.path, claim.kind) not in _confirmed]
+
+
+def confirm(agreed: list[Claim]) -> None:
+    """Remember for this session that a person agreed."""
+    _confirmed.update((claim.path, claim.kind) for claim in agreed)
+
+
+def check(settings: Any, *names: str) -> None:
+    """Refuse to go on with files that nobody has confirmed.
+
+    Raises:
+        DermisError: says which, and what for.
+    """
+    if asked := pending(settings, *names):
+        raise core_module("errors").DermisError(
+            "this .blend names files that nobody has confirmed",
+            where="streaming",
+            value="; ".join(f"{claim.kind} {claim.path}" for claim in asked),
+            remedy="Press Connect and look at the paths, or choose files of your own",
+        )
+
+
+def forget() -> None:
+    """Ask again for everything."""
+    _confirmed.clear()
+
+
+def _record_of(url: str) -> str:
+    try:
+        address = core_module("stream.links.url").Url(url)
+    except core_module("errors").DermisError:
+        return ""  # not an address: connecting says so, and opens nothing
+    path = address.options.get("file", "") if address.scheme == "spy" else ""
+    return os.path.join(tempfile.gettempdir(), path) if path else ""  # the folder in which the sender works

@@ -1,0 +1,135 @@
+"""Which built device answered: told by the id that it says, or by the serial number of its USB port."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+import bpy
+
+from ..preferences import core_module
+from . import built_devices, calibration_offers, device_calibration
+
+_answered: tuple[str, ...] = ()  # serial numbers of the device that is connected ...
+_recognised = ""  # ... and what there is to say of it
+UNSAID = "Nobody has said yet which built device this is."
+
+
+class Shown(NamedTuple):
+    """The built device as a panel shows it."""
+
+    name: str
+    words: str
+    wrong: bool
+
+
+def serials(status: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return what tells the connected device from others of its kind, the best first; empty for nothing."""
+    said, port = status.get("device", ""), (status.get("received") or {}).get("usb_serial", "")
+    known = ("" if said in built_devices.COMMON_IDS else said, "".join(c for c in port if c.isprintable()).strip())
+    return tuple(text[:100] for text in known if text)
+
+
+def shown(scene: bpy.types.Scene) -> Shown:
+    """Return what the panel says of the built device, before and after connecting. Writes nothing."""
+    try:
+        one = device_calibration.worn_by(scene)
+        owner = device_calibration.owner_shown(scene)
+        chosen = device_calibration.choice(owner)
+        last = built_devices.device(chosen).made.name if chosen else "Uncalibrated"
+    except core_module("errors").DermisError as error:
+        return Shown("Cannot be read", str(error), True)
+    words = ""
+    if chosen is None:
+        words = UNSAID if one is None and built_devices.devices(owner.rpartition(": ")[2]) else ""
+    elif chosen != (one.file if one is not None else ""):
+        words = f"'{last}' was chosen last; undo went back behind that."
+    if one is None:
+        return Shown("Uncalibrated", words, False)
+    return Shown(one.made.name, words, _is_another(one))
+
+
+def check(scene: bpy.types.Scene) -> None:
+    """Refuse a calibration of another device than the one that answered.
+
+    Raises:
+        DermisError: it is, or its file cannot be read.
+    """
+    one = device_calibration.worn_by(scene)
+    if one is not None and _is_another(one):
+        raise core_module("errors").DermisError(
+            "another device answered than the one that this calibration is of",
+            where=one.made.name,
+            value=" or ".join(_answered),
+            limit=one.made.serial,
+            remedy="Choose the device that is connected, or save the calibration for it",
+        )
+
+
+def answered() -> tuple[str, ...]:
+    """Return the serial numbers by which the connected device can be told, the best first."""
+    return _answered
+
+
+def forget() -> None:
+    """Forget the device: it is let go."""
+    global _answered, _recognised
+    _answered, _recognised = (), ""
+
+
+def meet(scene: bpy.types.Scene, status: Mapping[str, Any]) -> str:
+    """Look who answered, once; return what a person should know of it before arming, '' for nothing."""
+    global _answered, _recognised
+    try:
+        said = serials(status)
+        if said != _answered and status["state"] == "ready":
+            _answered, _recognised = said, ""
+            _recognised = _recognise(scene)
+        check(scene)
+    except core_module("errors").DermisError as error:
+        return str(error)
+    return _recognised if status["state"] == "ready" else ""
+
+
+def is_another(scene: bpy.types.Scene) -> bool:
+    """Tell whether another device answered than the one that the list is of; a file that is gone tells nothing."""
+    with suppress(core_module("errors").DermisError):
+        one = device_calibration.worn_by(scene)
+        return one is not None and _is_another(one)
+    return False
+
+
+def advice(scene: bpy.types.Scene) -> str:
+    """Return as what the listed actuators are calibrated, and what else a person should know of it."""
+    settings = scene.dermis_stream
+    one = device_calibration.worn_by(scene)
+    if one is not None:
+        return f"{settings.channels_of} is calibrated as '{one.made.name}'"
+    if calibration_offers.offers(scene):
+        return "This file holds a calibration of a device that is not known here: see Calibration"
+    choice = device_calibration.choice(settings.channels_owner)
+    if choice is None and built_devices.devices(settings.channels_owner.rpartition(": ")[2]):
+        return f"Nobody has said which device {settings.channels_of} is, so it is not calibrated: choose it"
+    return ""
+
+
+def _is_another(one: Any) -> bool:
+    return bool(one.made.serial and _answered and one.made.serial not in _answered)
+
+
+def _recognise(scene: bpy.types.Scene) -> str:
+    """Calibrate a finger whose device nobody has chosen as the one that answered; return words.
+
+    Only where exactly one is known by this serial number, and nothing was changed by hand.
+    """
+    owner = scene.dermis_stream.channels_owner
+    known = [b for b in built_devices.devices(owner.rpartition(": ")[2]) if b.made.serial in _answered]
+    chosen = device_calibration.choice(owner)
+    if len(known) != 1 or chosen:
+        return ""
+    name = known[0].made.name
+    if chosen is None and not device_calibration.unsaved(scene):
+        device_calibration.use(scene, known[0].file)
+        return f"Its serial number is that of '{name}': calibrated as that"
+    return f"Its serial number is that of '{name}'"

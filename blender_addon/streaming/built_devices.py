@@ -1,0 +1,183 @@
+"""The built devices that this computer knows: a calibration file for each, and which finger wears which.
+
+All of it lies in the user's folder and none in a .blend, so that no file of somebody else's calibrates a device here.
+What was read is kept until `refresh`, because panels ask at every redraw.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..preferences import core_module, user_folder
+
+FOLDER = "calibrations"
+TABLE = "fingers.json"
+SCHEMA = "dermis-fingers 1"
+# Every board with the sketch as it is says this: it tells no two of them apart.
+COMMON_IDS = frozenset({b"DERMISU1".hex()})
+
+
+class Built(NamedTuple):
+    """A built device: its file's name, and its calibration with name and serial number."""
+
+    file: str
+    made: Any
+
+
+class _Finger(NamedTuple):
+    name: str  # as it was called last
+    devices: dict[str, str]  # preset -> file; '' where a person chose to go without
+
+
+_known: dict[str, Built] | None = None
+_damaged: tuple[str, ...] = ()
+_fingers: dict[str, _Finger] | None = None
+
+
+def refresh() -> None:
+    """Forget what was read: the folder may have changed."""
+    global _known, _fingers
+    _known = _fingers = None
+
+
+def devices(preset: str) -> list[Built]:
+    """Return the built devices of a preset, by name; what cannot be read is in `damaged`."""
+    return sorted((b for b in _read().values() if b.made.device == preset), key=lambda b: b.made.name.casefold())
+
+
+def damaged() -> tuple[str, ...]:
+    """Return why files of the folder cannot be read, in words."""
+    _read()
+    return _damaged
+
+
+def device(file: str) -> Built:
+    """Return a built device.
+
+    Raises:
+        DermisError: its file is gone or cannot be read.
+    """
+    found = _read().get(file)
+    if found is None:
+        core_module("calibration").Calibration.load(_path(file))  # says what is wrong with it
+        refresh()
+        return device(file)
+    return found
+
+
+def save(made: Any, file: str = "") -> Built:
+    """Write the calibration of a built device into its file, or into a new one.
+
+    Raises:
+        DermisError: no name, one that another device of the preset has, or the file cannot be written.
+    """
+    refresh()
+    if not made.name:
+        raise core_module("errors").DermisError(
+            "the built device has no name",
+            where="calibration",
+            remedy="Name it as it is marked: 'left thimble, red tape'",
+        )
+    if any(b.made.name == made.name and b.file != file for b in devices(made.device)):
+        raise core_module("errors").DermisError(
+            "another device has this name",
+            where="calibration",
+            value=made.name,
+            remedy="Give each built device a name of its own",
+        )
+    file = file or _new_file(made)
+    made.save(_path(file))
+    refresh()
+    return Built(file, made)
+
+
+def choice(finger: str, preset: str) -> str | None:
+    """Return the file of the device that a finger wears; '' to go without, None where nobody has ever chosen.
+
+    Raises:
+        DermisError: the table cannot be read.
+    """
+    entry = _table().get(finger)
+    return entry.devices.get(preset) if entry is not None else None
+
+
+def choose(finger: str, name: str, preset: str, file: str | None) -> None:
+    """Remember what a finger wears on this computer; None forgets it.
+
+    Raises:
+        DermisError: the table cannot be read or written.
+    """
+    global _fingers
+    _fingers = None  # another Blender may have written meanwhile
+    table = dict(_table())
+    worn = dict(table[finger].devices) if finger in table else {}
+    worn.pop(preset, None)
+    table[finger] = _Finger(name, worn if file is None else {**worn, preset: file})
+    plain = {"schema": SCHEMA, "fingers": {key: entry._asdict() for key, entry in sorted(table.items())}}
+    text = json.dumps(plain, indent=1, ensure_ascii=False) + "\n"
+    core_module("files").write_bytes(user_folder(FOLDER, create=True) / TABLE, text.encode("utf-8"))
+    _fingers = table
+
+
+def once_called(name: str) -> frozenset[str]:
+    """Return the identities of fingers that had a name when they were given a device.
+
+    Raises:
+        DermisError: the table cannot be read.
+    """
+    return frozenset(key for key, entry in _table().items() if entry.name == name)
+
+
+def _path(file: str) -> Path:
+    return user_folder(FOLDER) / Path(file).name
+
+
+def _new_file(made: Any) -> str:
+    stem = re.sub(r"[^\w-]+", "-", f"{made.device} {made.name}").strip("-").lower()[:80]
+    names = (f"{stem}{end}.json" for end in ("", *(f"-{n}" for n in range(2, 10_000))))
+    return next(name for name in names if not _path(name).exists())
+
+
+def _read() -> dict[str, Built]:
+    global _known, _damaged
+    if _known is None:
+        errors, calibration = core_module("errors"), core_module("calibration").Calibration
+        found, bad = {}, []
+        for path in sorted(user_folder(FOLDER).glob("*.json")):
+            if path.name == TABLE:
+                continue
+            try:
+                found[path.name] = Built(path.name, calibration.load(path))
+            except errors.DermisError as error:
+                bad.append(str(error))
+        _known, _damaged = found, tuple(bad)
+    return _known
+
+
+def _table() -> dict[str, _Finger]:
+    global _fingers
+    if _fingers is None:
+        path = user_folder(FOLDER) / TABLE
+        _fingers = _parsed(core_module("files").read_json(path), path) if path.exists() else {}
+    return _fingers
+
+
+def _parsed(plain: Any, path: Path) -> dict[str, _Finger]:
+    try:
+        if plain["schema"] != SCHEMA:
+            raise ValueError(f"not {SCHEMA}")
+        table = {key: _Finger(entry["name"], entry["devices"]) for key, entry in plain["fingers"].items()}
+        texts = [t for e in table.values() for t in (e.name, *e.devices, *e.devices.values())]
+        if not all(isinstance(t, str) for t in texts):
+            raise ValueError("a name is no text")
+        return table
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise core_module("errors").DermisError(
+            "the table of which finger wears which device cannot be read",
+            where=str(path),
+            value=str(error)[:80],
+            remedy="Delete it, and choose the devices again",
+        ) from error

@@ -1,0 +1,102 @@
+"""Calibrations that came with a .blend, or were changed and never saved: offered to a person, and driven by nobody."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+from uuid import uuid4
+
+import bpy
+
+from . import built_devices, streamed_track
+from .calibration_rows import Rows, calibrated, calibration, fill, quietly, rows_of, same
+
+_SESSION = uuid4().hex  # a list that does not say this is from a file
+
+
+class Offer(NamedTuple):
+    """A calibration that belongs to no device known here: what it says it is of, and its numbers."""
+
+    name: str
+    channels: Rows
+
+
+class Shelved(NamedTuple):
+    """A calibration that is put by: see `streaming_properties.DermisStreamCalibration`."""
+
+    name: str
+    owner: str
+    found: bool
+    file: str
+    channels: Rows
+
+
+def is_ours(settings: Any) -> bool:
+    """Tell whether the list was made in this session."""
+    return bool(settings.session == _SESSION)
+
+
+def adopt(scene: bpy.types.Scene) -> None:
+    """Make the list this session's; what came with the file goes to the offers."""
+    settings = scene.dermis_stream
+    if is_ours(settings):
+        return
+    found = offers(scene)
+    with quietly(scene):
+        settings.shelf.clear()
+        for offer in found:
+            shelve(scene, Shelved(offer.name, "", True, "", offer.channels))
+        settings.channels.clear()
+        settings.channels_of = settings.channels_owner = settings.channels_file = ""
+        settings.session = _SESSION
+
+
+def offers(scene: bpy.types.Scene) -> list[Offer]:
+    """Return the calibrations in the scene that are no known device's, for a person to save or drop. Writes nothing."""
+    settings = scene.dermis_stream
+    if is_ours(settings):
+        return [Offer(e.name, rows_of(e.channels)) for e in settings.shelf if e.found]
+    there = [
+        Offer(settings.channels_of, rows_of(scene.dermis_stream.channels)),
+        *(Offer(e.name, rows_of(e.channels)) for e in settings.shelf),
+    ]
+    return [offer for offer in there if any(map(calibrated, offer.channels)) and not _is_kept(offer)]
+
+
+def keep_offer(scene: bpy.types.Scene, index: int, name: str) -> Any:
+    """Save a calibration that came with the file as a built device's; it is put on no finger. Return what was saved.
+
+    Raises:
+        DermisError: a name that cannot be, a calibration that fits no preset, or the file cannot be written.
+    """
+    adopt(scene)
+    offer = offers(scene)[index]
+    key = offer.name.rpartition(": ")[2] or streamed_track.device_key(scene)
+    made = calibration(key, offer.channels).owned_by(name.strip())
+    saved = built_devices.save(made)
+    drop_offer(scene, index)
+    return saved
+
+
+def drop_offer(scene: bpy.types.Scene, index: int) -> None:
+    """Forget a calibration that came with the file."""
+    adopt(scene)
+    shelf = scene.dermis_stream.shelf
+    at = [i for i, entry in enumerate(shelf) if entry.found][index]
+    with quietly(scene):
+        shelf.remove(at)
+
+
+def shelve(scene: bpy.types.Scene, what: Shelved) -> None:
+    """Put a calibration by."""
+    entry = scene.dermis_stream.shelf.add()
+    entry.name, entry.owner, entry.found, entry.file = what.name, what.owner, what.found, what.file
+    fill(entry.channels, what.channels)
+
+
+def shelved(entry: Any) -> Shelved:
+    """Return what was put by."""
+    return Shelved(entry.name, entry.owner, entry.found, entry.file, rows_of(entry.channels))
+
+
+def _is_kept(offer: Offer) -> bool:
+    return any(same(offer.channels, b.made) for b in built_devices.devices(offer.name.rpartition(": ")[2]))

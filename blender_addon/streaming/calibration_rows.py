@@ -1,0 +1,128 @@
+"""A calibration as rows of the panel's list, and back: one for each actuator of a device."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .. import handlers
+from ..preferences import core_module, library
+
+FIELDS = ("name", "unit", "jog", "zero", "gain", "use_limits", "low", "high")
+
+Rows = list[dict[str, Any]]
+
+_restoring = False
+
+
+def rows_of(channels: Any) -> Rows:
+    """Return what a collection of settings holds."""
+    return [{name: getattr(channel, name) for name in FIELDS} for channel in channels]
+
+
+def fill(channels: Any, rows: Rows) -> None:
+    """Make a collection of settings hold some rows."""
+    channels.clear()
+    for row in rows:
+        channel = channels.add()
+        for name, value in row.items():
+            setattr(channel, name, value)
+
+
+def rows_for(key: str, made: Any) -> Rows:
+    """Return the rows of a preset's actuators with a calibration, None for the preset as it is.
+
+    Raises:
+        DermisError: no such preset, or its safe state is none.
+    """
+    fresh, safe = [], safe_pose(key)
+    for channel in library().device(key).channels:
+        if not channel.actuator:
+            continue
+        entry = made.entries.get(channel.name) if made is not None else None
+        zero, gain, low, high = (entry.zero, entry.gain, entry.low, entry.high) if entry else (0.0, 1.0, None, None)
+        limited = low is not None or high is not None
+        low, high = (
+            next((v for v in pair if v is not None), 0.0) for pair in ((low, channel.low), (high, channel.high))
+        )
+        fresh.append(
+            {
+                "name": channel.name,
+                "unit": channel.unit,
+                "jog": safe[channel.name],
+                "zero": zero,
+                "gain": gain,
+                "use_limits": limited,
+                "low": low,
+                "high": high,
+            }
+        )
+    return fresh
+
+
+def safe_pose(key: str) -> dict[str, float]:
+    """Return where a preset's channels press nobody, as commanded [SI]: a calibration moves it as every other pose.
+
+    Raises:
+        DermisError: no such preset, or its safe state is none.
+    """
+    spec = library().device(key)
+    stated = core_module("devices.safe_state").safe_state(spec).values
+    return {c.name: stated.get(c.name, c.rest) for c in spec.channels}
+
+
+def calibration(key: str, rows: Rows) -> Any:
+    """Return the calibration that rows hold, for a preset; rows of actuators that it does not have count for nothing.
+
+    Raises:
+        DermisError: no such preset, or a number that cannot be.
+    """
+    spec = library().device(key)
+    made = core_module("calibration").Calibration.of(spec)
+    for row in rows:
+        if row["name"] in {c.name for c in spec.channels} and calibrated(row):
+            limits = {name: row[name] for name in ("low", "high")} if row["use_limits"] else {}
+            made = made.with_entry(row["name"], zero=row["zero"], gain=row["gain"], **limits)
+    return made
+
+
+def calibrated(row: dict[str, Any]) -> bool:
+    """Tell whether an actuator differs from its preset."""
+    return bool(row["zero"] != 0.0 or row["gain"] != 1.0 or row["use_limits"])
+
+
+def same(rows: Rows, made: Any) -> bool:
+    """Tell whether rows say what a calibration does, None for that of the preset, as exactly as settings can."""
+    for row in rows:
+        entry = made.entries.get(row["name"]) if made is not None else None
+        if entry is None:
+            if calibrated(row):
+                return False
+            continue
+        if row["use_limits"] != (entry.low is not None or entry.high is not None):
+            return False
+        wanted = {"zero": entry.zero, "gain": entry.gain, "low": entry.low, "high": entry.high}
+        if any(v is not None and float(np.float32(v)) != row[name] for name, v in wanted.items()):
+            return False
+    return True
+
+
+@contextmanager
+def quietly(scene: bpy.types.Scene) -> Iterator[None]:
+    """Change settings that belong together without passing half of them on."""
+    global _restoring
+    handlers.expect(scene.name)
+    before, _restoring = _restoring, True
+    try:
+        yield
+    finally:
+        _restoring = before
+
+
+def restoring() -> bool:
+    """Tell whether settings are being put back, so that half of them are not passed on."""
+    return _restoring

@@ -1,0 +1,292 @@
+"""The calibration that is being driven and edited: zero, gain and limits of each actuator, tried out under way.
+
+The list in the panel is a working copy of one built device's file (`built_devices`), kept in the scene so that undo
+knows it. What another session left in a .blend is nobody's: it is put by in `calibration_offers`, and drives nothing.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..preferences import core_module, library
+from . import built_devices, calibration_offers, finger_ids, session, streamed_track
+from .calibration_offers import Shelved, shelve, shelved
+from .calibration_rows import Rows, calibrated, calibration, fill, quietly, rows_for, rows_of, safe_pose, same
+
+
+@dataclass(frozen=True)
+class _Before:
+    """What a calibration in progress goes back to."""
+
+    mode: str
+    of: str
+    owner: str
+    file: str
+    choice: str | None
+    channels: Rows
+    shelf: list[Shelved]
+
+
+_before: dict[int, _Before] = {}  # by session uid of the scene
+_loose: dict[str, str] = {}  # owner -> file, of fingers that cannot be given an identity; for this session
+
+
+def calibration_of(scene: bpy.types.Scene, key: str) -> Any:
+    """Return the calibration that the list holds.
+
+    Raises:
+        DermisError: a number that cannot be.
+    """
+    return calibration(key, _listed(scene))
+
+
+def fill_channels(scene: bpy.types.Scene) -> None:
+    """List the actuators of the finger's device that the settings speak of, calibrated as the one that it wears.
+
+    What was changed and not saved for another finger's device is put by, and comes back with it.
+
+    Raises:
+        DermisError: there is no device, or the calibration that was chosen for it cannot be read.
+    """
+    calibration_offers.adopt(scene)
+    settings = scene.dermis_stream
+    owner, name, key = _subject(scene)
+    wanted = [c.name for c in library().device(key).channels if c.actuator]
+    if settings.channels_owner == owner and [c.name for c in settings.channels] == wanted:
+        if settings.channels_of != name:  # the finger was renamed
+            settings.channels_of = name
+        return
+    file = choice(owner) or ""
+    rows = rows_for(key, built_devices.device(file).made if file else None)
+    with quietly(scene):
+        _put_by(scene, owner)
+        for i, entry in enumerate(settings.shelf):
+            if not entry.found and entry.owner == owner:
+                file, rows = entry.file, rows_of(entry.channels)
+                settings.shelf.remove(i)
+                break
+        _list(scene, owner, name, file, rows)
+
+
+def owner_shown(scene: bpy.types.Scene) -> str:
+    """Return the owner of the list, or who will be that at connecting, '' for nobody yet. Writes nothing."""
+    settings = scene.dermis_stream
+    if calibration_offers.is_ours(settings) and settings.channels_owner:
+        return str(settings.channels_owner)
+    if not settings.track_file:
+        with suppress(core_module("errors").DermisError):
+            return _subject(scene, give=False)[0]
+    return ""
+
+
+def worn_by(scene: bpy.types.Scene) -> Any:
+    """Return the built device that the list is of, or will be at connecting; None for none. Writes nothing.
+
+    Raises:
+        DermisError: its file is gone or cannot be read.
+    """
+    settings = scene.dermis_stream
+    listed = calibration_offers.is_ours(settings) and settings.channels_owner
+    file = settings.channels_file if listed else choice(owner_shown(scene))
+    return built_devices.device(file) if file else None
+
+
+def choice(owner: str) -> str | None:
+    """Return the file of the built device that an owner of a list wears; '' for none, None if nobody ever chose.
+
+    Raises:
+        DermisError: the table of choices cannot be read.
+    """
+    finger, _, key = owner.rpartition(": ")
+    return built_devices.choice(finger, key) if finger_ids.is_identity(finger) else _loose.get(owner)
+
+
+def use(scene: bpy.types.Scene, file: str) -> None:
+    """Put a built device on the finger, or none (''): it is calibrated so from now on, and that is remembered.
+
+    What was changed and not saved goes to the offers.
+
+    Raises:
+        DermisError: there is no device, it is another preset's, or a file cannot be read or written.
+    """
+    calibration_offers.adopt(scene)
+    owner, name, key = _subject(scene)
+    made = built_devices.device(file).made if file else None
+    if made is not None:
+        made.for_spec(library().device(key))  # refuses what does not fit
+    _remember(owner, name, file)
+    with quietly(scene):
+        _put_by(scene, owner)
+        _list(scene, owner, name, file, _by_hand(scene, rows_for(key, made)))
+    session.changed()
+
+
+def unsaved(scene: bpy.types.Scene) -> bool:
+    """Tell whether the list says something else than the file of the device that it is of. Reads no file anew."""
+    with suppress(core_module("errors").DermisError):
+        file = scene.dermis_stream.channels_file
+        return not same(_listed(scene), built_devices.device(file).made if file else None)
+    return True
+
+
+def keep(scene: bpy.types.Scene, name: str, serial: str) -> Any:
+    """Save the list as the calibration of a built device, and put that on the finger; return what was saved.
+
+    Raises:
+        DermisError: a number, name or serial that cannot be, or the file cannot be written.
+    """
+    fill_channels(scene)
+    settings = scene.dermis_stream
+    key = settings.channels_owner.rpartition(": ")[2]
+    made = calibration_of(scene, key).owned_by(name.strip(), serial.strip())
+    made.for_spec(library().device(key))
+    worn = worn_by(scene)
+    saved = built_devices.save(made, worn.file if worn is not None and worn.made.name == made.name else "")
+    _remember(settings.channels_owner, settings.channels_of, saved.file)
+    with quietly(scene):
+        settings.channels_file = saved.file
+    _before.pop(scene.session_uid, None)
+    return saved
+
+
+def begin_calibration(scene: bpy.types.Scene) -> None:
+    """Remember the calibration, so that cancelling brings it back, and turn to moving by hand."""
+    settings = scene.dermis_stream
+    calibration_offers.adopt(scene)
+    with suppress(core_module("errors").DermisError):  # without a device there is nothing to list
+        fill_channels(scene)
+    owner, shelf = settings.channels_owner, [shelved(entry) for entry in settings.shelf]
+    before = _Before(
+        settings.mode, settings.channels_of, owner, settings.channels_file, choice(owner), _listed(scene), shelf
+    )
+    _before.setdefault(scene.session_uid, before)
+    settings.mode = "jog"
+
+
+def calibrating(scene: bpy.types.Scene) -> bool:
+    """Tell whether a calibration of this scene can be cancelled."""
+    return scene.session_uid in _before
+
+
+def cancel_calibration(scene: bpy.types.Scene) -> None:
+    """Bring back what was there when the scene's calibration began; a device under way blends back to it."""
+    before = _before.pop(scene.session_uid, None)
+    if before is None:
+        return
+    settings = scene.dermis_stream
+    with quietly(scene):
+        settings.shelf.clear()
+        for entry in before.shelf:
+            shelve(scene, entry)
+        _list(scene, before.owner, before.of, before.file, before.channels)
+        settings.mode = before.mode
+        if before.owner and choice(before.owner) != before.choice:
+            _remember(before.owner, before.of, before.choice)
+    session.changed()
+
+
+def forget() -> None:
+    """Forget calibrations that were begun: another file is opened."""
+    _before.clear()
+    _loose.clear()
+    built_devices.refresh()
+
+
+def export(scene: bpy.types.Scene, path: Path) -> None:
+    """Write the list to a file anywhere, with name and serial of the device that it is of.
+
+    Raises:
+        DermisError: there is no device, a number that cannot be, or the file cannot be written.
+    """
+    fill_channels(scene)
+    made, worn = calibration_of(scene, scene.dermis_stream.channels_owner.rpartition(": ")[2]), worn_by(scene)
+    (made if worn is None else made.owned_by(worn.made.name, worn.made.serial)).save(path)
+
+
+def load(scene: bpy.types.Scene, path: Path) -> tuple[Any, ...]:
+    """Read a calibration from a file anywhere into the list; it is unsaved there. Return findings.
+
+    Raises:
+        DermisError: the file cannot be read, or is for another device.
+    """
+    made = core_module("calibration").Calibration.load(path)
+    key = streamed_track.device_key(scene)
+    spec = library().device(key)
+    made.for_spec(spec)  # refuses what does not fit
+    fill_channels(scene)
+    _restore(scene, _by_hand(scene, rows_for(key, made)))
+    return tuple(made.findings(spec))
+
+
+def retract(scene: bpy.types.Scene) -> None:
+    """Put every actuator's position by hand to the safe pose.
+
+    Raises:
+        DermisError: there is no device, or its safe state is none.
+    """
+    fill_channels(scene)
+    settings = scene.dermis_stream
+    safe = safe_pose(settings.channels_owner.rpartition(": ")[2])
+    with quietly(scene):
+        for channel in settings.channels:
+            channel.jog = safe[channel.name]
+    session.changed()
+
+
+def _subject(scene: bpy.types.Scene, *, give: bool = True) -> tuple[str, str, str]:
+    """Return whose list is wanted ('identity: preset'), that for people ('finger: preset'), and the preset."""
+    finger, key = streamed_track.device_of(scene)
+    obj = scene.objects.get(finger)
+    if finger and (obj is None or obj.dermis.role != "FINGER"):  # renamed since the bake, or since the file was written
+        obj = finger_ids.finger_with(built_devices.once_called(finger), scene)
+    if obj is None:
+        name = f"{finger}: {key}" if finger else key
+        return name, name, key
+    own = finger_ids.identity(obj) or (finger_ids.give(obj) if give else "")
+    return f"{own or obj.name}: {key}", f"{obj.name}: {key}", key  # what is linked from another file has only a name
+
+
+def _remember(owner: str, shown: str, file: str | None) -> None:
+    finger, _, key = owner.rpartition(": ")
+    if finger_ids.is_identity(finger):
+        built_devices.choose(finger, shown.removesuffix(f": {key}"), key, file)
+    elif file is None:
+        _loose.pop(owner, None)
+    else:
+        _loose[owner] = file
+
+
+def _listed(scene: bpy.types.Scene) -> Rows:
+    return rows_of(scene.dermis_stream.channels)
+
+
+def _by_hand(scene: bpy.types.Scene, rows: Rows) -> Rows:
+    """Return rows with the actuators where they are by hand."""
+    jog = {row["name"]: row["jog"] for row in _listed(scene)}
+    return [{**row, "jog": jog.get(row["name"], row["jog"])} for row in rows]
+
+
+def _put_by(scene: bpy.types.Scene, owner: str) -> None:
+    """Put by what is listed and not saved, before another list takes its place: a draft of its owner's, or an offer."""
+    settings = scene.dermis_stream
+    again = settings.channels_owner == owner
+    if settings.channels_owner and unsaved(scene) and (not again or any(map(calibrated, _listed(scene)))):
+        whose = "" if again else settings.channels_owner
+        shelve(scene, Shelved(settings.channels_of, whose, again, settings.channels_file, _listed(scene)))
+
+
+def _list(scene: bpy.types.Scene, owner: str, name: str, file: str, rows: Rows) -> None:
+    settings = scene.dermis_stream
+    settings.channels_owner, settings.channels_of, settings.channels_file = owner, name, file
+    fill(settings.channels, rows)
+
+
+def _restore(scene: bpy.types.Scene, plain: Rows) -> None:
+    with quietly(scene):
+        fill(scene.dermis_stream.channels, plain)
+    session.changed()

@@ -1,0 +1,84 @@
+"""Whether the scene is at a frame to which a person has put it. While it is not, a device on a finger holds still.
+
+Baking, exporting and sampling step through the frames under `handlers.muted`; rendering and Blender's own bakes step
+through them in jobs and modal operators of their own.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from bpy.app.handlers import persistent
+
+from .. import handlers
+
+# Modal operators of Blender that step through the frames, since Python can ask for few of their jobs. They end with the
+# first event after their work; until then the last frame holds, which is the one that they came back to.
+STEPPING = frozenset(
+    {
+        "RENDER_OT_opengl",
+        "PTCACHE_OT_bake",
+        "PTCACHE_OT_bake_all",
+        "FLUID_OT_bake_all",
+        "FLUID_OT_bake_data",
+        "FLUID_OT_bake_noise",
+        "FLUID_OT_bake_mesh",
+        "FLUID_OT_bake_particles",
+        "FLUID_OT_bake_guides",
+        "OBJECT_OT_simulation_nodes_cache_bake",
+        "OBJECT_OT_simulation_nodes_cache_calculate_to_frame",
+        "OBJECT_OT_geometry_node_bake_single",
+        "DPAINT_OT_bake",
+    }
+)
+
+_rendering = False
+
+
+def held() -> bool:
+    """Tell whether something steps through the frames."""
+    return handlers.sweeping() or _rendering or bpy.app.is_job_running("RENDER") or _stepping()
+
+
+def _stepping() -> bool:
+    manager = bpy.context.window_manager
+    windows = manager.windows if manager is not None else ()
+    return any(operator.bl_idname in STEPPING for window in windows for operator in window.modal_operators)
+
+
+@persistent
+def _on_render_start(*_: Any) -> None:
+    global _rendering
+    _rendering = True
+
+
+@persistent
+def _on_render_end(*_: Any) -> None:
+    global _rendering
+    _rendering = False
+
+
+def _table() -> tuple[tuple[list[Any], Any], ...]:
+    on = bpy.app.handlers
+    return (
+        (on.render_init, _on_render_start),
+        (on.render_complete, _on_render_end),
+        (on.render_cancel, _on_render_end),
+        (on.load_pre, _on_render_end),
+    )
+
+
+def register() -> None:
+    """Watch for renders."""
+    for found, function in _table():
+        if function not in found:
+            found.append(function)
+
+
+def unregister() -> None:
+    """Watch no more."""
+    for found, function in _table():
+        if function in found:
+            found.remove(function)
+    _on_render_end()

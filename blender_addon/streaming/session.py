@@ -1,0 +1,355 @@
+"""Blender's side of streaming: one sender process, a timer that gives it signs of life, and the status it reports.
+
+Nothing here waits, nothing connects by itself, and everything ends with the file, the add-on and Blender.
+"""
+
+from __future__ import annotations
+
+import traceback
+from functools import cache
+from typing import Any
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..preferences import core_module, library
+from . import (
+    agreed_paths,
+    board_identity,
+    built_devices,
+    calibration_rows,
+    device_calibration,
+    frame_hold,
+    streamed_track,
+)
+
+BEAT = 0.02  # between two signs of life [s]
+STILL = frozenset({"V", "Hz"})  # units of actuators that nothing moves
+READY = ("ready", "stalled")  # states in which a device can be armed
+REDRAW = 5  # beats between two redraws of the panel
+
+_client: Any = None
+_scene = 0  # session uid of the scene that streams
+_status: dict[str, Any] = {}
+_note = ""  # what Blender's side has to say beside the sender
+_leaving = ""  # what senders still do that were let go
+_published: tuple[float | None, tuple[float, ...]] = (None, ())  # time and values of the last beat
+_mode = ""  # at the last beat
+_beats = 0
+_restored = False  # undo or redo has brought other settings, and the sender has not heard of them
+_ports: list[tuple[str, str]] = []
+
+
+def connected() -> bool:
+    """Tell whether there is a sender."""
+    return _client is not None
+
+
+def streams(scene: bpy.types.Scene) -> bool:
+    """Tell whether there is a sender, and this is its scene."""
+    return _client is not None and _scene == scene.session_uid
+
+
+@cache
+def caution(protocol: str) -> str:
+    """Return what a person has to know of boards that speak a protocol, before a finger goes in; '' for nothing."""
+    adapter = core_module("stream.protocols.adapter")
+    module, name, _ = adapter.NAMES[protocol]
+    return str(getattr(core_module(f"stream.{module}"), name).caution)
+
+
+def status() -> dict[str, Any]:
+    """Return how things stood at the last beat; never asks anybody."""
+    return _status or {"state": "disconnected", "words": "", "armed": False}
+
+
+def found_ports() -> list[tuple[str, str]]:
+    """Return the ports of the last rescan."""
+    return _ports
+
+
+def rescan() -> int:
+    """Look for serial ports; return how many there are. Takes up to seconds: for a button, never for drawing."""
+    global _ports
+    _ports = core_module("stream.links.serial_port").ports()
+    return len(_ports)
+
+
+def connect(scene: bpy.types.Scene) -> None:
+    """Start a sender and let it connect. Nothing is armed by this.
+
+    Raises:
+        DermisError: files of the .blend that nobody has confirmed, no device, a setting that cannot be, or the process
+            cannot be started.
+    """
+    global _client, _scene, _status
+    settings = scene.dermis_stream
+    agreed_paths.check(settings)
+    close()
+    built_devices.refresh()
+    streamed_track.judge_anew()
+    key = streamed_track.device_key(scene)
+    preset = library().load("devices", key)
+    device_calibration.fill_channels(scene)
+    calibration = device_calibration.calibration_of(scene, key)
+    wish = _wish(scene)
+    _client = core_module("stream.client").SenderClient()
+    try:
+        _client.connect(settings.url, settings.protocol, key, preset, calibration=calibration.dumps(), **wish)
+    except core_module("errors").DermisError:
+        close()
+        raise
+    _scene = scene.session_uid
+    _status = {"state": "connecting", "words": "", "armed": False}
+    beat()
+    _start_timer()
+
+
+def close() -> None:
+    """Stop, disconnect and end the sender, which may outlive this for as long as the way to the safe state takes.
+
+    Safe to call at any time.
+    """
+    global _client, _leaving, _note, _published, _restored, _status
+    client, _client = _client, None
+    if client is not None:
+        client.close()
+        _leaving = core_module("stream.client").leaving()
+        _start_timer()
+    _status, _note, _published, _restored = {}, "", (None, ()), False
+    board_identity.forget()
+    streamed_track.forget()
+
+
+def leaving() -> str:
+    """Return what senders that were let go still did at the last beat, '' where all have ended; never asks anybody."""
+    return _leaving
+
+
+def pose_unknown() -> bool:
+    """Tell whether arming may start with a jump: something moves, and the device has not said where it is."""
+    now = status()
+    known = now.get("pose_known", now.get("pose") is not None)
+    return not known and any(unit not in STILL for unit in now.get("units", ()))
+
+
+def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
+    """Let the device move, because a person asked for it.
+
+    Args:
+        fingers_out: a person has said so; needed where the device does not know where its motors are.
+
+    Raises:
+        DermisError: nothing is connected, or another scene is; something steps through the frames; the device is not
+            ready; the calibration is of another one; or the first pulse may jump and nobody has said that the fingers
+            are out.
+    """
+    refused = core_module("errors").DermisError
+    if _client is None:
+        raise refused("not connected", remedy="Connect first")
+    if not streams(scene):
+        raise refused("another scene is connected", where=scene.name, remedy="Arm it there, or connect this one")
+    if frame_hold.held():
+        raise refused(
+            "nothing is armed while something steps through the frames",
+            remedy="Let the bake or the render end, or cancel it",
+        )
+    if scene.dermis_stream.mode == "jog":
+        device_calibration.retract(scene)
+    _client.set(**_wish(scene))
+    beat()
+    if status()["state"] not in READY:
+        raise refused("the device is not ready to be armed", value=status()["state"], limit=" or ".join(READY))
+    board_identity.check(scene)
+    if pose_unknown() and not fingers_out:
+        raise refused(
+            "the device does not know where its motors are", remedy="Take the finger out, and say so (fingers_out)"
+        )
+    _client.arm()
+
+
+def disarm() -> None:
+    """Bring the device to its safe state."""
+    if _client is not None:
+        _client.disarm()
+
+
+def stop() -> None:
+    """Safe state, now."""
+    if _client is not None:
+        _client.stop()
+
+
+def changed() -> None:
+    """Pass changed settings on to a running sender; a sender that does not run takes them when it starts."""
+    global _note
+    scene = _streaming_scene()
+    if _client is None or scene is None or calibration_rows.restoring():
+        return
+    try:
+        device_calibration.fill_channels(scene)
+        made = device_calibration.calibration_of(scene, streamed_track.device_key(scene))
+        _client.set(**_wish(scene), calibration=made.dumps())
+        _note = ""
+    except core_module("errors").DermisError as error:
+        _note = str(error)
+
+
+def beat() -> None:
+    """Give a sign of life with what Blender shows; read the status.
+
+    While something steps through the frames, what was published last holds: nobody plays then, and nobody scrubs.
+    """
+    global _leaving, _mode, _published, _restored, _status
+    if _leaving:
+        _leaving = core_module("stream.client").leaving()
+    if _client is None:
+        return
+    scene = _streaming_scene()
+    if scene is None:  # removed, or undone
+        close()
+        return
+    if _restored:
+        _restored = False
+        _take_back(scene)
+    playing = False
+    if not frame_hold.held():
+        if streamed_track.outdated(scene):
+            changed()  # before the time is taken: it counts from the start of the track that the sender has
+        playing = any(screen.is_animation_playing for screen in bpy.data.screens)
+        _published = _shown(scene)
+    _mode = scene.dermis_stream.mode
+    moment, values = _published
+    _client.beat(playing=playing, time=moment, values=values)
+    _status = _client.status()
+    met = board_identity.meet(scene, _status)
+    if _status["armed"] and board_identity.is_another(scene):
+        _client.disarm()
+    said = (_note, met, _status.get("words"), (_status.get("received") or {}).get("record"))
+    _status["words"] = "; ".join(filter(None, said))
+
+
+def _take_back(scene: bpy.types.Scene) -> None:
+    """Pass on what undo brought back: the device blends over to what the panel now says.
+
+    From another mode back to moving by hand it goes to its safe state instead: the positions are from some time ago.
+    """
+    global _note
+    turned = _status.get("armed") and scene.dermis_stream.mode == "jog" != _mode
+    if turned:
+        disarm()
+    changed()
+    if turned:
+        said = "undo turned to Jog, so the device goes to its safe state: arm it again"
+        _note = "; ".join(filter(None, (_note, said)))
+
+
+def _shown(scene: bpy.types.Scene) -> tuple[float, tuple[float, ...]]:
+    """Return the track's time of the frame that is shown, and in the mode 'follow' the values."""
+    first, fps = streamed_track.origin(scene)
+    moment = (float(scene.frame_current_final) - first) / fps
+    if scene.dermis_stream.mode != "follow":
+        return moment, ()
+    from . import reported_values
+
+    return moment, reported_values.shown_values(scene)
+
+
+def _wish(scene: bpy.types.Scene) -> dict[str, Any]:
+    """Return the fields of the sender's wish that the settings decide.
+
+    Raises:
+        DermisError: a file that nobody has confirmed, or a track that cannot be read.
+    """
+    agreed_paths.check(scene.dermis_stream, "track_file", "screen_file")
+    s = scene.dermis_stream
+    jog = {c.name: c.jog for c in s.channels} if s.mode == "jog" else {}
+    names = ("mode", "offset", "look_ahead", "ramp", "stall", "play_on", "reconnect", "rate")
+    return {
+        **{name: getattr(s, name) for name in names},
+        "jog": jog,
+        "track": streamed_track.track_path(scene),
+        "screen": bpy.path.abspath(s.screen_file) if s.screen_file else "",
+    }
+
+
+def _streaming_scene() -> bpy.types.Scene | None:
+    return next((s for s in bpy.data.scenes if s.session_uid == _scene), None)
+
+
+def _start_timer() -> None:
+    if not bpy.app.background and not bpy.app.timers.is_registered(_on_timer):
+        bpy.app.timers.register(_on_timer, first_interval=BEAT, persistent=True)
+
+
+def _on_timer() -> float | None:
+    global _beats
+    before = _status.get("state"), _leaving
+    try:
+        beat()
+    except Exception:  # Blender ends a timer that raises, and what the panel shows would be true no more
+        close()
+        traceback.print_exc()
+    _beats += 1
+    ended = _client is None and not _leaving
+    if ended or _beats % REDRAW == 0 or before != (_status.get("state"), _leaving):
+        _redraw()
+    return None if ended else BEAT
+
+
+def _redraw() -> None:
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+@persistent
+def _on_load(*_: Any) -> None:
+    close()
+    streamed_track.forget(files=True)
+    device_calibration.forget()
+
+
+@persistent
+def _on_history(*_: Any) -> None:
+    # Settings came back without a word. The next beat passes them on: what is changed in here belongs to no step of
+    # undo, and the scene that Blender restored is not evaluated yet.
+    global _restored
+    _restored = _client is not None
+
+
+_keys: list[tuple[Any, Any]] = []
+
+
+def register() -> None:
+    """Watch for files being opened, undo and renders; put the stop on its key."""
+    for found, function in _table():
+        if function not in found:
+            found.append(function)
+    frame_hold.register()
+    configuration = bpy.context.window_manager.keyconfigs.addon if bpy.context.window_manager else None
+    if configuration is not None:
+        keymap = configuration.keymaps.new(name="Window", space_type="EMPTY")
+        _keys.append((keymap, keymap.keymap_items.new("dermis.stream_stop", "ESC", "PRESS", shift=True)))
+
+
+def unregister() -> None:
+    """End streaming with the add-on."""
+    global _leaving
+    while _keys:
+        keymap, item = _keys.pop()
+        keymap.keymap_items.remove(item)
+    _on_load()
+    _leaving = ""
+    if bpy.app.timers.is_registered(_on_timer):
+        bpy.app.timers.unregister(_on_timer)
+    frame_hold.unregister()
+    for found, function in _table():
+        if function in found:
+            found.remove(function)
+
+
+def _table() -> tuple[tuple[list[Any], Any], ...]:
+    on = bpy.app.handlers
+    return (on.load_pre, _on_load), (on.undo_post, _on_history), (on.redo_post, _on_history)

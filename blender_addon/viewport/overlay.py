@@ -1,0 +1,217 @@
+"""What the viewport shows: the device's twin on each finger, and its values in the corner.
+
+Two draw handlers, one in the scene and one in pixels. They read `device_preview.preview`, draw, and change nothing.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..devices import platform_devices
+from ..preview import device_preview, skin_preview
+from . import paint, pin_view, platform_view, tactor_twin, thimble_view
+from .drawing import Handlers, finger_matrix, in_finger, rows_of
+from .paint import BLUE, GREEN, INK, ORANGE, PANEL
+
+_handlers = Handlers()
+CARD_WIDTH, DIAL, LINE, MARGIN = 260, 92, 17, 12
+FAINT = (*INK[:3], 0.35)
+SOURCE_COLOURS = {"bake": GREEN, "live": BLUE, "stale": ORANGE, "earlier": ORANGE, "device": GREEN, "file": GREEN}
+
+
+def _draw_view() -> None:
+    scene = bpy.context.scene
+    for row in rows_of(("shear_tactor", "friction_screen")):
+        frame = finger_matrix(scene, row.finger)
+        if frame is None:
+            continue
+        with in_finger(frame):
+            if "tactor_x" in row.values:
+                _tactor(row, scene.dermis.twin_exaggeration)
+            elif "amplitude" in row.values:
+                _field(row)
+
+
+def _tactor(row: device_preview.Row, exaggeration: float) -> None:
+    import gpu
+
+    x, y = row.values["tactor_x"] * exaggeration, row.values["tactor_y"] * exaggeration
+    # The device sits between the pad and what it touches: what is hidden there shows through as a flat figure.
+    for test, solid in (("GREATER", False), ("LESS_EQUAL", True)):
+        gpu.state.depth_test_set(test)
+        gpu.state.depth_mask_set(solid)
+        _triangles(tactor_twin.housing() if solid else tactor_twin.plan())
+        with gpu.matrix.push_pop():
+            gpu.matrix.translate((x, y, 0.0))
+            _triangles(tactor_twin.cap() if solid else tactor_twin.dot())
+    gpu.state.depth_test_set("NONE")
+    gpu.state.depth_mask_set(False)
+    reach = row.high.get("tactor_x") or 2e-3
+    paint.line(tactor_twin.circle(reach * exaggeration, 0.3e-3), FAINT, 1.0)
+    if np.hypot(x, y) > 1e-5:
+        paint.line(np.array([[0.0, 0.0, 0.35e-3], [x, y, 0.35e-3]], np.float32), INK, 2.5)
+
+
+def _field(row: device_preview.Row) -> None:
+    import gpu
+
+    level = _level(row, "amplitude")
+    gpu.state.depth_test_set("NONE")
+    gpu.state.depth_mask_set(False)
+    colour = tactor_twin.heat(level)
+    if level > 0.0:
+        _triangles(tactor_twin.glow(6e-3 + 9e-3 * level, (*colour[:3], 0.25 + 0.6 * level)))
+    paint.line(tactor_twin.circle(6e-3, 0.0), (*colour[:3], 0.9), 1.5)
+    if level > 0.0:
+        paint.line(tactor_twin.circle(6e-3 + 9e-3 * level, 0.0), (*colour[:3], 0.6), 1.0)
+
+
+def _draw_pixels() -> None:
+    context = bpy.context
+    scene, space = context.scene, context.space_data
+    if not scene.dermis.show_readout or not getattr(space.overlay, "show_overlays", True):
+        return
+    shown = device_preview.preview(scene)
+    if shown is None or not (shown.rows or shown.source == "live"):
+        return
+    if not shown.rows and skin_preview.states(scene):
+        return  # fingers without devices: the skin's legend says where it comes from
+    import gpu
+
+    scale = context.preferences.system.ui_scale
+    gpu.state.blend_set("ALPHA")
+    left = MARGIN * scale + _width_of(context.area, "TOOLS")
+    bottom = MARGIN * scale
+    height = context.region.height
+    for row in reversed(shown.rows):
+        needed = _card_height(row) * scale
+        if bottom + needed > height - 60 * scale:
+            paint.text(f"and {len(shown.rows)} devices in all", left, bottom, FAINT, scale)
+            bottom += LINE * scale
+            break
+        _card(row, left, bottom, scale)
+        bottom += needed + 6 * scale
+    paint.text(shown.note, left + 2 * scale, bottom + 3 * scale, SOURCE_COLOURS[shown.source], scale)
+    gpu.state.blend_set("NONE")
+
+
+def _width_of(area: bpy.types.Area, kind: str) -> float:
+    return float(next((r.width for r in area.regions if r.type == kind and r.width > 1), 0))
+
+
+def _card_height(row: device_preview.Row) -> float:
+    if row.kind in platform_devices.KINDS:
+        return platform_view.height(row) + 2.0 * MARGIN
+    tall = "tactor_x" in row.values or row.kind in ("pin_array", "thimble")
+    return DIAL + 3.0 * MARGIN + LINE if tall else 3 * LINE + 2 * MARGIN
+
+
+def _card(row: device_preview.Row, left: float, bottom: float, scale: float) -> None:
+    height = _card_height(row) * scale
+    paint.rectangle(left, bottom, CARD_WIDTH * scale, height, PANEL)
+    top = bottom + height - (MARGIN + 6) * scale
+    x = left + MARGIN * scale
+    paint.text(f"{row.finger}   {row.title}", x, top, INK, scale, width=(CARD_WIDTH - 2 * MARGIN) * scale)
+    if "tactor_x" in row.values:
+        _dial(row, x, bottom + MARGIN * scale, scale)
+    elif row.kind == "pin_array":
+        pin_view.card(row, x, bottom + MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, DIAL * scale, scale)
+    elif row.kind == "thimble" and "servo_1" in row.values:
+        thimble_view.card(row, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
+    elif row.kind in platform_devices.KINDS:
+        platform_view.card(row, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
+    elif "amplitude" in row.values:
+        _bar(row, x, top - 1.6 * LINE * scale, scale)
+
+
+def _dial(row: device_preview.Row, left: float, bottom: float, scale: float) -> None:
+    """Draw the tactor's plane as the finger's owner would see it through the nail: tip up."""
+    radius = 0.5 * DIAL * scale
+    centre = np.array([left + radius, bottom + radius])
+    reach = row.high.get("tactor_x") or 2e-3
+    angle = np.linspace(0.0, 2.0 * np.pi, 49)
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    _line2d(centre + radius * ring, FAINT, 1.0)
+    for a, b in (((-1, 0), (1, 0)), ((0, -1), (0, 1))):
+        _line2d(centre + radius * np.array([a, b]), (*FAINT[:3], 0.15), 1.0)
+    if len(row.path) > 1:
+        points = centre + radius * row.path / reach
+        fade = np.linspace(0.0, 0.9, len(points))
+        _line2d(points, np.column_stack([np.tile(ORANGE[:3], (len(points), 1)), fade]), 1.6)
+    at = np.array([row.values["tactor_x"], row.values["tactor_y"]])
+    paint.disc(centre + radius * at / reach, 5.0 * scale, ORANGE)
+    x = left + DIAL * scale + 14 * scale
+    y = bottom + DIAL * scale - 14 * scale
+    lines = [
+        (f"x  {at[0] * 1e3:+6.2f} mm", INK),
+        (f"y  {at[1] * 1e3:+6.2f} mm", INK),
+        (f"{100 * np.hypot(*at) / reach:.0f} % of ±{reach * 1e3:g} mm", FAINT),
+    ]
+    if row.contact is not None:
+        lines.append(("touching", ORANGE) if row.contact > 0.5 else ("in the air", FAINT))
+    for text, colour in lines:
+        paint.text(text, x, y, colour, scale)
+        y -= LINE * scale
+
+
+def _bar(row: device_preview.Row, left: float, bottom: float, scale: float) -> None:
+    level, width = _level(row, "amplitude"), (CARD_WIDTH - 2 * MARGIN) * scale
+    paint.rectangle(left, bottom, width, 12 * scale, (*FAINT[:3], 0.12))
+    if level > 0.0:
+        paint.rectangle(left, bottom, width * level, 12 * scale, tactor_twin.heat(level))
+    limit = row.high.get("amplitude")
+    text = f"{row.values['amplitude']:.0f} V"
+    if limit:
+        text += f"  of {limit:.0f} V"
+    if "carrier" in row.values:
+        text += f"   at {row.values['carrier']:.0f} Hz"
+    paint.text(text, left, bottom - 1.25 * LINE * scale, INK, scale)
+    if row.contact is not None:
+        touching = row.contact > 0.5
+        paint.text(
+            "on the screen" if touching else "off the screen",
+            left + 0.66 * width,
+            bottom - 1.25 * LINE * scale,
+            ORANGE if touching else FAINT,
+            scale,
+        )
+
+
+def _level(row: device_preview.Row, name: str) -> float:
+    return float(np.clip(row.values[name] / (row.high.get(name) or 1.0), 0.0, 1.0))
+
+
+def _triangles(part: tactor_twin.Part) -> None:
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
+    batch_for_shader(
+        shader, "TRIS", {"pos": part.positions, "color": part.colours}, indices=np.ascontiguousarray(part.triangles)
+    ).draw(shader)
+
+
+def _line2d(points: np.ndarray, colour: Any, width: float) -> None:
+    paint.line(np.column_stack([points, np.zeros(len(points))]), colour, width)
+
+
+def redraw() -> None:
+    """Ask every 3D view to draw again."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+def register() -> None:
+    """Draw devices from now on."""
+    _handlers.add(_draw_view)
+    _handlers.add(_draw_pixels, "POST_PIXEL")
+
+
+def unregister() -> None:
+    """Draw them no more."""
+    _handlers.clear()

@@ -1,0 +1,122 @@
+"""Drawing for overlays: text, boxes, lines, discs and colour strips, in pixels; lines also in space."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+Colour = tuple[float, float, float, float]
+
+INK: Colour = (0.92, 0.93, 0.95, 1.0)
+FAINT: Colour = (0.92, 0.93, 0.95, 0.55)
+PANEL: Colour = (0.07, 0.08, 0.09, 0.82)
+ORANGE: Colour = (1.0, 0.52, 0.10, 1.0)
+BLUE: Colour = (0.36, 0.62, 1.0, 1.0)
+GREEN: Colour = (0.45, 0.80, 0.55, 1.0)
+FONT_SIZE = 11.5
+
+
+def text(
+    words: str, x: float, y: float, colour: Colour, scale: float, *, width: float = 0.0, align: float = 0.0
+) -> None:
+    """Write a line; cut it off at a width [px] where one is given. `align` is the part of it left of x."""
+    import blf
+
+    blf.size(0, FONT_SIZE * scale)
+    blf.color(0, *colour)
+    while width and len(words) > 4 and blf.dimensions(0, words)[0] > width:
+        words = words.rstrip("…")[:-1] + "…"
+    if align:
+        x -= align * blf.dimensions(0, words)[0]
+    blf.position(0, x, y, 0.0)
+    blf.draw(0, words)
+
+
+def wrapped(words: str, letters: int) -> list[str]:
+    """Return a text in lines of at most so many letters."""
+    return textwrap.wrap(words, letters)
+
+
+def rectangle(left: float, bottom: float, width: float, height: float, colour: Colour) -> None:
+    """Fill a box."""
+    right, top = left + width, bottom + height
+    corners = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
+    _fill(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), colour)
+
+
+def disc(centre: NDArray[Any], radius: float, colour: Colour) -> None:
+    """Fill a circle."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 25)[:-1]
+    points = np.vstack([centre, centre + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)])
+    i = np.arange(24)
+    _fill(points, np.stack([np.zeros_like(i), 1 + i, 1 + (i + 1) % 24], axis=1).astype(np.int32), colour)
+
+
+def arrow(start: NDArray[Any], end: NDArray[Any], colour: Colour, width: float, scale: float) -> None:
+    """Draw a line with a head at its end."""
+    along = end - start
+    length = float(np.hypot(*along))
+    if length < 1.0:
+        return
+    along = along / length
+    side = np.array([-along[1], along[0]])
+    head = min(7.0 * scale, 0.6 * length)
+    neck = end - head * along
+    half = 0.5 * width * scale
+    body = np.array([start + half * side, start - half * side, neck - half * side, neck + half * side])
+    _fill(body, np.array([[0, 1, 2], [0, 2, 3]], np.int32), colour)
+    wings = 0.55 * head * side
+    _fill(np.array([end, neck + wings, neck - wings]), np.array([[0, 1, 2]], np.int32), colour)
+
+
+def line(points: NDArray[Any], colour: tuple[float, ...], width: float) -> None:
+    """Draw a line through points of shape (n, 3), in pixels or in the space that is drawn in; width at scale 1 [px]."""
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    shader = gpu.shader.from_builtin("POLYLINE_SMOOTH_COLOR")
+    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+    shader.uniform_float("lineWidth", width * bpy.context.preferences.system.ui_scale)
+    gpu.state.blend_set("ALPHA")  # text drawing leaves it off
+    colours = np.broadcast_to(np.asarray(colour, np.float32), (len(points), 4)).copy()
+    batch_for_shader(shader, "LINE_STRIP", {"pos": points.astype(np.float32), "color": colours}).draw(shader)
+
+
+def strip(left: float, bottom: float, width: float, height: float, colours: NDArray[np.float32]) -> None:
+    """Fill a box with a colour map from left to right; colours of shape (n, 3)."""
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
+    n = len(colours)
+    x = np.linspace(left, left + width, n)
+    low, high = (np.column_stack([x, np.full(n, y), np.zeros(n)]) for y in (bottom, bottom + height))
+    i = np.arange(n - 1)
+    faces = np.vstack([np.stack([i, i + 1, n + i + 1], axis=1), np.stack([i, n + i + 1, n + i], axis=1)])
+    rgba = np.tile(np.column_stack([colours, np.ones(n)]).astype(np.float32), (2, 1))
+    batch_for_shader(
+        shader,
+        "TRIS",
+        {"pos": np.vstack([low, high]).astype(np.float32), "color": rgba},
+        indices=np.ascontiguousarray(faces, np.int32),
+    ).draw(shader)
+
+
+def width_of(area: bpy.types.Area, kind: str) -> float:
+    """Return the width of an area's region of a kind, such as 'UI', where it is open [px]."""
+    return float(next((r.width for r in area.regions if r.type == kind and r.width > 1), 0))
+
+
+def _fill(points: NDArray[Any], triangles: NDArray[np.int32], colour: Colour) -> None:
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+    shader.uniform_float("color", colour)
+    gpu.state.blend_set("ALPHA")  # text drawing leaves it off
+    flat = np.column_stack([points, np.zeros(len(points))]).astype(np.float32)
+    batch_for_shader(shader, "TRIS", {"pos": flat}, indices=triangles).draw(shader)

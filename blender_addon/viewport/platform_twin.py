@@ -1,0 +1,136 @@
+"""Twins of the platforms: cables and springs or six legs between base and disc, as coloured triangles in the finger's
+frame.
+
+Motors are taken as commanded. A cable platform is in balance with the skin that it presses, so its cables' tensions
+are those under load: their colour goes from blue to orange with the servo's limit. Legs are coloured by their share of
+the stroke.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices import skin_models
+from ..preferences import core_module
+from . import tactor_twin
+from .tactor_twin import Colour, Part
+from .thimble_twin import BASE, DISC, DISC_HEIGHT, LINK, joined
+
+Array = NDArray[np.float64]
+
+CABLE, LEG, RIM, COIL = 0.45e-3, 0.9e-3, 1.0e-3, 0.25e-3  # half widths [m]
+TURNS, COIL_RADIUS, PER_TURN = 7, 2.0e-3, 10
+SPRING: Colour = (0.60, 0.64, 0.68, 0.55)
+
+
+@dataclass(frozen=True)
+class State:
+    """A platform at one moment.
+
+    Attributes:
+        base, joints: ends of cables or legs in the finger's frame [m], shape (n, 3).
+        pose: of the disc, its face towards +Z, shape (4, 4).
+        share: of the limit that each cable or leg uses, 0 to 1, shape (n,).
+        tension: of the cables [N], shape (n,); None for legs.
+    """
+
+    base: Array
+    joints: Array
+    pose: Array
+    share: Array
+    tension: Array | None
+
+
+def state(spec: Any, commands: Array, skin: Any | None, touching: bool) -> State:
+    """Return where a platform is for commands of its own channels.
+
+    Args:
+        skin: what it presses; None for a platform in the air.
+
+    Raises:
+        DermisError: a broken preset, or commands for which there is no pose.
+    """
+    platforms, coupling = core_module("matching.platforms"), core_module("devices.coupling").coupling_of(spec)
+    device = platforms.mechanism(spec)
+    original = np.asarray(commands if coupling is None else coupling.original(commands), np.float64)[None]
+    if skin is not None and touching:
+        with skin_models.one_thread():
+            poses = core_module("matching.table").press_of(skin, spec).press(original).poses
+    else:
+        poses = device.carry(original, device.rest_poses(1))
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = poses.rotation[0], poses.centre[0]
+    joints = device.joints @ pose[:3, :3].T + pose[:3, 3]
+    if hasattr(device, "tensions"):
+        tension = device.tensions(poses, original)[0]
+        return State(device.base, joints, pose, np.clip(tension / device.tension_limit, 0.0, 1.0), tension)
+    channels = platforms.original_channels(spec)
+    low, high = np.array([(c.low, c.high) for c in channels]).T
+    return State(device.base, joints, pose, np.clip((original[0] - low) / (high - low), 0.0, 1.0), None)
+
+
+def parts(at: State, radius: float) -> Part:
+    """Return the whole twin; `radius` is the disc's [m]."""
+    pieces = [_rim(at.base), _rim(at.joints), _placed(_disc(radius), at.pose)]
+    for start, end, share in zip(at.base, at.joints, at.share.tolist(), strict=True):
+        pieces.append(bar(start, end, CABLE if at.tension is not None else LEG, tactor_twin.heat(share)))
+        if at.tension is not None:
+            pieces.append(_spring(start, end))
+        pieces.append(bar(end, at.pose[:3, 3] + 0.55 * (end - at.pose[:3, 3]), RIM, LINK))
+    return joined(pieces)
+
+
+def bar(start: Array, end: Array, half: float, colour: Colour) -> Part:
+    """Return a bar with four sides between two points [m]."""
+    along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-12)
+    side = np.cross(along, [0.0, 1.0, 0.0] if abs(along[1]) < 0.9 else [1.0, 0.0, 0.0])
+    side /= np.linalg.norm(side)
+    up = np.cross(along, side)
+    round_it = np.array([side, up, -side, -up])
+    positions = np.vstack([start + half * round_it, end + half * round_it]).astype(np.float32)
+    shade = np.array([1.0, 0.8, 0.6, 0.8])
+    colours = np.tile(np.column_stack([shade[:, None] * np.array(colour[:3]), np.full(4, colour[3])]), (2, 1))
+    i = np.arange(4)
+    j = (i + 1) % 4
+    triangles = np.vstack([np.stack([i, j, 4 + j], axis=1), np.stack([i, 4 + j, 4 + i], axis=1)])
+    return Part(positions, colours.astype(np.float32), triangles.astype(np.int32))
+
+
+def _spring(start: Array, end: Array) -> Part:
+    """Return a coil around a cable, as flat ribbons."""
+    along = end - start
+    length = max(float(np.linalg.norm(along)), 1e-12)
+    side = np.cross(along / length, [0.0, 1.0, 0.0] if abs(along[1]) < 0.9 * length else [1.0, 0.0, 0.0])
+    side /= np.linalg.norm(side)
+    up = np.cross(along / length, side)
+    t = np.linspace(0.0, 1.0, TURNS * PER_TURN + 1)
+    angle = 2.0 * np.pi * TURNS * t
+    out = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up
+    middle = start + t[:, None] * along + COIL_RADIUS * out
+    wide = COIL * along / length
+    positions = np.vstack([middle - wide, middle + wide]).astype(np.float32)
+    n, i = len(t), np.arange(len(t) - 1)
+    triangles = np.vstack([np.stack([i, i + 1, n + i + 1], axis=1), np.stack([i, n + i + 1, n + i], axis=1)])
+    return Part(positions, np.tile(np.array(SPRING, np.float32), (2 * n, 1)), triangles.astype(np.int32))
+
+
+def _rim(points: Array) -> Part:
+    """Return bars from each joint to the next around the middle."""
+    middle = points.mean(axis=0)
+    order = np.argsort(np.arctan2(points[:, 1] - middle[1], points[:, 0] - middle[0]))
+    ring = points[order]
+    return joined([bar(a, b, RIM, BASE) for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True)])
+
+
+@cache
+def _disc(radius: float) -> Part:
+    return tactor_twin._lathe([(0.0, -DISC_HEIGHT), (radius, -DISC_HEIGHT), (radius, 0.0), (0.0, 0.0)], DISC)
+
+
+def _placed(part: Part, pose: Array) -> Part:
+    return part._replace(positions=(part.positions @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32))

@@ -1,0 +1,91 @@
+"""What the view shows of skins at the current frame: values, worked out once, and the range of their colours."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import bpy
+import numpy as np
+
+from .. import handlers
+from ..devices import skin_models
+from ..preview import skin_preview
+from ..preview.skin_preview import SkinState
+from . import skin_field
+from .skin_field import QUANTITIES, SIGNED, Drawn
+
+
+class Shown(NamedTuple):
+    """Everything the view shows of skins at the current frame."""
+
+    states: tuple[SkinState, ...]
+    drawn: tuple[Drawn | None, ...]
+    low: float
+    high: float
+
+
+_drawn: dict[str, tuple[SkinState, tuple[Any, ...], Drawn]] = {}
+_largest: dict[tuple[Any, ...], float] = {}
+_stresses = {"computed": 0, "skipped": 0}
+
+
+def shown(scene: bpy.types.Scene) -> Shown:
+    """Return the skins of the current frame with their values, and the range of the colours."""
+    view = scene.dermis.skin_view
+    states = skin_preview.states(scene)
+    drawn = tuple(_values(s, view.quantity, view.exaggeration) if s.model is not None else None for s in states)
+    for gone in set(_drawn) - {s.finger for s in states}:
+        del _drawn[gone]
+    low, high = _range(scene, [d for d in drawn if d is not None])
+    return Shown(states, drawn, low, high)
+
+
+def counters() -> dict[str, int]:
+    """Return for how many skins and frames the values to show were computed, and for how many that was not needed."""
+    return dict(_stresses)
+
+
+def forget_range() -> None:
+    """Let the automatic range begin anew."""
+    _largest.clear()
+
+
+def _values(state: SkinState, quantity: str, exaggeration: float) -> Drawn:
+    known = _drawn.get(state.finger)
+    key = (quantity, round(float(exaggeration), 4))
+    if known is not None and known[1] == key:
+        before = known[0]
+        if before is state or (
+            before.model is state.model and before.lift == state.lift and np.array_equal(before.force, state.force)
+        ):
+            return known[2]
+    _stresses["computed" if state.touching else "skipped"] += 1
+    with skin_models.one_thread():
+        made = skin_field.draw_of(state, quantity, key[1])
+    _drawn[state.finger] = (state, key, made)
+    return made
+
+
+def _range(scene: bpy.types.Scene, drawn: list[Drawn]) -> tuple[float, float]:
+    view = scene.dermis.skin_view
+    if view.range_mode == "fixed":
+        top = view.maximum * QUANTITIES[view.quantity].factor
+    else:
+        now = max((max(d.high, -d.low) for d in drawn), default=0.0)
+        if view.range_mode == "auto":
+            key = (scene.session_uid, view.quantity, handlers.generation())
+            now = _largest[key] = max(now, _largest.get(key, 0.0))
+        factor = QUANTITIES[view.quantity].factor
+        top = skin_field.nice(now / factor) * factor
+    return (-top if view.quantity in SIGNED else 0.0), top
+
+
+def colour_table(view: Any) -> str:
+    """Return the name of the colour map that is in use."""
+    return "signed" if view.quantity in SIGNED else str(view.colours)
+
+
+def forget() -> None:
+    """Forget everything that was worked out."""
+    _drawn.clear()
+    _largest.clear()

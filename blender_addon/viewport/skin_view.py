@@ -1,0 +1,97 @@
+"""The heat map in the 3D view: the deformed skin over the artist's finger, a map of each pad, and the legend.
+
+Where the skin touches, an object hides it from every side, so what is hidden is drawn once more, through whatever is
+in front. The draw handlers read `skin_preview.states`, work out the values that are shown and nothing else, and keep
+them until the frame, the quantity or the skin changes.
+"""
+
+from __future__ import annotations
+
+import bpy
+from mathutils import Matrix
+
+from . import paint, skin_cards, skin_shader, skin_shown
+from .drawing import Handlers, finger_matrix
+from .skin_cards import force
+from .skin_shown import Shown, counters, forget_range, shown
+
+__all__ = ["Shown", "counters", "force", "forget_range", "shown"]
+
+BIAS = 0.3e-3  # [m] by which the skin is brought forward, so that the artist's finger does not cover it
+_handlers = Handlers()
+
+
+def _visible(context: bpy.types.Context) -> bool:
+    view, space = context.scene.dermis.skin_view, context.space_data
+    return bool(view.show) and bool(getattr(space.overlay, "show_overlays", True))
+
+
+def _draw_view() -> None:
+    context = bpy.context
+    if not _visible(context):
+        return
+    scene = context.scene
+    now = shown(scene)
+    if not now.states:
+        return
+    import gpu
+
+    from ..sampling.participants import metres_per_unit
+
+    unit, view = 1.0 / metres_per_unit(scene), scene.dermis.skin_view
+    for state, drawn in zip(now.states, now.drawn, strict=True):
+        frame = finger_matrix(scene, state.finger)
+        if frame is None or drawn is None:
+            continue
+        ready = skin_shader.on_card(state, drawn)
+        model = frame @ Matrix.Scale(unit, 4)
+        gpu.state.blend_set("ALPHA")
+        gpu.state.depth_mask_set(False)
+        gpu.state.depth_test_set("LESS_EQUAL")
+        gpu.state.face_culling_set("BACK")
+        skin_shader.draw(ready.whole, model, now, view, opacity=1.0, fill=view.fill, bias=BIAS, light=1.0, linear=True)
+        gpu.state.face_culling_set("NONE")
+        if view.xray > 0.0 and state.touching:
+            gpu.state.depth_test_set("GREATER")
+            skin_shader.draw(
+                ready.whole, model, now, view, opacity=view.xray, fill=0.0, bias=BIAS, light=0.5, linear=True
+            )
+        gpu.state.depth_test_set("NONE")
+        gpu.state.blend_set("NONE")
+
+
+def _draw_pixels() -> None:
+    context = bpy.context
+    if not _visible(context):
+        return
+    scene = context.scene
+    view = scene.dermis.skin_view
+    if not (view.legend or view.maps):
+        return
+    now = shown(scene)
+    if not now.states:
+        return
+    import gpu
+
+    scale = context.preferences.system.ui_scale
+    gpu.state.blend_set("ALPHA")
+    right = context.region.width - skin_cards.MARGIN * scale - paint.width_of(context.area, "UI")
+    bottom = skin_cards.MARGIN * scale
+    if view.maps:
+        bottom = skin_cards.columns(context, now, right, bottom, scale)
+    if view.legend:
+        skin_cards.legend(now, view, right, bottom, scale)
+    gpu.state.blend_set("NONE")
+
+
+def register() -> None:
+    """Draw skins from now on."""
+    _handlers.add(_draw_view)
+    _handlers.add(_draw_pixels, "POST_PIXEL")
+
+
+def unregister() -> None:
+    """Draw them no more, and take what belongs to them off the graphics card."""
+    _handlers.clear()
+    skin_shader.forget()
+    skin_shown.forget()

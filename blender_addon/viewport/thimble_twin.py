@@ -1,0 +1,151 @@
+"""The thimble's twin: base, cranks, rods and disc as coloured triangles in the finger's frame.
+
+Every part is placed by the servos' angles: the platform by forward kinematics, as the real one would be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..preferences import core_module
+from . import tactor_twin
+from .tactor_twin import Colour, Part
+
+Array = NDArray[np.float64]
+
+BASE: Colour = (0.24, 0.27, 0.31, 0.55)
+LINK: Colour = (0.62, 0.66, 0.70, 0.95)
+DISC: Colour = (0.36, 0.62, 1.0, 0.60)
+NEAR_LIMIT = 0.85  # of a servo's range: from here on its crank turns orange
+WARNING: Colour = (1.0, 0.52, 0.10, 1.0)
+CRANK, ROD = 1.0e-3, 0.7e-3  # half widths [m]
+DISC_HEIGHT, RING = 1.2e-3, 1.2e-3
+POINTER = 8e-3  # [m] below the disc
+_SIDES = 36
+_LIGHT = np.array([0.35, -0.45, 0.82]) / np.linalg.norm([0.35, -0.45, 0.82])
+
+
+@dataclass(frozen=True)
+class Joints:
+    """Where a thimble's joints are, in the finger's frame [m].
+
+    Attributes:
+        servo, knee, platform: of the three legs, shape (3, 3).
+        pose: of the platform, finger's frame, shape (4, 4); the disc touches with its -Z side.
+        x: pitch, roll [rad], distance [m], shape (3,).
+    """
+
+    servo: Array
+    knee: Array
+    platform: Array
+    pose: Array
+    x: Array
+
+
+def joints(device: Any, angles: Array, start: Array) -> Joints:
+    """Return a thimble's joints for servo angles from neutral [rad].
+
+    Args:
+        start: configuration to look from: pitch, roll [rad], distance [m].
+
+    Raises:
+        DermisError: no pose of the platform has these angles.
+    """
+    module = core_module("devices.thimble")
+    absolute = np.asarray(angles, np.float64) + device.servo_zero
+    x = device.forward(absolute, start)
+    pose = device.in_finger(device.pose(x))
+    out = module.LEG_DIRECTIONS
+    servo = device.base_radius * out
+    knee = servo + device.crank * (np.cos(absolute)[:, None] * out + np.sin(absolute)[:, None] * [[0.0, 0.0, 1.0]])
+    turn, origin = device.mount[:3, :3], device.mount[:3, 3]
+    platform = device.platform_radius * out @ pose[:3, :3].T + pose[:3, 3]
+    return Joints(servo @ turn.T + origin, knee @ turn.T + origin, platform, pose, x)
+
+
+def parts(device: Any, at: Joints, shares: Array) -> Part:
+    """Return the whole twin; `shares` is how much of its range each servo uses, 0 to 1, shape (3,)."""
+    pieces = [_placed(_ring(device.base_radius), device.mount)]
+    for i in range(3):
+        warm = float(np.clip((shares[i] - NEAR_LIMIT) / (1.0 - NEAR_LIMIT), 0.0, 1.0))
+        r, g, b, a = ((1 - warm) * cold + warm * hot for cold, hot in zip(LINK, WARNING, strict=True))
+        pieces += [_bar(at.servo[i], at.knee[i], CRANK, (r, g, b, a)), _bar(at.knee[i], at.platform[i], ROD, LINK)]
+        pieces.append(_bar(at.platform[i], at.pose[:3, 3] + 0.5 * (at.platform[i] - at.pose[:3, 3]), ROD, LINK))
+    pieces.append(_placed(_disc(device.disc_radius), at.pose))
+    return joined(pieces)
+
+
+def pointer(pose: Array) -> Array:
+    """Return a line from the disc's middle to the tip of its pointer [m], shape (2, 3)."""
+    return np.array([pose[:3, 3], pose[:3, 3] + POINTER * pose[:3, 2]])
+
+
+def loops(device: Any, around: float) -> list[Array]:
+    """Return where the pointer can go: a closed loop for each of several heights, in the finger's frame [m].
+
+    Raises:
+        DermisError: the level platform does not reach `around`.
+    """
+    found = core_module("devices.reach").reach(device, around)
+    out = []
+    for level in range(len(found.distance)):
+        tips = np.array([pointer(device.in_finger(device.pose(x)))[1] for x in found.configurations(level)])
+        out.append(np.vstack([tips, tips[:1]]))
+    return out
+
+
+def joined(pieces: list[Part]) -> Part:
+    """Return several parts as one."""
+    starts = np.cumsum([0, *(len(p.positions) for p in pieces[:-1])])
+    return Part(
+        np.vstack([p.positions for p in pieces]),
+        np.vstack([p.colours for p in pieces]),
+        np.vstack([p.triangles + start for p, start in zip(pieces, starts.tolist(), strict=True)]).astype(np.int32),
+    )
+
+
+@cache
+def _disc(radius: float) -> Part:
+    return tactor_twin._lathe([(0.0, 0.0), (radius, 0.0), (radius, DISC_HEIGHT), (0.0, DISC_HEIGHT)], DISC)
+
+
+@cache
+def _ring(radius: float) -> Part:
+    return tactor_twin._lathe(
+        [
+            (radius - RING, -RING),
+            (radius + RING, -RING),
+            (radius + RING, 0.0),
+            (radius - RING, 0.0),
+            (radius - RING, -RING),
+        ],
+        BASE,
+    )
+
+
+def _placed(part: Part, pose: Array) -> Part:
+    return part._replace(positions=(part.positions @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32))
+
+
+def _bar(start: Array, end: Array, half: float, colour: Colour) -> Part:
+    """Return a bar with six sides, lit by the twin's fixed light."""
+    along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-12)
+    side = np.cross(along, [0.0, 1.0, 0.0] if abs(along[1]) < 0.9 else [1.0, 0.0, 0.0])
+    side /= np.linalg.norm(side)
+    up = np.cross(along, side)
+    angle = np.arange(7) * (np.pi / 3)
+    normals = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up
+    shade = 0.55 + 0.45 * np.abs(normals @ _LIGHT)
+    lit = np.column_stack([shade[:, None] * np.array(colour[:3]), np.full(7, colour[3])])
+    i = np.arange(6)
+    quads = np.stack([i, i + 1, i + 8, i + 7], axis=1)
+    return Part(
+        np.vstack([start + half * normals, end + half * normals]).astype(np.float32),
+        np.vstack([lit, lit]).astype(np.float32),
+        np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32),
+    )

@@ -1,0 +1,240 @@
+"""`python -m core design`: how many motors do these touches need?"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Generator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from ..design.interactions import NAMES, NOISE, interaction
+from ..errors import DermisError
+
+if TYPE_CHECKING:
+    from ..scene.tactile_scene import TactileScene
+
+T = TypeVar("T")
+
+
+def add_parser(commands: Any) -> None:
+    """Add the verb to the command line."""
+    text = (
+        "Find the fewest motors, and their coupling, with which a platform device renders given touches: sampled "
+        "scenes (.npz), recordings of a 20-channel sensor (.csv), or the six interactions of [S2]."
+    )
+    one = commands.add_parser("design", help="how many motors a device needs for given touches", description=text)
+    one.add_argument(
+        "touches", nargs="*", metavar="TOUCH", help=f"sampled scene, recording, or one of: {', '.join(NAMES)}"
+    )
+    one.add_argument("--device", default="cable_platform", metavar="PRESET", help="the device preset")
+    one.add_argument("--table", type=Path, metavar="FILE", help="a collected table (.npz) or a recorded one (.csv)")
+    one.add_argument("--rows", type=int, metavar="N", help="size of the table to collect; 0 for the preset's own")
+    one.add_argument("--save-table", type=Path, metavar="FILE", help="keep the collected table")
+    one.add_argument("--workers", type=int, default=0, metavar="N", help="child processes for the collection")
+    one.add_argument("--skin", metavar="PRESET", help="the skin preset; as in the scene if left out")
+    one.add_argument("--level", default="draft", choices=("draft", "standard"), help="accuracy of the skin")
+    one.add_argument("--noise", type=float, default=NOISE, metavar="COUNTS", help="of the virtual sensor")
+    one.add_argument("--seed", type=int, default=0, help="of noise and of the six interactions' wobble")
+    one.add_argument("--finger", type=int, default=0, metavar="I", help="which finger of a scene")
+    one.add_argument("--choice", choices=("variance", "rendered"), help="components of the preset")
+    one.add_argument("--motors", type=int, metavar="K", help="of the preset; as the rule says if left out")
+    one.add_argument("--out", type=Path, metavar="DIR", help="write text, JSON, picture and preset there")
+    one.add_argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
+    one.add_argument("--json", action="store_true", help="print the report as JSON")
+    one.add_argument(
+        "--trial",
+        type=int,
+        metavar="SEEDS",
+        help="judge the six interactions for so many seeds, and list every exception",
+    )
+    one.add_argument("--quiet", action="store_true", help="no progress")
+    one.set_defaults(run=run, writes={"out": True, "save_table": False})
+
+
+def run(options: argparse.Namespace) -> int:
+    """Collect or read the table, sense the touches, and report."""
+    from ..design import task
+    from ..design.report import as_json, as_text
+    from ..devices.coupling import refuse_coupled
+    from ..devices.safe_state import safe_findings
+    from ..devices.spec import from_preset
+    from ..presets import Library, read
+    from ..skin.model import MATERIAL_PARAMETERS, skin_from_parameters
+    from ..skin.shape import shape_from_parameters
+
+    library = Library(options.presets)
+    spec = library.device(options.device)
+    refuse_coupled(spec)
+    _refuse_nonsense(options, len(spec.channels))
+    recordings, scenes = _read(options)
+    parameters = _skin(options, library, scenes)
+    if "mesh" in parameters and options.table is None:
+        raise DermisError(
+            "tables are swept on the built-in fingertip, not on a mesh of one's own",
+            where="skin",
+            remedy="Give a table with --table, or a skin preset of a size with --skin",
+        )
+    rows = task.ROWS if options.rows is None else options.rows or None
+    folder = (options.out or Path.cwd()) / "collection"
+    material = {k: float(v) for k, v in parameters.items() if k in MATERIAL_PARAMETERS}
+    lengths = {k: v for k, v in parameters.items() if k not in material and k != "mesh"}
+    shape = shape_from_parameters(lengths if "mesh" not in parameters else {}, where="skin")
+    steps = task.table_for(
+        spec,
+        shape,
+        folder,
+        level=options.level,
+        rows=rows,
+        workers=options.workers,
+        file=options.table,
+        material=material,
+    )
+    table = _drain(steps, options.quiet)
+    if options.save_table is not None:
+        table.save(options.save_table)
+        print(options.save_table, file=sys.stderr)  # standard output is the report, which may be JSON
+    simulated = bool(scenes) or options.trial is not None or any(touch in NAMES for touch in options.touches)
+    skin = skin_from_parameters(parameters, level=options.level) if simulated or options.table is None else None
+    if options.trial is not None:
+        assert skin is not None
+        return _trial(options, table, skin)
+    if not options.touches:
+        return 0
+    sensed: dict[str, Any] = {}
+    for i, touch in enumerate(options.touches):
+        if touch in recordings:
+            sensed.update(recordings[touch])
+            continue
+        assert skin is not None
+        scene = scenes[touch] if touch in scenes else interaction(touch, skin.positions, seed=options.seed)
+        name = Path(touch).stem if touch in scenes else touch
+        if name in sensed:
+            raise DermisError("two touches have one name", where="design", value=name)
+        seed = 100 * options.seed + i
+        reading = task.sense_scene(scene, skin, options.finger, noise=options.noise, seed=seed)
+        sensed[name] = _drain(reading, options.quiet)
+    answer = task.answer(
+        spec, table, sensed, noise=options.noise, skin=skin, spread=options.table is None and options.out is not None
+    )
+    found = _drain(answer, options.quiet)
+    for finding in found.findings:
+        print(finding, file=sys.stderr)
+    shown = (
+        json.dumps(as_json(found), indent=1, ensure_ascii=False, allow_nan=False) if options.json else as_text(found)
+    )
+    print(shown, end="")
+    if options.out is not None:
+        paths = task.write(found, options.out, choice=options.choice or "variance", motors=options.motors)
+        made = from_preset(paths[-1].stem, read(paths[-1]))
+        for line in (*paths, *safe_findings(made)):
+            print(line, file=sys.stderr)
+    return 0
+
+
+def _refuse_nonsense(options: argparse.Namespace, motors: int) -> None:
+    """Refuse arguments that cannot be meant."""
+    if not options.touches and options.trial is None and options.save_table is None:
+        raise DermisError("nothing to do", where="design", limit="a touch, --trial or --save-table")
+    for name, least in (("rows", 0), ("seed", 0), ("trial", 1), ("finger", 0), ("workers", 0), ("motors", 1)):
+        value = getattr(options, name)
+        if value is not None and value < least:
+            raise DermisError("too small", where=f"--{name}", value=value, limit=f">= {least}")
+    if options.motors is not None and options.motors > motors:
+        raise DermisError(
+            "more motors than the device has", where="--motors", value=options.motors, limit=f"1 to {motors}"
+        )
+    if not 0.0 <= options.noise < float("inf"):
+        raise DermisError("not a standard deviation", where="--noise", value=options.noise, limit=">= 0 counts")
+    if options.out is None and (options.motors is not None or options.choice is not None):
+        raise DermisError(
+            "--motors and --choice are of the preset that --out writes",
+            where="design",
+            remedy="Give --out, or leave them out",
+        )
+
+
+def _read(options: argparse.Namespace) -> tuple[dict[str, dict[str, Any]], dict[str, TactileScene]]:
+    """Read the touches that are files, by what the command line calls them: recordings and scenes."""
+    from ..design import task
+    from ..scene import scene_file
+
+    recordings: dict[str, dict[str, Any]] = {}
+    scenes: dict[str, TactileScene] = {}
+    for touch in options.touches:
+        path = Path(touch)
+        if touch in NAMES:
+            continue
+        if path.suffix.lower() == ".csv":
+            recordings[touch] = dict(task.read_sensed([path]))
+        else:
+            scenes[touch] = scene_file.load(path)
+    names = [Path(t).stem if t not in NAMES else t for t in options.touches]
+    if len(set(names)) != len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise DermisError("two touches have one name", where="design", value=twice)
+    return recordings, scenes
+
+
+def _skin(options: argparse.Namespace, library: Any, scenes: Mapping[str, TactileScene]) -> dict[str, Any]:
+    """Return the skin's parameters: of --skin, or those that the scenes' finger has.
+
+    Raises:
+        DermisError: fingers of different skins, or another skin than --skin names.
+    """
+    wanted = None if options.skin is None else dict(library.skin(options.skin))
+    chosen, whose = wanted, "--skin"
+    for touch, scene in scenes.items():
+        if not 0 <= options.finger < len(scene.fingers):
+            continue  # told where it is sensed
+        own = scene.fingers[options.finger].parameters.get("skin")
+        if not own:
+            continue
+        if chosen is not None and dict(own) != chosen:
+            raise DermisError(
+                f"its finger has another skin than {whose} says",
+                where=f"scene '{touch}'",
+                remedy="Leave --skin out, or judge the scenes one by one",
+            )
+        chosen, whose = dict(own), f"scene '{touch}'"
+    return chosen if chosen is not None else dict(library.skin("index_medium"))
+
+
+def _trial(options: argparse.Namespace, table: Any, skin: Any) -> int:
+    """Judge the six interactions over seeds; print every exception."""
+    from ..design.synergies import CHOICES
+    from ..design.trial import exceptions, trial
+
+    steps = trial([table], skin, range(options.trial))
+    (verdicts,) = _drain(steps, options.quiet)
+    for name in NAMES:
+        own = [v for v in verdicts if v.name == name]
+        for i, choice in enumerate(CHOICES):
+            found = [v.found[i] for v in own]
+            counts = ", ".join(f"{k}: {found.count(k)}" for k in sorted(set(found)))
+            mean = [sum(v.percent[i][k] for v in own) / len(own) for k in range(len(own[0].percent[i]))]
+            shown = ", ".join(f"{p:.1f}" for p in mean)
+            error = sum(v.error for v in own) / len(own)
+            print(
+                f"{name:8s} by {choice:8s} expected {own[0].expected}, found {{{counts}}}, mean [%] {shown}, "
+                f"error {error:.1f} counts"
+            )
+    for line in exceptions(verdicts):
+        print("exception:", line)
+    return 0
+
+
+def _drain(steps: Generator[Any, None, T], quiet: bool) -> T:
+    shown: tuple[Any, int] = ("", -1)
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as stop:
+            result: T = stop.value
+            return result
+        stage, done, total = (step.stage, step.done, step.total) if hasattr(step, "stage") else ("trial", *step)
+        now = (stage, 10 * done // max(total, 1))
+        if now != shown and not quiet:
+            print(f"{stage}: {done} of {total}", file=sys.stderr)
+            shown = now

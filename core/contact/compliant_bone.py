@@ -1,0 +1,202 @@
+"""Touch depth: a bone that follows the animation exactly, or one that gives way as a finger's joint does.
+
+Animated fingers sink too deep. The compliant bone rests on a spring along the pad's normal (the finger's Z) and lets
+go of whatever presses it beyond a force limit. The spring is a compliance that all nodes share, so it is solved with
+the skin and not after it; the limit is found by lifting the bone until the force meets it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError, Finding
+from ..skin.model import SkinModel
+from .solver.bodies import ContactBody, ContactFrame
+from .solver.notes import Notes
+from .solver.path import DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
+
+Array = NDArray[np.float64]
+
+DEPTH_MODES = ("animated", "compliant")
+BONE_STIFFNESS = 2000.0  # [N/m] default spring of a compliant bone; chosen
+FORCE_LIMIT = 2.0  # [N] default; chosen: a firm touch
+LIMIT_TOLERANCE = 1e-3  # of the force limit
+MAX_TRIALS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Yielded:
+    """One frame behind a touch depth.
+
+    Attributes:
+        step: the contact. lift: how far the bone gave way [m].
+        depth: how deep the undeformed skin then is in an object [m].
+    """
+
+    step: PathStep
+    lift: float
+    depth: float
+
+
+class Yielding:
+    """The path solver of a finger, behind its touch depth.
+
+    Args:
+        solver: of the finger; its compliance has the spring in it.
+        stiffness: of the spring [N/m], 0 for a bone that follows the animation exactly.
+        force_limit: largest force on the bone along Z [N], inf without a limit.
+        name: for findings.
+    """
+
+    def __init__(self, solver: PathSolver, stiffness: float, force_limit: float, name: str) -> None:
+        self.solver, self.stiffness, self.force_limit, self.name = solver, stiffness, force_limit, name
+        self._raised = 0.0  # what the force limit lifts beyond the spring [m]
+        self._slope = 0.0
+        self._notes = Notes(name)
+
+    @classmethod
+    def of(cls, skin: SkinModel, parameters: Mapping[str, Any], name: str, tolerance: float | None = None) -> Yielding:
+        """Build from a finger's parameters: depth_mode, bone_stiffness [N/m], force_limit [N].
+
+        Raises:
+            DermisError: an unknown mode, or a stiffness or limit that is not above zero.
+        """
+        mode = str(parameters.get("depth_mode", "animated"))
+        if mode not in DEPTH_MODES:
+            raise DermisError("unknown touch depth", where=name, value=mode, limit=", ".join(DEPTH_MODES))
+        compliance, stiffness, limit = skin.compliance, 0.0, np.inf
+        if mode == "compliant":
+            stiffness = _positive(parameters, "bone_stiffness", BONE_STIFFNESS, "N/m", name)
+            limit = _positive(parameters, "force_limit", FORCE_LIMIT, "N", name)
+            compliance = compliance.copy()
+            compliance[2::3, 2::3] += 1.0 / stiffness
+        solver = PathSolver(
+            compliance,
+            skin.positions,
+            areas=skin.areas,
+            tolerance=TOLERANCE if tolerance is None else tolerance,
+            name=name,
+            # what the spring gives way is known only after the solve: then `step` looks at the depth itself
+            depth_limit=DEPTH_LIMIT if stiffness == 0 else np.inf,
+        )
+        return cls(solver, stiffness, limit, name)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Frames whose force could not be brought to the limit, and frames too deep although the bone gave way."""
+        return self._notes.findings()
+
+    def idle(self, count: int = 1) -> PathStep:
+        """Take frames in which nothing is near."""
+        self._raised = 0.0
+        return self.solver.idle(count)
+
+    def reset(self) -> None:
+        """Forget the history."""
+        self._raised = 0.0
+        self.solver.reset()
+
+    def step(self, bodies: Sequence[ContactBody], frame: float) -> Yielded:
+        """Solve the next frame."""
+        if np.isfinite(self.force_limit):
+            step, raised = self._limited(bodies, frame)
+        else:
+            step, raised = self.solver.step(bodies, frame_number=frame), 0.0
+        return self._yielded(step, raised, frame)
+
+    def lift(self, bodies: Sequence[ContactBody], frame: float) -> float:
+        """Return how far the force limit would lift the bone in the next frame [m], without taking it."""
+        if not np.isfinite(self.force_limit):
+            return 0.0
+        before, found = self.solver.save(), self._notes.copy()
+        _, raised = self._limited(bodies, frame)
+        self.solver.restore(before)
+        self._notes = found
+        return raised
+
+    def adopt(
+        self, force: Array, displacement: Array, gaps: ContactFrame, residual: float, raised: float, frame: float
+    ) -> Yielded:
+        """Take over a frame that was solved together with other fingers, the bone lifted by `raised` [m]."""
+        step = self.solver.adopt(force, displacement, gaps, residual, frame_number=frame)
+        return self._yielded(step, raised, frame)
+
+    def _yielded(self, step: PathStep, raised: float, frame: float) -> Yielded:
+        spring = self._spring(step)
+        depth = -float(step.frame.gap.min()) if step.frame is not None else 0.0
+        depth = max(depth - spring, 0.0)
+        if spring > 0 and depth > DEPTH_LIMIT:
+            what = "the finger sinks deeper than linear skin is trusted"
+            self._notes.warn(
+                "too-deep",
+                what,
+                frame,
+                value=f"{1e3 * depth:.2f} mm",
+                limit=f"<= {1e3 * DEPTH_LIMIT:g} mm",
+                remedy="Raise the finger, or use a softer spring",
+            )
+        return Yielded(step, raised + spring, depth)
+
+    def _limited(self, bodies: Sequence[ContactBody], frame: float) -> tuple[PathStep, float]:
+        """Lift the bone until the force is at its limit, or the lift is zero."""
+        before = self.solver.save()
+        low, high = 0.0, np.inf  # lifts that press too much, and not enough
+        raised, step = self._raised, self._try(bodies, self._raised, frame)
+        for _ in range(MAX_TRIALS):
+            excess = self._force(step) - self.force_limit
+            if abs(excess) <= LIMIT_TOLERANCE * self.force_limit or (excess < 0 and raised == 0.0):
+                break
+            low, high = (raised, high) if excess > 0 else (low, raised)
+            trial = self._next(raised, excess, low, high, step)
+            self.solver.restore(before)
+            following = self._try(bodies, trial, frame)
+            if trial != raised:
+                self._slope = (excess + self.force_limit - self._force(following)) / (trial - raised)
+            raised, step = trial, following
+        else:
+            what = "the bone could not give way enough to keep its force limit"
+            self._notes.warn(
+                "force-limit",
+                what,
+                frame,
+                value=f"{self._force(step):.3g} N",
+                limit=f"{self.force_limit:g} N",
+                remedy="Use smaller steps, or a softer spring",
+            )
+        self._raised = raised
+        return step, raised
+
+    def _try(self, bodies: Sequence[ContactBody], raised: float, frame: float) -> PathStep:
+        if raised > 0.0:
+            down = np.array([0.0, 0.0, -raised])  # the finger goes up, so all else goes down in its frame
+            bodies = [replace(body, translation=body.translation + down) for body in bodies]
+        return self.solver.step(bodies, frame_number=frame)
+
+    def _next(self, raised: float, excess: float, low: float, high: float, step: PathStep) -> float:
+        """Return the next lift: along the last slope, kept within the bracket, which is halved where it fails."""
+        slope = self._slope
+        if not slope > 0.0:
+            depth = -float(step.frame.gap.min()) if step.frame is not None else 0.0
+            slope = self._force(step) / max(depth, 1e-5)
+        trial = max(raised + excess / max(slope, 1e-6), 0.0)
+        if not low < trial < high and trial != 0.0:
+            trial = (low + high) / 2 if np.isfinite(high) else 2 * raised + 1e-4
+        return trial
+
+    def _force(self, step: PathStep) -> float:
+        return float(step.solution.force[:, 2].sum())
+
+    def _spring(self, step: PathStep) -> float:
+        return self._force(step) / self.stiffness if self.stiffness > 0 else 0.0
+
+
+def _positive(parameters: Mapping[str, Any], name: str, default: float, unit: str, where: str) -> float:
+    value = float(parameters.get(name, default))
+    if not (np.isfinite(value) and value > 0):
+        raise DermisError(f"'{name}' must be above zero", where=where, value=value, limit=f"> 0 {unit}")
+    return value

@@ -1,0 +1,96 @@
+"""The alternating direction method for frictional contact, with a prefactored (C + rho I)^-1.
+
+Minimises 1/2 f'Cf + b'f over forces that the projection of Coulomb's law admits: f takes the elastic step, z the
+projection, y = -w / rho carries the difference. Every fixed point is a solution, friction and all.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...surface.triangles import Array
+
+RELAXATION = 1.7
+
+
+class State(NamedTuple):
+    """Forces z [N] that obey the cone, shape (k, 3), and the scaled relative displacement y = -w / rho [N]."""
+
+    z: Array
+    y: Array
+
+
+class Sweep(NamedTuple):
+    """What iterating came to: the state, the iterations, and whether both residuals met the tolerance."""
+
+    state: State
+    iterations: int
+    converged: bool
+
+
+def iterate(
+    inverse: NDArray[np.floating],
+    rho: float,
+    offset: Array,
+    normals: Array,
+    friction: Array,
+    start: State,
+    reference: State,
+    reference_image: Array,
+    tolerance: float,
+    max_iterations: int,
+) -> Sweep:
+    """Iterate until force and projection agree and stand still, relative to the forces.
+
+    Args:
+        inverse: (C + rho I)^-1 [N/m], float32 or float64, shape (3 k, 3 k).
+        rho: compliance that the steps are weighed with [m/N].
+        offset: b [m], shape (3 k,).
+        normals: unit normals, shape (k, 3); friction: coefficients, shape (k,).
+        start: where to start from.
+        reference, reference_image: forces z and their exact image C z [m], shape (3 k,). The elastic step is
+            accumulated from there in float64, so that a float32 inverse only ever multiplies changes.
+    """
+    z, y = start.z.copy(), start.y
+    k = z.shape[0]
+    f = reference.z.reshape(-1).copy()
+    previous = reference_image + rho * f
+    dtype = inverse.dtype
+    keep = 1.0 - RELAXATION
+    target = tolerance * tolerance
+    column = friction[:, None]
+    floor = 1e-300
+    iteration, converged = 0, False
+    while iteration < max_iterations and not converged:
+        iteration += 1
+        rhs = (z - y).reshape(-1)
+        rhs *= rho
+        rhs -= offset
+        f += inverse @ (rhs - previous).astype(dtype, copy=False)
+        previous = rhs
+        force = f.reshape(k, 3)
+        v = RELAXATION * force
+        v += keep * z
+        v += y
+        vn = np.einsum("ij,ij->i", v, normals)[:, None]
+        tangential = v - vn * normals
+        np.maximum(vn, 0.0, out=vn)
+        length = np.sqrt(np.einsum("ij,ij->i", tangential, tangential))[:, None]
+        np.maximum(length, floor, out=length)
+        share = column * vn
+        share /= length
+        np.minimum(share, 1.0, out=share)
+        tangential *= share
+        tangential += vn * normals
+        y = v
+        y -= tangential
+        primal = (force - tangential).reshape(-1)
+        z -= tangential
+        dual = z.reshape(-1)
+        z = tangential
+        flat = z.reshape(-1)
+        converged = bool(primal @ primal + dual @ dual <= target * (flat @ flat))
+    return Sweep(State(z, y), iteration, converged)

@@ -1,0 +1,220 @@
+"""The bodies about a finger at one instant, and the gaps of the finger's nodes to the closest of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import DermisError
+from ...surface.gap import Surface
+from ...surface.plane import Plane
+from ...surface.triangles import Array, Indices
+
+
+@dataclass(frozen=True, eq=False)
+class ContactBody:
+    """A body that a finger may touch, posed in the finger's frame.
+
+    Attributes:
+        surface: in the body's own space, or, where it deforms, in any space with the same triangles every frame.
+        rotation: from the body's space to the finger's, orthonormal, shape (3, 3).
+        translation: of the body's origin in the finger's frame [m], shape (3,).
+        friction: Coulomb coefficient against skin.
+        softness: compliance of its own surface [m/Pa]: it yields by this times the pressure. 0 is rigid.
+        deforms: its surface is another every frame; what sticks to it is then carried by triangles.
+        carry: where its scale changed: the linear map from its first stretch to this one, which what sticks to it
+            follows, shape (3, 3). None where it kept its scale.
+        away: it is nowhere near, and only keeps its place in the order.
+
+    Raises:
+        DermisError: a pose that is not finite.
+    """
+
+    surface: Surface | Plane
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+    translation: Array = field(default_factory=lambda: np.zeros(3))
+    friction: float = 0.5
+    softness: float = 0.0
+    deforms: bool = False
+    away: bool = False
+    carry: Array | None = None
+
+    def __post_init__(self) -> None:
+        if not isfinite(np.vdot(self.rotation, self.rotation) + np.vdot(self.translation, self.translation)):
+            raise DermisError("the pose of a body is not finite", value=self.translation)
+
+    def same_place(self, other: ContactBody) -> bool:
+        """Whether another state of this body has the same surface, pose and properties."""
+        return (
+            self.surface is other.surface
+            and self.friction == other.friction
+            and self.softness == other.softness
+            and bool(np.array_equal(self.rotation, other.rotation))
+            and bool(np.array_equal(self.translation, other.translation))
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ContactFrame:
+    """The gaps of a finger's nodes at one instant, in the finger's frame.
+
+    Attributes:
+        bodies: what there is to touch.
+        gap: of the undeformed nodes [m], inf beyond reach, shape (m,).
+        normal: out of the body, into the finger, shape (m, 3).
+        body: index of the closest body, -1 beyond reach, shape (m,).
+        triangle: the closest triangle of that body, shape (m,).
+        friction: coefficient at each node, shape (m,).
+        softness: of the body closest to each node [m/Pa], shape (m,).
+    """
+
+    bodies: tuple[ContactBody, ...]
+    gap: Array
+    normal: Array
+    body: Indices
+    triangle: Indices
+    friction: Array
+    softness: Array
+
+    def compliance(self, areas: Array | None, where: str) -> Array:
+        """Return the compliance of the bodies' own surfaces at the nodes [m/N], shape (m,).
+
+        Args:
+            areas: skin of each node [m^2], shape (m,). where: for errors.
+
+        Raises:
+            DermisError: a body is soft, and the areas are not known.
+        """
+        if not self.softness.any():
+            return np.zeros(self.gap.shape[0])
+        if areas is None:
+            raise DermisError("a soft object needs the areas of the skin's nodes", where=where)
+        return self.softness / areas
+
+    def opened(self, gap: Array) -> Array:
+        """Return by how much deformation opened these gaps, given the deformed ones [m]; 0 where nothing is near."""
+        out = np.zeros_like(gap)
+        np.subtract(gap, self.gap, out=out, where=self.body >= 0)
+        return out
+
+
+def same_places(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> bool:
+    """Return whether all bodies are where they were, with the same properties."""
+    return len(one) == len(other) and all(a.same_place(b) for a, b in zip(one, other, strict=True))
+
+
+def contact_frame(points: Array, bodies: Sequence[ContactBody], reach: float, bone: Array) -> ContactFrame:
+    """Measure each node against every body and keep the closest.
+
+    The gap is linear about the undeformed node, so that it depends on the pose alone and not on what came before.
+
+    Args:
+        points: undeformed nodes in the finger's frame [m], shape (m, 3).
+        reach: gaps beyond this are of no interest [m].
+        bone: a point inside the finger [m], shape (3,): an open surface is touched on the side where it lies.
+    """
+    m = points.shape[0]
+    found = ContactFrame(
+        tuple(bodies), np.full(m, np.inf), np.zeros((m, 3)), np.full(m, -1), np.full(m, -1), np.zeros(m), np.zeros(m)
+    )
+    for index, body in enumerate(bodies):
+        if body.away:
+            continue
+        local = (points - body.translation) @ body.rotation
+        if isinstance(body.surface, Surface) and not _boxes_meet(local, body.surface.box, reach):
+            continue
+        answer = body.surface.query(local, reach)
+        if isinstance(body.surface, Surface) and not body.surface.closed:
+            if body.surface.side_of((bone - body.translation) @ body.rotation) < 0:
+                answer = answer.flipped()
+        closer = np.flatnonzero((answer.triangle >= 0) & (answer.gap < found.gap))
+        if closer.size == m:
+            everything = np.full(m, index)
+            found = ContactFrame(
+                found.bodies,
+                answer.gap,
+                answer.normal @ body.rotation.T,
+                everything,
+                answer.triangle,
+                np.full(m, body.friction),
+                np.full(m, body.softness),
+            )
+        elif closer.size:
+            found.gap[closer] = answer.gap[closer]
+            found.normal[closer] = answer.normal[closer] @ body.rotation.T
+            found.body[closer], found.triangle[closer] = index, answer.triangle[closer]
+            found.friction[closer], found.softness[closer] = body.friction, body.softness
+    return found
+
+
+def to_material(frame: ContactFrame, nodes: Indices, positions: Array) -> tuple[Array, Indices]:
+    """Return the material coordinates on their bodies of positions [m], shape (n, 3), near the given nodes.
+
+    On a rigid body they are its local coordinates; where its scale changed, those at its first scale; on one that
+    deforms, two affine weights in the plane of a triangle and the height above it. Also returned: that triangle.
+    """
+    out = np.empty_like(positions)
+    triangle = frame.triangle[nodes]
+    owner = frame.body[nodes]
+    for index, body in enumerate(frame.bodies):
+        own = owner == index
+        count = np.count_nonzero(own)
+        if count == 0:
+            continue
+        # no copies where there is only one body
+        which: NDArray[np.bool_] | slice = slice(None) if count == owner.size else own
+        local = (positions[which] - body.translation) @ body.rotation
+        if body.deforms and isinstance(body.surface, Surface):
+            a, ab, ac, normal = _plane_of(body.surface, triangle[which])
+            v = local - a
+            g11, g12, g22 = _dot(ab, ab), _dot(ab, ac), _dot(ac, ac)
+            d1, d2 = _dot(v, ab), _dot(v, ac)
+            det = g11 * g22 - g12 * g12
+            local = np.stack([(g22 * d1 - g12 * d2) / det, (g11 * d2 - g12 * d1) / det, _dot(v, normal)], axis=1)
+        elif body.carry is not None:
+            local = local @ np.linalg.inv(body.carry).T
+        out[which] = local
+    return out, triangle
+
+
+def from_material(
+    bodies: Sequence[ContactBody], owner: NDArray[np.integer], material: Array, triangle: Indices
+) -> Array:
+    """Return where material points are now, in the finger's frame [m], shape (n, 3); the inverse of `to_material`."""
+    out = np.full_like(material, np.nan)
+    for index, body in enumerate(bodies):
+        own = owner == index
+        count = np.count_nonzero(own)
+        if count == 0:
+            continue
+        # no copies where there is only one body
+        which: NDArray[np.bool_] | slice = slice(None) if count == owner.size else own
+        if body.deforms and isinstance(body.surface, Surface):
+            a, ab, ac, normal = _plane_of(body.surface, triangle[which])
+            u, w, height = material[which].T[:, :, None]
+            local = a + u * ab + w * ac + height * normal
+        else:
+            local = material[which] if body.carry is None else material[which] @ body.carry.T
+        out[which] = local @ body.rotation.T + body.translation
+    return out
+
+
+def _plane_of(surface: Surface, triangle: Indices) -> tuple[Array, Array, Array, Array]:
+    rows = surface.table.rows[:9].take(triangle, axis=1).T
+    return rows[:, 0:3], rows[:, 3:6], rows[:, 6:9], surface.table.bounds[3:6].take(triangle, axis=1).T
+
+
+def _dot(a: Array, b: Array) -> Array:
+    out: Array = np.einsum("ij,ij->i", a, b)
+    return out
+
+
+def _boxes_meet(points: Array, box: Array, reach: float) -> bool:
+    return bool((points.max(axis=0) + reach >= box[0]).all() and (points.min(axis=0) - reach <= box[1]).all())
+
+
+AWAY = ContactBody(Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3)), friction=0.0, away=True)

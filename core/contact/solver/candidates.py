@@ -1,0 +1,166 @@
+"""The inverse (C + rho I)^-1 over the nodes that may touch, kept up as nodes come and go.
+
+A few nodes are added by bordering and removed by a Schur complement, in a fraction of a rebuild. Single precision is
+enough: the shifted matrix is well conditioned, and the iteration multiplies only changes by it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...surface.triangles import Array
+
+Indices = NDArray[np.int64]
+Floats32 = NDArray[np.float32]
+
+# After so many block updates the next rebuild is due; the error of each is about 1e-6.
+MAX_UPDATES = 400
+# Nodes join the candidates when their gap is predicted to fall below these fractions of the node spacing: at once,
+# and ahead of time, a few each frame; they leave above the third.
+ENTER, PREFETCH, LEAVE = 0.05, 0.4, 1.2
+BUDGET = 4
+# More nodes than this at once are cheaper by starting over.
+REBUILD = 16
+
+
+class CandidateInverse:
+    """(C + softness + rho I)^-1 restricted to a growing and shrinking set of nodes.
+
+    Args:
+        compliance: C of all nodes [m/N], shape (3 m, 3 m).
+        rho: the shift [m/N].
+    """
+
+    def __init__(self, compliance: Array, rho: float) -> None:
+        self.rho = rho
+        self.count = compliance.shape[0] // 3
+        self._c = compliance
+        self._store = np.zeros((3 * self.count, 3 * self.count), dtype=np.float32)
+        self._softness = np.zeros(self.count)
+        self.members: Indices = np.zeros(0, dtype=np.int64)
+        self.inside = np.zeros(self.count, dtype=bool)
+        self.updates = 0
+        self.rebuilds = 0
+
+    @property
+    def matrix(self) -> Floats32:
+        """The inverse in the order of `members`, three rows a node, shape (3 k, 3 k)."""
+        n = 3 * self.members.size
+        return self._store[:n, :n]
+
+    def stale(self, softness: Array) -> bool:
+        """Whether the members' softness [m/N], shape (m,), is no longer what was inverted, or drift is due."""
+        changed = not np.array_equal(self._softness[self.members], softness[self.members])
+        return changed or self.updates > MAX_UPDATES
+
+    def follow(self, gap: Array, loaded: NDArray[np.bool_], spacing: float, softness: Array) -> None:
+        """Bring the members up to date: at once for nodes that may touch, ahead of time for those that come near.
+
+        Args:
+            gap: predicted for the deformed skin [m], inf where nothing is near, shape (m,).
+            loaded: whether a node carries force, shape (m,).
+            spacing: of the nodes [m].
+            softness: of what is below each node [m/N], shape (m,).
+        """
+        needed = (gap < ENTER * spacing) | loaded
+        missing = (needed & ~self.inside).nonzero()[0]
+        if self.members.size == 0 or missing.size > REBUILD or self.stale(softness):
+            self.rebuild(np.flatnonzero(needed | (gap < PREFETCH * spacing)), softness)
+            return
+        if missing.size:
+            self.add(missing, softness)
+        else:
+            coming = ((gap < PREFETCH * spacing) & ~self.inside).nonzero()[0]
+            if coming.size:
+                self.add(coming[np.argsort(gap[coming])[:BUDGET]], softness)
+                return
+        leaves = (gap > LEAVE * spacing) & ~loaded
+        leaving = self.members[leaves[self.members]]
+        if leaving.size >= BUDGET:
+            self.remove(leaving[: 2 * BUDGET])
+
+    def rebuild(self, nodes: Indices, softness: Array) -> None:
+        """Start over with the given nodes; softness of all nodes [m/N], shape (m,)."""
+        n = 3 * nodes.size
+        self._store[:n, :n] = _inverse(self._shifted(nodes, softness))
+        self.members = nodes.copy()
+        self.inside[:] = False
+        self.inside[nodes] = True
+        self._softness = softness.copy()
+        self.updates = 0
+        self.rebuilds += 1
+
+    def add(self, nodes: Indices, softness: Array) -> None:
+        """Border the inverse with new nodes."""
+        if nodes.size == 0:
+            return
+        if self.members.size == 0:
+            self.rebuild(nodes, softness)
+            return
+        n, new = 3 * self.members.size, 3 * nodes.size
+        old = self._store[:n, :n]
+        side = self._c[_rows(self.members)[:, None], _rows(nodes)].astype(np.float32)
+        image = old @ side
+        corner = self._shifted(nodes, softness) - side.T.astype(np.float64) @ image
+        block = _inverse(corner)
+        weighted = image @ block
+        old += weighted @ image.T
+        self._store[:n, n : n + new] = -weighted
+        self._store[n : n + new, :n] = -weighted.T
+        self._store[n : n + new, n : n + new] = block
+        self.members = np.concatenate([self.members, nodes])
+        self.inside[nodes] = True
+        self._softness[nodes] = softness[nodes]
+        self.updates += 1
+
+    def remove(self, nodes: Indices) -> None:
+        """Take nodes out again."""
+        going = np.flatnonzero(np.isin(self.members, nodes))
+        if going.size == 0:
+            return
+        n = 3 * self.members.size
+        whole = self._store[:n, :n]
+        leaving = _rows(going)
+        side = whole[:, leaving]
+        corner = np.linalg.inv(side[leaving].astype(np.float64)).astype(np.float32)
+        whole -= (side @ corner) @ side.T
+        self.inside[self.members[going]] = False
+        # the last nodes move into the holes, so that only their rows are copied
+        size = self.members.size - going.size
+        holes = going[going < size]
+        movers = np.setdiff1d(np.arange(size, self.members.size), going)
+        if holes.size:
+            to, source = _rows(holes), _rows(movers)
+            whole[to] = whole[source]
+            whole[:, to] = whole[:, source]
+            self.members[holes] = self.members[movers]
+        self.members = self.members[:size].copy()
+        self.updates += 1
+
+    def _shifted(self, nodes: Indices, softness: Array) -> Array:
+        rows = _rows(nodes)
+        block = self._c[rows[:, None], rows]
+        block[np.diag_indices(rows.size)] += self.rho + np.repeat(softness[nodes], 3)
+        return block
+
+
+def _rows(nodes: Indices) -> Indices:
+    out: Indices = (3 * nodes[:, None] + np.arange(3)).reshape(-1)
+    return out
+
+
+def _inverse(matrix: Array) -> Floats32:
+    """Inverse of a symmetric positive definite matrix, by its Cholesky factor in single precision."""
+    if matrix.shape[0] <= 96:
+        return np.linalg.inv(matrix).astype(np.float32)
+    from scipy.linalg.lapack import spotrf, spotri
+
+    factor, info = spotrf(matrix.astype(np.float32), lower=1, overwrite_a=1)
+    if info == 0:
+        inverse, info = spotri(factor, lower=1, overwrite_c=1)
+    if info != 0:
+        return np.linalg.inv(matrix).astype(np.float32)
+    lower = np.tril(inverse)
+    out: Floats32 = np.ascontiguousarray(lower + np.tril(inverse, -1).T)
+    return out

@@ -1,0 +1,39 @@
+"""Notes: warnings that name the first frame they held for, and count the others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ...errors import Finding
+
+
+class Notes:
+    """Warnings about one thing, each kind once.
+
+    Args:
+        where: what they are about.
+    """
+
+    def __init__(self, where: str) -> None:
+        self.where = where
+        self._known: dict[str, Finding] = {}
+
+    def warn(
+        self, code: str, what: str, frame: float, *, value: object = None, limit: str = "", remedy: str = ""
+    ) -> None:
+        """Note a warning of a frame, or count one more of its kind."""
+        known = self._known.get(code)
+        if known is None:
+            self._known[code] = Finding("warning", code, what, self.where, value, limit, remedy, frame)
+        else:
+            self._known[code] = replace(known, count=known.count + 1)
+
+    def findings(self) -> tuple[Finding, ...]:
+        """Return all kinds, in the order in which they first came."""
+        return tuple(self._known.values())
+
+    def copy(self) -> Notes:
+        """Return a copy that shares nothing with this one."""
+        other = Notes(self.where)
+        other._known = dict(self._known)
+        return other

@@ -1,0 +1,358 @@
+"""Contact along a path: frame after frame, with friction's history, and without work where nothing happens.
+
+Each frame goes: gaps, the offset b from the anchors, a start extrapolated from the last two frames, the alternating
+method on the nodes that may touch, a float64 check against the whole compliance, and the fallback where that fails.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...errors import DermisError, Finding
+from ...surface.triangles import Array
+from .admm import State, iterate
+from .bodies import ContactBody, ContactFrame, contact_frame, same_places
+from .candidates import CandidateInverse
+from .compliance import Compliance, Linear, ends
+from .cone import OPEN, STICK, along, assess
+from .history import ContactHistory
+from .notes import Notes
+from .path_step import PathStep
+from .solve import Solution, solve, status_of
+
+__all__ = ["BONE", "DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
+
+TOLERANCE = 3e-5
+# The check that a frame must pass, as a multiple of the tolerance of its iteration.
+CHECK = 10.0
+# The last forces serve again while their residual is below this multiple of it.
+UNCHANGED = 1.0
+MAX_ITERATIONS = 300
+# Iterations up to which a frame counts as easy: the next may need none.
+EASY = 3
+# Slip in a frame below this [m] is rest: the same pose then needs no new solve.
+AT_REST = 1e-9
+# Depth that linear skin is still trusted at [m]: against a neo-Hookean one its stress is then off by a third.
+DEPTH_LIMIT = 2e-3
+BONE = np.array([0.0, 0.0, 0.006])
+# What a frame changes, besides the history; each is replaced, never written into.
+_STATE = ("_force", "_y", "_last", "_image", "_shift", "_step", "_bodies", "_at_rest", "_frames")
+
+
+class PathSolver:
+    """Contact of one finger, frame after frame.
+
+    Args:
+        compliance: of the pad nodes [m/N], shape (3 m, 3 m), or a `Compliance` with a state-dependent offset.
+        points: undeformed pad nodes in the finger's frame [m], shape (m, 3).
+        areas: skin of each node [m^2], shape (m,); needed where a body is soft.
+        tolerance: of the iteration, relative to the forces of a frame.
+        bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
+        name: for findings.
+        depth_limit: depth of the undeformed skin beyond which a frame is a finding [m].
+
+    Attributes:
+        counters: how many frames were 'solved', 'unchanged', 'same', 'idle' and 'held' (see `adopt`); 'fallback',
+            'unconverged' and 'deep' ones; 'rebuilds' and 'updates' of the candidate inverse.
+
+    Raises:
+        DermisError: shapes that do not fit, or a compliance that is not positive definite.
+    """
+
+    def __init__(
+        self,
+        compliance: Array | Compliance,
+        points: Array,
+        *,
+        areas: Array | None = None,
+        tolerance: float = TOLERANCE,
+        bone: Array = BONE,
+        name: str = "finger",
+        depth_limit: float = DEPTH_LIMIT,
+    ) -> None:
+        self.operator: Compliance = Linear(compliance) if isinstance(compliance, np.ndarray) else compliance
+        self.points = np.asarray(points, dtype=np.float64)
+        self.areas = areas
+        self.tolerance = tolerance
+        self.bone = np.asarray(bone, dtype=np.float64)
+        self.name = name
+        self.depth_limit = depth_limit
+        c = np.ascontiguousarray(self.operator.compliance, dtype=np.float64)
+        m = self.points.shape[0]
+        if c.shape != (3 * m, 3 * m):
+            raise DermisError(
+                "the compliance does not fit the nodes", where=name, value=c.shape, limit=f"({3 * m}, {3 * m})"
+            )
+        self._c = c
+        low, high = ends(c, name)
+        self._rho = float(np.sqrt(low * high))
+        extent = np.sort(np.ptp(self.points, axis=0))
+        self._spacing = float(np.sqrt(max(extent[-1] * extent[-2], 1e-12) / m))
+        # skin cannot bulge out of what presses into it by more than it is pressed: nodes farther off stay open
+        self.reach = max(2.5 * self._spacing, 2.5e-3)
+        self._candidates = CandidateInverse(c, self._rho)
+        self.history = ContactHistory(m)
+        self._zero = np.zeros((m, 3))
+        self._status = np.zeros(m, dtype=np.int8)
+        self.counters = dict.fromkeys(
+            ("solved", "unchanged", "same", "idle", "fallback", "unconverged", "rebuilds", "updates", "deep", "held"), 0
+        )
+        self._notes = Notes(name)
+        self._frames = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the history: the next frame is solved from rest."""
+        self.history.clear()
+        self._force = self._zero
+        self._y = self._zero
+        self._last: tuple[Array, Array] | None = None
+        self._image = self._zero
+        self._shift: Array | float = 0.0  # what deformation added to the gap of each node
+        self._step: PathStep | None = None
+        self._bodies: tuple[ContactBody, ...] = ()
+        self._at_rest = False
+
+    def save(self) -> dict[str, Any]:
+        """Return the state between two frames, for `restore`: a step may then be tried and taken back."""
+        state = {name: getattr(self, name) for name in _STATE}
+        state.update(history=self.history.copy(), counters=dict(self.counters), _notes=self._notes.copy())
+        return state
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go back to a saved state. The inverse of the candidates stays: it holds no history."""
+        for name in _STATE:
+            setattr(self, name, state[name])
+        self.history = state["history"].copy()
+        self.counters, self._notes = dict(state["counters"]), state["_notes"].copy()
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What did not converge and what went too deep, with the first frame and how often."""
+        return self._notes.findings()
+
+    def idle(self, count: int = 1) -> PathStep:
+        """Take frames in which the broad phase found nothing near: no work, and no history afterwards."""
+        self.counters["idle"] += count
+        self._frames += count
+        if self._step is not None and self._step.work == "idle":
+            return self._step
+        self.reset()
+        none = np.zeros(self.points.shape[0])
+        nothing = Solution(self._zero, self._zero, self._zero, none, self._status, 0, 0.0, self.tolerance, "none")
+        self._step = PathStep(nothing, self._zero, None, "idle", False)
+        return self._step
+
+    def step(self, bodies: Sequence[ContactBody], *, frame_number: float | None = None) -> PathStep:
+        """Solve the next frame.
+
+        Args:
+            bodies: what is near, posed in the finger's frame; the same order every frame.
+            frame_number: of the scene, for findings.
+        """
+        bodies = tuple(bodies)
+        if self._at_rest and self._step is not None and same_places(bodies, self._bodies):
+            self.counters["same"] += 1
+            self._frames += 1
+            return replace(self._step, work="same", from_rest=False)
+        frame = contact_frame(self.points, bodies, self.reach, self.bone)
+        if not (frame.body >= 0).any():
+            self._bodies = bodies
+            return self.idle()
+        return self.step_frame(frame, frame_number=frame_number)
+
+    def step_frame(self, frame: ContactFrame, *, frame_number: float | None = None) -> PathStep:
+        """Solve the next frame from gaps that were measured elsewhere."""
+        from_rest = not (self.history.body >= 0).any()
+        b = self.history.offset(frame, self.points)
+        b += self.operator.offset(self._force)
+        soft = frame.compliance(self.areas, self.name)
+        solution, y, image, work = self._solve(b, frame, soft)
+        where = self._frames if frame_number is None else frame_number
+        self._report(solution, frame, where)
+        self._remember(solution, y, image, frame, soft)
+        self.counters[work] += 1
+        self._frames += 1
+        self.counters["rebuilds"], self.counters["updates"] = self._candidates.rebuilds, self._candidates.updates
+        self._step = PathStep(solution, image, frame, work, from_rest)
+        return self._step
+
+    def adopt(
+        self,
+        force: Array,
+        displacement: Array,
+        frame: ContactFrame,
+        residual: float,
+        *,
+        frame_number: float | None = None,
+    ) -> PathStep:
+        """Take over a frame that was solved together with other fingers, whose history is already kept.
+
+        Args:
+            force: on the nodes [N], shape (m, 3). displacement: relative, w [m], shape (m, 3).
+            frame: the gaps it was solved for. residual: of the contact laws.
+        """
+        from_rest = self._step is None or self._step.work == "idle"
+        status = status_of(force, displacement, frame.normal, frame.friction)
+        solution = Solution(
+            force,
+            displacement,
+            frame.normal,
+            frame.friction,
+            status,
+            EASY + 1,
+            residual,
+            CHECK * self.tolerance,
+            "admm",
+        )
+        self._report(solution, frame, self._frames if frame_number is None else frame_number)
+        self._last, self._force, self._y, self._image = None, force, displacement / -self._rho, self._apply(force)
+        self._shift = frame.opened(along(displacement, frame.normal))
+        self._bodies, self._at_rest = frame.bodies, False
+        self.counters["held"] += 1
+        self._frames += 1
+        self._step = PathStep(solution, self._image, frame, "solved", from_rest)
+        return self._step
+
+    # -- one frame -----------------------------------------------------------------------------------------------
+
+    def _solve(self, b: Array, frame: ContactFrame, soft: Array) -> tuple[Solution, Array, Array, str]:
+        normal, mu, rho = frame.normal, frame.friction, self._rho
+        goal = CHECK * self.tolerance
+        start, image = self._force, self._image
+        gone = (frame.body < 0) & start.any(axis=1)
+        if gone.any():  # nothing is near any more: these forces vanish before anything else
+            start = np.where(gone[:, None], 0.0, start)
+            image = self._apply(start)
+        w = image + soft[:, None] * start + b
+        # worth asking only where the last frame was easy: on a path that changes the answer is no
+        easy = self._step is None or self._step.solution.iterations <= EASY
+        residual, status = assess(start, w, normal, mu, 1.0 / rho) if easy else (np.inf, self._status)
+        if residual <= UNCHANGED * self.tolerance:
+            method = "admm" if start.any() else "none"
+            return Solution(start, w, normal, mu, status, 0, residual, goal, method), w / -rho, image, "unchanged"
+        loaded = np.asarray(self._force.any(axis=1), dtype=np.bool_)
+        self._candidates.follow(frame.gap + self._shift, loaded, self._spacing, soft)
+        reference = start
+        force, y = self._extrapolated(start, w)
+        iterations = 0
+        while True:
+            members = self._candidates.members
+            z = reference[members]
+            exact = (image[members] + soft[members, None] * z).reshape(-1)
+            sweep = iterate(
+                self._candidates.matrix,
+                rho,
+                b[members].reshape(-1),
+                normal[members],
+                mu[members],
+                State(force[members], y[members]),
+                State(z, z),
+                exact,
+                self.tolerance,
+                MAX_ITERATIONS,
+            )
+            iterations += sweep.iterations
+            force = np.zeros_like(self._zero)
+            force[members] = sweep.state.z
+            image = self._apply(force)
+            w = image + soft[:, None] * force + b
+            y = w / -rho
+            y[members] = sweep.state.y
+            reference = force
+            residual, status = assess(force, w, normal, mu, 1.0 / rho)
+            if residual <= goal:
+                return Solution(force, w, normal, mu, status, iterations, residual, goal, "admm"), y, image, "solved"
+            missed = np.flatnonzero(np.logical_not(self._candidates.inside) & (along(w, normal) < 0.0))
+            if missed.size:
+                self._candidates.add(missed, soft)
+            elif iterations >= MAX_ITERATIONS:
+                return self._fall_back(force, b, frame, soft, iterations)
+
+    def _fall_back(
+        self, force: Array, b: Array, frame: ContactFrame, soft: Array, iterations: int
+    ) -> tuple[Solution, Array, Array, str]:
+        """Solve the frame in float64 with every method there is."""
+        self.counters["fallback"] += 1
+        near = np.flatnonzero(frame.body >= 0)
+        rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
+        solution = solve(
+            self._c[rows[:, None], rows],
+            b[near],
+            frame.friction[near],
+            normals=frame.normal[near],
+            softness=soft[near],
+            start=force[near],
+            tolerance=self.tolerance,
+        )
+        force = np.zeros_like(self._zero)
+        force[near] = solution.force
+        image = self._apply(force)
+        w = image + soft[:, None] * force + b
+        residual, status = assess(force, w, frame.normal, frame.friction, 1.0 / self._rho)
+        found = Solution(
+            force,
+            w,
+            frame.normal,
+            frame.friction,
+            status,
+            iterations + solution.iterations,
+            residual,
+            CHECK * self.tolerance,
+            solution.method,
+        )
+        return found, w / -self._rho, image, "solved"
+
+    def _extrapolated(self, force: Array, w: Array) -> tuple[Array, Array]:
+        """Start where the last two frames point to; paths are smoother than their frames are long."""
+        if self._last is None:
+            return force, -w / self._rho
+        last_force, last_y = self._last
+        return 2.0 * force - last_force, 2.0 * self._y - last_y
+
+    def _remember(self, solution: Solution, y: Array, image: Array, frame: ContactFrame, soft: Array) -> None:
+        w, normal = solution.displacement, frame.normal
+        gap = along(w, normal)
+        sticking = solution.status == STICK
+        # on the body's surface; the tangential part is w itself, the very slip that the solver saw
+        positions = self.points + image + soft[:, None] * solution.force - gap[:, None] * normal
+        self.history.keep(frame, sticking, positions)
+        slip = w - gap[:, None] * normal
+        touching = solution.status != OPEN
+        self._at_rest = bool((np.abs(slip[touching & ~sticking]) <= AT_REST).all())
+        self._last = (self._force, self._y) if self._force.any() else None
+        self._force, self._y, self._image = solution.force, y, image
+        self._shift = frame.opened(gap)
+        self._bodies = frame.bodies
+
+    # -- small parts ---------------------------------------------------------------------------------------------
+
+    def _apply(self, force: Array) -> Array:
+        return (self._c @ force.reshape(-1)).reshape(-1, 3)
+
+    def _report(self, solution: Solution, frame: ContactFrame, where: float) -> None:
+        if not solution.converged:
+            self.counters["unconverged"] += 1
+            self._notes.warn(
+                "not-converged",
+                "contact did not converge",
+                where,
+                value=solution.residual,
+                limit=f"<= {solution.tolerance:g}",
+                remedy="Use smaller steps, or less friction",
+            )
+        depth = -float(frame.gap.min())
+        if depth > self.depth_limit:
+            self.counters["deep"] += 1
+            self._notes.warn(
+                "too-deep",
+                "the finger sinks deeper than linear skin is trusted",
+                where,
+                value=f"{1e3 * depth:.2f} mm",
+                limit=f"<= {1e3 * self.depth_limit:g} mm",
+                remedy="Raise the finger, or make its touch depth compliant",
+            )

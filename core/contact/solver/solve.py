@@ -1,0 +1,259 @@
+"""Unilateral contact with Coulomb friction, on any symmetric positive definite compliance.
+
+Unknown are the forces f on the nodes; the nodes' relative displacement is w = C f + b. What went before (where a node
+sticks, how far the object has moved) enters only through b, so a single call knows nothing of time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import DermisError
+from ...surface.triangles import Array
+from .admm import State, iterate
+from .cone import OPEN, SLIP, STICK, along, natural_residual, project
+from .gauss_seidel import gauss_seidel
+from .newton import newton
+
+ACCURATE = 1e-10
+COARSE = 1e-5
+SWITCH_ITERATIONS = 400
+LAST_RESORT_SWEEPS = 2000
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Contact forces, and the proof that they obey the laws.
+
+    Attributes:
+        force: on the skin at each node [N], in the frame of the compliance, shape (m, 3).
+        displacement: relative displacement w = C f + b [m]: gap along the normal, slip across it, shape (m, 3).
+        normals: unit normals, from the object into the skin, shape (m, 3).
+        friction: coefficients, shape (m,).
+        status: OPEN (0), STICK (1) or SLIP (2) at each node, shape (m,).
+        iterations: of all methods together.
+        residual: |f - P(f - w / rho)| / |f|, see `cone.natural_residual`.
+        tolerance: what the residual was held against.
+        method: 'none' (nothing touches), 'admm', 'newton' or 'gauss-seidel': the one that gave the result.
+    """
+
+    force: Array
+    displacement: Array
+    normals: Array
+    friction: Array
+    status: NDArray[np.int8]
+    iterations: int
+    residual: float
+    tolerance: float
+    method: str
+
+    @property
+    def converged(self) -> bool:
+        """Whether the residual met the tolerance."""
+        return self.residual <= self.tolerance
+
+    @property
+    def normal_force(self) -> Array:
+        """Force along the normal at each node [N], shape (m,)."""
+        return along(self.force, self.normals)
+
+    @property
+    def gap(self) -> Array:
+        """Gap of the deformed skin at each node [m], shape (m,)."""
+        return along(self.displacement, self.normals)
+
+    @property
+    def resultant(self) -> Array:
+        """Total force on the skin [N], shape (3,)."""
+        total: Array = self.force.sum(axis=0)
+        return total
+
+    def complementarity_residual(self) -> float:
+        """Return the largest violation of 0 <= f_n, 0 <= w_n, f_n w_n = 0, relative to force and displacement."""
+        f, w = self._scales()
+        return float(np.abs(np.minimum(self.normal_force / f, self.gap / w)).max(initial=0.0))
+
+    def cone_residual(self) -> float:
+        """Return how far the worst node is outside its friction cone, relative to the largest force."""
+        f, _ = self._scales()
+        tangential = self.force - self.normal_force[:, None] * self.normals
+        excess = np.sqrt(along(tangential, tangential)) - self.friction * np.maximum(self.normal_force, 0.0)
+        return float(np.maximum(excess, 0.0).max(initial=0.0)) / f
+
+    def slip_residual(self) -> float:
+        """Return the worst slip of a sticking node, or of a slipping node in a wrong direction, relative to w."""
+        f, w = self._scales()
+        slip = self.displacement - self.gap[:, None] * self.normals
+        tangential = self.force - self.normal_force[:, None] * self.normals
+        speed, load = np.sqrt(along(slip, slip)), np.sqrt(along(tangential, tangential))
+        turned = slip * load[:, None] + tangential * speed[:, None]
+        wrong = np.sqrt(along(turned, turned)) / f
+        frictionless = self.friction == 0.0
+        worst = np.where(self.status == STICK, speed, np.where(self.status == SLIP, wrong, 0.0))
+        return float(np.where(frictionless, 0.0, worst).max(initial=0.0)) / w
+
+    def _scales(self) -> tuple[float, float]:
+        return max(float(np.abs(self.force).max(initial=0.0)), 1e-300), max(
+            float(np.abs(self.displacement).max(initial=0.0)), 1e-300
+        )
+
+
+def solve(
+    compliance: Array,
+    offset: Array,
+    friction: Array | float,
+    *,
+    normals: Array | None = None,
+    softness: Array | float = 0.0,
+    start: Array | None = None,
+    tolerance: float = ACCURATE,
+    max_iterations: int = 20_000,
+    rows: int = 3,
+) -> Solution:
+    """Return the forces of frictional contact.
+
+    Args:
+        compliance: C [m/N], symmetric positive definite, shape (rows m, rows m).
+        offset: b, the relative displacement without force [m], shape (rows m,) or (m, rows).
+        friction: coefficient of each node, or of all.
+        normals: unit normals from the object into the skin, in the frame of the compliance, shape (m, 3). Without
+            them each node's rows are (n, t1, t2) in its own frame.
+        softness: compliance of the object's own surface at each node [m/N], added to the diagonal.
+        start: forces to start from [N], shape (m, 3).
+        tolerance: of the residual, see `Solution.residual`.
+        rows: rows a node: 3; or 2 for (n, t) in a plane; or 1 for n alone, which only makes sense without friction.
+
+    Raises:
+        DermisError: shapes that do not fit, values that are not finite, negative friction or softness, or a
+            compliance that is not symmetric positive definite.
+
+    Source: [S1] section IV.C (Coulomb's law); Alart and Curnier 1991.
+    """
+    matrix, b, axes, mu, soft = _checked(compliance, offset, friction, normals, softness, rows)
+    count = axes.shape[0]
+    if soft.any():
+        matrix = matrix + np.diag(np.repeat(soft, 3))
+    zero = np.zeros((count, 3))
+    if count == 0 or bool((along(b.reshape(-1, 3), axes) >= 0.0).all()):
+        return _solution(zero, b.reshape(-1, 3), axes, mu, 0, 0.0, tolerance, "none")
+    low, high = _spectrum(matrix)
+    rho = float(np.sqrt(low * high))
+    inverse = np.linalg.inv(matrix + rho * np.eye(matrix.shape[0]))
+    z = zero if start is None else project(np.asarray(start, dtype=np.float64).reshape(-1, 3), axes, mu)[0]
+    image = matrix @ z.reshape(-1)
+    y = -(image + b).reshape(-1, 3) / rho
+    best, best_residual, method, iterations = z, np.inf, "admm", 0
+
+    def consider(force: Array, name: str) -> bool:
+        nonlocal best, best_residual, method
+        force = project(force, axes, mu)[0]
+        w = (matrix @ force.reshape(-1) + b).reshape(-1, 3)
+        residual = natural_residual(force, w, axes, mu, 1.0 / rho)
+        if residual < best_residual:
+            best, best_residual, method = force, residual, name
+        return best_residual <= tolerance
+
+    done = False
+    for goal, limit in ((max(COARSE, tolerance), SWITCH_ITERATIONS), (0.2 * tolerance, max_iterations)):
+        state = State(z, y)
+        sweep = iterate(inverse, rho, b, axes, mu, state, state, image, goal, limit)
+        z, y = sweep.state
+        image = matrix @ z.reshape(-1)
+        iterations += sweep.iterations
+        done = consider(z, "admm")
+        if done:
+            break
+        polished, steps, _ = newton(matrix, b, axes, mu, z, 1.0 / rho, 0.1 * tolerance)
+        iterations += steps
+        done = consider(polished, "newton")
+        if done:
+            break
+    if not done:
+        force, sweeps = gauss_seidel(matrix, b, axes, mu, best, 0.1 * tolerance, LAST_RESORT_SWEEPS)
+        iterations += sweeps
+        consider(force, "gauss-seidel")
+    w = (matrix @ best.reshape(-1) + b).reshape(-1, 3)
+    return _solution(best, w, axes, mu, iterations, best_residual, tolerance, method)
+
+
+def status_of(force: Array, displacement: Array, normals: Array, friction: Array) -> NDArray[np.int8]:
+    """Return OPEN, STICK or SLIP of forces that obey their cones; on the cone's surface a node slips."""
+    fn = along(force, normals)
+    tangential = force - fn[:, None] * normals
+    on_cone = np.sqrt(along(tangential, tangential)) >= friction * fn * (1.0 - 1e-9)
+    return np.where(fn <= 0.0, OPEN, np.where(on_cone, SLIP, STICK)).astype(np.int8)
+
+
+def _solution(
+    force: Array,
+    w: Array,
+    normals: Array,
+    friction: Array,
+    iterations: int,
+    residual: float,
+    tolerance: float,
+    method: str,
+) -> Solution:
+    status = status_of(force, w, normals, friction)
+    return Solution(force, w, normals, friction, status, iterations, residual, tolerance, method)
+
+
+def _spectrum(matrix: Array) -> tuple[float, float]:
+    """Smallest and largest eigenvalue; refuses what is not positive definite."""
+    values = np.linalg.eigvalsh(matrix)
+    low, high = float(values[0]), float(values[-1])
+    if not low > 0.0:
+        raise DermisError("the compliance is not positive definite", where="contact", value=low, limit="> 0 m/N")
+    return low, high
+
+
+def _checked(
+    compliance: Any, offset: Any, friction: Any, normals: Any, softness: Any, rows: int
+) -> tuple[Array, Array, Array, Array, Array]:
+    matrix = np.asarray(compliance, dtype=np.float64)
+    b = np.asarray(offset, dtype=np.float64)
+    where = "contact"
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+        raise DermisError("the compliance must be square", where=where, value=matrix.shape)
+    n = matrix.shape[0]
+    if rows not in (1, 2, 3) or n % max(rows, 1) or b.size != n:
+        raise DermisError(
+            "the compliance and the offset do not fit",
+            where=where,
+            limit="1, 2 or 3 rows a node",
+            value=f"{matrix.shape} and {b.shape}, {rows} rows a node",
+        )
+    if rows < 3:
+        matrix, b, n = _spread(matrix, b.reshape(-1), rows)
+    m = n // 3
+    mu = np.broadcast_to(np.asarray(friction, dtype=np.float64), (m,)).astype(np.float64)
+    soft = np.broadcast_to(np.asarray(softness, dtype=np.float64), (m,)).astype(np.float64)
+    axes = np.tile([1.0, 0.0, 0.0], (m, 1)) if normals is None else np.asarray(normals, dtype=np.float64)
+    if axes.shape != (m, 3):
+        raise DermisError("one normal a node is needed", where=where, value=axes.shape, limit=f"({m}, 3)")
+    given = {"compliance": matrix, "offset": b, "friction": mu, "normals": axes, "softness": soft}
+    for name, values in given.items():
+        if not np.isfinite(values).all():
+            raise DermisError(f"the {name} has values that are not finite", where=where)
+    if (mu < 0.0).any() or (soft < 0.0).any():
+        raise DermisError("friction and softness cannot be negative", where=where)
+    if n and not np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-9 * float(np.abs(matrix).max())):
+        raise DermisError("the compliance is not symmetric", where=where)
+    return matrix, b.reshape(-1), axes, mu, soft
+
+
+def _spread(matrix: Array, b: Array, rows: int) -> tuple[Array, Array, int]:
+    """Give nodes of one or two rows their missing tangents: they couple with nothing, so they carry nothing."""
+    m = b.size // rows
+    given = (3 * np.arange(m)[:, None] + np.arange(rows)).reshape(-1)
+    wide = np.zeros((3 * m, 3 * m))
+    wide[np.ix_(given, given)] = matrix
+    missing = np.setdiff1d(np.arange(3 * m), given)
+    wide[missing, missing] = np.repeat(np.diag(matrix)[::rows], 3 - rows)
+    offset = np.zeros(3 * m)
+    offset[given] = b
+    return wide, offset, 3 * m

@@ -1,1 +1,0 @@
-"""Views of a command track as files; each knows the format and nothing of scenes."""

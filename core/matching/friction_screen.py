@@ -1,0 +1,243 @@
+"""Gradient friction: a finger's path over a touch screen becomes amplitude and carrier of its voltage.
+
+path on the screen -> direction (eq. 4) -> slope (eq. 3) -> friction (eq. 5) -> volts (eq. 1). Source: [S4]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices.friction_screen import FrictionScreen
+from ..devices.spec import DeviceSpec
+from ..effects.gradient import check_map, metres_of
+from ..effects.slide import FULL, LEAST, directions
+from ..errors import DermisError, Finding
+from ..scene.tactile_scene import DeviceUse, Screen, TactileScene
+from ..track.command_track import CommandTrack
+from .rendered import Rendered
+from .screen_map import ScreenMap, height_range, steepest_of_all
+from .screen_path import DIRECTION_WINDOW, Settings, driven_values, scale_findings, screen_path, screens_of
+
+if TYPE_CHECKING:
+    from ..contact.touch import SampledTouch
+
+Array = NDArray[np.float64]
+
+RELIEFS = ("map", "mesh")
+THRESHOLD = 0.5
+
+
+def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
+    """Return the voltage of a friction screen along a finger's path.
+
+    `DeviceUse.screen` names the screen; empty, the finger feels every screen, at each moment the one it is nearest
+    to among those it touches. With `relief` 'mesh' it feels the normals of the touchable objects instead of the map,
+    see `mesh_relief`. A screen's `height_map` may be a sequence (k, rows, columns): `map_fps` maps a second
+    (default: one a frame), the first at scene frame `sequence_start` (default: the range's first).
+
+    Raises:
+        DermisError: no such screen, a map or setting that cannot be used, a screen without area.
+
+    Source: [S4] eq. 1 to 6
+    """
+    device = FrictionScreen.of(spec)
+    where = f"finger '{scene.fingers[finger].name}', {spec.name}"
+    relief_kind = use.parameters.get("relief", "map")
+    if relief_kind not in RELIEFS:
+        raise DermisError("unknown relief", where=where, value=relief_kind, limit=", ".join(RELIEFS))
+    if relief_kind == "mesh":
+        from . import mesh_relief
+
+        return mesh_relief.render(touch, scene, finger, use, spec)
+    settings = Settings(touch, scene, finger, use, spec.rate, where)
+    findings: list[Finding] = []
+    relevant = screens_of(scene, use)
+    scale = settings.series("scale") if settings.constant("scale_mode", "auto") == "manual" else None
+    if scale is not None and scale.any():  # keyed, it may begin at zero
+        largest = float(scale[np.argmax(np.abs(scale))])
+        maps = screen_maps(scene, touch.screens, replace(use, parameters={**use.parameters, "scale": largest}), spec)
+    else:
+        maps = screen_maps(scene, touch.screens, use, spec)
+    for index in maps:
+        findings += scale_findings(touch.screens[index], scene.screens[index].name)
+
+    paths = [screen_path(touch, scene, finger, index, settings) for index in relevant]
+    # Of several screens under one finger the nearest counts; the earlier in the scene's order where they tie.
+    distance = np.array([np.where(p.touching, np.abs(p.z), np.inf) for p in paths])
+    chosen = np.argmin(distance, axis=0)
+    contact = np.isfinite(distance).any(axis=0)
+
+    n = len(settings.times)
+    threshold = settings.series("threshold")
+    window = float(settings.constant("direction_window", DIRECTION_WINDOW))
+    signals = {
+        name: np.zeros(n)
+        for name in ("x", "y", "distance", "direction_x", "direction_y", "grad_x", "grad_y", "height", "friction")
+    }
+    for place, (index, path) in enumerate(zip(relevant, paths, strict=True)):
+        mine = chosen == place
+        for name, values in (("x", path.x), ("y", path.y), ("distance", path.z)):
+            signals[name][mine] = values[mine]
+        felt = mine & contact
+        if not felt.any():
+            continue
+        direction = directions(path.x, path.y, felt, spec.rate, window, path.resting)[felt]
+        relief = maps[index].relief(
+            path.x[felt],
+            path.y[felt],
+            direction,
+            settings.times[felt],
+            scale=None if scale is None else scale[felt],
+            threshold=None if threshold is None else threshold[felt],
+        )
+        for name, values in (
+            ("direction_x", direction[:, 0]),
+            ("direction_y", direction[:, 1]),
+            ("grad_x", relief.grad_x),
+            ("grad_y", relief.grad_y),
+            ("height", relief.height),
+            ("friction", relief.friction),
+        ):
+            signals[name][felt] = values
+    values, driven = driven_values(signals["friction"], settings, device, spec, where)
+    signals = {
+        "contact": contact.astype(np.float64),
+        "screen": np.where(contact, np.array(relevant)[chosen], -1.0),
+        **signals,
+    }
+
+    if not contact.any():
+        nearest = min(float(np.abs(p.z).min()) for p in paths)
+        findings.append(
+            Finding(
+                "warning",
+                "never-touches",
+                "the finger never touches a screen",
+                where=where,
+                value=f"{nearest * 1e3:.3g} mm from its plane at the nearest",
+                remedy="Bring the pad to the screen, or raise its touch distance",
+            )
+        )
+    findings += _flat_findings(maps, scene)
+    findings += _short_findings(maps, scene, settings.times)
+    findings += driven
+    track = CommandTrack(spec, settings.times, values, _meta(maps, scene, device))
+    return Rendered(track, signals, tuple(findings))
+
+
+def screen_maps(scene: TactileScene, matrices: Array, use: DeviceUse, spec: DeviceSpec) -> dict[int, ScreenMap]:
+    """Return the map of each screen that a use concerns, by the screen's index, ready to export with `save`.
+
+    The automatic scale is one for the whole bake: over every map of every one of these screens the steepest slope
+    (for 'height' the tallest relief) becomes friction 100.
+
+    Args:
+        scene: its header; no chunk is read.
+        matrices: object-to-world of all screens at one or more samples, shape (S, n, 4, 4); the first gives the scale.
+
+    Raises:
+        DermisError: no such screen, an unusable map or setting, a screen without area.
+    """
+    device = FrictionScreen.of(spec)
+    given = use.parameters
+    profile, mode = given.get("profile", "slope"), given.get("scale_mode", "auto")
+    where = f"device '{use.preset}'"
+    if mode not in ("auto", "manual"):
+        raise DermisError("unknown way to scale", where=where, value=mode, limit="auto, manual")
+    screens = {index: _map_of(scene.screens[index], matrices[index]) for index in screens_of(scene, use)}
+    manual = float(given.get("scale", 0.0)) if mode == "manual" else 0.0
+    if mode == "manual" and profile != "rectangle" and not (np.isfinite(manual) and manual != 0.0):
+        raise DermisError("the scale must not be zero", where=where, value=manual, remedy="Choose the automatic scale")
+    scale, offset = manual, 0.0
+    ranges = {index: height_range(heights) for index, (heights, _, _) in screens.items()}
+    if mode == "auto" and profile == "slope":
+        steepest = max(steepest_of_all(*entry) for entry in screens.values())
+        scale = FULL / steepest if steepest > 0 else 0.0
+    elif mode == "auto" and profile == "height":
+        tallest = max((ranges[i][1] - ranges[i][0]) * metres_of(size, unit) for i, (_, size, unit) in screens.items())
+        scale, offset = ((FULL - LEAST) / tallest if tallest > 0 else 0.0), LEAST
+    result = {}
+    for index, (heights, size, unit) in screens.items():
+        parameters = scene.screens[index].parameters
+        begin = float(parameters.get("sequence_start", scene.frame_range[0]))
+        result[index] = ScreenMap(
+            heights,
+            size,
+            unit,
+            device,
+            profile,
+            given.get("downhill", "rectify"),
+            scale,
+            offset,
+            float(given.get("threshold", THRESHOLD)),
+            *ranges[index],
+            maps_per_second=float(parameters.get("map_fps", scene.fps)),
+            start=(begin - scene.frame_range[0]) / float(scene.fps),
+            direction_window=float(given.get("direction_window", DIRECTION_WINDOW)),
+        )
+    return result
+
+
+def _map_of(screen: Screen, matrices: Array) -> tuple[NDArray[np.float32], tuple[float, float], float]:
+    """Return maps (k, rows, columns), size in metres as the object is scaled at the start, and the height unit."""
+    where = f"screen '{screen.name}'"
+    lengths = np.linalg.norm(matrices[0, :3, :3], axis=0)
+    size = (screen.size[0] * float(lengths[0]), screen.size[1] * float(lengths[1]))
+    heights = np.asarray(screen.height_map, dtype=np.float32)
+    check_map(heights, size, screen.height_unit, where)
+    return (heights if heights.ndim == 3 else heights[None]), size, screen.height_unit
+
+
+def _flat_findings(maps: Mapping[int, ScreenMap], scene: TactileScene) -> list[Finding]:
+    return [
+        Finding(
+            "warning",
+            "flat-map",
+            "the map is flat: no slope, no bump",
+            where=f"screen '{scene.screens[i].name}'",
+            remedy="Check its image, or its mesh",
+        )
+        for i, m in maps.items()
+        if m.highest == m.lowest
+    ]
+
+
+def _short_findings(maps: Mapping[int, ScreenMap], scene: TactileScene, times: Array) -> list[Finding]:
+    found = []
+    for i, m in maps.items():
+        count = len(m.heights)
+        if count < 2 or m.maps_per_second <= 0:
+            continue
+        # Half a map of grace: the last one lasts as long as each of the others.
+        late = times > m.start + (count - 0.5) / m.maps_per_second
+        if late.any():
+            found.append(
+                Finding(
+                    "warning",
+                    "sequence-short",
+                    "the image sequence ends before the range does; its last map is held",
+                    where=f"screen '{scene.screens[i].name}'",
+                    value=f"{count} maps",
+                    count=int(late.sum()),
+                    remedy="Add images, or shorten the range",
+                    frame=scene.frame_range[0] + float(times[np.argmax(late)]) * float(scene.fps),
+                )
+            )
+    return found
+
+
+def _meta(maps: Mapping[int, ScreenMap], scene: TactileScene, device: FrictionScreen) -> dict[str, str]:
+    first = next(iter(maps.values()))
+    law = device.law
+    return {
+        "screen": ", ".join(scene.screens[i].name for i in maps),
+        "profile": first.profile,
+        "downhill": first.downhill,
+        "scale": f"{first.scale:.9g}",
+        "law": f"slope {law.slope:.9g} intercept {law.intercept:.9g} base {law.base:.9g}",
+    }

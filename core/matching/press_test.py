@@ -1,0 +1,115 @@
+"""The personal stiffness factor alpha, from a press test.
+
+A finger is pressed by known depths and the loads are read; alpha is the factor between those loads and the model's.
+Source: [S1] IV.D (there written the other way round: here alpha multiplies the model, E = alpha E0).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..contact.solver.bodies import ContactBody
+from ..contact.solver.path import PathSolver
+from ..errors import DermisError
+from ..skin.model import SkinModel
+from ..surface.plane import Plane
+
+Array = NDArray[np.float64]
+
+DEPTHS = (0.5e-3, 1.0e-3, 1.5e-3, 2.0e-3)  # [m] of the press test. Source: [S1] IV.D
+FRICTION = 0.6  # of the push plate; it changes the load of a press by little
+PAPER_RANGE = (0.61, 0.90)  # alpha of the ten people of [S1] fig. 6
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A stiffness factor and how well it is known.
+
+    Attributes:
+        alpha: least-squares factor, measured load = alpha * model load.
+        standard_error: of alpha, from the scatter of the readings; NaN with fewer than three of them.
+        residual: RMS of measured minus fitted load [N].
+    """
+
+    alpha: float
+    standard_error: float
+    residual: float
+
+
+def press_loads(skin: SkinModel, depths: ArrayLike = DEPTHS, friction: float = FRICTION) -> Array:
+    """Return the loads of a flat plate pressed into a skin to each depth, with the skin's own E and alpha [N].
+
+    Args:
+        depths: rising, from above zero [m], shape (n,).
+
+    Raises:
+        DermisError: depths that do not rise from above zero.
+
+    Source: [S1] IV.D
+    """
+    d = np.asarray(depths, dtype=np.float64)
+    if d.ndim != 1 or not (np.diff(d, prepend=0.0) > 0).all():
+        raise DermisError("depths must rise from above zero", where="press test", value=np.ravel(d).tolist())
+    solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas)
+    plate = Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3))
+    loads = []
+    for depth in d.tolist():
+        body = ContactBody(plate, translation=np.array([0.0, 0.0, depth]), friction=friction)
+        loads.append(float(solver.step([body]).solution.force[:, 2].sum()))
+    return np.array(loads)
+
+
+def stiffness_factor(depths: ArrayLike, measured: ArrayLike, modelled: ArrayLike) -> Calibration:
+    """Fit alpha in measured = alpha * modelled by least squares.
+
+    Args:
+        depths: indentations [m], rising, shape (n,).
+        measured: loads read [N], shape (n,). modelled: the model's loads at the same depths with E0 [N], shape (n,).
+
+    Raises:
+        DermisError: fewer than two readings, different lengths, values that are not finite, depths that do not
+            rise, loads that are negative or fall while the depth rises, or a model without load.
+    """
+    where = "press test"
+    d, f, g = (np.asarray(a, dtype=np.float64) for a in (depths, measured, modelled))
+    if not d.shape == f.shape == g.shape or d.ndim != 1:
+        raise DermisError("depths and loads differ in number", where=where, value=f"{d.shape}, {f.shape}, {g.shape}")
+    if len(d) < 2:
+        raise DermisError(
+            "one reading is not enough",
+            where=where,
+            value=len(d),
+            limit="2 or more",
+            remedy="Press at 0.5, 1.0, 1.5 and 2.0 mm",
+        )
+    for name, values in (("depths", d), ("loads", f), ("modelled loads", g)):
+        if not np.isfinite(values).all():
+            raise DermisError(f"{name} must be numbers", where=where, value=values.tolist())
+    if (np.diff(d) <= 0).any() or d[0] <= 0:
+        raise DermisError("depths must rise from above zero", where=where, value=[f"{1e3 * x:g} mm" for x in d])
+    if (f < 0).any():
+        raise DermisError(
+            "a load is negative",
+            where=where,
+            value=float(f.min()),
+            limit=">= 0 N",
+            remedy="Tare the scale and press again",
+        )
+    if (np.diff(f) <= 0).any():
+        i = int(np.argmax(np.diff(f) <= 0))
+        raise DermisError(
+            "the load does not rise with depth",
+            where=f"{where}, {1e3 * d[i]:g} to {1e3 * d[i + 1]:g} mm",
+            value=f"{f[i]:g} to {f[i + 1]:g} N",
+            remedy="Read the scale again at these depths",
+        )
+    if not g @ g > 0:
+        raise DermisError("the model carries no load at these depths", where=where)
+    alpha = float(f @ g / (g @ g))
+    rest = f - alpha * g
+    freedom = len(d) - 1
+    error = float(np.sqrt(rest @ rest / freedom / (g @ g))) if len(d) > 2 else float("nan")
+    return Calibration(alpha, error, float(np.sqrt(np.mean(rest**2))))

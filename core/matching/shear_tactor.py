@@ -1,0 +1,123 @@
+"""Shear tactor: add up the effects that a finger feels, lay them into the pad's plane, and turn the pulleys.
+
+The declared rule for several effects at once: their displacements are added, in the finger's frame and as fractions of
+the tactor's range; the sum is then limited, once.
+
+Source: [S3] section 4
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contact.sampled import SampledTouch
+from ..devices.shear_tactor import ShearTactor, follow
+from ..devices.spec import DeviceSpec
+from ..errors import DermisError
+from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
+from ..track.command_track import CommandTrack
+from .effect_sum import EffectSum
+from .rendered import Rendered
+
+Array = NDArray[np.float64]
+
+PROJECTIONS = ("magnitude", "printed")
+# A length of up to this above 1 is rounding, not a displacement that had to be limited.
+SLACK = 1e-9
+
+
+def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
+    """Render one finger's shear tactor.
+
+    Signals: 'contact' and 'held' (0 or 1), 'magnitude' (asked for, as a fraction of the range).
+
+    Raises:
+        DermisError: an unknown method or effect setting, or a preset without what the mechanism needs.
+
+    Source: [S3] eq. 1-8
+    """
+    method = str(use.parameters.get("projection", "magnitude"))
+    if method not in PROJECTIONS:
+        raise DermisError(
+            "unknown projection",
+            where=f"finger '{scene.fingers[finger].name}'",
+            value=method,
+            limit=", ".join(PROJECTIONS),
+        )
+    tactor = ShearTactor.from_spec(spec)
+    times: Array = touch.keep(("device times", spec.rate), lambda: device_times(scene, spec.rate))
+    sums = EffectSum(touch, scene, finger, use, tactor, times)
+    for body in range(len(scene.bodies)):
+        sums.body(body)
+    sums.pattern()
+    if sums.sum is None:
+        position, magnitude, limited = np.zeros((len(times), 2)), np.zeros(len(times)), 0
+    else:
+        position, magnitude, limited = projected(sums.sum, tactor.radius, method)
+    position, slowed = follow(position, tactor.speed / spec.rate)
+    angles = np.zeros_like(position)
+    moved = np.flatnonzero(position.any(axis=1))
+    if moved.size:
+        angles[moved] = tactor.inverse(position[moved])
+    columns = {
+        "tactor_x": position[:, 0],
+        "tactor_y": position[:, 1],
+        "pulley_1": angles[:, 0],
+        "pulley_2": angles[:, 1],
+    }
+    unknown = [c.name for c in spec.channels if c.name not in columns]
+    if unknown:
+        raise DermisError(
+            "the shear tactor has no such channel",
+            where=f"device preset '{spec.key}'",
+            value=", ".join(unknown),
+            limit=", ".join(columns),
+        )
+    counts = {}
+    for name in ("tactor_x", "tactor_y"):
+        counts.update({f"{name}.disc": limited, f"{name}.slew_of_pair": slowed})
+    names = [c.name for c in spec.channels]
+    track = CommandTrack(
+        spec,
+        times,
+        np.stack([columns[n] for n in names], axis=1),
+        limited={k: v for k, v in counts.items() if v and k.partition(".")[0] in names},
+    )
+    signals = {"contact": sums.contact.astype(np.float64), "held": sums.held.astype(np.float64), "magnitude": magnitude}
+    return Rendered(track, signals, tuple(sums.findings), {k: v for k, v in sums.skipped.items() if v})
+
+
+def device_times(scene: TactileScene, rate: float) -> Array:
+    """Return the times of a device's commands over a scene's range [s]; they do not depend on fps."""
+    return np.arange(sample_count(scene.fps, scene.frame_range, rate)) / rate
+
+
+def projected(displacement: Array, reach: float, method: str = "magnitude") -> tuple[Array, Array, int]:
+    """Lay displacements into the pad's plane and limit them.
+
+    'magnitude': p = A min(1, |P T^-1 d|) P T^-1 d / |P T^-1 d|. 'printed': the paper divides by |d| instead, which
+    weakens a tilted vector twice, and is 0/0 at d = 0. Both give 0 there.
+
+    Args:
+        displacement: T^-1 d, in the finger's frame, as fractions of the range, shape (n, 3).
+        reach: A [m].
+
+    Returns:
+        positions [m], shape (n, 2); the lengths |P T^-1 d|, shape (n,); how many of them were limited to 1.
+
+    Raises:
+        DermisError: an unknown method.
+
+    Source: [S3] eq. 6
+    """
+    if method not in PROJECTIONS:
+        raise DermisError("unknown projection", value=method, limit=", ".join(PROJECTIONS))
+    flat = displacement[:, :2]
+    length = np.hypot(flat[:, 0], flat[:, 1])
+    limited = int((length > 1.0 + SLACK).sum())
+    if method == "magnitude":
+        return reach * flat / np.maximum(length, 1.0)[:, None], length, limited
+    whole = np.sqrt(np.einsum("ij,ij->i", displacement, displacement))
+    factor = np.minimum(1.0, length) / np.where(whole > 0.0, whole, 1.0)
+    return reach * factor[:, None] * flat, length, limited

@@ -1,0 +1,1 @@
+"""From a sampled scene to tracks and their files."""

@@ -1,0 +1,66 @@
+"""What rendering a scene gives: a track per finger and device, the skins, and what there is to say about them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from ..errors import Finding
+from ..track.command_track import Array, CommandTrack
+
+if TYPE_CHECKING:
+    from ..contact.skin_touch import SkinTouch
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far the work is: `done` of `total` steps of the named stage."""
+
+    stage: str
+    done: int
+    total: int
+
+
+@dataclass(frozen=True)
+class Output:
+    """The track of one device on one finger.
+
+    Attributes:
+        finger, device: the finger's name and the preset's key.
+        track: what the device shall do, limited to what it can do.
+        signals: diagnostic series at the track's times, such as 'contact'.
+        findings: of the method and of the track's own check.
+    """
+
+    finger: str
+    device: str
+    track: CommandTrack
+    signals: Mapping[str, Array]
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True)
+class Bake:
+    """Everything that one rendering of a scene gave.
+
+    Attributes:
+        outputs: one per finger and device, in the scene's order.
+        findings: of the scene as a whole; `all_findings` has those of the outputs too.
+        skipped: what was not computed because the scene did not need it, by name.
+        content_hash: hash of scene, device presets and version.
+        stage_seconds: run time of each stage [s].
+        skins: what the skin of each finger felt that shows it or wears a device that needs it, by finger's name.
+    """
+
+    outputs: tuple[Output, ...]
+    findings: tuple[Finding, ...]
+    skipped: Mapping[str, int]
+    content_hash: str
+    stage_seconds: Mapping[str, float] = field(default_factory=dict)
+    skins: Mapping[str, SkinTouch] = field(default_factory=dict)
+
+    @property
+    def all_findings(self) -> tuple[Finding, ...]:
+        """Findings of the scene and of every output."""
+        return self.findings + tuple(f for output in self.outputs for f in output.findings)

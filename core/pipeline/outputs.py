@@ -1,0 +1,78 @@
+"""Write a bake's tracks, and the maps of screens that answer to a real finger, into a folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..errors import DermisError
+from ..presets import Library
+from ..scene.tactile_scene import TactileScene
+from .bake import Bake
+
+
+def export(bake: Bake, folder: Path, *, plots: bool = False) -> tuple[Path, ...]:
+    """Write one CSV per finger and device into a folder, and on request a PNG plot beside each.
+
+    Raises:
+        DermisError: nothing to export, or the folder cannot be written.
+    """
+    from ..track import csv
+
+    if not bake.outputs:
+        raise DermisError("no tracks to export", where=str(folder), remedy="Give a finger a device and bake again")
+    written = []
+    for name, output in zip(file_names(bake), bake.outputs, strict=True):
+        path = Path(folder) / f"{name}.csv"
+        csv.write(output.track, path)
+        written.append(path)
+        if plots:
+            from ..plot.track import write_png
+
+            picture = path.with_suffix(".png")
+            write_png(output.track, picture, contact=output.signals.get("contact"))
+            written.append(picture)
+    return tuple(written)
+
+
+def export_screen_maps(scene: TactileScene, library: Library, folder: Path) -> tuple[Path, ...]:
+    """Write the map and the law of every screen device, for screens that answer to a real finger.
+
+    Only the scene's first chunk is read: where the screens stand then gives the scale.
+
+    Raises:
+        DermisError: no finger has a screen device, a map cannot be used, or the folder cannot be written.
+    """
+    from ..matching.friction_screen import screen_maps
+    from ..track.file_names import FileNames, safe
+
+    wanted = []
+    for finger in scene.fingers:
+        for use in finger.devices:
+            spec = library.device(use.preset)
+            # a relief that is read from the mesh itself needs no map
+            if spec.kind == "friction_screen" and use.parameters.get("relief", "map") != "mesh":
+                wanted.append((finger.name, use, spec))
+    if not wanted:
+        raise DermisError(
+            "no finger has a screen device",
+            where=f"scene '{scene.name}'",
+            remedy="Add a touch screen, and an electrovibration device to the finger that touches it",
+        )
+    chunk = next(iter(scene.chunks))
+    names = FileNames()
+    written: list[Path] = []
+    for who, use, spec in wanted:
+        for index, screen_map in screen_maps(scene, chunk.screens, use, spec).items():
+            stem = f"{safe(who)}.{safe(scene.screens[index].name)}.{safe(use.preset)}"
+            path = Path(folder) / names.take(stem, ".map.npz")
+            screen_map.save(path)
+            written.append(path)
+    return tuple(written)
+
+
+def file_names(bake: Bake) -> tuple[str, ...]:
+    """Return a file stem per output: finger and device, safe on every file system, never the same twice."""
+    from ..track.file_names import FileNames, safe
+
+    names = FileNames()
+    return tuple(names.take(f"{safe(output.finger) or 'finger'}.{safe(output.device)}") for output in bake.outputs)

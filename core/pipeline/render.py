@@ -1,0 +1,252 @@
+"""The whole way from a sampled scene to command tracks; it reads from top to bottom.
+
+scene -> contact on the skin -> target stimulus -> device match -> command track -> file
+
+`render` decides what a scene does not need: fingers without devices are not rendered, far objects are dropped
+by the broad phase, and effects that nothing switches on are never computed. What was skipped is counted.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections import Counter
+from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from ..devices.safe_state import safe_findings
+from ..devices.spec import DeviceSpec
+from ..errors import DermisError, Finding
+from ..matching import SKIN_KINDS
+from ..presets import Library
+from ..scene.content_hash import ContentHash
+from ..scene.tactile_scene import DeviceUse, TactileScene
+from ..version import version
+from .bake import Bake, Output, Progress
+
+if TYPE_CHECKING:
+    from ..cache import Cache
+    from ..contact.skin_touch import SkinTouch
+    from ..contact.touch import SampledTouch
+    from ..matching.rendered import Rendered
+    from ..skin.model import SkinModel
+
+    Renderer = Callable[..., Rendered]
+
+
+DEFAULT_SKIN = "index_medium"
+# kind of device -> the file in matching/ that drives it
+RENDERERS = {
+    "shear_tactor": "shear_tactor",
+    "friction_screen": "friction_screen",
+    "pin_array": "pins",
+    "thimble": "thimble",
+    "cable_platform": "lookup",
+    "hexapod": "lookup",
+}
+
+
+def render(scene: TactileScene, library: Library, *, cache: Cache | None = None) -> Generator[Progress, None, Bake]:
+    """Render every device of every finger; yield progress, return a `Bake`.
+
+    Args:
+        cache: where condensed skins are kept; without one they are made anew.
+
+    Raises:
+        DermisError: the scene cannot be rendered at all (see `TactileScene.validate`).
+    """
+    scene.validate()
+    clock = _Stages()
+    findings = [*scene.findings, *(f for screen in scene.screens for f in screen.findings)]
+    wanted = list(_wanted(scene, library, findings))
+    content = ContentHash(scene)
+
+    skins = yield from _skins(scene, wanted, library, cache, clock, findings)
+    touch, felt = yield from _sample(scene, skins, content, clock)
+    findings += touch.findings
+    skipped = Counter(touch.skipped)
+    for skin in felt.values():
+        findings += skin.findings
+        skipped.update(skin.skipped)
+
+    content_hash = _full_hash(content, [spec for _, _, spec in wanted])
+    outputs = []
+    for step, (finger, use, spec) in enumerate(wanted):
+        yield Progress("devices", step, len(wanted))
+        with clock.stage("devices"):
+            try:
+                more = (felt[finger],) if spec.kind in SKIN_KINDS else ()
+                rendered = _renderer(spec)(touch, scene, finger, use, spec, *more)
+                output = _finish(rendered, scene, finger, use, content_hash)
+            except DermisError as error:  # one device that cannot be rendered does not take the others down
+                findings.append(_unavailable(scene.fingers[finger].name, error))
+                continue
+        skipped.update(rendered.skipped)
+        outputs.append(output)
+    yield Progress("devices", len(wanted), len(wanted))
+    by_name = {scene.fingers[finger].name: skin for finger, skin in felt.items()}
+    return Bake(tuple(outputs), tuple(findings), skipped, content_hash, clock.seconds, by_name)
+
+
+def run(scene: TactileScene, library: Library | None = None) -> Bake:
+    """Render a scene straight through, without progress."""
+    steps = render(scene, library or Library())
+    while True:
+        try:
+            next(steps)
+        except StopIteration as stop:
+            bake: Bake = stop.value
+            return bake
+
+
+def _wanted(
+    scene: TactileScene, library: Library, findings: list[Finding]
+) -> Iterator[tuple[int, DeviceUse, DeviceSpec]]:
+    """Pair every finger with the devices that can be driven; say which cannot, and go on."""
+    for i, finger in enumerate(scene.fingers):
+        if not finger.devices and not finger.parameters.get("skin_shown", False):
+            findings.append(
+                Finding(
+                    "warning",
+                    "no-device",
+                    "the finger has no device, so it gives no track",
+                    where=f"finger '{finger.name}'",
+                    remedy="Add one in the Dermis tab under Devices",
+                )
+            )
+        for use in finger.devices:
+            try:
+                spec = library.device(use.preset)
+                _renderer(spec)
+            except DermisError as error:
+                findings.append(_unavailable(finger.name, error))
+                continue
+            yield i, use, spec
+
+
+def _unavailable(finger: str, error: DermisError) -> Finding:
+    return Finding("error", "device-unavailable", str(error).rstrip("."), where=f"finger '{finger}'")
+
+
+def _skins(
+    scene: TactileScene,
+    wanted: list[tuple[int, DeviceUse, DeviceSpec]],
+    library: Library,
+    cache: Cache | None,
+    clock: _Stages,
+    findings: list[Finding],
+) -> Generator[Progress, None, dict[int, SkinModel]]:
+    """Make the skins of the fingers that show theirs or wear a device that needs it; nobody else's.
+
+    A finger whose skin cannot be made loses the devices that need it; the others are rendered.
+    """
+    needed = {f for f, _, spec in wanted if spec.kind in SKIN_KINDS}
+    needed |= {f for f, finger in enumerate(scene.fingers) if finger.parameters.get("skin_shown", False)}
+    skins: dict[int, SkinModel] = {}
+    for done, f in enumerate(sorted(needed)):
+        yield Progress("skin", done, len(needed))
+        from ..skin.model import skin_from_parameters
+
+        finger = scene.fingers[f]
+        place = f"finger '{finger.name}'"
+        try:
+            with clock.stage("skin"):
+                parameters = finger.parameters.get("skin") or library.skin(DEFAULT_SKIN)
+                level = str(finger.parameters.get("skin_level", "standard"))
+                skins[f] = skin_from_parameters(parameters, level=level, cache=cache, where=f"{place}, skin")
+        except DermisError as error:
+            findings.append(_unavailable(finger.name, error))
+            wanted[:] = [w for w in wanted if w[0] != f or w[2].kind not in SKIN_KINDS]
+    return skins
+
+
+def _sample(
+    scene: TactileScene, skins: Mapping[int, SkinModel], content: ContentHash, clock: _Stages
+) -> Generator[Progress, None, tuple[SampledTouch, dict[int, SkinTouch]]]:
+    """Draw the chunks through the contact of the pads' centres and, where somebody needs it, of the whole skin."""
+    from ..contact.touch import TouchSampler
+
+    pads, skin = TouchSampler(scene), None
+    if skins:
+        from ..contact.skin_touch import SkinSampler
+
+        skin = SkinSampler(scene, skins)
+    done = 0
+    chunks = content.through(scene.chunks)
+    while True:
+        with clock.stage("sampling"):
+            chunk = next(chunks, None)
+        if chunk is None:
+            break
+        with clock.stage("contact"):
+            chunk = pads.add(chunk)
+        if skin is not None:
+            with clock.stage("skin contact"):
+                skin.add(chunk)
+        done += len(chunk.times)
+        yield Progress("sampling", done, scene.sample_count)
+    with clock.stage("contact"):
+        touch = pads.finish()
+    if skin is None:
+        return touch, {}
+    held = skin.solve_held(touch)
+    while True:
+        with clock.stage("skin contact"):
+            solved = next(held, None)
+        if solved is None:
+            break
+        yield Progress("skin contact", solved, scene.sample_count)
+    return touch, skin.finish()
+
+
+def _renderer(spec: DeviceSpec) -> Renderer:
+    """Return the method that drives this kind of device; its module loads only now."""
+    if spec.kind not in RENDERERS:
+        raise DermisError(
+            "unknown kind of device", where=f"device preset '{spec.key}'", value=spec.kind, limit=", ".join(RENDERERS)
+        )
+    render: Renderer = import_module(f"..matching.{RENDERERS[spec.kind]}", __package__).render
+    return render
+
+
+def _finish(rendered: Rendered, scene: TactileScene, finger: int, use: DeviceUse, content_hash: str) -> Output:
+    """Limit the track to what the device can do, check it, and write down where it comes from."""
+    name = scene.fingers[finger].name
+    limited = rendered.track.within_limits()
+    meta = {
+        "finger": name,
+        "scene": scene.name,
+        "frame_range": f"{scene.frame_range[0]} {scene.frame_range[1]}",
+        "fps": f"{scene.fps.numerator}/{scene.fps.denominator}",
+        "generator": f"dermis {version()}",
+        "content_hash": content_hash,
+        **limited.meta,
+    }
+    track = replace(limited, meta=meta)
+    findings = tuple(rendered.findings) + tuple(track.check()) + safe_findings(track.spec)
+    return Output(name, use.preset, track, rendered.signals, findings)
+
+
+def _full_hash(content: ContentHash, specs: list[DeviceSpec]) -> str:
+    """Hash of the scene's content, the presets it uses and the version that rendered it."""
+    parts = [content.hexdigest(), version(), *(spec.hash for spec in specs)]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
+
+
+class _Stages:
+    """Adds up run time by stage."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Count the time of a block towards a stage."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start

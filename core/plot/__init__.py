@@ -1,0 +1,1 @@
+"""Pictures of tracks, pins, stimuli and motors, as SVG and PNG."""

@@ -1,0 +1,1 @@
+"""A sampled scene: who takes part, where they are at every sample, and its file."""

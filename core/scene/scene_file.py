@@ -1,0 +1,268 @@
+"""Sampled scenes as files: an .npz with a header in JSON, written and read chunk by chunk.
+
+The file is a zip of plain .npy arrays beside `header.json`, stored without compression and with fixed time stamps, so
+that equal scenes give equal bytes. Nothing in it is ever executed or unpickled.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SEVERITIES, DermisError, Finding
+from ..files import atomic, put_array, put_text
+from ..foreign import damage_told, json_of
+from ..npz import ArrayFile, opened_npz
+from .tactile_scene import SCENE_VERSION, Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, header
+
+FORMAT = "dermis-scene"
+MOST_HEADER = 1 << 26  # bytes; a deforming mesh names its triangles at every sample
+# Arrays of a chunk: dimensions, and the size of the last where it is given.
+_SERIES = {"frames": (1,), "times": (1,), "fingers": (4, 4), "bodies": (4, 4), "screens": (4, 4)}
+
+
+def save(scene: TactileScene, path: Path) -> None:
+    """Write a scene; its chunks are drawn one after the other and not kept.
+
+    Raises:
+        DermisError: the file cannot be written, or a parameter is not a plain JSON value.
+    """
+    with atomic(Path(path)) as part, zipfile.ZipFile(part, "w", allowZip64=True) as archive:
+        for i, body in enumerate(scene.bodies):
+            if body.mesh is not None:
+                put_array(archive, f"body/{i}/vertices", body.mesh.vertices)
+                put_array(archive, f"body/{i}/triangles", body.mesh.triangles)
+        for i, screen in enumerate(scene.screens):
+            put_array(archive, f"screen/{i}/height_map", screen.height_map)
+        surfaces = _SurfaceWriter(archive)
+        chunks = []
+        for k, chunk in enumerate(scene.chunks):
+            for name in _SERIES:
+                put_array(archive, f"chunk/{k}/{name}", getattr(chunk, name))
+            for i, name in enumerate(sorted(chunk.channels)):
+                put_array(archive, f"chunk/{k}/channel/{i}", chunk.channels[name])
+            chunks.append(
+                {
+                    "channels": sorted(chunk.channels),
+                    "surfaces": {
+                        str(b): surfaces.put(f"chunk/{k}/surface/{b}", chunk.surfaces[b]) for b in chunk.surfaces
+                    },
+                }
+            )
+        put_text(archive, "header.json", _header_text(scene, chunks))
+
+
+def load(path: Path) -> TactileScene:
+    """Read a scene's header; its chunks are read when they are iterated, and again each time.
+
+    Raises:
+        DermisError: missing, not a scene, damaged, or written by a newer version; reading its chunks may raise it too.
+    """
+    path = Path(path)
+    with opened_npz(path, kind="a sampled scene") as archive:
+        data = _header(archive)
+        with damage_told("the header is damaged", str(path)):
+            return TactileScene(
+                name=_text(data["name"]),
+                fps=Fraction(*data["fps"]),
+                frame_range=(int(data["frame_range"][0]), int(data["frame_range"][1])),
+                rate=float(data["rate"]),
+                gravity=(float(data["gravity"][0]), float(data["gravity"][1]), float(data["gravity"][2])),
+                fingers=tuple(
+                    Finger(
+                        _text(f["name"]),
+                        tuple(
+                            DeviceUse(_text(d["preset"]), _mapping(d["parameters"]), _text(d["screen"]))
+                            for d in f["devices"]
+                        ),
+                        _mapping(f["parameters"]),
+                    )
+                    for f in data["fingers"]
+                ),
+                bodies=tuple(_body(archive, i, b) for i, b in enumerate(data["bodies"])),
+                screens=tuple(_screen(archive, i, s) for i, s in enumerate(data["screens"])),
+                chunks=SceneChunks(path, tuple(data["chunks"])),
+                findings=_findings(data["findings"]),
+            )
+
+
+@dataclass(frozen=True)
+class SceneChunks:
+    """The chunks of a scene file, read one at a time whenever they are iterated.
+
+    Attributes:
+        path: the file; it must stay where it is.
+        table: what the header says of each chunk.
+    """
+
+    path: Path
+    table: tuple[Mapping[str, Any], ...]
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    def __iter__(self) -> Iterator[Chunk]:
+        triangles: dict[int, NDArray[np.int32]] = {}
+        for k, entry in enumerate(self.table):
+            where, told = f"{self.path}, chunk {k}", "a chunk of the scene is damaged"
+            with opened_npz(self.path, kind="a sampled scene") as archive, damage_told(told, where):
+                series = {name: _numbers(archive, f"chunk/{k}/{name}", *_SERIES[name]) for name in _SERIES}
+                names = [_text(name) for name in entry["channels"]]
+                channels = {name: _numbers(archive, f"chunk/{k}/channel/{i}", 1) for i, name in enumerate(names)}
+                surfaces = {
+                    int(b): self._surfaces(archive, f"chunk/{k}/surface/{b}", ids, triangles)
+                    for b, ids in entry["surfaces"].items()
+                }
+                chunk = Chunk(**series, surfaces=surfaces, channels=channels)
+                _check_lengths(chunk, where)
+            yield chunk
+
+    def _surfaces(
+        self, archive: ArrayFile, name: str, ids: list[int], triangles: dict[int, NDArray[np.int32]]
+    ) -> tuple[Mesh, ...]:
+        vertices = _numbers(archive, f"{name}/vertices", 2, 3)
+        counts = _numbers(archive, f"{name}/counts", 1, kinds="iu")
+        within = (counts >= 0) & (counts <= len(vertices))
+        if len(counts) != len(ids) or not within.all() or counts.sum() != len(vertices):
+            raise DermisError("a surface is damaged", where=f"{self.path}, {name}")
+        for i in ids:
+            if i not in triangles:
+                triangles[i] = _triangles(archive, f"triangles/{int(i)}")
+        parts = np.split(vertices, np.cumsum(counts)[:-1]) if len(counts) else []
+        return tuple(Mesh(part, triangles[i]) for part, i in zip(parts, ids, strict=True))
+
+
+class _SurfaceWriter:
+    """Writes deforming surfaces, each list of triangles only once."""
+
+    def __init__(self, archive: zipfile.ZipFile) -> None:
+        self._archive = archive
+        self._known: dict[tuple[str, tuple[int, ...], bytes], int] = {}
+        self._last: tuple[NDArray[np.int32], int] | None = None
+
+    def put(self, name: str, meshes: tuple[Mesh, ...]) -> list[int]:
+        """Write the vertices of consecutive surfaces; return which triangles each of them has."""
+        stacked = np.concatenate([m.vertices for m in meshes]) if meshes else np.empty((0, 3))
+        put_array(self._archive, f"{name}/vertices", stacked)
+        put_array(self._archive, f"{name}/counts", np.array([len(m.vertices) for m in meshes], dtype=np.int64))
+        return [self._triangles(m.triangles) for m in meshes]
+
+    def _triangles(self, triangles: NDArray[np.int32]) -> int:
+        if self._last is not None and self._last[0] is triangles:
+            return self._last[1]
+        key = (triangles.dtype.str, triangles.shape, triangles.tobytes())
+        if key not in self._known:
+            self._known[key] = len(self._known)
+            put_array(self._archive, f"triangles/{self._known[key]}", triangles)
+        self._last = (triangles, self._known[key])
+        return self._last[1]
+
+
+def _header_text(scene: TactileScene, chunks: list[dict[str, Any]]) -> str:
+    data = {"format": FORMAT, **header(scene), "chunks": chunks, "findings": [f.as_dict() for f in scene.findings]}
+    for entry, screen in zip(data["screens"], scene.screens, strict=True):
+        entry["findings"] = [f.as_dict() for f in screen.findings]
+    for finding in (*data["findings"], *(f for s in data["screens"] for f in s["findings"])):
+        if not isinstance(finding["value"], str | int | float | bool | None):
+            finding["value"] = str(finding["value"])
+    try:
+        return json.dumps(data, sort_keys=True, ensure_ascii=False, indent=1)
+    except (TypeError, ValueError) as error:
+        raise DermisError("a parameter cannot be written", where=f"scene '{scene.name}'", value=str(error)) from error
+
+
+def _header(archive: ArrayFile) -> dict[str, Any]:
+    where = archive.where
+    if "header.json" not in archive:
+        raise DermisError("not a sampled scene: it has no header", where=where)
+    data = json_of(archive.text("header.json", MOST_HEADER), where, MOST_HEADER, constants=True)
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        found = data.get("format") if isinstance(data, dict) else type(data).__name__
+        raise DermisError("not a sampled scene", where=where, value=str(found)[:80], limit=FORMAT)
+    version = data.get("version")
+    if version != SCENE_VERSION:
+        newer = isinstance(version, int) and version > SCENE_VERSION
+        raise DermisError(
+            "written by a newer version of Dermis" if newer else "an unknown version of the format",
+            where=where,
+            value=f"version {str(version)[:80]}",
+            limit=f"version {SCENE_VERSION}",
+            remedy="Update Dermis" if newer else "",
+        )
+    return data
+
+
+def _body(archive: ArrayFile, i: int, data: Mapping[str, Any]) -> Body:
+    mesh = None
+    if not data["deforming"]:
+        mesh = Mesh(_numbers(archive, f"body/{i}/vertices", 2, 3), _triangles(archive, f"body/{i}/triangles"))
+    content = tuple(_text(name) for name in data["content"])
+    return Body(_text(data["name"]), mesh, _mapping(data["parameters"]), content, bool(data["simulated"]))
+
+
+def _screen(archive: ArrayFile, i: int, data: Mapping[str, Any]) -> Screen:
+    heights = archive.array(f"screen/{i}/height_map")
+    if heights.dtype.kind not in "f" or heights.ndim not in (2, 3):
+        raise DermisError("not a map of heights", where=f"{archive.where}, screen {i}", value=str(heights.shape)[:80])
+    return Screen(
+        _text(data["name"]),
+        (float(data["size"][0]), float(data["size"][1])),
+        heights,
+        float(data["height_unit"]),
+        _mapping(data["parameters"]),
+        _findings(data["findings"]),
+    )
+
+
+def _findings(entries: list[dict[str, Any]]) -> tuple[Finding, ...]:
+    known = {f.name for f in fields(Finding)}
+    found = tuple(Finding(**{k: v for k, v in entry.items() if k in known}) for entry in entries)
+    for finding in found:
+        if finding.severity not in SEVERITIES or not all(
+            isinstance(text, str) for text in (finding.code, finding.what, finding.where, finding.limit, finding.remedy)
+        ):
+            raise ValueError("a finding that is none")
+        str(finding)
+    return found
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{str(value)[:80]!r} is no text")
+    return value
+
+
+def _mapping(value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise TypeError(f"{str(value)[:80]!r} is no object")
+    return value
+
+
+def _numbers(archive: ArrayFile, name: str, sides: int, last: int = 0, *, kinds: str = "f") -> NDArray[Any]:
+    """Read an array of so many dimensions, the last one of size `last` where that is not 0."""
+    array = archive.array(name)
+    if array.ndim != sides or (last and array.shape[-1] != last) or array.dtype.kind not in kinds:
+        raise DermisError(
+            "the file is damaged", where=f"{archive.where}, {name}", value=f"{array.dtype} {array.shape}"[:80]
+        )
+    return array
+
+
+def _triangles(archive: ArrayFile, name: str) -> NDArray[np.int32]:
+    return _numbers(archive, name, 2, 3, kinds="iu").astype(np.int32, copy=False)
+
+
+def _check_lengths(chunk: Chunk, where: str) -> None:
+    n = len(chunk.frames)
+    lengths = {len(chunk.times), *map(len, chunk.channels.values()), *map(len, chunk.surfaces.values())}
+    poses = (chunk.fingers, chunk.bodies, chunk.screens)
+    if lengths != {n} or any(p.shape[1:] != (n, 4, 4) for p in poses):
+        raise DermisError("a chunk's arrays have different lengths", where=where, limit=f"{n} samples")

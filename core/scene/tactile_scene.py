@@ -1,0 +1,292 @@
+"""TactileScene: what an animated scene hands to the engine, in chunks of samples, all in SI.
+
+A scene is a header (names, parameters, meshes) and an iterable of chunks (poses over time). Fingers and
+objects are referred to by their index in the header, so a chunk is nothing but arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError, Finding
+from ..interpolate import MOST_SAMPLES
+
+Array = NDArray[np.float64]
+SCENE_VERSION = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A triangle surface in its object's own space. Compared and hashed by identity, so caches can hold it.
+
+    Attributes:
+        vertices: [m] before the object's matrix, shape (V, 3).
+        triangles: vertex indices, counter-clockwise seen from outside, shape (T, 3), int32.
+    """
+
+    vertices: Array
+    triangles: NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class DeviceUse:
+    """One device worn by a finger, or one screen that it touches.
+
+    Attributes:
+        preset: the file stem of the device preset, such as 'haptip'.
+        parameters: what the author set for this use: switches and methods (SI or plain values).
+        screen: name of the touch screen object, for screens.
+    """
+
+    preset: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    screen: str = ""
+
+
+@dataclass(frozen=True)
+class Finger:
+    """A fingertip: origin at the pad's centre, +Y towards the tip, +Z towards the nail.
+
+    Attributes:
+        parameters: fingertip and touch parameters (SI), constant over the scene.
+    """
+
+    name: str
+    devices: tuple[DeviceUse, ...] = ()
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Body:
+    """Something that can be touched: an object, or one instance of it.
+
+    Attributes:
+        parameters: haptic material and behaviour (SI); animated ones come with the chunks.
+        mesh: the surface, constant in the object's space; None where every chunk brings its own.
+        content: names of bodies that this one contains, for [S3] eq. 5.
+        simulated: moved by a simulation and therefore sampled at whole frames.
+    """
+
+    name: str
+    mesh: Mesh | None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    content: tuple[str, ...] = ()
+    simulated: bool = False
+
+
+@dataclass(frozen=True)
+class Screen:
+    """A touch screen: a rectangle in its object's XY plane, centred, +Z towards the viewer.
+
+    Attributes:
+        size: width and height [m] before the object's matrix.
+        height_map: F, height towards the viewer, row 0 at the bottom (y = -height/2); shape (rows, columns), or
+            (maps, rows, columns) for one that changes: `parameters['sequence_start']` is the scene frame of the first
+            map and 'map_fps' their rate (one a frame where it is not given).
+        height_unit: metres that one unit of the map stands for (0 where the map has no physical unit).
+        parameters: rendering settings (SI or plain values).
+        findings: what was repaired or noticed while the map was read.
+    """
+
+    name: str
+    size: tuple[float, float]
+    height_map: NDArray[np.float32]
+    height_unit: float = 0.0
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Consecutive samples of everything that moves.
+
+    Attributes:
+        frames: scene frame of each sample, sub-frames as fractions, shape (n,).
+        times: [s] since the start of the range, shape (n,).
+        fingers, bodies, screens: object-to-world matrices [translation in m], shape (count, n, 4, 4).
+        surfaces: per deforming body its surface at each sample; the same triangles array where topology holds.
+        channels: animated parameters, keyed 'finger/0/pattern', 'body/3/friction', shape (n,).
+    """
+
+    frames: Array
+    times: Array
+    fingers: Array
+    bodies: Array
+    screens: Array
+    surfaces: Mapping[int, tuple[Mesh, ...]] = field(default_factory=dict)
+    channels: Mapping[str, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class TactileScene:
+    """A sampled scene: the header, and the chunks in order of time.
+
+    Attributes:
+        fps: frames a second as an exact fraction (29.97 is 30000/1001).
+        frame_range: first and last frame, both included.
+        rate: samples a second of the sweep.
+        gravity: [m/s^2] in world space, shape (3,).
+        chunks: an iterable of `Chunk`; it may be a generator that samples while it is read, once.
+    """
+
+    name: str
+    fps: Fraction
+    frame_range: tuple[int, int]
+    rate: float
+    fingers: tuple[Finger, ...]
+    bodies: tuple[Body, ...]
+    screens: tuple[Screen, ...]
+    chunks: Iterable[Chunk]
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def duration(self) -> float:
+        """Length of the range [s]."""
+        return float((self.frame_range[1] - self.frame_range[0]) / self.fps)
+
+    @property
+    def sample_count(self) -> int:
+        """Number of samples of the whole sweep, both ends included."""
+        return sample_count(self.fps, self.frame_range, self.rate)
+
+    def validate(self) -> None:
+        """Refuse a scene that cannot be rendered.
+
+        Raises:
+            DermisError: nothing to do, a name used twice, a reversed range, a broken mesh or map.
+        """
+        validate(self)
+
+
+def sample_count(fps: Fraction, frame_range: tuple[int, int], rate: float) -> int:
+    """Return how many samples cover a range at `rate` [Hz], the last at or just before its end.
+
+    Raises:
+        DermisError: a rate that is none, or more samples than a track can hold.
+    """
+    if not (fps > 0 and np.isfinite(rate) and rate > 0):
+        raise DermisError(
+            "the frame rate and the rate of samples must be above zero",
+            where="scene",
+            value=f"{float(fps):g} and {rate:g}",
+            limit="> 0 Hz",
+        )
+    if (frame_range[1] - frame_range[0]) / fps * Fraction(rate) > MOST_SAMPLES:
+        raise DermisError(
+            "the range has more samples than a track can hold",
+            where="scene",
+            value=f"frames {frame_range[0]} to {frame_range[1]}",
+            limit=f"{MOST_SAMPLES} samples",
+            remedy="Shorten the range",
+        )
+    duration = Fraction(frame_range[1] - frame_range[0]) / fps
+    return int(duration * Fraction(rate).limit_denominator(1_000_000)) + 1
+
+
+def sample_frames(fps: Fraction, frame_range: tuple[int, int], rate: float) -> tuple[Array, Array]:
+    """Return the scene frames and the times [s] of a sweep; the times do not depend on fps.
+
+    Frames that fall within 1e-9 of a whole frame are exactly whole.
+    """
+    n = sample_count(fps, frame_range, rate)
+    times = np.arange(n) / rate
+    frames = frame_range[0] + times * float(fps)
+    whole = np.rint(frames)
+    return np.where(np.abs(frames - whole) < 1e-9, whole, frames), times
+
+
+def validate(scene: TactileScene) -> None:
+    """See `TactileScene.validate`."""
+    where = f"scene '{scene.name}'"
+    if not scene.fingers:
+        raise DermisError("no finger", where=where, remedy="Add one with Add > Dermis > Finger")
+    patterned = any(f.parameters.get("pattern", "none") != "none" for f in scene.fingers)
+    if not scene.bodies and not scene.screens and not patterned:
+        raise DermisError(
+            "nothing to touch", where=where, remedy="Select an object and press Make Touchable, or add a touch screen"
+        )
+    first, last = scene.frame_range
+    if last <= first:
+        raise DermisError(
+            "the frame range has no duration",
+            where=where,
+            value=f"{first} to {last}",
+            limit="an end frame after the start frame",
+            remedy="Set the range in the Output properties",
+        )
+    if not (np.isfinite(scene.rate) and scene.rate > 0):
+        raise DermisError("the sampling rate must be positive", where=where, value=scene.rate, limit="> 0 Hz")
+    groups: tuple[tuple[str, Any], ...] = (
+        ("finger", scene.fingers),
+        ("object", scene.bodies),
+        ("screen", scene.screens),
+    )
+    for kind, items in groups:
+        names = [item.name for item in items]
+        for name in sorted(set(names)):
+            if names.count(name) > 1:
+                raise DermisError(
+                    f"two {kind}s have the same name", where=where, value=name, remedy="Rename one of them"
+                )
+    for body in scene.bodies:
+        if body.mesh is not None:
+            check_mesh(body.mesh, body.name)
+
+
+def check_mesh(mesh: Mesh, name: str) -> None:
+    """Refuse a surface that is empty, not finite, or has indices outside its vertices."""
+    where = f"object '{name}'"
+    if len(mesh.vertices) == 0 or len(mesh.triangles) == 0:
+        raise DermisError("the mesh has no faces", where=where, remedy="Give it faces, or stop it being touchable")
+    if not np.isfinite(mesh.vertices).all():
+        raise DermisError("the mesh has vertices that are not finite numbers", where=where)
+    if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.vertices):
+        raise DermisError(
+            "a face uses a vertex that does not exist",
+            where=where,
+            value=int(mesh.triangles.max()),
+            limit=f"0 to {len(mesh.vertices) - 1}",
+        )
+
+
+def header(scene: TactileScene) -> dict[str, Any]:
+    """Return everything but arrays as plain JSON values, for the hash and for files."""
+    return {
+        "version": SCENE_VERSION,
+        "name": scene.name,
+        "fps": [scene.fps.numerator, scene.fps.denominator],
+        "frame_range": list(scene.frame_range),
+        "rate": scene.rate,
+        "gravity": list(scene.gravity),
+        "fingers": [
+            {
+                "name": f.name,
+                "parameters": dict(f.parameters),
+                "devices": [
+                    {"preset": d.preset, "parameters": dict(d.parameters), "screen": d.screen} for d in f.devices
+                ],
+            }
+            for f in scene.fingers
+        ],
+        "bodies": [
+            {
+                "name": b.name,
+                "parameters": dict(b.parameters),
+                "content": list(b.content),
+                "simulated": b.simulated,
+                "deforming": b.mesh is None,
+            }
+            for b in scene.bodies
+        ],
+        "screens": [
+            {"name": s.name, "size": list(s.size), "height_unit": s.height_unit, "parameters": dict(s.parameters)}
+            for s in scene.screens
+        ],
+    }

@@ -1,0 +1,1 @@
+"""The test of a real device before a finger goes in."""

@@ -1,0 +1,97 @@
+"""Every kind of link by its URL; and two kinds that lead nowhere else: one that echoes, one that writes down."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ...errors import DermisError
+from .record import Record
+from .serial_port import Serial
+from .sockets import Tcp, Udp
+from .transport import Transport
+from .url import Url
+
+BAUD = 115_200  # of a serial line, where neither protocol nor URL says otherwise
+
+
+class Loop(Transport):
+    """What is sent comes back."""
+
+    name = "loop://"
+
+    def __init__(self) -> None:
+        self._messages: list[bytes] = []
+
+    def send(self, message: bytes) -> bool:
+        if len(self._messages) >= 1000:
+            return False
+        self._messages.append(message)
+        return True
+
+    def receive(self) -> list[bytes]:
+        out, self._messages = self._messages, []
+        return out
+
+
+class Spy(Transport):
+    """Another link, with every byte written down."""
+
+    def __init__(self, inner: Transport, path: str) -> None:
+        self._inner, self.name = inner, f"spy://{inner.name}"
+        self.datagrams, self.carries = inner.datagrams, inner.carries
+        self._record = Record(path)
+
+    def send(self, message: bytes) -> bool:
+        done = self._inner.send(message)
+        self._record.note("TX" if done else "--", message)
+        return done
+
+    def receive(self) -> list[bytes]:
+        out = self._inner.receive()
+        for message in out:
+            self._record.note("RX", message)
+        return out
+
+    def pending(self) -> int:
+        return self._inner.pending()
+
+    def close(self) -> None:
+        self._inner.close()
+        self._record.close()
+
+    def report(self) -> dict[str, Any]:
+        """Return what the inner link knows, and whether the record is whole."""
+        record = self._record
+        return {**self._inner.report(), **({"record": record.ended, "missing": record.missing} if record.ended else {})}
+
+
+def open_link(url: Url, virtual: Callable[[Url], Transport], baud: int = BAUD) -> Transport:
+    """Open a link; the URL loses the options that the link takes.
+
+    Args:
+        virtual: opens the device in the box. baud: of a serial port whose URL names none.
+
+    Raises:
+        DermisError: it cannot be opened; says why, and who has it where that can be known.
+    """
+    if url.scheme == "spy":
+        path = url.take("file")
+        inner = Url(url.place)
+        inner.options = url.options
+        link = open_link(inner, virtual, baud)
+        try:
+            return Spy(link, path)
+        except DermisError:
+            link.close()
+            raise
+    if url.scheme == "serial":
+        given = url.take("baud", str(baud))
+        if not given.isdecimal() or int(given) < 300:
+            raise DermisError("not a baud rate", where=url.text, value=given, limit="a whole number from 300 on")
+        return Serial(url.place, int(given))
+    if url.scheme == "socket":
+        return Tcp(url)
+    if url.scheme == "udp":
+        return Udp(url)
+    return virtual(url) if url.scheme == "virtual" else Loop()

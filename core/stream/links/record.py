@@ -1,0 +1,104 @@
+"""Record: what goes over a link, written down; a disk that is full ends the record and never the stream."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import stat
+import sys
+import time
+from pathlib import Path
+from typing import TextIO
+
+from ...errors import DermisError
+
+_closed: dict[str, tuple[int, ...]] = {}  # path -> what the records that this process has written look like
+
+
+class Record:
+    """Lines of time [s], direction and bytes in hexadecimal: into a new file, or on standard error without a path.
+
+    A file that is there already is never written to, except for a record that this process has begun: a link that is
+    opened again goes on with its own.
+
+    Attributes:
+        ended: why nothing is written any more, in words; '' while all is well. missing: messages that are not in it.
+
+    Raises:
+        DermisError: the path is taken, or cannot be written.
+    """
+
+    def __init__(self, path: str) -> None:
+        self.ended, self.missing = "", 0
+        self._path = path
+        self._file: TextIO | None = _opened(path) if path else sys.stderr
+        self._start = time.perf_counter()
+
+    def note(self, way: str, data: bytes) -> None:
+        """Write down one message."""
+        self.missing += bool(self.ended)
+        if self._file is None or self.ended:
+            return
+        try:
+            self._file.write(f"{time.perf_counter() - self._start:012.6f} {way} {data.hex(' ')}\n")
+        except (OSError, ValueError) as error:
+            self.missing += 1
+            self._end(error)
+
+    def close(self) -> None:
+        """Write what is left and close the file; safe to call twice."""
+        file, self._file = self._file, None
+        if file is None or not self._path:
+            return
+        try:
+            file.flush()
+            _closed[os.path.realpath(self._path)] = _looks(os.fstat(file.fileno()))
+            file.close()
+        except (OSError, ValueError) as error:
+            self._end(error)
+            with contextlib.suppress(OSError, ValueError):
+                file.close()
+
+    def _end(self, error: Exception) -> None:
+        """Say once that the record is not whole, and give it up."""
+        if self.ended:
+            return
+        self.ended = f"the record {self._path or 'on standard error'} is not whole: {_reason(error)}"
+        with contextlib.suppress(OSError, ValueError):
+            print(f"{self.ended}; the link goes on without it", file=sys.stderr)
+        file, self._file = self._file, None
+        if self._path and file is not None:  # what it still holds cannot be written either
+            with contextlib.suppress(OSError, ValueError):
+                file.close()
+
+
+def _opened(path: str) -> TextIO:
+    try:
+        try:
+            file = Path(path).open("x", encoding="ascii")
+            if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                return file
+            file.close()  # a device that the system opens as if it were new
+            raise FileExistsError
+        except FileExistsError as error:
+            if _closed.pop(os.path.realpath(path), None) == _looks(os.lstat(path)):
+                return Path(path).open("a", encoding="ascii")
+            what = "would overwrite a file" if Path(path).is_file() else "is a regular file, and this is none"
+            raise DermisError(f"a record {what}", where=path, remedy="Name a file that does not exist yet") from error
+    except DermisError:
+        raise
+    except (OSError, ValueError) as error:
+        raise DermisError(
+            "the record cannot be written",
+            where=path,
+            value=_reason(error),
+            remedy="Choose a folder that exists, is writable and has room",
+        ) from error
+
+
+def _looks(status: os.stat_result) -> tuple[int, ...]:
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
+
+
+def _reason(error: Exception) -> str:
+    return str(getattr(error, "strerror", None) or error)

@@ -1,0 +1,150 @@
+"""What a link to a device is. No link ever waits: what cannot be sent at once is refused, and the sender counts it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ...errors import DermisError
+
+
+class Gone(DermisError):
+    """The other side has closed, or the device was unplugged."""
+
+
+class Transport:
+    """An open link.
+
+    Attributes:
+        name: for people. datagrams: messages keep their borders.
+        carries: bytes a second; None: not known, or far more than any device takes.
+    """
+
+    name = ""
+    datagrams = False
+    carries: float | None = None
+
+    def send(self, message: bytes) -> bool:
+        """Send a message whole or not at all; False: there is no room now.
+
+        Raises:
+            Gone: the link is closed.
+        """
+        raise NotImplementedError
+
+    def receive(self) -> list[bytes]:
+        """Return what has arrived.
+
+        Raises:
+            Gone: the link is closed.
+        """
+        raise NotImplementedError
+
+    def pending(self) -> int:
+        """Send on the end of a message that was cut; return how many bytes still wait on this computer.
+
+        Raises:
+            Gone: the link is closed.
+        """
+        return 0
+
+    def close(self) -> None:
+        """Close the link, without waiting; what is still `pending` may be lost. Safe to call twice."""
+
+    def report(self) -> dict[str, Any]:
+        """Return what the transport itself knows of the other side."""
+        return {}
+
+
+class Stream(Transport):
+    """A file descriptor or socket that takes bytes without waiting."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._rest = b""
+
+    def send(self, message: bytes) -> bool:
+        if self._push_rest() or not self._has_room(len(message)):
+            return False
+        done = self._write(message)
+        if not done:
+            return False
+        self._rest = message[done:]
+        return True
+
+    def pending(self) -> int:
+        return self._push_rest() + self._queued()
+
+    def _push_rest(self) -> int:
+        """Send on the end of a message that was cut, which must come before all else; return what is left of it."""
+        if self._rest:
+            self._rest = self._rest[self._write(self._rest) :]
+        return len(self._rest)
+
+    def _queued(self) -> int:
+        """Return how many bytes the system still holds, 0 where it does not say."""
+        return 0
+
+    def _has_room(self, size: int) -> bool:
+        return True
+
+    def _write(self, data: bytes) -> int:
+        raise NotImplementedError
+
+
+def cannot_open(place: str, error: Exception) -> DermisError:
+    """Say why a link could not be opened, who has it, and what to do."""
+    number = getattr(error, "errno", None)
+    text = str(getattr(error, "strerror", None) or error)
+    if place in text:  # pyserial repeats the port's name
+        text = os.strerror(number) if number else text.replace(f"could not open port {place!r}: ", "")
+    busy = "exclusively lock" in str(error) or number in (11, 16) or "PermissionError" in str(error)
+    if busy:
+        holder = holder_of(place)
+        return DermisError(
+            "the port is in use",
+            where=place,
+            value=holder or None,
+            remedy="Close the program that has it, then connect again",
+        )
+    if number == 13:
+        return DermisError(
+            "you may not open the port",
+            where=place,
+            value=text,
+            remedy="On Linux add yourself to the group 'dialout', then log in again",
+        )
+    if number == 2 or "FileNotFoundError" in str(error):
+        return DermisError("there is no such port", where=place, remedy="Plug the device in, then rescan")
+    return DermisError("the link cannot be opened", where=place, value=text)
+
+
+def holder_of(place: str) -> str:
+    """Return name and id of the processes that have a port open, where the system tells; otherwise ''.
+
+    Neither this process counts nor what serves a pseudo-terminal: that is the device itself, and no other sender.
+    """
+    found = []
+    wanted = os.path.realpath(place)
+    with contextlib.suppress(OSError):
+        for process in sorted(Path("/proc").glob("[0-9]*"), key=lambda p: int(p.name)):
+            if int(process.name) == os.getpid():
+                continue
+            with contextlib.suppress(OSError):
+                opened = {link.name: os.path.realpath(link) for link in (process / "fd").iterdir()}
+                if wanted in opened.values() and not _serves(process, opened, wanted):
+                    found.append(f"{(process / 'comm').read_text().strip()} (process {process.name})")
+    return ", ".join(found)
+
+
+def _serves(process: Path, opened: Mapping[str, str], wanted: str) -> bool:
+    """Tell whether a process holds the other end of a pseudo-terminal."""
+    folder, _, number = wanted.rpartition("/")
+    if folder != "/dev/pts":
+        return False
+    masters = [name for name, path in opened.items() if path in ("/dev/ptmx", "/dev/pts/ptmx")]
+    lines = [line.split() for name in masters for line in (process / "fdinfo" / name).read_text().splitlines()]
+    return ["tty-index:", number] in lines

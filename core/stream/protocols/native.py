@@ -1,0 +1,260 @@
+"""The sender's side of the native protocol: handshake, arming, clock, commands with play-out times."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...errors import DermisError
+from ..wire import REACH, Array, Wire
+from . import packets
+from .adapter import Adapter, Touch
+from .clock import DeviceClock, RoundTrips
+from .packets import DeviceState, Kind, Nack, Packet, Reach
+
+WATCHDOG_MS = 50  # silence after which the device goes to its safe state: with 30 ms of backlog and a pulse's 20, 100
+HELLO_EVERY, SYNC_EVERY, ARM_EVERY, SAFE_EVERY = 0.1, 0.01, 0.03, 0.005
+SILENCE = 1.0  # a device that has not answered for this long is gone [s] ...
+SILENCE_ARMED = 0.08  # ... and while it is armed for this long: the sender's own dead man's switch
+BEHIND = 0.01  # an answer this much later than the soonest lies behind commands that the link does not carry [s]
+PROMPT = 0.004  # one no later than this beyond the usual found nothing before it on its way [s]
+OVERDUE = 0.03  # an answer this late is asked for more often: one lost packet must not end a stream [s]
+ABSENT = 0.03  # when this sender did not listen for so long, that time says nothing about the device [s]
+SAFE_TIMES = 200  # said until the device confirms it, for a second at most: any of them may be lost
+HELLO_TIMES = 5  # without an answer: the device may have heard this session's number before, and takes us for old
+
+
+class Native(Adapter):
+    """Dermis native, versions 1 and 2. Options: `watchdog_ms`; `reach`, 'ramp' or 'release' instead of the preset's."""
+
+    name, title = "native", "Dermis native"
+    watchdog = own_safe = timed = True
+    baud = 500_000
+    silence = "Check port, protocol, power and baud rate: boards flashed before version 2 need ?baud=115200"
+    OPTIONS = ("reach", "watchdog_ms")
+
+    def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
+        super().__init__(wire, options)
+        wire.need_ranges(self.title)
+        self.watchdog_ms = self.whole("watchdog_ms", WATCHDOG_MS, 10, 80)  # [ms]; more, and 100 ms are not kept
+        self.reach = self._reach(options.get("reach", ""))
+        full = packets.command(0xFFFFFFFF, np.full(wire.count, packets.FULL, np.uint16), timed=True)
+        self.command_bytes = len(packets.pack(Kind.COMMAND, 0xFF, 0xFFFF, full))
+        self.other_bytes = len(packets.pack(Kind.SYNC, 0xFF, 0xFFFF, b"\xff" * 4)) / SYNC_EVERY
+        self.clock = DeviceClock()
+        self.decoder = packets.Decoder()
+        self.state = DeviceState.IDLE
+        self._session = 0
+        self._sequence = 0
+        self._due: dict[str, float] = {}
+        self._asked: dict[int, float] = {}
+        self._oldest = math.inf  # question without an answer
+        self._trips = RoundTrips()
+        self._heard = self._polled = 0.0
+        self._wants_arms = self._wants_pose = False
+        self._safes = 0
+        self._unconfirmed = False
+
+    def opened(self, now: float) -> None:
+        """Begin a session of its own number, so that packets of an earlier one mean nothing."""
+        self._draw_session()
+        self._heard = self._polled = now
+        self.decoder = packets.Decoder()
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Take what the device says; what is damaged or of another session is counted and dropped."""
+        for packet in self.decoder.feed(data):
+            if packet.kind != Kind.NACK and packet.session != self._session:
+                self.counters["of another session"] += 1
+                continue
+            try:
+                self._take(packet, now)
+            except DermisError:
+                self.counters["malformed"] += 1
+        if self.decoder.damaged:
+            self.counters["damaged on the way here"] += self.decoder.damaged
+            self.decoder.damaged = 0
+
+    def poll(self, now: float) -> list[bytes]:
+        """Return handshake, arming, sign of life, and repeated stops."""
+        out = []
+        if now - self._polled > ABSENT:
+            self._heard += now - self._polled
+        self._polled = now
+        if not self.ready:
+            if not self.fault and self._is_due("hello", HELLO_EVERY, now):
+                if self._sequence and self._sequence % HELLO_TIMES == 0:
+                    self._draw_session()
+                out.append(self.ask_pose())
+            return out
+        silence = SILENCE_ARMED if self.armed else SILENCE
+        if now - self._heard > silence:
+            self.fault = f"the device has not answered for {silence:g} s"
+        if self._safes and self._is_due("safe", SAFE_EVERY, now):
+            self._safes -= 1
+            out.append(self._pack(Kind.SAFE))
+        elif self._wants_arms and not self.armed and self._is_due("arm", ARM_EVERY, now):
+            if self.state == DeviceState.CONFIGURED:
+                out.append(self._pack(Kind.ARM))
+            elif self.state != DeviceState.ARMED:
+                body = packets.configure(
+                    self.watchdog_ms, self.reach, self.wire.counts(self.wire.safe), self.wire.slew_counts()
+                )
+                out.append(self._pack(Kind.CONFIGURE, body))
+            out.append(self.ask_pose())  # where it stands once it is armed: a way to safety went on until then
+        self._judge_link(now)
+        well = self.prompt and not self.congested and now - self._heard < OVERDUE
+        if self._is_due("sync", SYNC_EVERY if well else SAFE_EVERY, now):
+            token = round(now * 1e6) & 0xFFFFFFFF
+            if len(self._asked) > 100:  # answers that never came
+                self._asked.clear()
+                self._oldest = math.inf
+            self._asked[token] = now
+            self._oldest = min(self._oldest, now)
+            out.append(self._pack(Kind.SYNC, token.to_bytes(4, "little")))
+            if not (self._wants_arms or self._safes) and self._is_due("hello", HELLO_EVERY, now):
+                out.append(self.ask_pose())  # it may have let go. Behind a SYNC, whose way back tells the link's pace
+        return out
+
+    def arm(self) -> None:
+        """Configure the device, then arm it; repeated until it says that it is, and where it stands."""
+        self._wants_arms = self._wants_pose = True
+        self._unconfirmed, self._safes = False, 0
+        self._due.pop("arm", None)
+
+    def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
+        """Return one COMMAND, with the device's own time where it is known."""
+        timed = play is not None and self.clock.known
+        when = self.clock.device_us(play) if timed and play is not None else 0
+        return [self._pack(Kind.COMMAND, packets.command(when, self.wire.counts(values), timed=timed))]
+
+    def ask_pose(self) -> bytes:
+        """Return a question for identity and pose; to the same session it changes nothing at the device."""
+        return self._pack(Kind.HELLO, packets.hello(self.wire.count, self.wire.hash))
+
+    def forget(self) -> None:
+        """Take the last number back: its packet did not leave, and the device must not miss it."""
+        self._sequence = (self._sequence - 1) & 0xFFFF
+
+    def safe(self) -> list[bytes]:
+        """Return SAFE, now and again until the device confirms it."""
+        self._wants_arms = self.armed = False
+        self._unconfirmed = self.ready
+        self._safes = SAFE_TIMES
+        self._due.pop("safe", None)
+        return [self._pack(Kind.SAFE)] if self.ready else []
+
+    @property
+    def settled(self) -> bool:
+        """Tell whether the device has answered SAFE, or was never there to be told."""
+        return not self._unconfirmed
+
+    def _draw_session(self) -> None:
+        self._session = os.urandom(1)[0] or 1
+
+    def _take(self, packet: Packet, now: float) -> None:
+        self._heard = now
+        if packet.kind == Kind.WELCOME:
+            self._welcome(packets.Welcome.read(packet.body), now)
+        elif packet.kind == Kind.STATE:
+            state, answered = packets.read_state(packet.body)
+            self._device_state(state)
+            if answered == Kind.SAFE:
+                self._unconfirmed, self._safes = False, 0
+        elif packet.kind == Kind.SYNCED:
+            reply = packets.Synced.read(packet.body)
+            asked = self._asked.pop(reply.host_us, None)
+            if asked is not None:
+                self._asked = {token: at for token, at in self._asked.items() if at > asked}  # older ones were lost
+                self._oldest = min(self._asked.values(), default=math.inf)
+                self.clock.reply(asked, now, reply.device_us)
+                self.round_trip = now - asked
+                self._trips.add(self.round_trip, idle=not self.armed)
+            self._device_state(reply.state)
+            for name, count in (("lost", reply.lost), ("damaged", reply.damaged), ("late", reply.late)):
+                self.counters[f"{name} at the device"] = count
+        elif packet.kind == Kind.NACK:
+            _, reason = packets.read_nack(packet.body)
+            name = Nack(reason).name.lower().replace("_", " ") if reason in set(Nack) else f"reason {reason}"
+            self.counters[f"refused: {name}"] += 1
+            if reason == Nack.OTHER_SESSION and packet.session == self._session:
+                self.fault = (
+                    "the device has begun anew (a reset?), or follows another sender"
+                    if self.ready
+                    else "the device is in use by another sender"
+                )
+        elif packet.kind == Kind.TOUCH:
+            _, down, x, y = packets.read_touch(packet.body)
+            self.touch = Touch(down, x, y, now)
+
+    def _welcome(self, welcome: packets.Welcome, now: float) -> None:
+        self.device = welcome.device.hex()
+        if welcome.version not in packets.READS:
+            self.fault = (
+                f"the device speaks version {welcome.version} of the protocol, this sender "
+                f"{' and '.join(map(str, packets.READS))}"
+            )
+        elif welcome.channels != self.wire.count:
+            self.fault = (
+                f"wrong device: it has {welcome.channels} channels, '{self.wire.spec.name}' has "
+                f"{self.wire.count} on the wire"
+            )
+        elif any(welcome.spec_hash) and welcome.spec_hash != self.wire.hash:
+            self.fault = (
+                f"wrong device: it was made for the preset {welcome.spec_hash.hex()}, "
+                f"'{self.wire.spec.name}' is {self.wire.hash.hex()}"
+            )
+        else:
+            if not self.ready:  # later on it answers a question for its pose, and excuses nothing
+                self.ready, self.fault = True, ""
+            if welcome.version < packets.VERSION:
+                self.notice = (
+                    f"The device's firmware speaks version {welcome.version} of the protocol. Flash it anew: "
+                    "rubbish on the line can keep an older one from its safe state; its channels come there one by one"
+                )
+            self.queue, self.output_hz = welcome.queue, float(welcome.output_hz)
+            self.pose = None if welcome.pose is None else self.wire.values(welcome.pose)
+            self._wants_pose = self._wants_pose and welcome.state != DeviceState.ARMED
+            self._device_state(welcome.state)
+
+    def _judge_link(self, now: float) -> None:
+        """Tell by answers that stay away what waits in a driver that does not tell."""
+        self.congested = now - self._oldest > max(self._trips.shortest + BEHIND, self._trips.usual + PROMPT)
+        self.prompt = self.round_trip < self._trips.usual + PROMPT
+
+    def _reach(self, given: str) -> Reach:
+        """Read how the device gets to its safe state: the preset's way, or a gentler one that the URL asks for."""
+        gentle = {name: reach for name, reach in REACH.items() if reach != Reach.AT_ONCE}
+        if not given:
+            return self.wire.reach
+        if self.wire.reach == Reach.AT_ONCE:
+            raise DermisError(
+                "the preset goes to its safe state at once, and no option delays that",
+                where="reach",
+                value=given,
+                remedy="Leave the option out",
+            )
+        if given not in gentle:
+            raise DermisError("no such way to the safe state", where="reach", value=given, limit=", ".join(gentle))
+        return gentle[given]
+
+    def _device_state(self, state: int) -> None:
+        was = self.armed
+        self.state = DeviceState(state) if state in set(DeviceState) else DeviceState.IDLE
+        self.armed = self._wants_arms and self.state == DeviceState.ARMED and not self._wants_pose
+        if was and not self.armed and self.state == DeviceState.SAFE:
+            self._wants_arms = False
+            self.fault = f"the device went to its safe state by itself: it heard nothing for {self.watchdog_ms} ms"
+
+    def _pack(self, kind: Kind, body: bytes = b"") -> bytes:
+        self._sequence = (self._sequence + 1) & 0xFFFF
+        return packets.pack(kind, self._session, self._sequence, body)
+
+    def _is_due(self, name: str, every: float, now: float) -> bool:
+        if now < self._due.get(name, -1.0):
+            return False
+        self._due[name] = now + every
+        return True

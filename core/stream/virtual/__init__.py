@@ -1,0 +1,1 @@
+"""Simulated devices on simulated links, and their faults."""

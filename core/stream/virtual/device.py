@@ -1,0 +1,141 @@
+"""The device in the box: any protocol, with faults; on a link of this process, or as a program of its own.
+
+Options of the URL: `loss`, `delay`, `jitter`, `corrupt`, `slow` (see faults.py), `stuck` (number of an actuator that
+does not move), `skew` (of its clock), `finger` (1: a finger draws circles on its touch panel), `seed`.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+from ...errors import DermisError
+from ..links.url import Url
+from ..wire import Wire
+from . import faults as faults_module
+from .faults import Faults
+
+PROTOCOLS = ("native", "maestro", "servo-animation", "torque", "osc")
+IDLE = 0.001  # between two looks at the clock where nothing arrives [s]
+FINGER_HZ = 100.0
+
+
+class Device(Protocol):
+    """What all virtual devices have."""
+
+    datagrams: bool
+
+    def feed(self, data: bytes, now: float) -> list[bytes]: ...  # noqa: D102
+    def tick(self, now: float) -> list[bytes]: ...  # noqa: D102
+    def report(self) -> dict[str, object]: ...  # noqa: D102
+
+
+def make(protocol: str, wire: Wire, options: dict[str, float]) -> Device:
+    """Return a virtual device for a protocol.
+
+    Raises:
+        DermisError: no such protocol.
+    """
+    from . import others as others
+    from .native import NativeDevice
+
+    stuck = int(options.get("stuck", -1))
+    if not -1 <= stuck < wire.count:
+        raise DermisError("no such actuator", where="stuck", value=stuck, limit=f"0 to {wire.count - 1}")
+    if protocol == "native":
+        return NativeDevice(wire, stuck=stuck, skew=options.get("skew", 0.0))
+    if protocol == "maestro":
+        return others.MaestroDevice(wire, stuck=stuck)
+    if protocol == "servo-animation":
+        return others.ServoAnimationDevice(wire, stuck=stuck)
+    if protocol == "torque":
+        return others.TorqueDevice(wire, stuck=stuck)
+    if protocol == "osc":
+        return others.OscDevice(wire, stuck=stuck)
+    raise DermisError("no such protocol", value=protocol, limit=", ".join(PROTOCOLS))
+
+
+def options_of(url: Url) -> dict[str, float]:
+    """Take the options that belong to the virtual device out of a URL.
+
+    Raises:
+        DermisError: one is no number.
+    """
+    out = {}
+    for name in faults_module.NAMES:
+        if name in url.options:
+            out[name] = faults_module.number_of(name, url.take(name))
+    return out
+
+
+class Server:
+    """Runs a virtual device on the other end of a link.
+
+    Args:
+        read: returns what has arrived within a time [s]; b'' or [] for nothing, None when the link is closed.
+        write: sends one message.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        read: Callable[[float], list[bytes] | None],
+        write: Callable[[bytes], None],
+        options: dict[str, float],
+    ) -> None:
+        self.device = device
+        self._read, self._write = read, write
+        loss, delay, jitter, corrupt = (options.get(name, 0.0) for name in ("loss", "delay", "jitter", "corrupt"))
+        seed = int(options.get("seed", 1))
+        self._in, self._out = (Faults(loss, delay, jitter, corrupt, seed=seed + k) for k in (0, 1))
+        self._slow = options.get("slow", 0.0)
+        self._finger = bool(options.get("finger", 0.0))
+        self._touch_at = 0.0
+        self._credit, self._credited = 0.0, time.perf_counter()
+
+    def step(self) -> bool:
+        """Do what is due; False when the link is closed."""
+        wait = IDLE
+        now = time.perf_counter()
+        if self._slow:
+            self._credit = min(self._credit + (now - self._credited) * self._slow, max(self._slow * 0.02, 1.0))
+            self._credited = now
+            if self._credit < 1:
+                time.sleep(IDLE)
+                self._serve(time.perf_counter(), [])
+                return True
+        messages = self._read(wait)
+        if messages is None:
+            return False
+        self._credit -= sum(map(len, messages))
+        self._serve(time.perf_counter(), messages)
+        return True
+
+    def _serve(self, now: float, messages: list[bytes]) -> None:
+        for message in messages:
+            self._in.put(message, now)
+        for message in self._in.get(now):
+            for answer in self.device.feed(message, now):
+                self._out.put(answer, now)
+        for answer in self.device.tick(now):
+            self._out.put(answer, now)
+        if self._finger and now >= self._touch_at:
+            self._touch_at = now + 1.0 / FINGER_HZ
+            x, y = 0.03 * math.cos(2 * now), 0.03 * math.sin(2 * now)
+            touched = getattr(self.device, "touched", None)
+            if touched is not None:
+                self._out.put(touched(True, x, y, now), now)
+        for answer in self._out.get(now):
+            self._write(answer)
+
+    @property
+    def delayed(self) -> int:
+        """Number of messages that are still on their way to the device."""
+        return len(self._in)
+
+    @property
+    def read_most(self) -> int:
+        """Most bytes to read at once: few where the reader is slow."""
+        return max(int(self._credit), 1) if self._slow else 65536

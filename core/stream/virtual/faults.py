@@ -1,0 +1,110 @@
+"""What can go wrong on a link, on purpose: loss, delay, corruption, a slow reader."""
+
+from __future__ import annotations
+
+import math
+import random
+from dataclasses import dataclass, field
+from heapq import heappop, heappush
+
+from ...errors import DermisError
+
+_LIMITS = {  # lowest, highest, unit
+    "loss": (0.0, 1.0, ""),
+    "delay": (0.0, 60.0, " s"),
+    "jitter": (0.0, 60.0, " s"),
+    "corrupt": (0.0, 1.0, ""),
+    "slow": (0.0, 1e9, " bytes a second"),
+    "stuck": (-1.0, 254.0, ", whole"),
+    "skew": (-0.1, 0.1, ""),
+    "seed": (0.0, 2.0**31, ", whole"),
+    "finger": (0.0, 1.0, ", whole"),
+}
+NAMES = tuple(_LIMITS)
+
+
+def number_of(name: str, text: str) -> float:
+    """Read the number of a fault.
+
+    Raises:
+        DermisError: it is none, not finite, or outside the limits.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise DermisError("a fault is no number", where=name, value=text, limit="a finite number")
+    check(name, value)
+    return value
+
+
+def check(name: str, value: float) -> None:
+    """Refuse a fault that cannot be.
+
+    Raises:
+        DermisError: outside the limits; says which.
+    """
+    low, high, unit = _LIMITS[name]
+    if not low <= value <= high or ("whole" in unit and value != int(value)):
+        raise DermisError("impossible fault", where=name, value=value, limit=f"{low:g} to {high:g}{unit}")
+
+
+@dataclass
+class Faults:
+    """Faults of one direction.
+
+    Attributes:
+        loss: part of the messages that vanish [1]. delay, jitter: every message comes later by delay, and by up to
+            jitter more [s]; jitter may change their order where messages have borders.
+        corrupt: part of the bytes that are flipped, doubled or lost [1].
+        slow: most bytes a second that are read; 0: no limit.
+    """
+
+    loss: float = 0.0
+    delay: float = 0.0
+    jitter: float = 0.0
+    corrupt: float = 0.0
+    slow: float = 0.0
+    seed: int = 1
+    _queue: list[tuple[float, int, bytes]] = field(default_factory=list)
+    _number: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("loss", "delay", "jitter", "corrupt", "slow"):
+            check(name, getattr(self, name))
+        self._random = random.Random(self.seed)
+
+    def __len__(self) -> int:
+        """Return how many messages are under way."""
+        return len(self._queue)
+
+    def put(self, message: bytes, now: float) -> None:
+        """Send a message into the faults."""
+        if self.loss and self._random.random() < self.loss:
+            return
+        if self.corrupt:
+            message = self._damaged(message)
+        due = now + self.delay + (self._random.random() * self.jitter if self.jitter else 0.0)
+        self._number += 1
+        heappush(self._queue, (due, self._number, message))
+
+    def get(self, now: float) -> list[bytes]:
+        """Return what comes out by now."""
+        out = []
+        while self._queue and self._queue[0][0] <= now:
+            out.append(heappop(self._queue)[2])
+        return out
+
+    def _damaged(self, message: bytes) -> bytes:
+        out = bytearray()
+        for byte in message:
+            if self._random.random() >= self.corrupt:
+                out.append(byte)
+                continue
+            kind = self._random.randrange(3)
+            if kind == 0:
+                out.append(byte ^ 1 << self._random.randrange(8))
+            elif kind == 1:
+                out += bytes((byte, self._random.randrange(256)))
+        return bytes(out)

@@ -1,0 +1,109 @@
+"""The link 'virtual:': a device in the box on a thread of this process; and the door to every link."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import threading
+from typing import Any
+
+from ..links.open_link import open_link as open_real
+from ..links.transport import Gone, Stream, Transport
+from ..links.url import Url
+from ..protocols.adapter import kind
+from ..wire import Wire
+from .device import Server, make, options_of
+
+
+class VirtualLink(Stream):
+    """A link to a virtual device on a thread of this process."""
+
+    def __init__(self, protocol: str, wire: Wire, url: Url) -> None:
+        super().__init__(url.text.rstrip(":"))
+        options = options_of(url)
+        device = make(protocol, wire, options)
+        self.datagrams, self.carries = device.datagrams, options.get("slow") or None
+        if device.datagrams:
+            self._mine, self._theirs = _udp_pair()
+        else:
+            self._mine, self._theirs = socket.socketpair()
+            self._mine.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 8192)
+        self._mine.setblocking(False)
+        self._server = Server(device, self._read, self._answer, options)
+        self._open = True
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _write(self, data: bytes) -> int:
+        try:
+            return self._mine.send(data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            raise Gone("the virtual device is gone", where=self.name) from error
+
+    def _queued(self) -> int:
+        """Return what the device's thread has not taken: whether there is anything, not how much of it."""
+        return len(select.select([self._theirs], [], [], 0)[0]) + self._server.delayed
+
+    def receive(self) -> list[bytes]:
+        """Return what has arrived."""
+        out: list[bytes] = []
+        try:
+            while len(out) < 64:
+                data = self._mine.recv(65536)
+                if not data:
+                    break
+                out.append(data)
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            raise Gone("the virtual device is gone", where=self.name) from error
+        return out
+
+    def close(self) -> None:
+        """End the device's thread."""
+        self._open = False
+        self._thread.join(1.0)
+        self._mine.close()
+        self._theirs.close()
+
+    def report(self) -> dict[str, Any]:
+        """Return what the device does."""
+        return dict(self._server.device.report())
+
+    def _run(self) -> None:
+        while self._open and self._server.step():
+            pass
+
+    def _read(self, wait: float) -> list[bytes] | None:
+        if not select.select([self._theirs], [], [], wait)[0]:
+            return []
+        try:
+            data = self._theirs.recv(self._server.read_most)
+        except OSError:
+            return []
+        return [data] if data or self.datagrams else None
+
+    def _answer(self, message: bytes) -> None:
+        with contextlib.suppress(OSError):
+            self._theirs.send(message)
+
+
+def open_link(url: Url, wire: Wire, protocol: str = "native") -> Transport:
+    """Open any link, 'virtual:' included.
+
+    Raises:
+        DermisError: it cannot be opened.
+    """
+    return open_real(url, lambda inner: VirtualLink(protocol, wire, inner), kind(protocol).baud)
+
+
+def _udp_pair() -> tuple[socket.socket, socket.socket]:
+    pair = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
+    for one in pair:
+        one.bind(("127.0.0.1", 0))
+    pair[0].connect(pair[1].getsockname())
+    pair[1].connect(pair[0].getsockname())
+    return pair[0], pair[1]

@@ -1,0 +1,297 @@
+"""A virtual device that speaks the native protocol, by the same contract as the firmware.
+
+`tests/unit/test_receivers.py` runs one script of packets against both and compares what they answer.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from ...errors import DermisError
+from ..protocols import packets
+from ..protocols.packets import DeviceState, Kind, Nack, Packet, Reach, Welcome
+from ..wire import Array, Wire
+
+DEVICE_ID = b"VIRTUAL1"
+TOUCH_EVERY = 0.02  # a finger that stays down is reported again this often [s]
+NACK_EVERY = 0.005  # one NACK in this time at most: a flood gets no answer to each of its frames [s]
+WINDOW = 1024  # packets: what is further ahead was not lost on the way, it is old
+MOST_STEP = 5.0  # what a device that stood still may make up for [ms]: no jump
+AT_ONCE = 1e9  # [counts a millisecond]
+WATCHDOGS = range(10, 81)  # silences that may be asked for [ms]
+
+
+class NativeDevice:
+    """Actuators that follow their targets at their own speed, a queue of timed commands, and a watchdog.
+
+    Args:
+        stuck: number of an actuator that does not move; -1: none.
+        skew: how much faster its clock runs than the host's [1].
+        queue: how many commands it can hold for later, at most 255.
+        output_hz: what it says of how often its actuators take a new value [Hz]; 0: at every command.
+
+    Attributes:
+        counts: where the actuators are, shape (channels,). state: `DeviceState`.
+        received, lost, damaged, late, watchdogs: counters. play_error: largest error of a play-out time [s of host].
+        safe_at: when the safe state was reached last [s], or None.
+    """
+
+    watchdog = True
+    datagrams = False
+
+    def __init__(
+        self,
+        wire: Wire,
+        *,
+        stuck: int = -1,
+        skew: float = 0.0,
+        queue: int = 255,
+        spec_hash: bytes = bytes(8),
+        output_hz: int = 0,
+    ) -> None:
+        self.wire = wire
+        count = wire.count
+        self.counts = wire.counts(wire.rest).astype(np.float64)
+        self.state = DeviceState.IDLE
+        self.received = self.lost = self.damaged = self.late = self.watchdogs = 0
+        self.play_error = 0.0
+        self.early_least, self.early_most = np.inf, -np.inf
+        self.safe_at: float | None = None
+        self.touch: tuple[bool, float, float] | None = None
+        self._touched = 0.0
+        self._stuck, self._skew, self._most, self._spec_hash = stuck, skew, queue, spec_hash
+        self._output_hz = output_hz
+        self._start: float | None = None
+        self._decoder = packets.Decoder()
+        self._session = 0  # nobody's
+        self._last = 0
+        self._target = self.counts.copy()
+        self._queue: deque[tuple[int, Array]] = deque()
+        self._heard = -np.inf
+        self._ticked: float | None = None
+        self._timeout, self._reach = 0.0, Reach.RAMP
+        self._safe = self.counts.copy()
+        self._slew = np.full(count, 65535.0)
+        self._pace = self._slew  # on the way to safety [counts a millisecond]
+        self._sequence = 0
+        self._nacked = -np.inf
+        self.released = self._driven = False
+        self.pose_known = True
+
+    def clock_us(self, now: float) -> int:
+        """Return the device's own microseconds, unwrapped; they start near the overflow to try it."""
+        if self._start is None:
+            self._start = now
+        return 2**32 - 3_000_000 + round((now - self._start) * (1 + self._skew) * 1e6)
+
+    def feed(self, data: bytes, now: float) -> list[bytes]:
+        """Take bytes; return answers."""
+        out: list[bytes] = []
+        for packet in self._decoder.feed(data):
+            try:
+                out += self._take(packet, now)
+            except DermisError:
+                out += self._nack(packet.session, packet.sequence, Nack.MALFORMED, now)
+        if self._decoder.damaged:
+            self.damaged += self._decoder.damaged
+            self._decoder.damaged = 0
+            out += self._nack(self._session, self._last, Nack.DAMAGED, now)
+        return out
+
+    def tick(self, now: float) -> list[bytes]:
+        """Let time pass: play what is due, move, watch for silence, say again that a finger is down."""
+        step = 0.0 if self._ticked is None else min((now - self._ticked) * 1e3, MOST_STEP)
+        self._ticked = now
+        if self.state == DeviceState.ARMED and now - self._heard > self._timeout:
+            self.watchdogs += 1
+            self._go_safe()
+        clock = self.clock_us(now)
+        while self._queue and self._queue[0][0] <= clock:
+            when, self._target = self._queue.popleft()
+            self.play_error = max(self.play_error, (clock - when) * 1e-6)
+        if self._driven:  # whatever other senders say: only ARM takes a way to safety over
+            self._move(step * (self._slew if self.state == DeviceState.ARMED else self._pace))
+        there = not self._driven or (np.abs(self._target - self.counts) < 1).all()
+        if self.state == DeviceState.SAFE and self.safe_at is None and there:
+            self.safe_at, self.released = now, self._reach == Reach.RELEASE
+        if self.touch is not None and self.touch[0] and now - self._touched >= TOUCH_EVERY:
+            return [self.touched(*self.touch, now)]
+        return []
+
+    def touched(self, down: bool, x: float, y: float, now: float) -> bytes:
+        """Return the packet that reports a finger on the panel; `tick` repeats it while the finger is down."""
+        self.touch, self._touched = (down, x, y), now
+        return self._pack(self._session, Kind.TOUCH, packets.touch(self.clock_us(now), down, x, y))
+
+    def report(self) -> dict[str, object]:
+        """Return what it is doing, for people and for the twin; `early_ms` is that of all timed commands so far."""
+        return {
+            "values": dict(zip(self.wire.names, self.wire.values(self.counts).tolist(), strict=True)),  # type: ignore[arg-type]
+            "state": self.state.name.lower(),
+            "received": self.received,
+            "lost": self.lost,
+            "damaged": self.damaged,
+            "late": self.late,
+            "watchdogs": self.watchdogs,
+            "queued": len(self._queue),
+            "safe_at": self.safe_at,
+            "play_error_ms": self.play_error * 1e3,
+            "released": self.released,
+            "early_ms": [self.early_least * 1e3, self.early_most * 1e3] if self.early_least < np.inf else None,
+        }
+
+    def _take(self, packet: Packet, now: float) -> list[bytes]:
+        kind, sequence = packet.kind, packet.sequence
+        if packet.session != self._session or not self._session:  # another sender: it may begin where nobody is armed
+            if kind != Kind.HELLO or self.state == DeviceState.ARMED:
+                return self._nack(packet.session, sequence, Nack.OTHER_SESSION, now)
+            packets.read_hello(packet.body)
+            if not packet.session:
+                raise DermisError("session 0 is nobody's", where="HELLO")
+            self._session, self.state, self._last = packet.session, DeviceState.IDLE, (sequence - 1) & 0xFFFF
+            self._queue.clear()
+        ahead = (sequence - self._last) & 0xFFFF
+        if ahead == 0 or ahead > WINDOW:
+            return []  # a copy, overtaken, or out of another time: no sign of life
+        out = []
+        if ahead > 1:
+            self.lost += ahead - 1
+            out = self._nack(self._session, sequence, Nack.GAP, now)
+        self._last, self._heard = sequence, now
+        try:
+            return out + self._take_own(packet, now)
+        except DermisError:
+            return out + self._nack(self._session, sequence, Nack.MALFORMED, now)
+
+    def _take_own(self, packet: Packet, now: float) -> list[bytes]:
+        """Take a packet of the session.
+
+        Raises:
+            DermisError: it is malformed.
+        """
+        kind = packet.kind
+        if kind == Kind.HELLO:
+            return [self._welcome(packet.body, now)]
+        if kind == Kind.SYNC:
+            return [self._synced(packets.u32(packet.body), now)]
+        if kind == Kind.COMMAND:
+            return self._command(packet, now)
+        if kind == Kind.CONFIGURE:
+            self._configure(packet.body)
+        elif kind == Kind.ARM and not packet.body:
+            if self.state == DeviceState.CONFIGURED:
+                self._target = self.counts.copy()
+                self.state, self.safe_at, self.released = DeviceState.ARMED, None, False
+                self.pose_known = self._driven = True
+        elif kind == Kind.SAFE:
+            self._go_safe()
+        else:
+            raise DermisError("unknown kind of packet", value=kind)
+        return [self._pack(self._session, Kind.STATE, packets.state(self.state, kind))]
+
+    def _welcome(self, body: bytes, now: float) -> bytes:
+        packets.read_hello(body)
+        pose = np.rint(self.counts).astype(np.uint16) if self.pose_known else None
+        welcome = Welcome(
+            packets.VERSION,
+            self.wire.count,
+            DEVICE_ID,
+            self._spec_hash,
+            self.clock_us(now) & 0xFFFFFFFF,
+            self.state,
+            self._most,
+            pose,
+            self._output_hz,
+        )
+        return self._pack(self._session, Kind.WELCOME, welcome.body())
+
+    def _configure(self, body: bytes) -> None:
+        watchdog, reach, safe, slew = packets.read_configure(body)
+        if len(safe) != self.wire.count:
+            raise DermisError("another number of channels", value=len(safe), limit=str(self.wire.count))
+        if watchdog not in WATCHDOGS:
+            raise DermisError("no such watchdog", value=watchdog, limit="10 to 80 ms")
+        if not slew.all():
+            raise DermisError("a channel may not move at all", value=0, limit="1 to 65535 counts a millisecond")
+        if self.state == DeviceState.ARMED:
+            return  # nobody changes what is safe under way
+        self._timeout, self._reach = watchdog * 1e-3, Reach(reach)
+        self._safe, self._slew = safe.astype(np.float64), slew.astype(np.float64)
+        if not self.pose_known:
+            self.counts, self._target = self._safe.copy(), self._safe.copy()
+        self.state = DeviceState.CONFIGURED
+
+    def _command(self, packet: Packet, now: float) -> list[bytes]:
+        when, timed, counts = packets.read_command(packet.body)
+        if len(counts) != self.wire.count:
+            raise DermisError("another number of channels", value=len(counts), limit=str(self.wire.count))
+        if self.state != DeviceState.ARMED:
+            return self._nack(self._session, packet.sequence, Nack.NOT_ARMED, now)
+        target = counts.astype(np.float64)
+        clock = self.clock_us(now)
+        early = (when - clock + 2**31) % 2**32 - 2**31 if timed else 0
+        if timed:
+            self.early_least = min(self.early_least, early * 1e-6)
+            self.early_most = max(self.early_most, early * 1e-6)
+        if timed and early >= 0:
+            if len(self._queue) >= self._most:
+                return self._nack(self._session, packet.sequence, Nack.QUEUE_FULL, now)
+            self._queue.append((clock + early, target))
+            self.received += 1
+            return []
+        self.received += 1
+        self._queue.clear()
+        self._target = target
+        if not timed:
+            return []
+        self.late += 1
+        return self._nack(self._session, packet.sequence, Nack.LATE, now)
+
+    def _move(self, most: Array) -> None:
+        """Go towards the targets by no more than so many counts."""
+        move = np.minimum(np.maximum(self._target - self.counts, -most), most)
+        if self._stuck >= 0:
+            move[self._stuck] = 0.0
+        self.counts = self.counts + move
+
+    def _synced(self, host_us: int, now: float) -> bytes:
+        reply = packets.Synced(
+            host_us,
+            self.clock_us(now),
+            self.state,
+            min(len(self._queue), 255),
+            self.received,
+            self.lost,
+            self.damaged,
+            self.late,
+            self.watchdogs,
+        )
+        return self._pack(self._session, Kind.SYNCED, reply.body())
+
+    def _go_safe(self) -> None:
+        if self.state == DeviceState.IDLE:
+            return
+        self._queue.clear()
+        self.state, self.safe_at = DeviceState.SAFE, None
+        if self._reach == Reach.RELEASE:  # where it lets go, nobody knows where it will be
+            self.pose_known = self._driven = False
+            return
+        self._target = self._safe.copy()
+        way = np.abs(self._target - self.counts)
+        longest = 0.0 if self._reach == Reach.AT_ONCE else float((way / self._slew).max())
+        # All channels begin and arrive together: a platform whose channels come home one by one tilts.
+        self._pace = way / longest if longest else np.full(self.wire.count, AT_ONCE)
+
+    def _nack(self, session: int, sequence: int, reason: Nack, now: float) -> list[bytes]:
+        """Refuse a packet; an answer that comes too soon after the last is dropped, and its number stays used."""
+        answer = self._pack(session, Kind.NACK, packets.nack(sequence, reason))
+        if now - self._nacked < NACK_EVERY:
+            return []
+        self._nacked = now
+        return [answer]
+
+    def _pack(self, session: int, kind: Kind, body: bytes) -> bytes:
+        self._sequence = (self._sequence + 1) & 0xFFFF
+        return packets.pack(kind, session, self._sequence, body)

@@ -1,0 +1,133 @@
+"""A virtual device as a program: on a pty, a TCP port or a UDP port of this computer, until its input ends."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import select
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from ...errors import DermisError
+from ..wire import Wire
+from .device import Server, make
+
+
+def serve(protocol: str, wire: Wire, at: str, options: dict[str, float], *, every: float = 0.0) -> int:
+    """Run a virtual device as a program until its standard input ends; print its address, then what happens.
+
+    Args:
+        at: 'pty', 'tcp' or 'udp', each on this computer only.
+        every: print the report this often [s]; 0: only when the safe state is reached and at the end.
+    """
+    device = make(protocol, wire, options)
+    link = Endpoint(at)
+    server = Server(device, lambda wait: link.read(wait, server.read_most), link.write, options)
+    print(json.dumps({"url": link.url}), flush=True)  # once nothing can be refused any more
+    ended = threading.Event()
+    threading.Thread(target=_watch_input, args=(ended,), daemon=True).start()
+    due, safe = time.perf_counter() + every, None
+    while not ended.is_set() and server.step():
+        reached = getattr(device, "safe_at", None)
+        if reached is not None and reached != safe:
+            print(json.dumps({"safe_at": reached, "watchdogs": getattr(device, "watchdogs", 0)}), flush=True)
+        safe = reached
+        if every and time.perf_counter() >= due:
+            due += every
+            print(json.dumps({**device.report(), "at": time.perf_counter()}), flush=True)
+            if hasattr(device, "early_most"):  # of each interval by itself, so that a drift shows
+                vars(device).update(early_least=math.inf, early_most=-math.inf)
+    print(json.dumps({**device.report(), "ended": True}), flush=True)
+    return 0
+
+
+class Endpoint:
+    """The device's end of a link that another process opens."""
+
+    read: Callable[[float, int], list[bytes] | None]
+    write: Callable[[bytes], None]
+
+    def __init__(self, at: str) -> None:
+        self._peer: Any = None
+        if at == "pty":
+            import pty
+            import tty
+
+            # The slave stays open, or a port that a sender closes would look like an unplugged one.
+            self._fd, self._slave = pty.openpty()
+            tty.setraw(self._slave)
+            os.set_blocking(self._fd, False)
+            self.url = os.ttyname(self._slave)
+            self.read, self.write = self._read_pty, self._write_pty
+            return
+        kind = {"tcp": socket.SOCK_STREAM, "udp": socket.SOCK_DGRAM}.get(at)
+        if kind is None:
+            raise DermisError("no such place", value=at, limit="pty, tcp, udp")
+        self._socket = socket.socket(socket.AF_INET, kind)
+        self._socket.bind(("127.0.0.1", 0))
+        scheme = "udp" if at == "udp" else "socket"
+        self.url = f"{scheme}://127.0.0.1:{self._socket.getsockname()[1]}"
+        if at == "udp":
+            self.read, self.write = self._read_udp, self._write_udp
+        else:
+            self._socket.listen(1)
+            self.read, self.write = self._read_tcp, self._write_tcp
+
+    def _read_pty(self, wait: float, most: int) -> list[bytes] | None:
+        if not select.select([self._fd], [], [], wait)[0]:
+            return []
+        try:
+            return [os.read(self._fd, most)]
+        except BlockingIOError:
+            return []
+        except OSError:
+            return None
+
+    def _write_pty(self, message: bytes) -> None:
+        with contextlib.suppress(BlockingIOError):
+            os.write(self._fd, message)
+
+    def _read_udp(self, wait: float, most: int) -> list[bytes] | None:
+        if not select.select([self._socket], [], [], wait)[0]:
+            return []
+        data, self._peer = self._socket.recvfrom(65536)
+        return [data]
+
+    def _write_udp(self, message: bytes) -> None:
+        if self._peer is not None:
+            with contextlib.suppress(OSError):
+                self._socket.sendto(message, self._peer)
+
+    def _read_tcp(self, wait: float, most: int) -> list[bytes] | None:
+        if self._peer is None:
+            if select.select([self._socket], [], [], wait)[0]:
+                self._peer, _ = self._socket.accept()
+                self._peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            return []
+        if not select.select([self._peer], [], [], wait)[0]:
+            return []
+        try:
+            data = self._peer.recv(most)
+        except OSError:
+            data = b""
+        if not data:  # the next one may connect
+            self._peer.close()
+            self._peer = None
+        return [data] if data else []
+
+    def _write_tcp(self, message: bytes) -> None:
+        if self._peer is not None:
+            with contextlib.suppress(OSError):
+                self._peer.sendall(message)
+
+
+def _watch_input(ended: threading.Event) -> None:
+    while sys.stdin.buffer.read(4096):
+        pass
+    ended.set()

@@ -1,0 +1,1 @@
+"""Surfaces of things that are touched: distance, normals, mesh repair."""

@@ -1,0 +1,358 @@
+"""Signed gap between points and an object's surface: exact, for any triangle mesh.
+
+Which side a point is on:
+
+* At a closed, consistently oriented mesh the sign follows the angle-weighted pseudonormal of the closest face, edge
+  or corner, which is provably the inside (Baerentzen and Aanaes 2005). Concave and thin meshes need nothing more.
+* An open mesh (a plane, a cup of one layer) is negative behind its faces. A point whose closest point lies on the
+  rim, and that is not straight above or below it, has passed beside the sheet: it is outside, and its gap positive.
+  `Surface.side_of` tells on which side of a sheet a finger's bone is, so that a sheet can be touched from both.
+* Where more than two faces share an edge, faces disagree about the outside, or two sheets touch in a single point,
+  no normal decides: a closed mesh then asks for its winding number there, an open one takes the mean normal.
+  `Surface.findings` reports such meshes.
+* Self-intersecting parts: the closest face decides, also where it lies inside another part.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError, Finding
+from . import shapes
+from .cells import CellLists
+from .gap_query import GapQuery
+from .nearest import CentroidTree, Nearest, nearest
+from .normals import SurfaceNormals
+from .topology import BOUNDARY, IRREGULAR, REGULAR, Topology, topology_of
+from .triangles import Array, Indices, TriangleTable
+from .winding import winding
+
+__all__ = ["GapQuery", "Surface"]
+
+# Closest points nearer to an edge or corner than this fraction of the triangle count as on it.
+ON_FEATURE = 1e-9
+# A point is straight above a rim if it is off by less than this fraction of its distance.
+STRAIGHT = 1e-6
+
+
+class Surface:
+    """A triangle surface to measure distances from, in the space of the vertices it was given."""
+
+    def __init__(self, vertices: Array, triangles: NDArray[np.int64], topology: Topology) -> None:
+        self.vertices = vertices
+        self.triangles = triangles
+        self.topology = topology
+        self.table = TriangleTable.build(vertices, triangles)
+        self._queries = 0
+        self._cells: CellLists | None = None
+
+    @classmethod
+    def build(cls, vertices: NDArray[np.floating], triangles: NDArray[np.integer]) -> Surface:
+        """Prepare a surface.
+
+        Args:
+            vertices: [m], shape (V, 3).
+            triangles: vertex indices, counter-clockwise seen from outside, shape (T, 3). Those without area
+                are ignored and counted.
+
+        Raises:
+            DermisError: no triangle, wrong shapes, values that are not finite, or indices outside the vertices.
+        """
+        points = np.ascontiguousarray(vertices, dtype=np.float64)
+        corners = np.asarray(triangles)
+        if points.ndim != 2 or points.shape[1:] != (3,) or corners.ndim != 2 or corners.shape[1:] != (3,):
+            raise DermisError(
+                "a surface needs vertices (V, 3) and triangles (T, 3)", value=f"{points.shape} and {corners.shape}"
+            )
+        if corners.shape[0] == 0:
+            raise DermisError("a surface needs at least one triangle")
+        if not np.isfinite(points).all():
+            raise DermisError("a surface has vertices that are not finite numbers")
+        if corners.min() < 0 or corners.max() >= points.shape[0]:
+            limit = f"0 to {points.shape[0] - 1}"
+            raise DermisError("a triangle uses a vertex that does not exist", value=int(corners.max()), limit=limit)
+        return cls(points, corners, topology_of(points, corners))
+
+    @classmethod
+    def sphere(cls, radius: float, facets: int = 20_000) -> Surface:
+        """Return a ball [m]; see `shapes.sphere`."""
+        return cls.build(*shapes.sphere(radius, facets))
+
+    @classmethod
+    def block(cls, width: float = 0.05, length: float = 0.05, height: float = 0.02) -> Surface:
+        """Return a block with a level top [m]; see `shapes.block`."""
+        return cls.build(*shapes.block(width, length, height))
+
+    @classmethod
+    def edge(cls, angle: float = np.pi / 2, rounding: float = 0.2e-3) -> Surface:
+        """Return a wedge with its edge upwards, along Y [rad, m]; see `shapes.edge`."""
+        return cls.build(*shapes.edge(angle, rounding))
+
+    def __repr__(self) -> str:
+        size = " x ".join(f"{1e3 * s:.3g}" for s in np.ptp(self.vertices, axis=0))
+        return f"Surface({len(self.triangles)} triangles, {size} mm, {'closed' if self.closed else 'open'})"
+
+    @property
+    def closed(self) -> bool:
+        """Whether the surface encloses a solid."""
+        return self.topology.closed
+
+    @cached_property
+    def degenerate(self) -> int:
+        """Number of triangles without area, which are ignored."""
+        return int((~self.table.usable).sum())
+
+    @cached_property
+    def box(self) -> Array:
+        """Lower and upper corner of the bounding box [m], shape (2, 3)."""
+        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+    @cached_property
+    def volume(self) -> float:
+        """Enclosed volume [m^3]; negative where a closed surface is inside out."""
+        a, ab, ac = (self.table.rows[k : k + 3] for k in (0, 3, 6))
+        return float((a * np.cross(ab, ac, axis=0)).sum() / 6.0)
+
+    def findings(self, where: str = "") -> tuple[Finding, ...]:
+        """Return what is doubtful about the surface, for the panel."""
+        found = []
+        if self.degenerate:
+            found.append(
+                Finding(
+                    "info", "degenerate-triangles", "triangles without area are ignored", where, count=self.degenerate
+                )
+            )
+        if self.topology.irregular_edges:
+            found.append(
+                Finding(
+                    "warning",
+                    "non-manifold",
+                    "edges with more than two faces, or faces that disagree about the outside",
+                    where,
+                    remedy="Recalculate normals outside, or make the mesh manifold",
+                    count=self.topology.irregular_edges,
+                )
+            )
+        if not self.closed:
+            found.append(
+                Finding(
+                    "info",
+                    "open-surface",
+                    "the surface is open: its front is the side of its normals",
+                    where,
+                    count=self.topology.boundary_edges,
+                )
+            )
+        elif self.volume < 0.0:
+            found.append(
+                Finding(
+                    "warning",
+                    "inside-out",
+                    "the normals of a closed surface point inwards",
+                    where,
+                    remedy="Flip the normals, unless the object is a room",
+                )
+            )
+        return tuple(found)
+
+    def query(self, points: Array, reach: float = np.inf) -> GapQuery:
+        """Return the signed gap, closest point and normal of each point.
+
+        Args:
+            points: [m], shape (n, 3).
+            reach: distance beyond which a point outside is of no interest [m]. Points inside a closed surface are
+                always answered, however deep.
+
+        Raises:
+            DermisError: points of a wrong shape or not finite.
+        """
+        points = np.ascontiguousarray(points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1:] != (3,):
+            raise DermisError("points must have the shape (n, 3)", value=points.shape)
+        if not np.isfinite(points).all():
+            raise DermisError("points to measure from are not finite numbers")
+        return self._within(reach, self._signed(points, self._nearest(points, reach)))
+
+    def side_of(self, point: Array) -> int:
+        """Return +1 where a point [m], shape (3,), is in front of the closest faces, -1 where it is behind.
+
+        For open surfaces this decides from which side a finger touches: ask for its bone.
+        """
+        found = nearest(self.table, np.atleast_2d(point), np.array([np.inf]), self._tree_if_large(1))
+        t = int(found.triangle[0])
+        if t < 0:
+            return 1
+        _, _, normal = self._features(found.triangle, found.u, found.w)
+        offset = np.asarray(point) - self.table.point(found.triangle, found.u, found.w)[0]
+        return -1 if float(offset @ normal[0]) < 0.0 else 1
+
+    def winding(self, points: Array) -> Array:
+        """Return how often the surface encloses each point (1 inside a closed one), shape (n,)."""
+        return winding(self.vertices[self.triangles], points)
+
+    def smooth_normals(self, triangle: Indices, weights: Array) -> Array:
+        """Return the normals of the curved surface that the faces stand for, see `SurfaceNormals.smooth`."""
+        return self._normals.smooth(triangle, weights)
+
+    @cached_property
+    def _normals(self) -> SurfaceNormals:
+        return SurfaceNormals(self.table, self.topology, self.vertices.shape[0])
+
+    # -- distance ------------------------------------------------------------------------------------------------
+
+    def _tree_if_large(self, n: int) -> CentroidTree | None:
+        return self._tree if n * self.triangles.shape[0] > 20_000_000 else None
+
+    @cached_property
+    def _tree(self) -> CentroidTree:
+        return CentroidTree(self.table)
+
+    def _nearest(self, points: Array, reach: float) -> Nearest:
+        """Search afresh the first time; keep cells from the second on, when the surface has proved to be rigid."""
+        self._queries += 1
+        if self._queries == 1 or points.shape[0] == 0:
+            return self._search(points, reach)
+        if self._cells is None or self._cells.reach != reach:
+            if self._cells is not None and self._queries < 8:
+                return self._search(points, reach)
+            self._cells = CellLists(self.table, self._search, reach)
+            self._queries = 2
+        return self._cells.nearest(points)
+
+    def _search(self, points: Array, reach: float) -> Nearest:
+        n = points.shape[0]
+        found = nearest(self.table, points, np.full(n, reach), self._tree_if_large(n))
+        if self.closed and np.isfinite(reach):
+            low, high = self.box
+            lost = np.flatnonzero((found.triangle < 0) & ((points >= low) & (points <= high)).all(axis=1))
+            if lost.size:
+                deep = nearest(self.table, points[lost], np.full(lost.size, np.inf), self._tree_if_large(lost.size))
+                inside = self._signed(points[lost], deep).gap < 0.0
+                for target, source in zip(found, deep, strict=True):
+                    target[lost[inside]] = source[inside]
+        return found
+
+    def _within(self, reach: float, answer: GapQuery) -> GapQuery:
+        """Forget points beyond reach that the cells knew all the same."""
+        gap = answer.gap
+        beyond = (gap if self.closed else np.abs(gap)) > reach
+        beyond &= answer.triangle >= 0
+        if beyond.any():
+            gap[beyond], answer.normal[beyond], answer.point[beyond] = np.inf, 0.0, np.nan
+            answer.triangle[beyond], answer.weights[beyond], answer.beside[beyond] = -1, 0.0, False
+        return answer
+
+    # -- sign and normal -----------------------------------------------------------------------------------------
+
+    def _features(self, triangle: Indices, u: Array, w: Array) -> tuple[NDArray[np.int8], Array, Array]:
+        """Kind, barycentric weights and pseudonormal (not normalised) of the closest features."""
+        columns = np.empty((3, triangle.size))
+        np.subtract(1.0, u, out=columns[0])
+        columns[0] -= w
+        columns[1], columns[2] = u, w
+        np.maximum(columns, 0.0, out=columns)
+        weights = columns.T
+        kind = np.zeros(triangle.size, dtype=np.int8)
+        normal = self.table.bounds[3:6].take(triangle, axis=1).T
+        least = np.minimum(columns[1], columns[2])
+        np.minimum(least, columns[0], out=least)
+        on = (least <= ON_FEATURE).nonzero()[0]
+        if on.size == 0:
+            return kind, weights, normal
+        at_zero = weights.take(on, axis=0) <= ON_FEATURE
+        # the corner with the largest weight, where two weights vanish; else the edge opposite the vanishing one
+        is_vertex = at_zero.sum(axis=1) == 2
+        v = on[is_vertex]
+        if v.size:
+            vertex = self.topology.corners[triangle[v], np.argmax(weights[v], axis=1)]
+            normal[v] = self._normals.of_vertices[vertex]
+            kind[v] = self.topology.vertex_kind[vertex]
+        e = on[~is_vertex]
+        if e.size:
+            edge = (np.argmax(at_zero[~is_vertex], axis=1) + 1) % 3
+            on_triangle = triangle.take(e)
+            other = self.topology.across[on_triangle, edge]
+            beyond = self.table.bounds[3:6].take(other, axis=1)
+            beyond *= other >= 0
+            normal[e] += beyond.T
+            of_edge = self.topology.edge_kind[on_triangle, edge]
+            of_edge[(of_edge == REGULAR) & (other >= 0) & ~self.table.usable.take(other)] = IRREGULAR
+            kind[e] = of_edge
+        return kind, weights, normal
+
+    def _signed(self, points: Array, found: Nearest) -> GapQuery:
+        near = (found.triangle >= 0).nonzero()[0]
+        if near.size == found.triangle.size:
+            return GapQuery(*self._sides(points, found.triangle, found.u, found.w))
+        n = points.shape[0]
+        answer = GapQuery(
+            np.full(n, np.inf),
+            np.zeros((n, 3)),
+            np.full((n, 3), np.nan),
+            found.triangle,
+            np.zeros((n, 3)),
+            np.zeros(n, dtype=bool),
+        )
+        if near.size:
+            sides = self._sides(points[near], found.triangle[near], found.u[near], found.w[near])
+            answer.gap[near], answer.normal[near], answer.point[near] = sides[:3]
+            answer.weights[near], answer.beside[near] = sides[4:]
+        return answer
+
+    def _sides(
+        self, points: Array, triangle: Indices, u: Array, w: Array
+    ) -> tuple[Array, Array, Array, Indices, Array, NDArray[np.bool_]]:
+        """Return the fields of a `GapQuery` for points whose closest triangles are known."""
+        kind, weights, pseudo = self._features(triangle, u, w)
+        closest = self.table.point(triangle, u, w)
+        offset = points - closest
+        distance = np.sqrt(_dot(offset, offset))
+        along = _dot(offset, pseudo)
+        sign = np.where(along < 0.0, -1.0, 1.0)
+        beside = np.zeros(len(points), dtype=bool)
+        if kind.any():
+            beside[self._special_sides(points, np.flatnonzero(kind), kind, distance, along, pseudo, sign)] = True
+        normal = self._directions(offset, distance, sign, pseudo, triangle)
+        return sign * distance, normal, closest, triangle, weights, beside
+
+    def _special_sides(
+        self,
+        points: Array,
+        special: Indices,
+        kind: NDArray[np.int8],
+        distance: Array,
+        along: Array,
+        pseudo: Array,
+        sign: Array,
+    ) -> Indices:
+        """Decide the side at rims and at edges that no normal decides, in place; return which are beside a rim."""
+        rim = special[kind[special] == BOUNDARY]
+        length = np.maximum(np.sqrt(np.einsum("ij,ij->i", pseudo[rim], pseudo[rim])), 1e-300)
+        height = along[rim] / length
+        across = np.sqrt(np.maximum(distance[rim] ** 2 - height**2, 0.0))
+        rim = rim[across > STRAIGHT * distance[rim]]
+        sign[rim] = 1.0
+        odd = special[kind[special] == IRREGULAR]
+        if odd.size and self.closed:
+            sign[odd] = np.where(self.winding(points[odd]) > 0.5, -1.0, 1.0)
+        return rim
+
+    def _directions(self, offset: Array, distance: Array, sign: Array, pseudo: Array, triangle: Indices) -> Array:
+        """Gradient of the gap; on the surface itself, where it is not defined, the pseudonormal."""
+        tiny = distance <= 1e-12
+        if not tiny.any():
+            return offset * (sign / distance)[:, None]
+        normal = offset * (sign / np.where(tiny, 1.0, distance))[:, None]
+        length = np.sqrt(_dot(pseudo[tiny], pseudo[tiny]))
+        unit = pseudo[tiny] / np.maximum(length, 1e-300)[:, None]
+        face = self.table.bounds[3:6].take(triangle[tiny], axis=1).T
+        normal[tiny] = np.where((length > 1e-9)[:, None], unit, face)
+        return normal
+
+
+def _dot(a: Array, b: Array) -> Array:
+    out: Array = np.einsum("ij,ij->i", a, b)
+    return out

@@ -1,0 +1,114 @@
+"""Repairs: what a scene hands over that is no number is held at the last good one, and told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError, Finding
+from ..scene.tactile_scene import Chunk
+from .triangles import Array
+
+
+class Repairs:
+    """Mends poses and animated values over the chunks of a scene."""
+
+    def __init__(self) -> None:
+        self._bad: dict[tuple[str, str], list[float]] = {}
+        self._last_pose: dict[tuple[str, int], Array] = {}
+
+    def note(self, code: str, name: str, frames: list[float]) -> None:
+        """Remember frames in which something was bad."""
+        self._bad.setdefault((code, name), []).extend(frames)
+
+    def poses(self, kind: str, names: list[str], poses: Array, frames: Array) -> Array:
+        """Hold the last good pose where one is not finite, and remember where that was.
+
+        Args:
+            kind: 'finger', 'object' or 'screen'. names: of each, for findings.
+            poses: shape (k, n, 4, 4). frames: shape (n,).
+        """
+        good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(poses), axis=(2, 3))
+        if not good.all():
+            poses = poses.copy()
+            for i in np.flatnonzero(~good.all(axis=1)):
+                self._bad.setdefault((f"not-finite {kind}", names[i]), []).extend(frames[~good[i]].tolist())
+                start = self._last_pose.get((kind, int(i)))
+                if start is None:
+                    first = np.flatnonzero(good[i])
+                    start = poses[i, first[0]] if first.size else np.eye(4)
+                last = np.maximum.accumulate(np.where(good[i], np.arange(len(frames)), -1))
+                poses[i] = np.where((last >= 0)[:, None, None], poses[i, np.maximum(last, 0)], start)
+        for i in range(len(names)):
+            if good[i].any():
+                self._last_pose[kind, i] = poses[i, -1]
+        return poses
+
+    def channels(self, chunks: Sequence[Chunk], frames: Array) -> dict[str, Array]:
+        """Join the animated parameters, and hold the last good value where one is not finite.
+
+        Raises:
+            DermisError: a channel that is missing from a chunk, has a wrong length, or is never finite.
+        """
+        joined: dict[str, Array] = {}
+        for key in sorted({key for c in chunks for key in c.channels}):
+            if not all(key in c.channels for c in chunks):
+                raise DermisError("an animated value is missing from some of the chunks", where=key)
+            values = np.concatenate([np.asarray(c.channels[key], dtype=np.float64) for c in chunks])
+            if len(values) != len(frames):
+                raise DermisError(
+                    "an animated value needs one number per sample",
+                    where=key,
+                    value=len(values),
+                    limit=str(len(frames)),
+                )
+            good = np.isfinite(values)
+            if not good.any():
+                raise DermisError(
+                    "an animated value is never a finite number", where=key, remedy="Look at its keyframes and drivers"
+                )
+            if not good.all():
+                self._bad["not-finite value", key] = frames[~good].tolist()
+                last = np.maximum.accumulate(np.where(good, np.arange(len(values)), -1))
+                values = np.where(last >= 0, values[np.maximum(last, 0)], values[np.flatnonzero(good)[0]])
+            joined[key] = values
+        return joined
+
+    def findings(self) -> Iterator[Finding]:
+        """Yield what was bad, by kind and name."""
+        for (code, name), bad in sorted(self._bad.items()):
+            if code == "zero-scale":
+                yield Finding(
+                    "error",
+                    code,
+                    "the object is scaled to 0 or flat, so it cannot be touched there",
+                    f"object '{name}'",
+                    limit="a scale other than 0",
+                    frame=bad[0],
+                    count=len(bad),
+                    remedy="Scale its vertices instead, or stop it being touchable",
+                )
+            elif code == "not-finite surface":
+                yield Finding(
+                    "error",
+                    "not-finite",
+                    "vertices are not finite numbers; the last good surface was held",
+                    f"object '{name}'",
+                    remedy="Look at its shape keys and modifiers",
+                    frame=bad[0],
+                    count=len(bad),
+                )
+            else:
+                what = "pose" if not code.endswith("value") else "value"
+                where = name if what == "value" else f"{code.split()[1]} '{name}'"
+                yield Finding(
+                    "error",
+                    "not-finite",
+                    f"the {what} is not a finite number; the last good one was held",
+                    where,
+                    remedy="Look at its drivers and constraints",
+                    frame=bad[0],
+                    count=len(bad),
+                )

@@ -1,0 +1,153 @@
+"""How the triangles of a surface hang together: what is closed, open, or not a surface at all.
+
+It depends on the triangles (and on which vertices coincide), not on the shape, so a deforming mesh pays for it once.
+"""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .triangles import Array
+
+REGULAR, BOUNDARY, IRREGULAR = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class Topology:
+    """Neighbours and kinds of the edges and corners of a triangle surface.
+
+    Edge k of a triangle runs from corner k to corner k + 1.
+
+    Attributes:
+        corners: vertex indices after coincident vertices were merged, shape (T, 3).
+        merged: for each vertex the one that stands for it, shape (V,).
+        across: neighbouring triangle over each edge, -1 where there is not exactly one, shape (T, 3).
+        edge_kind: REGULAR, BOUNDARY (one face only) or IRREGULAR (three or more faces, or two that disagree
+            about the outside), shape (T, 3).
+        vertex_kind: the worst kind among the edges at each vertex, BOUNDARY before IRREGULAR, shape (V,).
+        closed: every edge is used as often in one direction as in the other, so inside and outside exist.
+        boundary_edges, irregular_edges: how many there are.
+    """
+
+    corners: NDArray[np.int64]
+    merged: NDArray[np.int64]
+    across: NDArray[np.int64]
+    edge_kind: NDArray[np.int8]
+    vertex_kind: NDArray[np.int8]
+    closed: bool
+    boundary_edges: int
+    irregular_edges: int
+
+    @classmethod
+    def build(cls, vertices: Array, triangles: NDArray[np.integer]) -> Topology:
+        """Read the topology off triangles, shape (T, 3), merging vertices [m], shape (V, 3), that coincide."""
+        merged = merge_coincident(vertices)
+        corners = merged[triangles].astype(np.int64)
+        count = vertices.shape[0]
+        start, end = corners, np.roll(corners, -1, axis=1)
+        low, high = np.minimum(start, end).ravel(), np.maximum(start, end).ravel()
+        forward = (start < end).ravel()
+        collapsed = low == high
+        key = np.where(collapsed, -1, low * count + high)
+        order = np.argsort(key, kind="stable")
+        ordered = key[order]
+        first = np.flatnonzero(np.diff(ordered, prepend=-2))
+        size = np.diff(first, append=ordered.size)
+        ups = np.add.reduceat(forward[order].astype(np.int64), first)
+        real = ordered[first] >= 0
+        pair = real & (size == 2) & (ups == 1)
+        single = real & (size == 1)
+        kind = np.where(pair | ~real, REGULAR, np.where(single, BOUNDARY, IRREGULAR)).astype(np.int8)
+        across = np.full(corners.size, -1, dtype=np.int64)
+        a, b = order[first[pair]], order[first[pair] + 1]
+        across[a], across[b] = b // 3, a // 3
+        edge_kind = np.empty(corners.size, dtype=np.int8)
+        edge_kind[order] = np.repeat(kind, size)
+        vertex_kind = np.zeros(count, dtype=np.int8)
+        for wanted in (IRREGULAR, BOUNDARY):  # a boundary outweighs: beyond it lies nothing to be inside of
+            edges = edge_kind == wanted
+            vertex_kind[low[edges]] = wanted
+            vertex_kind[high[edges]] = wanted
+        _mark_pinched(corners, across.reshape(-1, 3), vertex_kind)
+        closed = bool(np.all(ups[real] * 2 == size[real])) and bool(real.any())
+        return cls(
+            corners,
+            merged,
+            across.reshape(-1, 3),
+            edge_kind.reshape(-1, 3),
+            vertex_kind,
+            closed,
+            int(single.sum()),
+            int((real & ~pair & ~single).sum()),
+        )
+
+    def fits(self, vertices: Array) -> bool:
+        """Whether the vertices that were merged still coincide in another shape of the same triangles."""
+        return vertices.shape[0] == self.merged.shape[0] and bool(np.array_equal(vertices[self.merged], vertices))
+
+
+def merge_coincident(vertices: Array) -> NDArray[np.int64]:
+    """Return for each vertex the lowest index among those at exactly the same place, shape (V,)."""
+    exact = np.ascontiguousarray(vertices + 0.0)  # -0.0 becomes 0.0
+    order = np.lexsort(exact.T)
+    ordered = exact[order]
+    new = np.ones(order.size, dtype=bool)
+    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    group = np.cumsum(new) - 1
+    lowest = np.minimum.reduceat(order, np.flatnonzero(new)) if order.size else order
+    merged = np.empty(order.size, dtype=np.int64)
+    merged[order] = lowest[group]
+    return merged
+
+
+def _mark_pinched(corners: NDArray[np.int64], across: NDArray[np.int64], vertex_kind: NDArray[np.int8]) -> None:
+    """Mark vertices where two sheets of faces meet in a point: the faces around one must form a single fan.
+
+    The sum of face normals over both sheets says nothing about either side.
+    """
+    live = (corners != np.roll(corners, -1, axis=1)).all(axis=1)
+    # face corners are nodes of a graph, joined across edges; each regular vertex must be one component
+    label = np.arange(corners.size)
+    next_corner = np.arange(corners.size).reshape(-1, 3)
+    links = []
+    for k in range(3):
+        t = np.flatnonzero((across[:, k] >= 0) & live)
+        other = across[t, k]
+        for corner in (k, (k + 1) % 3):
+            vertex = corners[t, corner]
+            at = np.argmax(corners[other] == vertex[:, None], axis=1)
+            links.append((next_corner[t, corner], next_corner[other, at]))
+    if not links:
+        return
+    a = np.concatenate([link[0] for link in links])
+    b = np.concatenate([link[1] for link in links])
+    while True:  # pointer jumping: each round at least halves the longest chain
+        low = np.minimum(label[a], label[b])
+        before = label.copy()
+        np.minimum.at(label, a, low)
+        np.minimum.at(label, b, low)
+        label = label[label]
+        if np.array_equal(label, before):
+            break
+    roots = (label == np.arange(corners.size)) & np.repeat(live, 3)
+    fans = np.bincount(corners.ravel()[roots], minlength=vertex_kind.size)
+    vertex_kind[(fans > 1) & (vertex_kind == REGULAR)] = IRREGULAR
+
+
+_CACHE: dict[int, tuple[weakref.ref[NDArray[np.integer]], Topology]] = {}
+
+
+def topology_of(vertices: Array, triangles: NDArray[np.integer]) -> Topology:
+    """Return the topology of triangles, kept for as long as the same triangles array lives."""
+    key = id(triangles)
+    entry = _CACHE.get(key)
+    if entry is not None and entry[0]() is triangles and entry[1].fits(vertices):
+        return entry[1]
+    topology = Topology.build(vertices, triangles)
+    if triangles.base is None:  # a view may die while its memory is shared: not worth keeping
+        _CACHE[key] = (weakref.ref(triangles, lambda _: _CACHE.pop(key, None)), topology)
+    return topology

@@ -1,0 +1,1 @@
+"""Command tracks, their limits and their files."""

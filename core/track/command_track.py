@@ -1,0 +1,324 @@
+"""CommandTrack: what a device shall do, over time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices.spec import Channel, DeviceSpec, range_disc
+from ..errors import DermisError, Finding, Severity
+from ..interpolate import MOST_SAMPLES, Method, grid, interpolate
+from .limiter import DIGITS, SLEW_SLACK, Limiter
+
+Array = NDArray[np.float64]
+
+# What a limiter did: how bad it is, and how it reads.
+LIMITED: dict[str, tuple[Severity, str]] = {
+    "not_finite": ("error", "samples that were no finite number were held at the last good value"),
+    "range": ("warning", "samples were limited to the channel's range"),
+    "disc": ("warning", "samples were pulled back to the rim of the round range"),
+    "slew": ("warning", "samples were limited to the channel's largest speed"),
+    "slew_of_pair": ("warning", "samples were slowed down with the other channel of the round range"),
+    "ramp": ("info", "samples were blended with rest at the start or the end"),
+}
+RATE_SLACK = 0.01  # how far a stated rate may be from that of the samples, as a part of it
+
+
+@dataclass(frozen=True)
+class CommandTrack:
+    """Command values of one device at rising times, in SI.
+
+    Attributes:
+        spec: the device.
+        times: [s] from the start of the range, strictly rising, shape (n,).
+        values: in the units of `spec.channels`, shape (n, channels).
+        meta: what a reader of the file wants to know: finger, scene, frame range, fps, content hash ...
+        limited: per 'channel.kind' ('tactor_x.range', 'tactor_x.slew' ...), how many samples a limiter changed.
+    """
+
+    spec: DeviceSpec
+    times: Array
+    values: Array
+    meta: Mapping[str, str] = field(default_factory=dict)
+    limited: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.values.shape != (len(self.times), len(self.spec.channels)):
+            raise DermisError(
+                "values do not fit times and channels",
+                where=self.spec.name,
+                value=self.values.shape,
+                limit=f"({len(self.times)}, {len(self.spec.channels)})",
+            )
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """The device's channels, in the order of the columns."""
+        return self.spec.channels
+
+    def column(self, name: str) -> Array:
+        """Return the values of one channel, shape (n,)."""
+        for i, channel in enumerate(self.spec.channels):
+            if channel.name == name:
+                return self.values[:, i]
+        raise DermisError(
+            "no such channel", where=self.spec.name, value=name, limit=", ".join(c.name for c in self.channels)
+        )
+
+    @property
+    def duration(self) -> float:
+        """Time between the first and the last sample [s]."""
+        return float(self.times[-1] - self.times[0]) if len(self.times) else 0.0
+
+    def resampled(self, rate: float, method: Method = "linear") -> CommandTrack:
+        """Return the track at another rate, from its first time to at or just before its last.
+
+        Args:
+            rate: [Hz]; the new track's spec has it too.
+            method: 'linear', or 'pchip' (C1, monotone wherever the samples are); neither overshoots.
+
+        Raises:
+            DermisError: the rate is not positive or asks for too many samples, the method unknown, the track empty, or
+                its times not finite or not rising.
+        """
+        if len(self.times) == 0:
+            raise DermisError("the track is empty", where=self._place())
+        if not np.isfinite(self.times).all():
+            raise DermisError("a time is not a finite number", where=self._place())
+        stuck = self._not_rising()
+        if len(stuck):
+            before, after = self.times[stuck[0]], self.times[stuck[0] + 1]
+            raise DermisError(
+                "times do not rise",
+                where=f"{self._place()}, sample {stuck[0] + 1}",
+                value=f"{after:g} s",
+                limit=f"> {before:g} s",
+            )
+        if np.isfinite(rate) and self.duration * rate * len(self.channels) > MOST_SAMPLES:
+            raise DermisError(
+                "more samples than a track can hold",
+                where=self._place(),
+                value=f"{rate:g} Hz",
+                limit=f"{MOST_SAMPLES / (self.duration * len(self.channels)):.6g} Hz, {MOST_SAMPLES} samples in all",
+            )
+        times = grid(float(self.times[0]), float(self.times[-1]), rate)
+        values = interpolate(self.times, self.values, times, method)
+        return replace(self, spec=replace(self.spec, rate=float(rate)), times=times, values=values)
+
+    def within_limits(
+        self, *, start_at_rest: bool = False, ramp_in: float = 0.0, ramp_out: float = 0.0
+    ) -> CommandTrack:
+        """Return the track as the device can follow it; nothing is dropped, and every changed sample is counted.
+
+        In turn: what is not finite is held, ramps, range, round range, largest speed. The counts in `limited` add up.
+
+        Args:
+            start_at_rest: the device is at rest at the first sample and moves to the track from there.
+            ramp_in, ramp_out: blend with rest over this long at the start and the end [s].
+
+        Raises:
+            DermisError: a ramp is negative, or the times do not rise.
+        """
+        for name, seconds in (("ramp_in", ramp_in), ("ramp_out", ramp_out)):
+            if not (np.isfinite(seconds) and seconds >= 0):
+                raise DermisError(f"{name} must not be negative", where=self._place(), value=seconds, limit=">= 0 s")
+        if len(self.times) == 0:
+            return self
+        if len(self._not_rising()) or not np.isfinite(self.times).all():
+            raise DermisError("times do not rise, so no speed can be limited", where=self._place())
+        limiter = Limiter(self.spec, self.times, self.values)
+        limiter.hold_finite()
+        if ramp_in or ramp_out:
+            limiter.ramp(ramp_in, ramp_out)
+        limiter.range()
+        limiter.disc()
+        limiter.slew(start_at_rest)
+        counts = dict(self.limited)
+        for key, count in limiter.counts.items():
+            counts[key] = counts.get(key, 0) + count
+        return replace(self, values=limiter.values, limited=counts)
+
+    def check(self) -> tuple[Finding, ...]:
+        """Return what a device or its reader would stumble over, and what was limited on the way here.
+
+        Codes: 'empty', 'times-not-rising', 'not-finite', 'rate', 'out-of-range', 'too-fast', 'duplicate-actuator'
+        (errors), 'wire-budget' (warning), 'limited-KIND' for every kind in `limited`.
+        """
+        return (
+            *self._check_times(),
+            *self._check_values(),
+            *self._check_actuators(),
+            *self._check_wire(),
+            *self._check_limited(),
+        )
+
+    # -- checks
+
+    def _check_times(self) -> Iterator[Finding]:
+        if len(self.times) == 0:
+            yield Finding("error", "empty", "the track has no samples", where=self._place(), count=0)
+        bad = np.flatnonzero(~np.isfinite(self.times))
+        if len(bad):
+            yield Finding(
+                "error",
+                "not-finite",
+                "a time is not a finite number",
+                where=self._place(),
+                value=float(self.times[bad[0]]),
+                count=len(bad),
+            )
+        stuck = self._not_rising()
+        if len(stuck):
+            yield Finding(
+                "error",
+                "times-not-rising",
+                "times do not rise",
+                where=f"{self._place()}, sample {stuck[0] + 1}",
+                value=float(self.times[stuck[0] + 1]),
+                limit=f"> {self.times[stuck[0]]:g} s",
+                count=len(stuck),
+            )
+
+        elif not len(bad) and len(self.times) > 1:
+            yield from self._check_rate()
+
+    def _check_rate(self) -> Iterator[Finding]:
+        """Compare the stated rate with the samples' own; a gap, or some samples too many, are no contradiction."""
+        found = 1.0 / float(np.median(np.diff(self.times)))
+        mean = (len(self.times) - 1) / self.duration
+        if min(abs(found - self.spec.rate), abs(mean - self.spec.rate)) > RATE_SLACK * self.spec.rate:
+            yield Finding(
+                "error",
+                "rate",
+                "the stated rate is not that of the samples",
+                where=self._place(),
+                value=f"{self.spec.rate:g} Hz",
+                limit=f"{found:.6g} Hz, as the times are apart",
+                remedy="Correct the rate, or resample the track",
+            )
+
+    def _check_values(self) -> Iterator[Finding]:
+        for i, channel in enumerate(self.channels):
+            values, place = self.values[:, i], self._place(channel.name)
+            bad = ~np.isfinite(values)
+            if bad.any():
+                yield self._finding(
+                    "not-finite", "a value is not a finite number", place, bad, values, "finite numbers"
+                )
+            low = -np.inf if channel.low is None else channel.low - DIGITS * abs(channel.low)
+            high = np.inf if channel.high is None else channel.high + DIGITS * abs(channel.high)
+            bad = np.isfinite(values) & ((values < low) | (values > high))
+            if bad.any():
+                limit = f"{_number(channel.low)} to {_number(channel.high)} {channel.unit}"
+                yield self._finding("out-of-range", "outside the channel's range", place, bad, values, limit)
+            if channel.slew is not None and len(values) > 1 and not len(self._not_rising()):
+                yield from self._check_speed(channel, values, place)
+        pair = range_disc(self.spec)
+        if pair is not None:
+            i, j, radius = pair
+            reach = np.hypot(self.values[:, i], self.values[:, j])
+            bad = np.isfinite(reach) & (reach > radius * (1 + 2 * DIGITS))
+            if bad.any():
+                place = self._place(f"{self.channels[i].name} and {self.channels[j].name}")
+                limit = f"a radius of {radius:g} {self.channels[i].unit}"
+                yield self._finding("out-of-range", "outside the round range", place, bad, reach, limit)
+
+    def _check_speed(self, channel: Channel, values: Array, place: str) -> Iterator[Finding]:
+        assert channel.slew is not None
+        step, width = np.abs(np.diff(values)), np.diff(self.times)
+        size = np.maximum(np.abs(values[:-1]), np.abs(values[1:]))
+        fast = np.isfinite(step) & (step > channel.slew * width * (1 + 2 * SLEW_SLACK) + 2 * DIGITS * size)
+        if fast.any():
+            speed = np.concatenate([[0.0], step / width])
+            limit = f"{channel.slew:g} {channel.unit}/s"
+            yield self._finding(
+                "too-fast", "changes faster than the channel can", place, np.r_[False, fast], speed, limit
+            )
+
+    def _check_actuators(self) -> Iterator[Finding]:
+        used: dict[str, str] = {}
+        for channel in self.channels:
+            if channel.actuator and channel.actuator in used:
+                yield Finding(
+                    "error",
+                    "duplicate-actuator",
+                    "two channels drive one actuator",
+                    where=self._place(f"{used[channel.actuator]} and {channel.name}"),
+                    value=channel.actuator,
+                    limit="one channel for each actuator",
+                    remedy="Correct the device preset",
+                )
+            used.setdefault(channel.actuator, channel.name)
+
+    def _check_wire(self) -> Iterator[Finding]:
+        wire = self.spec.wire
+        bandwidth = wire.get("bandwidth", 0.0)
+        if not bandwidth or self.duration <= 0:
+            return
+        driven = sum(bool(c.actuator) for c in self.channels)
+        cost = wire.get("bits_per_sample", 0.0) + driven * wire.get("bits_per_channel", 0.0)
+        rate = (len(self.times) - 1) / self.duration
+        if cost * rate > bandwidth * (1 + DIGITS):
+            yield Finding(
+                "warning",
+                "wire-budget",
+                "the link cannot carry the track at its rate",
+                where=self._place(),
+                value=f"{cost * rate:.6g} bit/s",
+                limit=f"{bandwidth:.6g} bit/s",
+                remedy=f"Resample to {bandwidth / cost:.4g} Hz or less, or use a faster link",
+            )
+
+    def _check_limited(self) -> Iterator[Finding]:
+        for key in sorted(self.limited):
+            count = self.limited[key]
+            name, _, kind = key.rpartition(".")
+            severity, what = LIMITED.get(kind, ("warning", "samples were changed by a limiter"))
+            if count:
+                yield Finding(
+                    severity,
+                    f"limited-{kind.replace('_', '-')}",
+                    f"{count} of {len(self.times)} {what}",
+                    where=self._place(name or key),
+                    count=count,
+                )
+
+    def _finding(self, code: str, what: str, place: str, bad: NDArray[np.bool_], values: Array, limit: str) -> Finding:
+        """Report samples of one kind as one finding: the first one's frame, and the worst value."""
+        rows = np.flatnonzero(bad)
+        sizes = np.abs(values[rows])
+        worst = float(values[rows[int(np.argmax(np.where(np.isnan(sizes), np.inf, sizes)))]])
+        return Finding(
+            "error",
+            code,
+            what,
+            where=f"{place}, first at {self.times[rows[0]]:.6g} s",
+            value=worst,
+            limit=limit,
+            frame=self._frame(float(self.times[rows[0]])),
+            count=len(rows),
+        )
+
+    def _not_rising(self) -> NDArray[np.intp]:
+        with np.errstate(invalid="ignore"):
+            return np.flatnonzero(np.diff(self.times) <= 0)
+
+    def _place(self, channel: str = "") -> str:
+        owner = f"finger '{self.meta['finger']}', {self.spec.key}" if "finger" in self.meta else self.spec.key
+        return f"{owner}, {channel}" if channel else owner
+
+    def _frame(self, time: float) -> float | None:
+        """Return the scene frame at a time, where the track knows its scene's frames."""
+        try:
+            first, fps = float(self.meta["frame_range"].split()[0]), Fraction(self.meta["fps"])
+        except (KeyError, ValueError, IndexError, ZeroDivisionError):
+            return None
+        return round(first + time * float(fps), 6)
+
+
+def _number(limit: float | None) -> str:
+    return "any" if limit is None else f"{limit:g}"

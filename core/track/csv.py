@@ -1,0 +1,257 @@
+"""Command tracks as CSV, version 1: a header that rebuilds the device, then times and channels in SI.
+
+```
+# dermis-track 1
+# device: haptip
+# ... one `# key: value` line each ...
+t_s,tactor_x[m],tactor_y[m]
+0,0,0
+0.001,1.25e-06,0
+```
+UTF-8, LF, values as `%.9g`, no quoting: no name in it may hold a comma. In values of the header `\\`, line breaks and
+other control characters are escaped. Lines that end in CRLF are read too, since editors and version control change
+them on the way; everything else that version 1 does not know is refused with its line: keys, kinds of devices, fields
+of a wire, kinds of limiting. Only keys that begin with `x.` are free: other programs' notes, kept and written again.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+
+from ..devices.spec import NAME
+from ..errors import DermisError
+from ..files import opened, read_bytes, write_bytes
+from ..foreign import MOST_TEXT
+from ..units import UNITS
+from .command_track import Array, CommandTrack
+from .csv_header import (
+    KEY,
+    MAGIC,
+    VERSION,
+    check_known,
+    check_limited,
+    check_meta,
+    count,
+    entries_of,
+    escaped,
+    is_own,
+    spec_of,
+    split,
+)
+
+_NOT_NUMERIC = re.compile(r"[^0-9eE+\-.,\n]")
+_ROWS_AT_ONCE = 4096
+_DIGITS = 5.001e-9  # nine digits move a number by half a unit of the ninth
+
+
+def write(track: CommandTrack, path: Path) -> None:
+    """Write a track as CSV, whole or not at all.
+
+    Raises:
+        DermisError: the track cannot be written as version 1 (see `dumps`), or the file cannot be written.
+    """
+    write_bytes(Path(path), dumps(track).encode("utf-8"))
+
+
+def dumps(track: CommandTrack) -> str:
+    """Return a track as CSV text; equal tracks give equal text.
+
+    Raises:
+        DermisError: a value that is not finite, times that do not rise in nine digits, or a name that the
+            format cannot hold.
+    """
+    _check_writable(track)
+    lines = [f"{MAGIC} {VERSION}"]
+    lines += [f"# {key}: {escaped(value)}" if value else f"# {key}:" for key, value in entries_of(track)]
+    lines.append(",".join(["t_s", *(f"{c.name}[{c.unit}]" for c in track.channels)]))
+    row = ",".join(["%.9g"] * (1 + len(track.channels))) + "\n"
+    table = np.column_stack([track.times, track.values]) + 0.0  # no minus zeros
+    body = [
+        (row * len(part)) % tuple(part.ravel().tolist())
+        for part in (table[i : i + _ROWS_AT_ONCE] for i in range(0, len(table), _ROWS_AT_ONCE))
+    ]
+    return "\n".join(lines) + "\n" + "".join(body)
+
+
+def read(path: Path) -> CommandTrack:
+    """Read a track that `write` wrote, or that something else wrote to the same rules.
+
+    Raises:
+        DermisError: not version 1, or not well formed; says in which line.
+    """
+    where = str(path)
+    with opened(path) as (file, _):
+        first = file.readline(200)
+    if not first.startswith(MAGIC.encode()):
+        loads(first.decode("utf-8", "replace"), where=where)  # which says what is wrong with it
+    data = read_bytes(path, most=MOST_TEXT)
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise DermisError(
+            "not UTF-8 text",
+            where=f"{where}, line {data.count(10, 0, error.start) + 1}",
+            value=f"byte 0x{data[error.start]:02x}",
+            limit="UTF-8",
+            remedy="Save the file as UTF-8",
+        ) from error
+    return loads(text, where=where)
+
+
+def loads(text: str, *, where: str = "track") -> CommandTrack:
+    """Read a track from CSV text; the device is rebuilt from the header; `x.` keys are kept in `meta`.
+
+    Where the times are a regular grid at the stated rate to within the nine digits written, they come back exact.
+
+    Raises:
+        DermisError: not version 1, or not well formed; says in which line.
+    """
+    if "\r" in text:
+        text = text.replace("\r\n", "\n")
+    entries, heading, body = split(text, where)
+    fields = {key: value for key, (value, _) in entries.items()}
+    spec = spec_of(entries, heading, where)
+    names = [c.name for c in spec.channels]
+    for key, (value, line) in entries.items():
+        if key.startswith("limited."):
+            check_limited(key.removeprefix("limited."), names, f"{where}, line {line}")
+        elif not is_own(key):
+            check_meta(key, value, f"{where}, line {line}")
+    first_line = len(entries) + 3
+    table = _table(body, 1 + len(spec.channels), where, first_line)
+    _check_rising(table[:, 0], where, first_line)
+    if "samples" in fields and fields["samples"] != str(len(table)):
+        raise DermisError(
+            "the number of rows is not the one stated",
+            where=where,
+            value=len(table),
+            limit=fields["samples"],
+            remedy="The file may be cut short; if rows were edited on purpose, remove the line '# samples'",
+        )
+    return CommandTrack(
+        spec=spec,
+        times=_on_grid(table[:, 0], spec.rate),
+        values=np.ascontiguousarray(table[:, 1:]),
+        meta={k: v for k, v in fields.items() if not is_own(k)},
+        limited={
+            key.removeprefix("limited."): count(value, f"{where}, line {line}")
+            for key, (value, line) in entries.items()
+            if key.startswith("limited.")
+        },
+    )
+
+
+def _check_writable(track: CommandTrack) -> None:
+    where = f"track of '{track.meta.get('finger', track.spec.key)}'"
+    for channel in track.channels:
+        if not NAME.fullmatch(channel.name) or channel.unit not in UNITS:
+            raise DermisError(
+                "a channel's name or unit that the format cannot hold",
+                where=where,
+                value=f"{channel.name}[{channel.unit}]",
+            )
+    names = [c.name for c in track.channels]
+    if len(set(names)) != len(names):
+        raise DermisError("two channels have one name", where=where, value=", ".join(names))
+    if not names:
+        raise DermisError("the device has no channels", where=where)
+    for key, value in track.meta.items():
+        if not KEY.fullmatch(key) or is_own(key):
+            raise DermisError(
+                "a key that the header cannot hold",
+                where=where,
+                value=key,
+                limit="letters, digits, '_', '.', '-', and none of the format's own keys",
+            )
+        if not isinstance(value, str):
+            raise DermisError("a header value must be a text", where=f"{where}, {key}", value=value)
+    check_known(track, where)
+    for key in (*track.spec.parameters, *track.spec.wire, *track.limited):
+        if not KEY.fullmatch(key):
+            raise DermisError(
+                "a key that the header cannot hold", where=where, value=key, limit="letters, digits, '_', '.', '-'"
+            )
+    if not np.isfinite(track.times).all():
+        row = int(np.flatnonzero(~np.isfinite(track.times))[0])
+        raise DermisError("a time is not a finite number", where=f"{where}, sample {row}", value=track.times[row])
+    bad = np.argwhere(~np.isfinite(track.values))
+    if len(bad):
+        row, column = bad[0]
+        raise DermisError(
+            "a value is not a finite number",
+            where=f"{where}, sample {row}, {track.channels[column].name}",
+            value=track.values[row, column],
+            remedy="Limit the track first: it holds the last good value and counts",
+        )
+    if len(track.times) > 1:
+        written = np.array([float(f"{t:.9g}") for t in track.times.tolist()])
+        stuck = np.flatnonzero(np.diff(written) <= 0)
+        if len(stuck):
+            raise DermisError(
+                "times do not rise in the nine digits of the format",
+                where=f"{where}, sample {stuck[0] + 1}",
+                value=f"{track.times[stuck[0]]!r} s, then {track.times[stuck[0] + 1]!r} s",
+                remedy="Export a shorter range, or resample at a lower rate",
+            )
+
+
+def _table(body: str, columns: int, where: str, first_line: int) -> Array:
+    """Parse the rows; every one must have all columns, and nothing but finite numbers."""
+    if not body:
+        return np.empty((0, columns))
+    lines = body[:-1].split("\n")
+    for number, line in enumerate(lines, start=first_line):
+        if line.count(",") != columns - 1 or not line:
+            what = "an empty line" if not line else "a row of another length"
+            raise DermisError(
+                what, where=f"{where}, line {number}", value=f"{line.count(',') + 1} values", limit=f"{columns} values"
+            )
+    numbers: list[float] = []
+    if _NOT_NUMERIC.search(body) is None:
+        try:
+            numbers = list(map(float, body[:-1].replace("\n", ",").split(",")))
+        except ValueError:
+            pass
+    table = np.array(numbers).reshape(-1, columns)
+    if not numbers or not np.isfinite(table).all():
+        _refuse_cell(lines, where, first_line)
+    return table
+
+
+def _refuse_cell(lines: list[str], where: str, first_line: int) -> None:
+    """Name the first cell that is not a finite number."""
+    for number, line in enumerate(lines, start=first_line):
+        for column, cell in enumerate(line.split(","), start=1):
+            try:
+                good = _NOT_NUMERIC.search(cell) is None and math.isfinite(float(cell))
+            except ValueError:
+                good = False
+            if not good:
+                raise DermisError(
+                    "not a finite number", where=f"{where}, line {number}, column {column}", value=cell[:80]
+                )
+
+
+def _check_rising(times: Array, where: str, first_line: int) -> None:
+    stuck = np.flatnonzero(np.diff(times) <= 0)
+    if len(stuck):
+        i = int(stuck[0])
+        raise DermisError(
+            "times do not rise",
+            where=f"{where}, line {first_line + i + 1}",
+            value=f"{times[i + 1]:g} s",
+            limit=f"> {times[i]:g} s",
+        )
+
+
+def _on_grid(times: Array, rate: float) -> Array:
+    """Return exact times where they are a regular grid at `rate` but for the nine digits written."""
+    if len(times) == 0:
+        return times
+    start = np.rint(times[0] * rate)
+    grid = (start + np.arange(len(times))) / rate
+    return grid if (np.abs(grid - times) <= _DIGITS * np.abs(times)).all() else times

@@ -1,0 +1,148 @@
+"""One door for all formats: check, refuse or force, write; read whatever it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import DermisError, Finding
+from ..files import opened
+from .check import findings_of
+from .command_track import CommandTrack
+
+
+@dataclass(frozen=True)
+class Format:
+    """One view of a track.
+
+    Attributes:
+        module: of this package. suffix: of its files. title: for menus.
+        levels: counts that it gives a channel's range; None where it does not quantise.
+        readable: it can be read back.
+    """
+
+    module: str
+    suffix: str
+    title: str
+    levels: int | None = None
+    readable: bool = True
+
+
+FORMATS: Mapping[str, Format] = {
+    "csv": Format("csv", ".csv", "CSV"),
+    "json": Format("json_track", ".json", "JSON"),
+    "binary": Format("binary", ".dtrack", "Compact binary"),
+    "c": Format("c_header", ".h", "C header with a player", levels=65536, readable=False),
+}
+
+
+class EmptyRange(DermisError):
+    """A range without duration, or one so short that no sample of the track lies in it."""
+
+
+def write(track: CommandTrack, path: Path, form: str = "csv", *, force: bool = False) -> tuple[Finding, ...]:
+    """Check a track and write it in one of the `FORMATS`; return what the check found.
+
+    A track with errors is refused. Forced, it is written as it is, with the codes under `forced` in its header.
+
+    Raises:
+        DermisError: an unknown format; errors and no force; what the format itself cannot hold; the file system.
+    """
+    entry = format_of(form)
+    found = findings_of(track, levels=entry.levels)
+    errors = [f for f in found if f.severity == "error"]
+    if errors and not force:
+        more = f" and {len(errors) - 1} more" if len(errors) > 1 else ""
+        raise DermisError(
+            f"not written: {errors[0].what}{more}",
+            where=errors[0].where,
+            value=errors[0].value,
+            limit=errors[0].limit,
+            remedy="Limit or correct the track, or force the export",
+        )
+    if errors:
+        codes = ", ".join(sorted({f"{f.code} ({f.count})" for f in errors}))
+        track = replace(track, meta={**track.meta, "forced": codes})
+    import_module(f".{entry.module}", __package__).write(track, Path(path))
+    return found
+
+
+def read(path: Path) -> CommandTrack:
+    """Read a CSV, JSON or binary track, whatever its name says.
+
+    Raises:
+        DermisError: none of them, or not well formed.
+    """
+    with opened(path) as (file, _):
+        first = file.read(200)
+    if first.startswith(b"\x89DRMT"):
+        from . import binary
+
+        return binary.read(Path(path))
+    if first.lstrip()[:1] == b"{":
+        from . import json_track
+
+        return json_track.read(Path(path))
+    from . import csv
+
+    return csv.read(Path(path))
+
+
+def format_of(form: str) -> Format:
+    """Return a format by its name.
+
+    Raises:
+        DermisError: there is none of that name.
+    """
+    if form not in FORMATS:
+        raise DermisError("no such format", value=form, limit=", ".join(FORMATS))
+    return FORMATS[form]
+
+
+def cut(track: CommandTrack, first: float, last: float, *, name: str = "") -> CommandTrack:
+    """Return the part of a track between two times [s], both included, as a track that starts at 0 s.
+
+    Args:
+        name: of the range, noted as `range` in the meta data.
+
+    Raises:
+        EmptyRange: the range has no duration, or no sample lies in it.
+        DermisError: the range begins more than half a sample before the track, or ends a sample or more after it.
+    """
+    where = f"range '{name}'" if name else "range"
+    rate = track.spec.rate
+    # A sampled sweep ends at its last whole sample, up to one sample before the end of what was sampled.
+    early, late = 0.5 / rate, (1 - 1e-6) / rate
+    if not (np.isfinite(first) and np.isfinite(last) and last > first):
+        raise EmptyRange("the range is empty", where=where, value=f"{first:g} to {last:g} s")
+    if len(track.times) == 0 or first < track.times[0] - early or last > track.times[-1] + late:
+        held = f"{track.times[0]:g} to {track.times[-1]:g} s" if len(track.times) else "nothing"
+        raise DermisError(
+            "the range reaches beyond the track",
+            where=where,
+            value=f"{first:g} to {last:g} s",
+            limit=held,
+            remedy="Bake the whole range first",
+        )
+    kept = np.flatnonzero((track.times >= first - 1e-6 / rate) & (track.times <= last + 1e-6 / rate))
+    if not len(kept):
+        raise EmptyRange("no sample lies in the range", where=where, value=f"{first:g} to {last:g} s")
+    times = track.times[kept] - track.times[kept[0]]
+    even = np.arange(len(kept)) / rate
+    if np.abs(even - times).max() < 1e-9:
+        times = even
+    meta: dict[str, Any] = dict(track.meta)
+    if name:
+        meta["range"] = name
+    try:
+        start, fps = float(meta["frame_range"].split()[0]), float(Fraction(meta["fps"]))
+        meta["frame_range"] = f"{start + first * fps:g} {start + last * fps:g}"
+    except (KeyError, ValueError, IndexError, ZeroDivisionError):
+        meta.pop("frame_range", None)
+    return replace(track, times=times, values=track.values[kept], meta=meta)

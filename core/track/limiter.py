@@ -1,0 +1,158 @@
+"""Limiting of commands to what a device can do: values, round ranges, speed. Every sample changed is counted."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..devices.spec import DeviceSpec, range_disc
+
+Array = NDArray[np.float64]
+
+# Nine digits in a file move a value by up to half a unit of its ninth digit; a step between two by twice that.
+DIGITS = 5e-9
+SLEW_SLACK = 1e-9  # of the largest step: rounding in times and sums
+
+
+class Limiter:
+    """Applies limits in turn to a copy of the values, and counts the samples that each of them changed.
+
+    Args:
+        spec: channels with their limits.
+        times: [s], rising, shape (n,).
+        values: shape (n, channels).
+
+    Attributes:
+        values: as limited so far.
+        counts: per 'channel.kind', for every limit that was looked at, changed or not.
+    """
+
+    def __init__(self, spec: DeviceSpec, times: Array, values: Array) -> None:
+        self.spec, self.times = spec, times
+        self.values = np.array(values, dtype=np.float64)
+        self.counts: dict[str, int] = {}
+
+    def hold_finite(self) -> None:
+        """Replace what is not finite by the last finite value of the channel, at the start by its rest."""
+        finite = np.isfinite(self.values)
+        if finite.all():
+            return
+        rows = np.arange(len(self.values))
+        for i, channel in enumerate(self.spec.channels):
+            bad = ~finite[:, i]
+            if bad.any():
+                last = np.maximum.accumulate(np.where(bad, -1, rows))
+                held = np.where(last < 0, channel.rest, self.values[last, i])
+                self.values[:, i] = np.where(bad, held, self.values[:, i])
+                self._count(channel.name, "not_finite", int(bad.sum()))
+
+    def ramp(self, seconds_in: float, seconds_out: float) -> None:
+        """Blend from rest at the start and to rest at the end, with a smooth step of the given lengths [s]."""
+        weight = np.ones(len(self.times))
+        if seconds_in > 0:
+            weight = np.minimum(weight, _smooth((self.times - self.times[0]) / seconds_in))
+        if seconds_out > 0:
+            weight = np.minimum(weight, _smooth((self.times[-1] - self.times) / seconds_out))
+        rest = np.array([c.rest for c in self.spec.channels])
+        blended = np.where(weight[:, None] < 1, rest + (self.values - rest) * weight[:, None], self.values)
+        for i, channel in enumerate(self.spec.channels):
+            self._replace(i, channel.name, "ramp", blended[:, i])
+
+    def range(self) -> None:
+        """Hold every channel between its low and its high."""
+        for i, channel in enumerate(self.spec.channels):
+            if channel.low is not None or channel.high is not None:
+                low = -np.inf if channel.low is None else channel.low
+                high = np.inf if channel.high is None else channel.high
+                self._replace(i, channel.name, "range", np.clip(self.values[:, i], low, high))
+
+    def disc(self) -> None:
+        """Pull pairs that share a round range back to its rim, along their radius."""
+        pair = range_disc(self.spec)
+        if pair is None:
+            return
+        i, j, radius = pair
+        x, y = self.values[:, i], self.values[:, j]
+        reach = np.hypot(x, y)
+        outside = reach > radius
+        scale = np.where(outside, radius / np.where(outside, reach, 1.0), 1.0)
+        for column, values in ((i, x * scale), (j, y * scale)):
+            self._replace(column, self.spec.channels[column].name, "disc", values)
+
+    def slew(self, start_at_rest: bool) -> None:
+        """Follow the values no faster than each channel can; a pair with a round range keeps its direction."""
+        pair = range_disc(self.spec)
+        groups = [[i] for i in range(len(self.spec.channels)) if pair is None or i not in pair[:2]]
+        if pair is not None:
+            groups.append([pair[0], pair[1]])
+        for group in groups:
+            channels = [self.spec.channels[i] for i in group]
+            slews = np.array([np.inf if c.slew is None else c.slew for c in channels])
+            if np.isinf(slews).all():
+                continue
+            start = np.array([c.rest for c in channels]) if start_at_rest else None
+            followed = follow(self.times, self.values[:, group], slews, start)
+            for k, channel in enumerate(channels):
+                if channel.slew is not None:
+                    self._replace(group[k], channel.name, "slew", followed[:, k])
+                else:  # moved along by the other of the pair
+                    self._replace(group[k], channel.name, "slew_of_pair", followed[:, k])
+
+    def _replace(self, column: int, name: str, kind: str, values: Array) -> None:
+        changed = int(np.count_nonzero(values != self.values[:, column]))
+        self._count(name, kind, changed)
+        if changed:
+            self.values[:, column] = values
+
+    def _count(self, name: str, kind: str, count: int) -> None:
+        key = f"{name}.{kind}"
+        self.counts[key] = self.counts.get(key, 0) + count
+
+
+def follow(times: Array, target: Array, slews: Array, start: Array | None = None) -> Array:
+    """Follow a target no faster than allowed, on a straight line where several columns go together.
+
+    Args:
+        times: [s], rising, shape (n,).
+        target: shape (n, columns).
+        slews: largest change a second of each column, shape (columns,).
+        start: value at the first time; None: the target's own.
+
+    Returns:
+        Shape (n, columns); equal to the target wherever it can be reached.
+    """
+    n = len(times)
+    result = target.copy()
+    if n == 0:
+        return result
+    if start is not None:
+        result[0] = start
+    steps = np.diff(times)[:, None] * slews
+    leaps = np.flatnonzero((np.abs(np.diff(target, axis=0)) > steps * (1 + SLEW_SLACK)).any(axis=1)) + 1
+    if start is not None:
+        leaps = np.union1d([1], leaps)
+    i = 0
+    while True:
+        ahead = int(np.searchsorted(leaps, i))
+        if ahead == len(leaps) or leaps[ahead] >= n:
+            return result
+        i = int(leaps[ahead])
+        value = result[i - 1].tolist()
+        while i < n:
+            goal = target[i].tolist()
+            share = 1.0
+            for v, g, most in zip(value, goal, steps[i - 1].tolist(), strict=True):
+                if abs(g - v) > most * (1 + SLEW_SLACK):
+                    share = min(share, most / abs(g - v))
+            if share == 1.0:
+                break
+            value = [v + (g - v) * share for v, g in zip(value, goal, strict=True)]
+            result[i] = value
+            i += 1
+        i += 1  # on the target again at i; it can next be left behind at i + 1
+
+
+def _smooth(part: Array) -> Array:
+    """Return 3 p^2 - 2 p^3 between 0 and 1, flat outside."""
+    p = np.clip(part, 0.0, 1.0)
+    return p * p * (3 - 2 * p)

@@ -1,0 +1,207 @@
+"""What JSON and binary tracks say before their samples; rebuilt and judged by the rules of the CSV header."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..errors import DermisError
+from .command_track import MOST_SAMPLES, Array, CommandTrack
+from .csv_header import KEY, check_known, check_limited, check_meta, count, is_own, spec_of
+
+LIMITS = ("low", "high", "slew", "rest", "actuator")
+FIELDS = ("schema", "device", "channels", "times", "meta", "limited")
+DEVICE = ("key", "name", "kind", "rate", "spec_hash", "parameters", "wire")
+
+
+def header_of(track: CommandTrack, schema: str) -> dict[str, Any]:
+    """Return everything but the samples as plain JSON values.
+
+    Raises:
+        DermisError: a kind of device, a key or a limit that the readers would refuse.
+    """
+    check_known(track, f"track of '{track.meta.get('finger', track.spec.key)}'")
+    spec = track.spec
+    return {
+        "schema": schema,
+        "device": {
+            "key": spec.key,
+            "name": spec.name,
+            "kind": spec.kind,
+            "rate": float(spec.rate),
+            "spec_hash": spec.hash,
+            "parameters": dict(spec.parameters),
+            "wire": dict(spec.wire),
+        },
+        "channels": [{"name": c.name, "unit": c.unit, **{k: getattr(c, k) for k in LIMITS}} for c in spec.channels],
+        "times": times_of(track),
+        "meta": dict(track.meta),
+        "limited": {k: int(v) for k, v in track.limited.items()},
+    }
+
+
+def times_of(track: CommandTrack) -> dict[str, Any]:
+    """Return the times as a grid where they are one, to the last bit; otherwise only their number."""
+    times, rate = track.times, float(track.spec.rate)
+    grid: dict[str, Any] = {"count": len(times)}
+    if len(times):
+        first = int(np.rint(times[0] * rate))
+        if np.array_equal((first + np.arange(len(times))) / rate, times):
+            grid |= {"first": first, "rate": rate}
+    return grid
+
+
+def text_of(header: Mapping[str, Any]) -> str:
+    """Write a header as JSON; equal headers give equal text.
+
+    Raises:
+        DermisError: a number that is not finite, or a setting that JSON has no form for.
+    """
+    try:
+        text = json.dumps(header, ensure_ascii=False, allow_nan=False, sort_keys=True)
+        text.encode("utf-8")  # half a character, which CSV escapes, has no form here
+        return text
+    except (TypeError, ValueError) as error:
+        raise DermisError("a setting that the file cannot hold", where="track", value=str(error)) from error
+
+
+def check_schema(header: Any, schema: str, extra: tuple[str, ...], where: str) -> dict[str, Any]:
+    """Refuse another schema, a newer version, and fields missing or unknown."""
+    if not isinstance(header, dict):
+        raise DermisError("not a track", where=where, value=type(header).__name__, limit="a JSON object")
+    found = header.get("schema")
+    if found != schema:
+        kind, _, version = schema.rpartition(" ")
+        newer = isinstance(found, str) and found.startswith(f"{kind} ") and found[len(kind) + 1 :].isdigit()
+        newer = newer and int(str(found)[len(kind) + 1 :]) > int(version)
+        raise DermisError(
+            "written by a newer version of Dermis" if newer else "not a track of this format",
+            where=where,
+            value=str(found)[:80],
+            limit=schema,
+            remedy="Update Dermis" if newer else "",
+        )
+    _keys(header, (*FIELDS, *extra), where)
+    return header
+
+
+def track_of(header: Mapping[str, Any], times: Array, values: Array, where: str) -> CommandTrack:
+    """Rebuild a track from its header and samples.
+
+    Raises:
+        DermisError: the header is not well formed, or does not fit the samples.
+    """
+    device = _mapping(header["device"], f"{where}, device")
+    _keys(device, DEVICE, f"{where}, device")
+    entries = {
+        key: (_text(device[name], f"{where}, device {name}"), 0)
+        for key, name in (("device", "key"), ("device_name", "name"), ("kind", "kind"), ("spec_hash", "spec_hash"))
+    }
+    entries |= {"rate": (json.dumps(device["rate"]), 0), "units": ("SI", 0)}
+    for group, name in (("parameter", "parameters"), ("wire", "wire")):
+        for key, value in _mapping(device[name], f"{where}, {name}").items():
+            entries[f"{group}.{_key(key, where)}"] = (json.dumps(value), 0)
+    heading = ["t_s"]
+    if not isinstance(header["channels"], list):
+        raise DermisError("the channels are no list", where=where)
+    for channel in header["channels"]:
+        _keys(_mapping(channel, f"{where}, channels"), ("name", "unit", *LIMITS), f"{where}, channels")
+        name, unit = (_text(channel[k], f"{where}, channel {k}") for k in ("name", "unit"))
+        entries[f"channel.{_key(name, where)}"] = (json.dumps({k: channel[k] for k in LIMITS}), 0)
+        heading.append(f"{name}[{unit}]")
+    spec = spec_of(entries, ",".join(heading), where)
+    meta = {_key(k, where): _text(v, f"{where}, meta {k}") for k, v in _mapping(header["meta"], where).items()}
+    own = [k for k in meta if is_own(k)]
+    if own:
+        raise DermisError("a key of the format's own in the meta data", where=where, value=own[0])
+    for key, value in meta.items():
+        check_meta(key, value, f"{where}, meta")
+    limited = {
+        _key(k, where): count(json.dumps(v), f"{where}, limited {k}")
+        for k, v in _mapping(header["limited"], where).items()
+    }
+    for key in limited:
+        check_limited(key, [c.name for c in spec.channels], f"{where}, limited")
+    if values.shape != (len(times), len(spec.channels)):
+        raise DermisError(
+            "the samples do not fit times and channels",
+            where=where,
+            value=values.shape,
+            limit=f"({len(times)}, {len(spec.channels)})",
+        )
+    stuck = np.flatnonzero(np.diff(times) <= 0)
+    if len(stuck):
+        raise DermisError(
+            "times do not rise",
+            where=f"{where}, sample {stuck[0] + 1}",
+            value=f"{times[stuck[0] + 1]:g} s",
+            limit=f"> {times[stuck[0]]:g} s",
+        )
+    return CommandTrack(spec, times, values, meta, limited)
+
+
+def grid_of(header: Mapping[str, Any], where: str) -> tuple[int, Array | None]:
+    """Return the number of samples, and their times where they are a grid."""
+    times = _mapping(header["times"], f"{where}, times")
+    number = count(json.dumps(times.get("count")), f"{where}, times count")
+    if set(times) == {"count"}:
+        return number, None
+    _keys(times, ("count", "first", "rate"), f"{where}, times")
+    first, rate = times["first"], times["rate"]
+    good = isinstance(first, int) and not isinstance(first, bool) and abs(first) < 2**53
+    if not good or not isinstance(rate, int | float) or isinstance(rate, bool) or not 0 < rate < 1e12:
+        raise DermisError("the times are no grid", where=f"{where}, times", value=str(dict(times))[:80])
+    if number > MOST_SAMPLES:
+        raise DermisError("more samples than a track can hold", where=where, value=number, limit=str(MOST_SAMPLES))
+    with np.errstate(over="ignore"):
+        grid = (first + np.arange(number)) / float(rate)
+    if not np.isfinite(grid).all():
+        raise DermisError("the times are no grid", where=f"{where}, times", value=str(dict(times))[:80])
+    return number, grid
+
+
+def check_finite(track: CommandTrack) -> None:
+    """Refuse what no format holds: values or times that are not finite, times that do not rise.
+
+    Raises:
+        DermisError: as said.
+    """
+    where = f"track of '{track.meta.get('finger', track.spec.key)}'"
+    if not np.isfinite(track.times).all() or not np.isfinite(track.values).all():
+        raise DermisError(
+            "a time or a value is not a finite number",
+            where=where,
+            remedy="Limit the track first: it holds the last good value and counts",
+        )
+    if (np.diff(track.times) <= 0).any():
+        raise DermisError("times do not rise", where=where)
+
+
+def _keys(found: Mapping[str, Any], wanted: tuple[str, ...], where: str) -> None:
+    if set(found) != set(wanted):
+        raise DermisError(
+            "fields missing or unknown", where=where, value=", ".join(sorted(map(str, set(found) ^ set(wanted))))[:200]
+        )
+
+
+def _mapping(value: Any, where: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise DermisError("an object is wanted", where=where, value=str(value)[:80])
+    return value
+
+
+def _text(value: Any, where: str) -> str:
+    if not isinstance(value, str):
+        raise DermisError("a text is wanted", where=where, value=str(value)[:80])
+    return value
+
+
+def _key(key: str, where: str) -> str:
+    if not KEY.fullmatch(key):
+        raise DermisError(
+            "a key that no header can hold", where=where, value=key[:80], limit="letters, digits, '_', '.', '-'"
+        )
+    return key

@@ -18,7 +18,7 @@ from .devices.spec import DeviceSpec
 from .errors import DermisError, Finding
 from .presets import Library
 from .skin.model import MATERIAL_PARAMETERS, SkinModel, skin_from_parameters
-from .stimulus import Stimulus, von_mises
+from .skin.stimulus import Stimulus, von_mises
 from .surface.gap import Surface
 
 Array = NDArray[np.float64]

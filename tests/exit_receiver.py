@@ -18,9 +18,9 @@ import numpy as np
 
 from core.presets import Library
 from core.stream.protocols.packets import DeviceState
+from core.stream.protocols.wire import Array, Wire
 from core.stream.virtual.device import Server, make
 from core.stream.virtual.program import Endpoint
-from core.stream.wire import Array, Wire
 
 QUANTUM = 2e-3  # of a channel's range: what the coarsest protocol can tell apart
 

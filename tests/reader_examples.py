@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from core import calibration, presets
+from core import presets
+from core.devices import calibration
 from core.devices.spec import Channel, DeviceSpec
 from core.files import write_npz
 from core.matching.screen_map import ScreenMap
@@ -21,7 +22,7 @@ from core.matching.table import SkinTable
 from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, sample_frames
 from core.skin import file as skin_file
 from core.stream.protocols import packets
-from core.stream.wire import Wire
+from core.stream.protocols.wire import Wire
 from core.surrogate import store as surrogate_store
 from core.surrogate.network import Network
 from core.surrogate.ridge import QuadraticRidge

@@ -13,22 +13,23 @@ from typing import Any
 
 import numpy as np
 
-from core import calibration, images, number_rows, presets, sensor
+from core import images, number_rows, presets
 from core.design import recordings
 from core.design.collect import _whole
+from core.devices import calibration
 from core.errors import DermisError
 from core.files import read_bytes
 from core.matching.screen_map import ScreenMap
 from core.matching.table import SkinTable
 from core.scene import scene_file
 from core.skin import file as skin_file
-from core.skin import own_mesh
+from core.skin import own_mesh, sensor
 from core.skin import store as skin_store
 from core.stream.protocols import packets
 from core.stream.protocols.native import Native
 from core.stream.protocols.osc import Osc, bundle, message_head, read_bundle, read_message
 from core.stream.protocols.torque import Torque
-from core.stream.wire import Wire
+from core.stream.protocols.wire import Wire
 from core.stream.wish import wish_of
 from core.surrogate import onnx, table
 from core.surrogate import store as surrogate_store
@@ -278,7 +279,7 @@ READERS = (
     ),
     _reader(
         "calibration",
-        "core.calibration:Calibration.load core.calibration:Calibration.loads",
+        "core.devices.calibration:Calibration.load core.calibration:Calibration.loads",
         ".json",
         lambda: [ex.calibration_text()],
         _use_calibration,
@@ -334,14 +335,14 @@ READERS = (
     ),
     _reader(
         "stimuli",
-        "core.sensor:read_stimuli",
+        "core.skin.sensor:read_stimuli",
         ".npz",
         lambda: [ex.npz(**STIMULI)],
         lambda path: sensor.read_stimuli(path, 2),
     ),
     _reader(
         "stimuli, CSV",
-        "core.sensor:read_stimuli",
+        "core.skin.sensor:read_stimuli",
         ".csv",
         lambda: [b"t,a,b\n0,1,2\n1,2,3\n"],
         lambda path: sensor.read_stimuli(path, 2),

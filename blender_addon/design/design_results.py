@@ -136,7 +136,7 @@ def keep(scene: bpy.types.Scene, found: Any, preset: str) -> Answer:
     """Draw the picture, load it as an image of the file, and remember what was found."""
     folder = user_folder("designs", create=True)
     picture = folder / f"{re.sub(r'[^A-Za-z0-9_-]+', '_', scene.name)}.png"
-    core_module("plot.motors").write_picture(found, picture)
+    core_module("design.picture").write_picture(found, picture)
     image = bpy.data.images.get(IMAGE)
     if image is None:
         image = bpy.data.images.load(str(picture))

@@ -62,7 +62,7 @@ def device(file: str) -> Built:
     """
     found = _read().get(file)
     if found is None:
-        core_module("calibration").Calibration.load(_path(file))  # says what is wrong with it
+        core_module("devices.calibration").Calibration.load(_path(file))  # says what is wrong with it
         refresh()
         return device(file)
     return found
@@ -144,7 +144,7 @@ def _new_file(made: Any) -> str:
 def _read() -> dict[str, Built]:
     global _known, _damaged
     if _known is None:
-        errors, calibration = core_module("errors"), core_module("calibration").Calibration
+        errors, calibration = core_module("errors"), core_module("devices.calibration").Calibration
         found, bad = {}, []
         for path in sorted(user_folder(FOLDER).glob("*.json")):
             if path.name == TABLE:

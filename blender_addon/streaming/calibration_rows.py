@@ -82,7 +82,7 @@ def calibration(key: str, rows: Rows) -> Any:
         DermisError: no such preset, or a number that cannot be.
     """
     spec = library().device(key)
-    made = core_module("calibration").Calibration.of(spec)
+    made = core_module("devices.calibration").Calibration.of(spec)
     for row in rows:
         if row["name"] in {c.name for c in spec.channels} and calibrated(row):
             limits = {name: row[name] for name in ("low", "high")} if row["use_limits"] else {}

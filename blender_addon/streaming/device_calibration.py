@@ -214,7 +214,7 @@ def load(scene: bpy.types.Scene, path: Path) -> tuple[Any, ...]:
     Raises:
         DermisError: the file cannot be read, or is for another device.
     """
-    made = core_module("calibration").Calibration.load(path)
+    made = core_module("devices.calibration").Calibration.load(path)
     key = streamed_track.device_key(scene)
     spec = library().device(key)
     made.for_spec(spec)  # refuses what does not fit

@@ -132,10 +132,10 @@ def _ports(_options: argparse.Namespace) -> int:
 
 def _virtual(options: argparse.Namespace) -> int:
     from ..presets import Library
+    from ..stream.protocols.wire import Wire
     from ..stream.virtual.faults import NAMES as FAULTS
     from ..stream.virtual.faults import number_of
     from ..stream.virtual.program import serve
-    from ..stream.wire import Wire
 
     faults = {}
     for text in options.fault:

@@ -111,8 +111,8 @@ def follow(options: argparse.Namespace) -> int:
     from ..matching.thimble import findings_of, match_stimuli
     from ..matching.thimble_use import fitted
     from ..presets import Library
-    from ..sensor import hush_of, noise_of, read_stimuli
     from ..skin.model import skin_from_parameters
+    from ..skin.sensor import hush_of, noise_of, read_stimuli
     from ..track import csv
     from ..track.command_track import CommandTrack
 
@@ -154,7 +154,7 @@ def follow(options: argparse.Namespace) -> int:
 def _virtual(skin: SkinModel, device: Thimble, friction: float, change: float) -> StressMatcher:
     """Return what follows readings of the virtual electrodes."""
     from ..matching.thimble import matcher
-    from ..sensor import electrode_sensor
+    from ..skin.sensor import electrode_sensor
 
     return matcher(device, skin, friction=friction, readout=electrode_sensor(skin).matrix, change=change)
 

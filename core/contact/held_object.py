@@ -17,10 +17,10 @@ from ..errors import DermisError, Finding
 from ..surface.gap import Surface
 from ..surface.plane import Plane
 from ..surface.triangles import Array
-from .grip import Grip, HeldStep, HoldingFinger, Reach
 from .solver.balance import TOLERANCE, balance
 from .solver.bodies import ContactBody, contact_frame
 from .solver.cone import STICK, along
+from .solver.grip import Grip, HeldStep, HoldingFinger, Reach
 from .solver.history import ContactHistory
 from .solver.notes import Notes
 from .solver.solve import solve, status_of

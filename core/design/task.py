@@ -18,12 +18,12 @@ from ..files import write_bytes
 from ..interpolate import interpolate
 from ..matching.platforms import ends_of, original_channels, scale_of
 from ..matching.table import SkinTable, belongs
-from ..plot.motors import write_picture
 from ..scene.tactile_scene import TactileScene
 from ..skin.model import SkinModel
 from ..skin.shape import FingertipShape
 from .collect import collect, reversed_spread
 from .interactions import NOISE, RATE
+from .picture import write_picture
 from .recordings import Recording, read_recording, read_table, same_channels
 from .report import Design, as_json, as_text, design, preset, write_preset
 from .synergies import Choice

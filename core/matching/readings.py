@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..sensor import electrode_sensor
 from ..skin.model import SkinModel
+from ..skin.sensor import electrode_sensor
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.uint16]

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import DermisError
 from ..interpolate import interpolate
 from ..units import from_si
-from .wire import Array
+from .protocols.wire import Array
 
 FINE = 4  # samples for each value of the output, at least, where a track's own are unevenly spaced
 MOST = 20_000_000  # samples that an uneven track may become: more than an hour at 1 kHz

@@ -9,7 +9,7 @@ from enum import Enum
 from .links.token_bucket import TokenBucket
 from .links.transport import Transport
 from .protocols.adapter import Adapter
-from .wire import Array
+from .protocols.wire import Array
 
 MEMORY = 0.5  # a link that was congested without a word is not hurried for this long [s]
 WAITING_MOST = 16  # messages of the protocol's own that wait for room in the link

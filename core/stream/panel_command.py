@@ -43,7 +43,7 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
     Raises:
         DermisError: a map, device, link or source of touches that cannot be used; says which.
     """
-    from ..calibration import Calibration
+    from ..devices.calibration import Calibration
     from ..presets import Library
     from .panel_session import PanelSession
     from .play import Interrupted, Signals

@@ -96,7 +96,7 @@ class _Player:
     """A streamer in this process, and the beats that Blender would give."""
 
     def __init__(self, options: argparse.Namespace, signals: Signals) -> None:
-        from ..calibration import Calibration
+        from ..devices.calibration import Calibration
         from ..presets import Library
         from ..track import export
         from ..track.check import preset_findings

@@ -9,7 +9,7 @@ import numpy as np
 
 from .gate import Gate, way_seconds
 from .protocols.packets import Reach
-from .wire import SAFE_SWEEP, Array, Wire
+from .protocols.wire import SAFE_SWEEP, Array, Wire
 
 STUBBORN = 1.0  # a link that takes nothing for this long will not [s]
 

@@ -17,7 +17,7 @@ from ..track.command_track import CommandTrack
 from .lowpass import Loss, low_passed
 from .protocols.adapter import Touch
 from .protocols.clock import TrackClock
-from .wire import Array, Wire
+from .protocols.wire import Array, Wire
 from .wish import Wish
 
 MODES = ("play", "follow", "jog", "panel")

@@ -26,9 +26,9 @@ from .pace import Pace
 from .protocols import adapter as adapters
 from .protocols.adapter import Adapter
 from .protocols.packets import Reach
+from .protocols.wire import Wire
 from .safe_ramp import SafeRamp
 from .source import Follow, Panel, Play, Screen, Source, follow_values, goes_on, source_of
-from .wire import Wire
 from .wish import Wish
 
 HANDSHAKE = 3.0  # a device that has not said who it is after this long is none [s]

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from ..calibration import Calibration
+from ..devices.calibration import Calibration
 from ..devices.spec import DeviceSpec, from_preset
 from ..errors import DermisError
 

@@ -129,7 +129,7 @@ def kill_pose() -> Result:
     from core.presets import Library
     from core.stream.gate import way_seconds
     from core.stream.protocols.packets import Reach
-    from core.stream.wire import Wire
+    from core.stream.protocols.wire import Wire
 
     worst, wrong = {}, []
     for key in (entry.key for entry in Library().list("devices")):

@@ -16,7 +16,7 @@ COMMANDS = 5000
 
 def needed() -> None:
     """Say what is missing for an emulated board."""
-    from tests.unit.firmware_board import MISSING
+    from tests.unit.stream.firmware_board import MISSING
 
     if MISSING:
         raise RuntimeError(f"no emulated board, for want of {', '.join(MISSING)}")
@@ -26,8 +26,8 @@ def needed() -> None:
 def floods() -> Result:
     """Time from the last valid packet to a pulse that has moved towards safe: slowest channel, worst flood."""
     needed()
-    from tests.unit.firmware_board import BAUD, Board, firmware
-    from tests.unit.firmware_floods import FLOODS, FRAME_US, ROUNDING_US, flood
+    from tests.unit.stream.firmware_board import BAUD, Board, firmware
+    from tests.unit.stream.firmware_floods import FLOODS, FRAME_US, ROUNDING_US, flood
 
     done = {}
     for name in FLOODS:
@@ -55,7 +55,7 @@ def haptip_on_sketch() -> Result:
     from core.matching.shear_tactor import render
     from core.presets import Library
     from core.track import binary
-    from tests.unit.firmware_lab import play, slow_track
+    from tests.unit.stream.firmware_lab import play, slow_track
 
     folder = Path(tempfile.mkdtemp(prefix="dermis-bench-"))
     slow = play(slow_track(folder / "slow.dtrack", COMMANDS / 1000), COMMANDS / 1000)

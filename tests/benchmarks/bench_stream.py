@@ -200,7 +200,7 @@ def encode() -> Result:
     from core.devices.spec import Channel, DeviceSpec
     from core.stream.gate import Gate
     from core.stream.protocols import adapter
-    from core.stream.wire import Wire
+    from core.stream.protocols.wire import Wire
 
     channels = tuple(Channel(f"c{i}", "m", -1e-3, 1e-3, 0.1, 0.0, f"m{i}") for i in range(128))
     wire = Wire.of(DeviceSpec("many", "Many", "t", RATE, channels))
@@ -269,7 +269,7 @@ def kill() -> Result:
     """
     from types import SimpleNamespace
 
-    from ..unit.stream_relay import Relay
+    from ..unit.stream.stream_relay import Relay
 
     path, sender, hidden, receiver_gone, receiver_stopped = track(30), [], [], [], []
     for k in range(TIMES):

@@ -22,8 +22,8 @@ from core.devices.thimble import Thimble, mechanism
 from core.matching.thimble import finish, match_sequence, matcher
 from core.plot import stimuli
 from core.presets import Library
-from core.sensor import electrode_sensor
 from core.skin.model import SkinModel, fingertip_skin
+from core.skin.sensor import electrode_sensor
 from core.surrogate.dataset import MAX_DEPTH, MAX_TILT, Dataset, drain, record, split
 from core.surrogate.learned import Descriptors, LearnedModel, descriptors
 from core.surrogate.network import train

@@ -20,10 +20,10 @@ import numpy as np
 from core.presets import Library
 from core.stream.protocols import packets
 from core.stream.protocols.packets import DeviceState
+from core.stream.protocols.wire import Wire
 from core.stream.virtual.device import Server
 from core.stream.virtual.native import NativeDevice
 from core.stream.virtual.program import Endpoint
-from core.stream.wire import Wire
 
 
 class Noting(NativeDevice):

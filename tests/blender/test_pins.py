@@ -45,7 +45,7 @@ def test_settings_reach_the_track(demo) -> None:
 
 
 def test_the_demos_bake_is_the_engines_own_experiment(demo) -> None:
-    scene = core_module("sliding").sliding_plane(1.5e-3, 0.5)
+    scene = core_module("scene.sliding").sliding_plane(1.5e-3, 0.5)
     at = demo.objects["Plane"]
     for frame in (5, 1, 10, 30, 61):
         demo.frame_set(frame)

@@ -9,7 +9,7 @@ from blender_addon.preview.skin_preview import SkinState
 from blender_addon.viewport import skin_colours, skin_field
 from core.skin.model import fingertip_skin
 from core.skin.shape import FingertipShape
-from core.stimulus import Stimulus
+from core.skin.stimulus import Stimulus
 from tests.problems import flat_press
 
 DEPTH = 1e-3

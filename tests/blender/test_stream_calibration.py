@@ -39,7 +39,7 @@ def listed(scene: Any) -> list[tuple[float, float, bool]]:
 
 def driven(scene: Any) -> dict[str, Any]:
     """Return the calibration that the sender was told."""
-    return dict(core_module("calibration").Calibration.loads(session._client._wish["calibration"]).entries)
+    return dict(core_module("devices.calibration").Calibration.loads(session._client._wish["calibration"]).entries)
 
 
 PLAIN = [(0.0, 1.0, False)] * 2
@@ -141,7 +141,7 @@ def test_a_dot_in_the_name_is_a_part_of_it(scene: Any, tmp_path: Path) -> None:
         scene.dermis_stream.channels[0].zero = zero
         bpy.ops.dermis.calibration_save(filepath=str(tmp_path / f"haptip.{side}"))
     assert sorted(p.name for p in tmp_path.iterdir()) == ["haptip.left.json", "haptip.right.json"]
-    read = core_module("calibration").Calibration.load
+    read = core_module("devices.calibration").Calibration.load
     assert [read(tmp_path / f"haptip.{side}.json").entries["pulley_1"].zero for side in ("left", "right")] == [
         0.125,
         0.25,

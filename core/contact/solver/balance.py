@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...surface.triangles import Array
-from ..grip import Grip
 from .cone import natural_residual, project
+from .grip import Grip
 
 TOLERANCE = 1e-8
 MAX_ITERATIONS = 6000

@@ -20,9 +20,9 @@ from ..board import Beat
 from ..links.transport import Transport
 from ..protocols.native import Native
 from ..protocols.packets import DeviceState, Kind, pack
+from ..protocols.wire import Array, Wire
 from ..streamer import Streamer
 from ..virtual.link import open_link
-from ..wire import Array, Wire
 from ..wish import Wish
 
 SAFE_MS = 100.0  # by then silence or a flood has ended in the safe state [ms]

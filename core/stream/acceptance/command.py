@@ -107,7 +107,7 @@ class Terminal:
 
 def run(options: argparse.Namespace) -> int:
     """Walk through the checks; return 0 where the device is accepted, 1 where it is not or not all was tried."""
-    from ...calibration import Calibration
+    from ...devices.calibration import Calibration
     from ...presets import Library
     from ..play import Interrupted, Signals
     from ..wish import Wish, check_number

@@ -14,7 +14,7 @@ from ...errors import DermisError
 from ...track import csv
 from ...track.command_track import CommandTrack
 from ...work import command, environment
-from ..wire import Array, Wire
+from ..protocols.wire import Array, Wire
 from .bench import RAMPING, SAFE_MS, Bench
 
 PLAY_SECONDS = 30.0

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import DermisError
 from ..protocols.packets import DeviceState, Reach
-from ..wire import Array
+from ..protocols.wire import Array
 from .bench import FLOODS, SAFE_MS, Bench
 from .player import play_and_end
 from .report import Check, judged

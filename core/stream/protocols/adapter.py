@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ...errors import DermisError
-from ..wire import Array, Wire
+from .wire import Array, Wire
 
 
 @dataclass(frozen=True)

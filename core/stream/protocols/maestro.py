@@ -10,9 +10,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...errors import DermisError
-from ..wire import Array, Wire
 from .adapter import Adapter
 from .packets import Reach
+from .wire import Array, Wire
 
 SET_TARGET = 0x84
 CHANNELS = 24  # of the largest one

@@ -13,9 +13,9 @@ import struct
 from collections.abc import Mapping
 
 from ...errors import DermisError
-from ..wire import Array, Wire
 from .adapter import Adapter, Touch
 from .packets import Reach
+from .wire import Array, Wire
 
 NTP = 2_208_988_800  # seconds from 1900, where time tags start, to 1970
 IMMEDIATELY = 1

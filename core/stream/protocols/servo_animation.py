@@ -12,9 +12,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...errors import DermisError
-from ..wire import Array, Wire
 from .adapter import Adapter
 from .packets import Reach
+from .wire import Array, Wire
 
 START, END, TRAP = 0x3C, 0x3E, 0x3C
 REFRESH = 0.1

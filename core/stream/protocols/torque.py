@@ -15,8 +15,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...errors import DermisError
-from ..wire import Array, Wire
 from .adapter import Adapter
+from .wire import Array, Wire
 
 HEAD = struct.Struct("<2sH")
 TO_BOARD, FROM_BOARD = b"DT", b"DA"

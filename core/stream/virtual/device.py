@@ -13,7 +13,7 @@ from typing import Protocol
 
 from ...errors import DermisError
 from ..links.url import Url
-from ..wire import Wire
+from ..protocols.wire import Wire
 from . import faults as faults_module
 from .faults import Faults
 

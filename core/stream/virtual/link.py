@@ -12,7 +12,7 @@ from ..links.open_link import open_link as open_real
 from ..links.transport import Gone, Stream, Transport
 from ..links.url import Url
 from ..protocols.adapter import kind
-from ..wire import Wire
+from ..protocols.wire import Wire
 from .device import Server, make, options_of
 
 

@@ -1,6 +1,6 @@
 """A virtual device that speaks the native protocol, by the same contract as the firmware.
 
-`tests/unit/test_receivers.py` runs one script of packets against both and compares what they answer.
+`tests/unit/stream/test_receivers.py` runs one script of packets against both and compares what they answer.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import DermisError
 from ..protocols import packets
 from ..protocols.packets import DeviceState, Kind, Nack, Packet, Reach, Welcome
-from ..wire import Array, Wire
+from ..protocols.wire import Array, Wire
 
 DEVICE_ID = b"VIRTUAL1"
 TOUCH_EVERY = 0.02  # a finger that stays down is reported again this often [s]

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import DermisError
 from ..protocols import osc, torque
-from ..wire import Array, Wire
+from ..protocols.wire import Array, Wire
 
 
 class MaestroDevice:

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ...errors import DermisError
-from ..wire import Wire
+from ..protocols.wire import Wire
 from .device import Server, make
 
 

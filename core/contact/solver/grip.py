@@ -1,0 +1,116 @@
+"""What holding consists of: the fingers, what each can reach in a frame, its grip, and one frame's answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...surface.triangles import Array, Indices
+from .bodies import ContactBody, ContactFrame
+from .cone import along
+from .history import ContactHistory
+from .path import BONE
+
+
+@dataclass(frozen=True, eq=False)
+class HoldingFinger:
+    """A finger that may hold.
+
+    Attributes:
+        compliance: of its skin [m/N], shape (3 m, 3 m). points: its pad nodes [m], shape (m, 3).
+        name: for findings.
+        areas: skin of each node [m^2], shape (m,); needed where an object is soft.
+        bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
+    """
+
+    compliance: Array
+    points: Array
+    name: str = "finger"
+    areas: Array | None = None
+    bone: Array = field(default_factory=lambda: BONE)
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """What one finger can reach in a frame, besides the held object.
+
+    Attributes:
+        pose: finger-to-world matrix, rigid, shape (4, 4).
+        bodies: everything near, posed in the finger's frame; the held object's own entry is replaced.
+        own: index of the held object among them.
+        history: where the finger's nodes stick; kept by whoever solves the finger otherwise.
+    """
+
+    pose: Array
+    bodies: tuple[ContactBody, ...]
+    own: int
+    history: ContactHistory
+
+
+@dataclass(frozen=True)
+class HeldStep:
+    """One frame of a held object.
+
+    Attributes:
+        forces: on each finger's pad nodes, in that finger's frame [N], one (m, 3) a finger.
+        status: OPEN, STICK or SLIP of each finger's nodes.
+        on_object: total force and torque (about the centre of mass) of all contacts on the object, in world space
+            [N, N m], shape (6,).
+        wanted: what gravity and inertia ask for, m (a - g) and the rate of angular momentum, shape (6,).
+        displacement: of the object from its animated pose: translation [m], rotation vector [rad], shape (6,).
+        holds: contacts supply what is wanted.
+        residual: of the contact laws, see `cone.natural_residual`; iterations: of the solver.
+        frames: the gaps that each finger was solved for.
+        slips: relative displacement w of each finger's nodes [m], one (m, 3) a finger.
+    """
+
+    forces: tuple[Array, ...]
+    status: tuple[NDArray[np.int8], ...]
+    on_object: Array
+    wanted: Array
+    displacement: Array
+    holds: bool
+    residual: float
+    iterations: int
+    frames: tuple[ContactFrame, ...] = ()
+    slips: tuple[Array, ...] = ()
+
+    def balance_residual(self) -> float:
+        """Return |contact force - m (a - g)| relative to |m (a - g)|."""
+        size = max(float(np.linalg.norm(self.wanted[:3])), 1e-300)
+        return float(np.linalg.norm(self.on_object[:3] - self.wanted[:3])) / size
+
+
+@dataclass
+class Grip:
+    """One finger's part of a frame: its nodes near the object, and what they need.
+
+    Attributes:
+        frame: the gaps. near: the nodes within reach of anything, shape (k,).
+        matrix: their compliance [m/N]; inverse: of it and the weight of the steps [N/m], shape (3 k, 3 k).
+        offset: b at them [m], shape (k, 3).
+        wrench: from their forces to force and torque on the skin by the object, shape (6, 3 k).
+        history: where they stick. own: index of the held object among the frame's bodies.
+    """
+
+    frame: ContactFrame
+    near: Indices
+    matrix: Array
+    inverse: Array
+    offset: Array
+    wrench: Array
+    history: ContactHistory
+    own: int
+
+    @property
+    def friction(self) -> Array:
+        """Coefficients at the near nodes, shape (k,)."""
+        return self.frame.friction[self.near]
+
+    @property
+    def pressing(self) -> bool:
+        """Whether a node would sink into the held object if nothing gave way."""
+        closest = self.frame.body[self.near] == self.own
+        return bool((along(self.offset, self.frame.normal[self.near])[closest] < 0.0).any())

@@ -1,0 +1,111 @@
+"""Stimulus: what contact forces do to the skin, each part computed when it is first asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .stress import COMPONENTS, nodal_average, von_mises
+
+if TYPE_CHECKING:
+    from .model import SkinModel
+
+Array = NDArray[np.float64]
+
+__all__ = ["COMPONENTS", "Stimulus", "von_mises"]
+
+
+@dataclass(frozen=True, eq=False)
+class Stimulus:
+    """The state of a skin under contact.
+
+    Everything is in the finger's frame, whose Z axis points to the nail. Nothing is computed before it is read, and
+    then once.
+
+    Attributes:
+        skin: the model.
+        force: on the skin at each pad node [N], shape (m, 3).
+    """
+
+    skin: SkinModel
+    force: Array
+
+    @property
+    def touching(self) -> bool:
+        """Whether any pad node carries force."""
+        return bool(np.any(self.force))
+
+    @cached_property
+    def pad_displacement(self) -> Array:
+        """Displacement of the pad nodes [m], shape (m, 3)."""
+        return self.skin.pad_displacement(self.force)
+
+    @cached_property
+    def displacement(self) -> Array:
+        """Displacement of all nodes [m], shape (n, 3)."""
+        return self.skin.displacement(self.force)
+
+    @cached_property
+    def stress(self) -> Array:
+        """Stress of each element [Pa], xx, yy, zz, yz, xz, xy, shape (e, 6)."""
+        return self.skin.operator.stress(self.displacement)
+
+    @cached_property
+    def probe_stress(self) -> Array:
+        """Stress at `skin.probes`, at receptor depth under the pad nodes [Pa], shape (k, 6)."""
+        return self.skin.probes.read(self.skin.mesh, self.stress)
+
+    @cached_property
+    def energy_density(self) -> Array:
+        """Strain energy density of each element [J/m^3], shape (e,)."""
+        return self.skin.operator.energy_density(self.displacement)
+
+    @cached_property
+    def energy(self) -> float:
+        """Strain energy [J]."""
+        return self.skin.energy(self.force)
+
+    @cached_property
+    def resultant(self) -> Array:
+        """Sum of the forces on the skin [N], shape (3,)."""
+        return np.asarray(self.force, float).reshape(-1, 3).sum(axis=0)
+
+    @cached_property
+    def moment(self) -> Array:
+        """Moment of the forces about the pad's centre [N m], shape (3,)."""
+        force = np.asarray(self.force, float).reshape(-1, 3)
+        return np.cross(self.skin.positions, force).sum(axis=0)
+
+    @cached_property
+    def pressure(self) -> Array:
+        """Force into the skin over the area of each pad node [Pa], shape (m,)."""
+        return self._push / self.skin.areas
+
+    @cached_property
+    def centre_of_pressure(self) -> Array:
+        """Mean of the pad nodes at rest, weighted by the force into the skin [m], shape (3,); nan without contact."""
+        push = np.maximum(self._push, 0.0)
+        total = push.sum()
+        return push @ self.skin.positions / total if total > 0 else np.full(3, np.nan)
+
+    @cached_property
+    def _push(self) -> Array:
+        force = np.asarray(self.force, float).reshape(-1, 3)
+        return -np.einsum("ij,ij->i", force, self.skin.normals)
+
+    def surface_values(self, values: Array) -> Array:
+        """Return element values smoothed to all nodes for drawing, (e, ...) to (n, ...)."""
+        return nodal_average(self.skin.mesh, values)
+
+    def summary(self) -> dict[str, Any]:
+        """Return what a result file keeps of a frame, without solving for anything."""
+        return {
+            "normal_force": float(self._push.sum()),
+            "resultant": self.resultant.tolist(),
+            "centre_of_pressure": self.centre_of_pressure.tolist(),
+            "energy": self.energy,
+        }

@@ -1,0 +1,209 @@
+"""The part of a device that goes over the wire: its channels with an actuator, and the state that is safe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...devices.calibration import Calibration
+from ...devices.safe_state import bare_channels, safe_state
+from ...devices.spec import DeviceSpec, range_disc
+from ...errors import DermisError
+from .packets import FULL, Reach
+
+Array = NDArray[np.float64]
+
+REACH = {"at_once": Reach.AT_ONCE, "ramp": Reach.RAMP, "release": Reach.RELEASE}
+SAFE_SWEEP = 1.0  # a channel that states no speed is ramped to its safe value at its range over this [s]
+POSES = ("m", "rad", "1")  # units of poses, which a calibration moves; no force and no voltage stays none
+
+
+@dataclass(frozen=True)
+class Wire:
+    """What a sender needs to know of a device; every array has one entry for each channel on the wire.
+
+    Attributes:
+        spec: the device. columns: of its tracks. names, units: of the channels.
+        low, high: range that counts stand for [unit]; -inf and inf where there is none.
+        slew: largest change a second, inf where there is no limit. rest: the neutral pose.
+        safe: values of the safe state as they are driven, calibrated. reach: how it is reached.
+        zero, gain: of the calibration. least, most: what may be driven: the tighter ones of preset and calibration.
+        disc: two entries that share a round range, and its radius.
+    """
+
+    spec: DeviceSpec
+    columns: tuple[int, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    low: Array
+    high: Array
+    slew: Array
+    rest: Array
+    safe: Array
+    reach: Reach
+    zero: Array
+    gain: Array
+    least: Array
+    most: Array
+    disc: tuple[int, int, float] | None
+
+    @classmethod
+    def of(cls, spec: DeviceSpec, calibration: Calibration | None = None) -> Wire:
+        """Read a device preset and its calibration.
+
+        A worn device's safe pose is moved by zero and gain as every other pose is, so that the platform comes to stand
+        where the preset says. A screen's voltage and a pin's force are not: none is none. Limits that do not contain
+        the safe state are refused, since one of the two would have to be broken.
+
+        Raises:
+            DermisError: no channel drives an actuator, a worn device without a safe value or a speed for each that
+                does, a safe state that is none, a calibration that does not fit.
+        """
+        columns = tuple(i for i, c in enumerate(spec.channels) if c.actuator)
+        if not columns:
+            raise DermisError(
+                "no channel drives an actuator, so there is nothing to stream",
+                where=spec.name,
+                remedy="Give channels an 'actuator' in the device preset",
+            )
+        if len(columns) > 255:
+            raise DermisError("more channels than a packet can hold", where=spec.name, value=len(columns), limit="255")
+        twice = [spec.channels[i].actuator for i in columns]
+        if len(set(twice)) != len(twice):
+            raise DermisError("two channels drive one actuator", where=spec.name, value=", ".join(twice))
+        channels = [spec.channels[i] for i in columns]
+        zero, gain, least, most = (
+            (calibration or Calibration.of(spec)).for_spec(spec)[k][list(columns)] for k in range(4)
+        )
+        way, safe = safe_state(spec)
+        reach = REACH[way]
+        _check_worn(spec, reach)
+        disc = range_disc(spec)
+        if disc is not None:
+            disc = (columns.index(disc[0]), columns.index(disc[1]), disc[2]) if {*disc[:2]} <= {*columns} else None
+
+        def pick(name: str, missing: float) -> Array:
+            return np.array([missing if getattr(c, name) is None else getattr(c, name) for c in channels])
+
+        values = np.array([safe.get(c.name, c.rest) for c in channels])
+        if spec.worn:
+            values = np.where([c.unit in POSES for c in channels], zero + gain * values, values)
+        _check_safe(spec, [c.name for c in channels], values, least, most)
+        return cls(
+            spec,
+            columns,
+            tuple(c.name for c in channels),
+            tuple(c.unit for c in channels),
+            pick("low", -np.inf),
+            pick("high", np.inf),
+            pick("slew", np.inf),
+            pick("rest", 0.0),
+            values,
+            reach,
+            zero,
+            gain,
+            least,
+            most,
+            disc,
+        )
+
+    @property
+    def count(self) -> int:
+        """Number of channels on the wire."""
+        return len(self.columns)
+
+    @property
+    def safe_command(self) -> Array:
+        """What has to be commanded for the safe state to be driven [units], shape (channels,)."""
+        return (self.safe - self.zero) / self.gain
+
+    @property
+    def safe_slew(self) -> Array:
+        """Speed at which the safe state is ramped to [units/s], shape (channels,); inf where nothing tells one."""
+        return np.where(np.isfinite(self.slew), self.slew, (self.high - self.low) / SAFE_SWEEP)
+
+    @property
+    def safe_seconds(self) -> float:
+        """How long the way to the safe state takes from the far end of every channel [s]; inf where there is no end.
+
+        It counts from when the way begins. What is reached at once takes none; what lets go may ramp there before.
+        """
+        if self.reach == Reach.AT_ONCE:
+            return 0.0
+        far = np.maximum(self.most - self.safe, self.safe - self.least)
+        with np.errstate(invalid="ignore"):
+            return float(np.where(np.isfinite(far), far / self.safe_slew, np.inf).max())
+
+    @property
+    def hash(self) -> bytes:
+        """First 8 bytes of the preset's hash."""
+        try:
+            return bytes.fromhex(self.spec.hash)[:8].ljust(8, b"\0")
+        except ValueError:
+            return self.spec.hash.encode()[:8].ljust(8, b"\0")
+
+    def need_ranges(self, protocol: str) -> None:
+        """Refuse channels without a range, for protocols that send counts.
+
+        Raises:
+            DermisError: a channel has no low or no high.
+        """
+        bare = [n for n, lo, hi in zip(self.names, self.low, self.high, strict=True) if not 0 < hi - lo < np.inf]
+        if bare:
+            raise DermisError(
+                f"{protocol} sends counts, and a channel has no range for them to stand for",
+                where=self.spec.name,
+                value=", ".join(bare),
+                remedy="Give it 'low' and 'high' in the device preset",
+            )
+
+    def counts(self, values: Array, full: int = FULL) -> NDArray[np.uint16]:
+        """Return values [units] as counts from 0 to `full` over each channel's range; the caller has limited them."""
+        part = (values - self.low) / (self.high - self.low)
+        return np.rint(np.minimum(np.maximum(part, 0.0), 1.0) * full).astype(np.uint16)
+
+    def values(self, counts: NDArray[np.uint16], full: int = FULL) -> Array:
+        """Return counts as values [units]."""
+        return self.low + (self.high - self.low) * (counts / full)
+
+    def slew_counts(self, full: int = FULL) -> NDArray[np.uint16]:
+        """Return the largest change in counts a millisecond, at least 1 and at most 65535."""
+        part = self.slew / (self.high - self.low) * full / 1000.0
+        return np.clip(np.floor(part), 1, 65535).astype(np.uint16)
+
+
+def _check_worn(spec: DeviceSpec, reach: Reach) -> None:
+    """Refuse a worn device that does not say where, and how fast, it lets a finger go."""
+    if bare := bare_channels(spec):
+        raise DermisError(
+            "a worn device states no safe pose, and at rest it may press the finger that is in it",
+            where=f"device preset '{spec.key}', safe",
+            value=f"none for {', '.join(bare[:6])}",
+            limit="a value for every channel with an actuator",
+            remedy="Add 'safe' to the preset: a retracted pose, clear of your finger",
+        )
+    free = [c.name for c in spec.channels if spec.worn and c.actuator and c.slew is None]
+    if free and reach == Reach.RAMP:
+        raise DermisError(
+            "the way to the safe pose is a ramp, and a channel states no speed for it",
+            where=f"device preset '{spec.key}'",
+            value=", ".join(free[:6]),
+            remedy="Give it 'slew', or let 'safe' be reached 'at_once'",
+        )
+
+
+def _check_safe(spec: DeviceSpec, names: list[str], safe: Array, least: Array, most: Array) -> None:
+    """Refuse limits that leave the safe state outside."""
+    slack = 1e-9 * np.maximum(np.abs(safe), 1e-3)  # what a rounding of units does
+    outside = np.flatnonzero((safe < least - slack) | (safe > most + slack))
+    if outside.size:
+        k = int(outside[0])
+        raise DermisError(
+            "the safe state lies outside the calibrated limits",
+            where=f"'{spec.key}', {names[k]}",
+            value=f"{safe[k]:g}",
+            limit=f"{least[k]:g} to {most[k]:g}",
+            remedy="Widen the limits, or state in a device preset of your own what is safe",
+        )

@@ -1,0 +1,82 @@
+"""Calibrations: numbers, limits, and files."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from core.devices.calibration import Calibration
+from core.devices.spec import Channel, DeviceSpec
+from core.errors import DermisError
+
+SPEC = DeviceSpec("dev", "Dev", "test", 100.0, (Channel("a", "rad", -1.0, 1.0, actuator="s"), Channel("b", "m")))
+
+
+def test_the_tighter_limit_holds() -> None:
+    made = Calibration.of(SPEC).with_entry("a", zero=0.1, gain=-2.0, low=-3.0, high=0.5)
+    zero, gain, low, high = made.for_spec(SPEC)
+    assert (zero.tolist(), gain.tolist()) == ([0.1, 0.0], [-2.0, 1.0])
+    assert (low.tolist(), high.tolist()) == ([-1.0, -np.inf], [0.5, np.inf])
+
+
+def test_file_round_trip(tmp_path: Path) -> None:
+    made = Calibration.of(SPEC).with_entry("a", zero=0.1, gain=1 / 3)
+    made.save(tmp_path / "desk.json")
+    assert Calibration.load(tmp_path / "desk.json") == made
+    assert made.findings(SPEC) == ()
+    assert [f.code for f in made.findings(replace(SPEC, source={"x": 1}))] == ["calibration-of-another-preset"]
+
+
+@pytest.mark.parametrize(
+    ("numbers", "what"),
+    [({"gain": 0.0}, "moves nothing"), ({"zero": float("nan")}, "finite"), ({"low": 1.0, "high": 0.0}, "low is above")],
+)
+def test_impossible_numbers(numbers: dict[str, float], what: str) -> None:
+    with pytest.raises(DermisError, match=what):
+        Calibration.of(SPEC).with_entry("a", **numbers)
+
+
+def test_misfits_are_refused() -> None:
+    with pytest.raises(DermisError, match="another device"):
+        Calibration("other").for_spec(SPEC)
+    with pytest.raises(DermisError, match="no such channel"):
+        Calibration.of(SPEC).with_entry("c", zero=1.0).for_spec(SPEC)
+    with pytest.raises(DermisError, match="leave nothing"):
+        Calibration.of(SPEC).with_entry("a", low=2.0, high=3.0).for_spec(SPEC)
+    for text in ("[]", '{"schema": []}', "{", '{"schema": "dermis-calibration 2"}', "[" * 100_000):
+        with pytest.raises(DermisError):
+            Calibration.loads(text)
+
+
+def test_the_file_says_whose_it_is(tmp_path: Path) -> None:
+    made = Calibration.of(SPEC).with_entry("a", zero=0.1).owned_by("left thimble, red tape", "7573530323135")
+    made.save(tmp_path / "a.json")
+    read = Calibration.load(tmp_path / "a.json")
+    assert read == made and (read.name, read.serial) == ("left thimble, red tape", "7573530323135")
+    assert read.with_entry("a", gain=-1.0).name == read.name
+
+
+def test_files_of_version_1_are_still_read() -> None:
+    text = (
+        '{"schema": "dermis-calibration 1", "device": "dev", "spec_hash": "h",'
+        ' "actuators": {"a": {"zero": 0.1, "gain": 2.0, "low": null, "high": 0.5}}}'
+    )
+    read = Calibration.loads(text)
+    assert (read.device, read.name, read.serial, read.entries["a"].gain) == ("dev", "", "", 2.0)
+    assert '"dermis-calibration 2"' in read.dumps() and Calibration.loads(read.dumps()) == read
+    with pytest.raises(DermisError, match="missing or unknown"):
+        Calibration.loads(text.replace("calibration 1", "calibration 2"))
+
+
+@pytest.mark.parametrize("name", ["a\nb", "x" * 101, " left", "bell\x07", 3, None])
+def test_names_are_one_line_of_text(name: Any) -> None:
+    with pytest.raises(DermisError, match="not a text of one line"):
+        Calibration.of(SPEC).owned_by(name)
+    text = Calibration.of(SPEC).dumps().replace('"name": ""', f'"name": {json.dumps(name)}')
+    with pytest.raises(DermisError, match="not a text of one line"):
+        Calibration.loads(text)

@@ -1,0 +1,99 @@
+"""A streamer, a virtual device at the other end of a wire without delay, and a clock that a test turns."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from core.presets import Library
+from core.stream.board import Beat
+from core.stream.links.transport import Gone, Transport
+from core.stream.links.url import Url
+from core.stream.protocols.wire import Wire
+from core.stream.streamer import Streamer
+from core.stream.virtual.device import make
+from core.stream.wish import Wish
+from core.track import csv
+from core.track.command_track import CommandTrack
+
+TICK = 0.001
+
+
+class Lab:
+    """A streamer, a virtual device at the other end of a wire without delay, and a clock that the test turns."""
+
+    def __init__(self, protocol: str = "native", key: str = "haptip", *, load_screen: Any = None, **wish: Any) -> None:
+        self.now, self.number, self.beats = 100.0, 0, True
+        self.time: float | None = 0.0
+        self.playing, self.stops, self.values = False, 0, ()
+        self.cut = False
+        self._answers: list[bytes] = []
+        self.sent: list[tuple[float, bytes]] = []
+        self.preset = Library().load("devices", key)
+        self.wish = Wish(connect=True, url="lab", protocol=protocol, device={"key": key, "preset": self.preset}, **wish)
+        self.streamer = Streamer(self._open, load_screen)
+        self.streamer.apply(copy.deepcopy(self.wish), self.now)
+
+    def _open(self, url: Url, wire: Wire, protocol: str) -> Transport:
+        lab = self
+        self._answers = []
+        self.device: Any = make(protocol, wire, {})
+
+        class Wired(Transport):
+            name, datagrams = "lab", self.device.datagrams
+
+            def send(self, message: bytes) -> bool:
+                if lab.cut:
+                    raise Gone("unplugged", where="lab")
+                lab.sent.append((lab.now, message))
+                lab._answers += lab.device.feed(message, lab.now)
+                return True
+
+            def receive(self) -> list[bytes]:
+                if lab.cut:
+                    raise Gone("unplugged", where="lab")
+                out, lab._answers = lab._answers, []
+                return out
+
+        return Wired()
+
+    def run(self, seconds: float, each: Any = None) -> None:
+        """Let time pass."""
+        for _ in range(round(seconds / TICK)):
+            self.now += TICK
+            if self.playing and self.time is not None:
+                self.time += TICK
+            if self.beats:
+                self.number += 1
+                self.streamer.beat(Beat(self.number, self.stops, self.playing, self.time, self.values), self.now)
+            self.streamer.tick(self.now)
+            self._answers += self.device.tick(self.now)
+            if each is not None:
+                each()
+
+    def set(self, **fields: Any) -> None:
+        """Change the wish."""
+        for name, value in fields.items():
+            setattr(self.wish, name, value)
+        self.streamer.apply(copy.deepcopy(self.wish), self.now)
+
+    def arm(self) -> None:
+        """Arm, as a press of the button does."""
+        self.set(arm=self.wish.arm + 1, stops=self.stops)
+
+    @property
+    def at(self) -> np.ndarray:
+        """Where the device's actuators are."""
+        return np.array(list(self.device.report()["values"].values()))
+
+
+def sine_track(path: Path) -> Path:
+    """Write five seconds of a slow sine on pulley 1, its double on pulley 2."""
+    spec = Library().device("haptip")
+    t = np.arange(5001) / 1000
+    wave = 0.1 * np.sin(2 * np.pi * t)
+    csv.write(CommandTrack(spec, t, np.column_stack([0 * t, 0 * t, wave, 2 * wave])), path)
+    return path

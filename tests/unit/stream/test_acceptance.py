@@ -1,0 +1,384 @@
+"""The acceptance of a built device: what counts as accepted, and a walk over a real port with a person who answers."""
+
+from __future__ import annotations
+
+import json
+import math
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from core.devices.calibration import Calibration
+from core.errors import DermisError
+from core.presets import Library
+from core.stream.acceptance.bench import Bench
+from core.stream.acceptance.command import CHECKS, _tried
+from core.stream.acceptance.player import slow_track
+from core.stream.acceptance.report import Check, Report, judged
+from core.stream.acceptance.walk import Walk, fastest_over
+from core.stream.protocols import native
+from core.stream.protocols.wire import Wire
+from core.stream.wish import Wish
+from core.work import command, environment
+from tests.unit.stream.stream_box import posix, running
+
+WHEN = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
+
+
+@pytest.mark.parametrize(
+    ("seen", "measured", "expected"),
+    [
+        (True, {"pose": True}, ("passed", "measured and seen")),
+        (True, None, ("passed", "seen")),
+        (None, {"pose": True}, ("passed", "measured")),
+        (None, None, ("not tried", "")),
+        (False, {"pose": True}, ("failed", "measured and seen")),
+        (True, {"pose": True, "speed": False}, ("failed", "measured and seen")),
+        (None, {"pose": False}, ("failed", "measured")),
+    ],
+)
+def test_neither_person_nor_measurement_is_overruled(seen: Any, measured: Any, expected: Any) -> None:
+    assert judged(seen, measured) == expected
+
+
+def test_accepted_only_if_all_was_tried_and_nothing_failed(tmp_path: Path) -> None:
+    good, bad, left = (Check(o, "w", o) for o in ("passed", "failed", "not tried"))  # type: ignore[arg-type]
+    assert Report({}, [good, good]).verdict == "accepted"
+    assert Report({}, [good, left]).verdict == "incomplete"
+    assert Report({}, [good], interrupted=True).verdict == "incomplete" == Report({}).verdict
+    assert Report({}, [good, bad, left], interrupted=True).verdict == "not accepted"
+    report = Report({"device": "A | B"}, [Check("x|y", "w", "passed", "seen")])
+    report.write(tmp_path / "r.md", WHEN)
+    text, plain = (tmp_path / "r.md").read_text("utf-8"), json.loads((tmp_path / "r.json").read_text("utf-8"))
+    assert "accepted" in text and "2026-01-02 03:04" in text and "| x/y |" in text
+    assert plain["schema"] == "dermis-acceptance 1" and plain["verdict"] == "accepted"
+    assert plain["date"] == "2026-01-02T03:04:00+00:00" and plain["checks"][0]["name"] == "x|y"
+
+
+def test_the_fastest_of_a_known_movement() -> None:
+    """0.1 rad at 2 rad/s, poses every 3 ms, and a pose read twice at one moment: 2 rad/s, no more."""
+    times = np.concatenate([[0.0], np.arange(0, 0.2, 0.003)])
+    poses = [(float(t), np.array([min(2.0 * t, 0.1), 0.0])) for t in times]
+    assert np.allclose(fastest_over(poses, 0.01), [2.0, 0.0], rtol=1e-9)
+    assert not fastest_over(poses[:1], 0.01).any()
+
+
+def test_the_slow_movement_stays_between_its_two_poses() -> None:
+    wire = Wire.of(Library().device("haptip"))
+    away = wire.safe + 0.1
+    track = slow_track(wire, away)
+    values = np.stack([track.column(n) for n in wire.names], axis=1)
+    assert np.allclose(values.min(axis=0), wire.safe) and np.allclose(values.max(axis=0), away)
+    speed = np.abs(np.diff(values, axis=0)).max() * wire.spec.rate
+    assert speed <= 0.1 * np.pi / 4.0 * 1.001 < wire.slew.min()
+
+
+def test_the_command_lists_the_walks_own_checks() -> None:
+    class Bench:
+        wire = Wire.of(Library().device("haptip"))
+
+    assert tuple(Walk(Bench(), None, []).checks()) == CHECKS  # type: ignore[arg-type]
+
+
+# -- over a real port
+
+
+@pytest.fixture
+def boxes() -> Iterator[Any]:
+    """Make virtual devices."""
+    yield from running([])
+
+
+def accept(url: str, out: Path, answers: str, *more: str) -> subprocess.CompletedProcess[str]:
+    """Run the verb; `answers` is what the person types."""
+    return subprocess.run(
+        command("stream", "accept", "--url", url, "--device", "haptip", "--out", str(out), *more),
+        env=environment(),
+        input=answers,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+
+
+def only(*names: str) -> list[str]:
+    return [part for name in names for part in ("--only", name)]
+
+
+@posix
+@pytest.mark.long
+@pytest.mark.real_time
+def test_a_good_device_passes_stop_silence_flood_and_a_killed_program(boxes: Any, tmp_path: Path) -> None:
+    pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
+    out = tmp_path / "a.md"
+    box = boxes("pty")
+    tried = only("link", "first-arm", "motors", "speed", "stop", "silence", "flood", "exits")
+    done = accept(box.url, out, "y\n" * 60, *tried)
+    report = json.loads(out.with_suffix(".json").read_text("utf-8"))
+    failed = [check for check in report["checks"] if check["outcome"] == "failed"]
+    assert not failed, failed
+    assert report["verdict"] == "incomplete" and done.returncode == 1, "rate, unplug and switch were left out"
+    by_name = {check["name"]: check for check in report["checks"]}
+    for name in ("first-arm", "motor pulley_1", "stop", "silence", "flood", "exit, killed", "exit, Ctrl-C"):
+        assert by_name[name]["judge"] == "measured and seen", by_name[name]
+    low, high = (float(word) for word in by_name["silence"]["figure"].split() if word.isdigit())
+    assert low - 8 <= native.WATCHDOG_MS <= high + 8 and high - low <= 8 + 1, "found by halving"
+    assert "FINGERS OUT" in done.stdout
+
+
+@posix
+@pytest.mark.real_time
+def test_a_stuck_motor_fails_whatever_the_person_says(boxes: Any, tmp_path: Path) -> None:
+    pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
+    out = tmp_path / "a.md"
+    box = boxes("pty", "native", "haptip", "stuck=1")
+    done = accept(box.url, out, "y\n" * 10, *only("motors"))
+    outcomes = {c["name"]: c["outcome"] for c in json.loads(out.with_suffix(".json").read_text("utf-8"))["checks"]}
+    assert outcomes["motor pulley_1"] == "passed" and outcomes["motor pulley_2"] == "failed"
+    assert done.returncode == 1 and "not accepted" in done.stdout
+
+
+@posix
+@pytest.mark.real_time
+def test_a_board_that_says_nothing_is_judged_by_the_person(boxes: Any, tmp_path: Path) -> None:
+    pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
+    out = tmp_path / "a.md"
+    box = boxes("pty", "maestro")
+    accept(box.url, out, "y\nn\nn\n", "--protocol", "maestro", *only("link", "silence"))
+    checks = {c["name"]: c for c in json.loads(out.with_suffix(".json").read_text("utf-8"))["checks"]}
+    assert checks["silence"]["outcome"] == "failed" and checks["silence"]["judge"] == "seen"
+    assert checks["link"]["outcome"] == "not tried"
+
+
+@posix
+@pytest.mark.real_time
+def test_nobody_at_the_bench_ends_it_safely_and_says_so(boxes: Any, tmp_path: Path) -> None:
+    pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
+    out, box = tmp_path / "a.md", boxes("pty")
+    done = accept(box.url, out, "y\n", *only("first-arm"))
+    report = json.loads(out.with_suffix(".json").read_text("utf-8"))
+    assert report["interrupted"] and report["verdict"] == "incomplete"
+    assert "nobody is at the bench" in done.stderr and "Traceback" not in done.stderr
+    assert box.end()["state"] == "safe"
+    again = accept(box.url, out, "y\n")
+    assert again.returncode == 2 and "exists" in again.stderr, "a report is not written over"
+
+
+def test_a_report_that_cannot_be_written_moves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    done = accept("virtual:", tmp_path / "file" / "a.md", "y\n")
+    assert done.returncode == 2 and "cannot be written" in done.stderr and "PASSED" not in done.stdout
+
+
+def test_a_person_is_kept_waiting_without_the_device_falling_asleep() -> None:
+    """While an answer is waited for the device hears of its sender; an end of the input is nobody."""
+    from core.stream.acceptance.command import NobodyThere, Terminal
+
+    class Slow(Terminal):
+        def _read(self) -> None:
+            return None
+
+    ticks = []
+
+    def meanwhile() -> None:
+        ticks.append(1)
+        if len(ticks) == 5:
+            terminal._lines.put("maybe\n")
+        if len(ticks) == 9:
+            terminal._lines.put("Yes\n")
+        if len(ticks) == 12:
+            terminal._lines.put("")
+
+    terminal = Slow(meanwhile)
+    assert terminal.ask("?") is True and len(ticks) == 9
+    with pytest.raises(NobodyThere):
+        terminal.wait("!")
+    with pytest.raises(DermisError):
+        terminal.ask("?")
+
+
+# -- whatever happens at the bench
+
+
+class Yes:
+    """A person to whom everything looks right."""
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+
+    def ask(self, question: str) -> bool:
+        self.asked.append(question)
+        return True
+
+    wait = ask
+
+    def tell(self, text: str) -> None:
+        pass
+
+
+def bench_for(key: str, protocol: str = "native", url: str = "virtual:", **wish: Any) -> Bench:
+    device = {"key": key, "preset": Library().load("devices", key)}
+    return Bench(Wish(url=url, protocol=protocol, device=device, **wish))
+
+
+def at(bench: Bench) -> np.ndarray:
+    assert bench.streamer.link is not None
+    return np.array(list(bench.streamer.link.report()["values"].values()))
+
+
+def values(box: Any) -> np.ndarray:
+    return np.array(list(box.end()["values"].values()))
+
+
+@pytest.mark.real_time
+def test_a_calibrated_device_goes_where_it_is_meant_to() -> None:
+    """Mounted the other way round, it went 144 degrees from its safe pose where it was to hold still."""
+    made = Calibration.of(Library().device("cable_platform")).with_entry("motor_1", gain=-1.0, zero=math.radians(160))
+    bench = bench_for("cable_platform", calibration=made.dumps())
+    bench.connect()
+    walk = Walk(bench, Yes(), [])
+    found = [*walk.first_arm(), *walk.motors()]
+    assert [check.outcome for check in found] == ["passed"] * 4, found
+    assert np.allclose(at(bench), bench.wire.safe, atol=1e-3) and bench.wire.safe[0] > 2.6
+    assert bench.end() == "" and bench.streamer.link is None
+
+
+@pytest.mark.long
+@pytest.mark.real_time
+def test_every_pin_is_tried_and_no_speed_is_asked_of_valves() -> None:
+    bench = bench_for("pin_array_128")
+    bench.connect()
+    walk, move = Walk(bench, Yes(), []), bench.move
+    bench.move = lambda values, seconds: move(values, 0.05)  # type: ignore[method-assign]
+    found = {check.name: check for check in walk.motors()}
+    assert [check.outcome for check in found.values()] == ["passed"] * 4
+    assert found["all other motors"].what == "125 moved in their turn"
+    assert [check.outcome for check in walk.speed()] == ["does not apply"]
+    assert Report({}, [*found.values(), *walk.speed()]).verdict == "accepted"
+    bench.end()
+
+
+def test_rubbish_is_not_sent_to_a_board_that_takes_it_for_commands() -> None:
+    """`84 00 00 2f` is a Maestro's own word for 1504 us, and noise now and then one for 4000."""
+    bench = bench_for("cable_platform", "maestro")
+    bench.connect()
+    assert [check.outcome for check in Walk(bench, Yes(), []).flood()] == ["not tried"]
+    assert not bench.streamer.armed and not bench.streamer.counters["bytes"]
+    bench.end()
+
+
+@pytest.mark.long
+@pytest.mark.real_time
+def test_rubbish_is_tried_also_where_a_watchdog_has_just_ended_the_link() -> None:
+    bench = bench_for("haptip")
+    bench.connect()
+    walk = Walk(bench, Yes(), [])
+    walk._moved_away()
+    bench.silence(0.1)
+    bench.until(lambda: bench.streamer.link is None, 2.0)
+    assert bench.native is None
+    assert [check.outcome for check in walk.flood()] == ["passed"]
+    assert bench.end() == ""
+
+
+@posix
+@pytest.mark.long
+@pytest.mark.real_time
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
+def test_a_signal_in_the_middle_brings_the_device_home(boxes: Any, tmp_path: Path, name: str) -> None:
+    """Moved away, on a board that keeps its pulses; a second signal does not cut the way home short."""
+    pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
+    out, box = tmp_path / "a.md", boxes("pty", "maestro", "cable_platform")
+    verb = ["stream", "accept", "--url", box.url, "--device", "cable_platform", "--protocol", "maestro"]
+    with subprocess.Popen(
+        command(*verb, "--out", str(out), *only("silence")),
+        env=environment(),
+        text=True,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as run:
+        assert run.stdin is not None and run.stdout is not None
+        run.stdin.write("\n")
+        run.stdin.flush()
+        said = ""
+        while "has it let go" not in said:
+            letter = run.stdout.read(1)
+            assert letter, f"it ended too soon: {said}"
+            said += letter
+        number = getattr(signal, name)
+        for _ in range(2):
+            run.send_signal(number)
+            time.sleep(0.03)
+        _, errors = run.communicate(timeout=30)
+    assert run.returncode == 128 + number and "Stopping" in errors and "Traceback" not in errors
+    assert np.allclose(values(box), Wire.of(Library().device("cable_platform")).safe, atol=3e-3)
+    assert json.loads(out.with_suffix(".json").read_text("utf-8"))["interrupted"]
+
+
+@posix
+@pytest.mark.long
+@pytest.mark.real_time
+def test_what_another_program_has_left_anywhere_is_brought_home(boxes: Any) -> None:
+    pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
+    box = boxes("pty", "maestro", "cable_platform")
+    killed = bench_for("cable_platform", "maestro", box.url)
+    killed.arm()
+    killed.move(killed.wire.safe + 1.0, 0.5)
+    assert killed.streamer.link is not None
+    killed.streamer.link.close()
+    bench = bench_for("cable_platform", "maestro", box.url)
+    bench.connect()
+    with bench.apart():
+        pass
+    assert bench.end() == ""
+    assert np.allclose(values(box), bench.wire.safe, atol=3e-3)
+
+
+@posix
+@pytest.mark.long
+@pytest.mark.real_time
+def test_a_device_that_dies_in_the_middle_fails_and_is_not_called_safe(boxes: Any, tmp_path: Path) -> None:
+    pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
+    box, port = boxes("pty", "maestro", "cable_platform"), tmp_path / "port"
+    port.symlink_to(box.url)  # the system gives the name of a pty that has gone to the next one of anybody
+    bench = bench_for("cable_platform", "maestro", str(port))
+    bench.connect()
+    walk = Walk(bench, Yes(), [])
+    bench.arm()
+    port.unlink()
+    box.process.kill()
+    box.process.wait()
+    tried = list(_tried("motors", walk.motors)) + list(_tried("rate", walk.rate))
+    assert [check.outcome for check in tried] == ["failed", "failed"], tried
+    words = bench.end()
+    assert words
+    report = Report({}, [Check("a", "w", "passed")], unsafe=words)
+    assert report.verdict == "not accepted" and "may not have been left in its safe state" in report.markdown(WHEN)
+
+
+def test_only_whole_words_are_answers() -> None:
+    from core.stream.acceptance.command import Terminal
+
+    class Typed(Terminal):
+        def _read(self) -> None:
+            for line in ("stop\n", "you tell me\n", "nothing\n", "no\n"):
+                self._lines.put(line)
+
+    typed = Typed(lambda: None)
+    assert typed.ask("?") is False and typed._lines.empty()
+
+
+@pytest.mark.parametrize("name", ["a.json", "a.md"])
+def test_no_report_is_written_over_another(tmp_path: Path, name: str) -> None:
+    (tmp_path / "a.json").write_text("kept")
+    done = accept("virtual:", tmp_path / name, "y\n")
+    assert done.returncode == 2 and (tmp_path / "a.json").read_text() == "kept"
+    assert not (tmp_path / "a.md").exists()

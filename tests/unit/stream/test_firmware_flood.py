@@ -1,0 +1,121 @@
+"""The sketch when its sender is gone and the line is not silent, or when it stands still itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.unit.stream.firmware_board import ANIMATION_BAUD, BAUD, Board, Sender, emulated, firmware, servos
+from tests.unit.stream.firmware_floods import FAR, FLOODS, FRAME_US, ROUNDING_US, SLEW, flood
+
+pytestmark = emulated
+
+OFTEN = ("00 01", "random bytes, 30 % zeros", "HELLO of other sessions", "the whole session again", "longest frames")
+HANG = 0xCFFF  # rjmp to itself
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in OFTEN else pytest.mark.long) for n in FLOODS])
+def test_safe_in_time_whatever_is_on_the_line(name: str) -> None:
+    with Board(firmware(), BAUD) as board:
+        done = flood(board, name, BAUD)
+    assert done.begins <= 0.1, f"begins after {done.begins * 1e3:.0f} ms"
+    assert done.arrives <= 0.1 + 1.6 / SLEW, "and goes on to the safe pose"
+    assert done.steepest <= FRAME_US + ROUNDING_US, f"{done.steepest} us from one pulse to the next"
+    assert not done.overruns
+
+
+@pytest.mark.parametrize("name", ["random bytes, 30 % zeros", "00 01", "nothing but 3c"])
+def test_servo_animation_lets_go_whatever_is_on_the_line(name: str) -> None:
+    with Board(firmware("-DDERMIS_SERVO_ANIMATION"), ANIMATION_BAUD) as board:
+        board.send(bytes.fromhex("3c 00 05 dc 3e"))
+        board.run(0.1)
+        assert board.pulses
+        rng = np.random.default_rng(1)
+        noise = rng.integers(0, 256, 9000).astype(np.uint8)
+        noise[rng.random(9000) < 0.3] = 0
+        board.send({"00 01": b"\0\1" * 4500, "nothing but 3c": b"<" * 9000}.get(name, noise.tobytes()))
+        board.run(0.7)
+        assert 0.45 <= board.pulses[-1][1] <= 0.53
+
+
+def moving(board: Board) -> Sender:
+    """Arm a board and send it on a way of 0.2 s."""
+    sender = Sender(board, servos(slew=SLEW))
+    sender.arm()
+    sender.command(np.full(8, FAR))
+    sender.run(0.04)
+    return sender
+
+
+def test_a_loop_that_stood_still_makes_up_for_nothing() -> None:
+    with Board(firmware(), BAUD) as board:
+        sender = moving(board)
+        word = board.patch("loop", HANG)
+        board.run(0.1)
+        board.patch("loop", word)
+        sender.run(0.3)
+        for channel in range(8):
+            widths = np.array(board.path(channel))[:, 1]
+            assert np.abs(np.diff(widths)).max() <= FRAME_US + ROUNDING_US
+
+
+def test_a_loop_that_hangs_is_reset_and_the_pulses_end() -> None:
+    with Board(firmware(), BAUD) as board:
+        moving(board)
+        hung = board.now
+        word = board.patch("loop", HANG)
+        board.run(1.0)
+        assert 0.2 <= max(start for _, start, _ in board.pulses) - hung <= 0.28, "the chip's watchdog: 250 ms"
+        board.patch("loop", word)
+        board.run(0.3)
+        board.pulses.clear()
+        sender = Sender(board, servos())
+        sender.run(0.3)
+        assert sender.adapter.ready and sender.adapter.pose is None and not board.pulses, "it has begun anew"
+        sender.arm()
+        sender.run(0.5)
+        assert board.pulses and sender.adapter.armed, "and is not reset again"
+
+
+def test_an_interrupt_of_the_pulses_that_dies_is_noticed() -> None:
+    with Board(firmware(), BAUD) as board:
+        sender = moving(board)
+        board.patch("__vector_11", 0x9518)  # reti: timer 1 does nothing from now on
+        sender.run(0.5)
+        assert "begun anew" in sender.adapter.fault
+
+
+def test_the_relay_is_on_while_armed_and_on_the_way_to_safety() -> None:
+    with Board(firmware("-DDERMIS_RELAY_PIN=12"), BAUD) as board:
+        sender = Sender(board, servos(slew=SLEW))
+        sender.run(0.1)
+        assert [level for _, level, _ in board.levels] == [0]
+        sender.arm()
+        sender.command(np.full(8, FAR))
+        sender.run(0.3)
+        assert [level for _, level, _ in board.levels] == [0, 1]
+        stopped = board.now
+        for message in sender.adapter.safe():
+            board.send(message)
+        sender.run(0.5)
+        pin, level, at = board.levels[-1]
+        assert (pin, level) == (12, 0)
+        assert FAR / SLEW + 0.1 <= at - stopped <= FAR / SLEW + 0.13, "a tenth of a second after each channel was there"
+        for channel in range(8):  # supply that goes before the last pulses have come leaves servos short of it
+            safe = [width for start, width in board.path(channel) if start <= at][-4:]
+            assert np.abs(np.array(safe) - 1500).max() <= 1.0
+        assert max(start for _, start, _ in board.pulses) <= at + 0.02, "no pulses into servos without supply"
+        assert sender.adapter.ready
+        sender.arm()
+        assert board.levels[-1][1] == 1
+
+
+def test_the_relay_opens_at_once_where_safe_means_to_let_go() -> None:
+    with Board(firmware("-DDERMIS_RELAY_PIN=12"), BAUD) as board:
+        sender = Sender(board, servos(slew=SLEW, safe={"reach": "release"}))
+        sender.arm()
+        sender.command(np.full(8, FAR))
+        sender.run(0.1)
+        silent = board.now
+        board.run(0.2)
+        assert board.levels[-1][1] == 0 and board.levels[-1][2] - silent <= 0.09

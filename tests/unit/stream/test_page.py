@@ -1,0 +1,111 @@
+"""The streaming page against the code: its byte vectors, its ports, its options, its counts."""
+
+from __future__ import annotations
+
+import re
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.devices.spec import Channel, DeviceSpec
+from core.stream.links import url
+from core.stream.protocols import adapter, native, packets, torque
+from core.stream.protocols.packets import DeviceState, Kind, Nack, Reach
+from core.stream.protocols.wire import Wire
+from core.stream.virtual import faults
+
+ROOT = Path(__file__).resolve().parents[3]
+PAGE = (ROOT / "presets" / "streaming.md").read_text("utf-8")
+VECTORS = dict(
+    line.split(": ") for block in re.findall(r"```vectors\n(.*?)```", PAGE, re.S) for line in block.splitlines()
+)
+WIRE = Wire.of(
+    DeviceSpec(
+        "servos", "Servos", "t", 50.0, tuple(Channel(f"s{i}", "rad", -1.0, 1.0, 8.0, 0.0, f"m{i}") for i in range(2))
+    )
+)
+
+
+def u16(*counts: int) -> np.ndarray:
+    return np.array(counts, np.uint16)
+
+
+def framed(kind: int, sequence: int, body: bytes = b"") -> bytes:
+    return packets.pack(kind, 7, sequence, body)
+
+
+def by_adapter(name: str) -> bytes:
+    return adapter.make(name, WIRE, {}).command(np.array([0.0, 0.5]), 0.0, None)[0]
+
+
+MADE = {
+    "HELLO": framed(Kind.HELLO, 1, packets.hello(2, bytes(range(1, 9)))),
+    "WELCOME": framed(
+        Kind.WELCOME, 1, packets.Welcome(2, 2, b"VIRTUAL1", bytes(8), 1000, 0, 255, u16(32768, 32768), 50).body()
+    ),
+    "CONFIGURE": framed(Kind.CONFIGURE, 2, packets.configure(70, Reach.RAMP, u16(32768, 32768), u16(262, 262))),
+    "ARM": framed(Kind.ARM, 3),
+    "STATE": framed(Kind.STATE, 2, packets.state(DeviceState.ARMED, Kind.ARM)),
+    "COMMAND": framed(Kind.COMMAND, 0x0102, packets.command(1000, u16(0, 65535), timed=True)),
+    "SYNC": framed(Kind.SYNC, 5, (123456).to_bytes(4, "little")),
+    "SYNCED": framed(Kind.SYNCED, 3, packets.Synced(123456, 2000, 2, 1, 4, 0, 0, 0, 0).body()),
+    "SAFE": framed(Kind.SAFE, 6),
+    "NACK": framed(Kind.NACK, 4, packets.nack(6, Nack.NOT_ARMED)),
+    "TOUCH": framed(Kind.TOUCH, 5, packets.touch(3000, True, 0.25, -0.5)),
+    "maestro": by_adapter("maestro"),
+    "servo-animation": by_adapter("servo-animation"),
+    "osc": by_adapter("osc"),
+    "torque": torque.HEAD.pack(torque.TO_BOARD, 1) + np.array([0.001, -0.002], "<f4").tobytes(),
+    "torque answer": torque.HEAD.pack(torque.FROM_BOARD, 1) + np.array([0.1, -0.1], "<f4").tobytes(),
+}
+
+
+@pytest.mark.parametrize("name", sorted(MADE))
+def test_byte_vectors(name: str) -> None:
+    assert VECTORS[name] == MADE[name].hex(" ")
+
+
+def test_every_vector_is_held_against_something_and_every_kind_has_one() -> None:
+    assert set(VECTORS) == set(MADE)
+    assert {kind.name for kind in Kind} <= set(VECTORS)
+
+
+def test_the_page_reads_as_the_header_layout_says() -> None:
+    """By hand, from the page's words alone: COBS by its definition, kind, session, sequence, body, CRC-32."""
+    data = bytes.fromhex(VECTORS["COMMAND"])
+    assert data[0] == data[-1] == 0
+    plain, at = bytearray(), 1
+    while at < len(data) - 1:
+        code = data[at]
+        plain += data[at + 1 : at + code]
+        at += code
+        if at < len(data) - 1:
+            plain.append(0)
+    kind, session, sequence, play, flags, first, second = struct.unpack("<BBHIBHH", plain[:-4])
+    assert (kind, session, sequence, play, flags, first, second) == (5, 7, 0x0102, 1000, 1, 0, 65535)
+
+
+def test_kinds_states_and_reasons_are_numbered_as_the_page_says() -> None:
+    rows = dict(re.findall(r"^\| ([0-9a-f]{2}) ([A-Z]+) \|", PAGE, re.M))
+    assert {int(number, 16): name for number, name in rows.items()} == {k.value: k.name for k in Kind}
+    for enum, words in ((DeviceState, "States"), (Reach, "Reach"), (Nack, "Reasons")):
+        text = re.search(rf"{words}: ([^.]*)\.", PAGE)
+        assert text is not None
+        told = {int(n): name for n, name in re.findall(r"(\d) ([a-z ]+)", text[1].replace("\n", " "))}
+        assert told == {k.value: k.name.lower().replace("_", " ") for k in enum}
+
+
+def test_times_ports_faults_and_options_are_the_codes_own() -> None:
+    assert f"silent for {native.SILENCE_ARMED * 1e3:g} ms" in PAGE and f"every {native.SYNC_EVERY * 1e3:g} ms" in PAGE
+    assert f"{native.WATCHDOG_MS} ms of silence" in PAGE
+    for scheme in ("serial:PORT", "socket://h:1", "udp://h:1", "loop://", "spy://loop://", "virtual:"):
+        assert url.Url(scheme).scheme and scheme.partition(":")[0] + ":" in PAGE
+    for fault in faults.NAMES:
+        assert f"`{fault}" in PAGE, fault
+    for name in adapter.NAMES:
+        module, cls, _ = adapter.NAMES[name]
+        made = getattr(__import__(f"core.stream.{module}", fromlist=[cls]), cls)
+        for option in made.OPTIONS:
+            assert f"`{option}`" in PAGE, option

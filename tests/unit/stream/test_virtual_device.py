@@ -1,0 +1,182 @@
+"""Real processes over real links: the sender as Blender starts it, virtual devices as programs, and either one killed.
+
+Nothing here measures speed; limits of time are those that safety promises, with the machine's own delay on top.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from core.errors import DermisError
+from core.presets import Library
+from core.stream.client import SenderClient
+from core.stream.links.open_link import open_link
+from core.stream.links.url import Url
+from core.stream.virtual.faults import Faults
+from core.stream.virtual.link import open_link as open_any
+from tests.unit.stream.stream_box import HAPTIP, beating, posix, ready, running, sine_file
+
+pytestmark = pytest.mark.real_time
+
+serial = pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
+
+
+@pytest.fixture
+def boxes() -> Iterator[Any]:
+    """Make virtual devices."""
+    yield from running([])
+
+
+@pytest.fixture
+def track_file(tmp_path: Path) -> str:
+    return sine_file(tmp_path)
+
+
+@posix
+@pytest.mark.parametrize("at", ["pty", "tcp", "udp"])
+def test_the_way_from_blender_to_the_device(at: str, boxes: Any, track_file: str) -> None:
+    box = boxes(at)
+    with SenderClient() as client:
+        ready(client, box.url, track=track_file, ramp=0.1, look_ahead=0.1)
+        assert client.status()["values"] == [0.0, 0.0]
+        beating(client, 0.2)
+        client.arm()
+        beating(client, 0.4)
+        beating(client, 1.0, playing=True)
+        status = client.status()
+        assert status["state"] == "streaming" and status["counters"]["sent"] > 500
+        client.stop()
+        box.safe_at()
+    report = box.end()
+    assert report["received"] > 500 and report["damaged"] == 0 and report["lost"] == 0
+    assert report["state"] == "safe" and max(abs(v) for v in report["values"].values()) < 1e-4
+
+
+def test_what_is_not_there_says_so() -> None:
+    for url, what in (
+        ("/dev/ttyDoesNotExist", "no such port"),
+        ("socket://127.0.0.1:1", "cannot be opened"),
+        ("", "no port is"),
+        ("udp://127.0.0.1", "HOST:PORT"),
+        ("gopher://x", "unknown kind of link"),
+        ("virtual:?loss=2", "impossible"),
+        ("virtual:?stuck=9", "no such actuator"),
+        ("/dev/null?baud=fast", "baud"),
+        ("spy://", "needs the URL"),
+    ):
+        from core.stream.protocols.wire import Wire
+
+        with pytest.raises(DermisError, match=what):
+            open_any(Url(url), Wire.of(Library().device("haptip")))
+
+
+@posix
+def test_nobody_answers(boxes: Any) -> None:
+    box = boxes("pty", "osc")
+    with SenderClient() as client:
+        client.connect(box.url, "native", "haptip", HAPTIP)
+        assert "nobody answered" in client.wait("fault", 10)["words"]
+
+
+def test_loop_and_spy(tmp_path: Path) -> None:
+    record = tmp_path / "record.txt"
+    none = lambda url: pytest.fail("no virtual device was asked for")  # noqa: E731
+    link = open_link(Url(f"spy://loop://?file={record}"), none, 115_200)
+    assert link.send(b"\x01\x02") and link.receive() == [b"\x01\x02"] and link.receive() == []
+    link.close()
+    assert [line[13:] for line in record.read_text().splitlines()] == ["TX 01 02", "RX 01 02"]
+
+
+@pytest.mark.parametrize("protocol", ["native", "maestro", "servo-animation", "torque", "osc"])
+def test_the_device_in_the_box_speaks_every_protocol(protocol: str) -> None:
+    with SenderClient() as client:
+        client.connect("virtual:", protocol, "haptip", HAPTIP, mode="jog", jog={"pulley_1": 0.2}, ramp=0.0)
+        client.wait("ready", 10)
+        client.arm()
+        end = time.monotonic() + 8
+        while time.monotonic() < end:
+            beating(client, 0.05)
+            told = client.status().get("received", {}).get("values", {})
+            if abs(told.get("pulley_1", 0.0) - 0.2) < 0.005:
+                break
+        assert told["pulley_1"] == pytest.approx(0.2, abs=0.005) and abs(told["pulley_2"]) < 0.005
+        status = client.status()
+        assert status["watchdog"] == (protocol == "native")
+        assert bool(status["caution"]) == (protocol != "native"), "without a watchdog a person is told"
+
+
+def test_a_stuck_actuator_shows_in_what_the_device_reports() -> None:
+    with SenderClient() as client:
+        client.connect("virtual:?stuck=1", "native", "haptip", HAPTIP, mode="follow", ramp=0.0)
+        client.beat()
+        client.wait("ready", 10)
+        client.arm()
+        beating(client, 0.5, values=(0.2, 0.2))
+        told = client.status()["received"]["values"]
+        assert told["pulley_1"] == pytest.approx(0.2, abs=1e-3) and abs(told["pulley_2"]) < 1e-3
+
+
+def test_loss_and_corruption_are_counted_and_survived(track_file: str) -> None:
+    with SenderClient() as client:
+        url = "virtual:?loss=0.05&corrupt=0.001&seed=3"
+        client.connect(url, "native", "haptip", HAPTIP, track=track_file, ramp=0.0)
+        client.beat()
+        client.wait("ready", 10)
+        client.arm()
+        beating(client, 1.5, playing=True)
+        status = client.status()
+        assert status["state"] == "streaming", status["words"]
+        told = status["received"]
+        assert told["lost"] > 10 and told["damaged"] > 0
+        assert 0.80 < told["received"] / status["counters"]["sent"] < 0.98
+
+
+def test_faults_do_what_they_say() -> None:
+    faults = Faults(loss=0.25, delay=0.01, seed=5)
+    for k in range(4000):
+        faults.put(bytes((k % 256,)), k * 1e-3)
+    assert faults.get(0.0) == []
+    assert len(faults.get(1e9)) / 4000 == pytest.approx(0.75, abs=4 * (0.25 * 0.75 / 4000) ** 0.5)
+
+
+def test_a_finger_on_the_virtual_panel_is_answered_through_a_real_sender(tmp_path: Path) -> None:
+    """A map from a file, a finger that circles: uphill there is a voltage, downhill none, and it started at 0 V."""
+    from core.devices.friction_screen import FrictionScreen
+    from core.matching.screen_map import ScreenMap
+
+    x = (np.arange(64) + 0.5) / 64 * 0.1 - 0.05
+    heights = np.broadcast_to((0.5 * x).astype(np.float32), (1, 64, 64)).copy()
+    screen = FrictionScreen.of(Library().device("electrovibration"))
+    made = ScreenMap(
+        heights, (0.1, 0.1), 1.0, screen, scale=120.0, lowest=float(heights.min()), highest=float(heights.max())
+    )
+    made.save(tmp_path / "ramp.map.npz")
+    preset = Library().load("devices", "electrovibration")
+    with SenderClient() as client:
+        client.connect(
+            "virtual:?finger=1",
+            "native",
+            "electrovibration",
+            preset,
+            mode="panel",
+            ramp=0.0,
+            screen=str(tmp_path / "ramp.map.npz"),
+        )
+        client.beat()
+        client.wait("ready", 10)
+        beating(client, 0.3)
+        assert client.status()["received"]["values"]["amplitude"] == 0.0, "nothing before arming"
+        client.arm()
+        seen = []
+        for _ in range(70):  # a turn takes 3.1 s
+            beating(client, 0.05)
+            seen.append(client.status()["received"]["values"]["amplitude"])
+        assert client.status()["armed"], client.status()["words"]
+    steepest = 10 ** (1.05 / 1.24) * 60 ** (1 / 1.24)  # log10 f = 1.24 log10 V - 1.05 at f = 120 * 0.5
+    assert max(seen) == pytest.approx(steepest, rel=0.02) and min(seen) == 0.0

@@ -1,10 +1,97 @@
-"""The one place that knows where the engine lives."""
+"""The one place that knows where the engine lives.
+
+`core.matching.pins` loads that module when it is first asked for, so that registering the add-on stays light; the
+types that mypy sees are the engine's own.
+"""
 
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING or not __package__.startswith("bl_ext."):
-    import core  # source checkout, pytest: sibling of this package
-else:
-    from . import core  # installed extension: build_addon.py puts core/ inside the package
-
 PACKAGE: str = __package__  # of the add-on; the three-part name in an installed extension, and no other will do there
+
+if TYPE_CHECKING:
+    import core.cache
+    import core.command_line.thimble
+    import core.contact.compliant_bone
+    import core.contact.resultants
+    import core.contact.skin_touch
+    import core.contact.solver.bodies
+    import core.contact.solver.cone
+    import core.contact.surfaces
+    import core.design.collect
+    import core.design.interactions
+    import core.design.picture
+    import core.design.report
+    import core.design.task
+    import core.devices.calibration
+    import core.devices.coupling
+    import core.devices.pin_array
+    import core.devices.reach
+    import core.devices.safe_state
+    import core.devices.shear_tactor
+    import core.devices.spec
+    import core.devices.thimble
+    import core.effects.depth_map
+    import core.files
+    import core.foreign
+    import core.images
+    import core.matching
+    import core.matching.deformation
+    import core.matching.lookup
+    import core.matching.pin_report
+    import core.matching.pins
+    import core.matching.platforms
+    import core.matching.press_test
+    import core.matching.replay
+    import core.matching.stimulus_plot
+    import core.matching.table
+    import core.matching.thimble
+    import core.matching.thimble_use
+    import core.motion
+    import core.npz
+    import core.pipeline.outputs
+    import core.pipeline.render
+    import core.plot.stimuli
+    import core.presets
+    import core.scene.scene_file
+    import core.scene.sliding
+    import core.scene.tactile_scene
+    import core.skin.blas
+    import core.skin.model
+    import core.skin.own_mesh
+    import core.skin.shape
+    import core.skin.stimulus
+    import core.stream.client
+    import core.stream.links.serial_port
+    import core.stream.links.url
+    import core.stream.protocols.adapter
+    import core.surrogate.store
+    import core.track.binary
+    import core.track.check
+    import core.track.command_track
+    import core.track.export
+    import core.track.file_names
+    import core.work
+    from core.errors import DermisError, Finding, worst
+else:
+    from importlib import import_module
+    from types import ModuleType
+
+    class _Package:
+        """A package of the engine whose modules load when they are first asked for."""
+
+        def __init__(self, package: ModuleType) -> None:
+            self._package = package
+
+        def __getattr__(self, name: str) -> object:
+            try:
+                value = getattr(self._package, name)
+            except AttributeError:
+                value = import_module(f"{self._package.__name__}.{name}")
+            if not isinstance(value, ModuleType):
+                return value  # not kept: what is replaced in the engine is replaced here
+            made = self.__dict__[name] = _Package(value) if hasattr(value, "__path__") else value
+            return made
+
+    # an installed extension holds the engine inside; a source checkout beside it
+    core = _Package(import_module(".core", PACKAGE) if PACKAGE.startswith("bl_ext.") else import_module("core"))
+    DermisError, Finding, worst = core.DermisError, core.Finding, core.worst

@@ -11,18 +11,14 @@ import re
 import sys
 import traceback
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import bpy
 
 from . import jobs
-from ._core import core
+from ._core import DermisError, core, worst
 from .sampling import scene_sweep
-
-_errors = import_module(".errors", core.__name__)
-DermisError = _errors.DermisError
 
 COMMAND = "dermis"
 LAST_FRAME = 1048574  # Blender's; its first is the same below zero
@@ -38,7 +34,7 @@ def main(arguments: Sequence[str]) -> int:
         return stop.code if isinstance(stop.code, int) else 2
     try:
         if getattr(options, "presets", None) is not None:
-            import_module(".files", core.__name__).check_folder(options.presets)
+            core.files.check_folder(options.presets)
         return int(options.run(options))
     except DermisError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -57,14 +53,14 @@ def render(options: argparse.Namespace) -> int:
     names = [s.name for s in bpy.data.scenes if any(o.dermis.role == "FINGER" for o in s.objects)]
     if not names:
         raise DermisError("no scene has a finger", where=options.blend, remedy="Make an object a finger")
-    file_names = import_module(".track.file_names", core.__name__)
+    file_names = core.track.file_names
     taken = file_names.FileNames()
     folders = {name: taken.take(file_names.safe(bpy.path.clean_name(name))) for name in names}
     return max(_render(options, bpy.data.scenes[name], Path(options.out) / folder) for name, folder in folders.items())
 
 
 def _render(options: argparse.Namespace, scene: bpy.types.Scene, folder: Path) -> int:
-    outputs = import_module(".pipeline.outputs", core.__name__)
+    outputs = core.pipeline.outputs
     made = jobs.drain(jobs.bake(scene, _library(options), span=_span(options)), _teller(options))
     _end_of_progress(options)
     if options.format or options.finger or options.part != "all":
@@ -114,7 +110,7 @@ def _parts(
 
 def sample(options: argparse.Namespace) -> int:
     """Sample a file's scene and write it for `python -m core render`."""
-    scene_file = import_module(".scene.scene_file", core.__name__)
+    scene_file = core.scene.scene_file
     scene = _open(options)
     tactile = scene_sweep.sample(scene, span=_span(options))
     try:
@@ -220,7 +216,7 @@ def _span(options: argparse.Namespace) -> tuple[int, int] | None:
 
 def _library(options: argparse.Namespace) -> Any:
     if options.presets:
-        return import_module(".presets", core.__name__).Library(options.presets)
+        return core.presets.Library(options.presets)
     from . import preferences
 
     return preferences.library()
@@ -250,7 +246,7 @@ def _end_of_progress(options: argparse.Namespace) -> None:
 def _status(findings: Sequence[Any]) -> int:
     for finding in findings:
         print(finding, file=sys.stderr)
-    return 1 if _errors.worst(findings) == "error" else 0
+    return 1 if worst(findings) == "error" else 0
 
 
 def register() -> None:

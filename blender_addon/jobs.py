@@ -6,17 +6,14 @@ import time
 from collections.abc import Callable, Generator
 from contextlib import nullcontext
 from dataclasses import replace
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import bpy
 
 from . import reporting
-from ._core import core
+from ._core import DermisError, core
 from .sampling import scene_sweep
 from .streaming import session
-
-_errors = import_module(".errors", core.__name__)
 
 BUDGET = 0.05
 """[s] of work between two looks at the keyboard."""
@@ -38,7 +35,7 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
     """
     from .devices import platform_devices, skin_models
 
-    pipeline = import_module(".pipeline.render", core.__name__)
+    pipeline = core.pipeline.render
     yield pipeline.Progress("preparing", 0, 1)
     yield from platform_devices.make_missing(scene)
     tactile = scene_sweep.sample(scene, span=span)
@@ -110,7 +107,7 @@ class Job:
         try:
             result = drain(self.steps(context))
             return self.finished(context, result)
-        except _errors.DermisError as error:
+        except DermisError as error:
             return reporting.report_error(self, error, self.job_title)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -149,7 +146,7 @@ class Job:
         except StopIteration as stop:
             self._end(context)
             return self._finish(context, stop.value)
-        except _errors.DermisError as error:
+        except DermisError as error:
             self._end(context)
             return reporting.report_error(self, error, self.job_title)
         except BaseException:
@@ -165,7 +162,7 @@ class Job:
     def _finish(self, context: bpy.types.Context, result: Any) -> set[str]:
         try:
             return self.finished(context, result)
-        except _errors.DermisError as error:
+        except DermisError as error:
             return reporting.report_error(self, error, self.job_title)
 
     def _tell(self, context: bpy.types.Context, progress: Any) -> None:

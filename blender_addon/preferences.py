@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 from bpy.props import IntProperty
 
-from ._core import PACKAGE
+from ._core import PACKAGE, core
 
 
 def user_folder(name: str, *, create: bool = False) -> Path:
@@ -29,18 +29,9 @@ def presets_folder() -> Path:
     return user_folder("presets")
 
 
-def library() -> Any:
+def library() -> "core.presets.Library":
     """Return the presets at hand: the built-in ones and the user's own."""
-    return core_module("presets").Library(presets_folder())
-
-
-def core_module(name: str) -> Any:
-    """Return a module of the engine, loading it now."""
-    from importlib import import_module
-
-    from ._core import core
-
-    return import_module(f"{core.__name__}.{name}")
+    return core.presets.Library(presets_folder())
 
 
 class DermisPreferences(bpy.types.AddonPreferences):

@@ -6,14 +6,11 @@ The list lives in this module, for the session only: findings are results, and r
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from importlib import import_module
 from typing import Any
 
 import bpy
 
-from ._core import core
-
-_errors = import_module(".errors", core.__name__)
+from ._core import DermisError, Finding, core, worst
 
 LEVELS = {"info": "INFO", "warning": "WARNING", "error": "ERROR"}
 """Severity of a finding -> type of Blender's report."""
@@ -35,7 +32,7 @@ def source() -> str:
 def show(found: Iterable[Any], what: str = "") -> None:
     """Put findings into the list, the worst first and otherwise in their order; equal ones once."""
     global _findings, _source
-    order = {severity: i for i, severity in enumerate(reversed(_errors.SEVERITIES))}
+    order = {severity: i for i, severity in enumerate(reversed(core.errors.SEVERITIES))}
     unique = {str(f): f for f in found}
     _findings = tuple(sorted(unique.values(), key=lambda f: order[f.severity]))
     _source = what
@@ -49,9 +46,9 @@ def clear() -> None:
 
 def as_finding(error: Exception) -> Any:
     """Return an error as a finding of severity error, so that it stays in the list."""
-    if isinstance(error, _errors.DermisError):
-        return _errors.Finding("error", "refused", error.what, error.where, error.value, error.limit, error.remedy)
-    return _errors.Finding("error", "failed", f"{type(error).__name__}: {error}")
+    if isinstance(error, DermisError):
+        return Finding("error", "refused", error.what, error.where, error.value, error.limit, error.remedy)
+    return Finding("error", "failed", f"{type(error).__name__}: {error}")
 
 
 def report_error(operator: bpy.types.Operator, error: Exception, what: str = "") -> set[str]:
@@ -65,7 +62,7 @@ def report_findings(operator: bpy.types.Operator, found: Sequence[Any], what: st
     """Report that work is done, with the number of findings and the worst of them, and fill the list."""
     show(found, what)
     # Blender turns a report of type ERROR into an exception for scripts: the work was done, so it is a warning.
-    severity = _errors.worst(_findings)
+    severity = worst(_findings)
     if severity in (None, "info"):
         operator.report({"INFO"}, done)
         return

@@ -9,8 +9,8 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from .. import compat, fingertip_mesh
+from .._core import core
 from ..devices import skin_models
-from ..preferences import core_module
 from ..properties import scene_properties
 
 NAME = "Dermis Motors"
@@ -34,7 +34,7 @@ def build(which: str, device: str = DEVICE, seed: int = 0) -> bpy.types.Scene:
     Raises:
         DermisError: there is no such interaction.
     """
-    interactions = core_module("design.interactions")
+    interactions = core.design.interactions
     finger_mesh = fingertip_mesh.mesh(1.0)
     scene = bpy.data.scenes.new(f"{NAME}: {TITLES.get(which, which)}")
     scene.render.fps, scene.render.fps_base = int(interactions.FPS), 1.0
@@ -60,7 +60,7 @@ def build(which: str, device: str = DEVICE, seed: int = 0) -> bpy.types.Scene:
     surface.dermis.role = "TOUCHABLE"
     surface.dermis.material.friction = interactions.FRICTION
     surface.display_type = "BOUNDS"  # the finger is seen through it
-    chunk = touch.chunks[0]
+    (chunk,) = touch.chunks
     _key(surface, chunk.frames, chunk.bodies[0])
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     camera.data.clip_start, camera.data.lens, camera.data.display_size = 0.005, 60.0, 0.02

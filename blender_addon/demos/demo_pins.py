@@ -7,7 +7,7 @@ import numpy as np
 from mathutils import Vector
 
 from .. import compat, fingertip_mesh
-from ..preferences import core_module
+from .._core import core
 from ..properties import scene_properties
 from . import demo_skin
 
@@ -22,7 +22,7 @@ def build(depth: float = 2e-3, friction: float = 0.6, direction: float = 0.0) ->
     Args:
         depth: how deep the plane is pressed [m]. friction: its coefficient. direction: of the movement [rad].
     """
-    sliding = core_module("scene.sliding")
+    sliding = core.scene.sliding
     fps = int(sliding.FPS)
     scene = bpy.data.scenes.new(NAME)
     scene.render.fps, scene.render.fps_base = fps, 1.0

@@ -13,6 +13,7 @@ import numpy as np
 from mathutils import Euler, Vector
 
 from .. import compat
+from .._core import DermisError
 from ..fingertip_mesh import mesh as fingertip_mesh
 from ..properties import scene_properties
 
@@ -220,13 +221,13 @@ def _finger(scene: bpy.types.Scene, name: str, device: str) -> bpy.types.Object:
 
 def _touchable(obj: bpy.types.Object, preset: str, **values: Any) -> None:
     """Take a material preset where there is one, and set what the demo needs whatever it says (SI)."""
-    from ..preferences import core_module, library
+    from ..preferences import library
 
     obj.dermis.role = "TOUCHABLE"
     try:
         scene_properties.apply_parameters(obj.dermis.material, library().material(preset))
         obj.dermis.material.preset = preset
-    except core_module("errors").DermisError:
+    except DermisError:
         pass  # removed by the user: the values below do
     scene_properties.apply_parameters(obj.dermis.material, values)
 

@@ -13,6 +13,7 @@ import numpy as np
 from mathutils import Euler, Vector
 
 from .. import compat
+from .._core import DermisError
 from ..fingertip_mesh import fit
 from ..fingertip_mesh import mesh as fingertip_mesh
 from ..properties import scene_properties, skin_properties
@@ -201,7 +202,7 @@ def _touchable(obj: bpy.types.Object, friction: float, soft: float = 0.0) -> Non
 
 
 def _finger(scene: bpy.types.Scene, name: str, preset: str, level: str) -> bpy.types.Object:
-    from ..preferences import core_module, library
+    from ..preferences import library
 
     obj = bpy.data.objects.new(name, fingertip_mesh(1.0))
     scene.collection.objects.link(obj)
@@ -210,7 +211,7 @@ def _finger(scene: bpy.types.Scene, name: str, preset: str, level: str) -> bpy.t
     try:
         skin_properties.apply_preset(skin, library().skin(preset))
         skin.preset = preset
-    except core_module("errors").DermisError:
+    except DermisError:
         pass  # removed by the user: the defaults do
     fit(obj, scene)  # the window's scene may have another unit
     skin.level, skin.shown = level, True

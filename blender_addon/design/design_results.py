@@ -10,8 +10,9 @@ from typing import Any
 
 import bpy
 
+from .._core import DermisError, core
 from ..devices import platform_devices, skin_models
-from ..preferences import core_module, library, presets_folder, user_folder
+from ..preferences import library, presets_folder, user_folder
 from ..properties import skin_properties
 from ..results import store
 
@@ -46,23 +47,22 @@ def find(scene: bpy.types.Scene) -> Generator[Any, None, Any]:
         DermisError: nothing to render, a scene without a bake, a recording or table that cannot be used, skins of
             different fingers, or a touch that never touches.
     """
-    errors, settings = core_module("errors"), scene.dermis_design
-    task, progress = core_module("design.task"), core_module("pipeline.render").Progress
+    settings = scene.dermis_design
+    task, progress = core.design.task, core.pipeline.render.Progress
     spec = platform_devices.spec_of(settings.device)
     if spec is None:
-        raise errors.DermisError(
+        raise DermisError(
             "not a platform's preset",
             where="How Many Motors?",
             value=settings.device,
             limit="a cable platform or a six-leg platform",
         )
-    core_module("devices.coupling").refuse_coupled(spec)
+    core.devices.coupling.refuse_coupled(spec)
     yield progress("touches", 0, 1)
     sensed, skin = touches(scene)
     model = None
     if settings.table:
-        steps = task.table_for(spec, None, platform_devices.folder(), file=Path(bpy.path.abspath(settings.table)))
-        table = yield from _told(steps)
+        table = task.load_table(spec, Path(bpy.path.abspath(settings.table)))
         if skin is not None:
             with skin_models.one_thread():
                 model = skin_models.get(skin["skin"], skin["level"], wait=True)
@@ -70,8 +70,7 @@ def find(scene: bpy.types.Scene) -> Generator[Any, None, Any]:
         if skin is None:
             skin = {"skin": {}, "level": "draft"}
         model, table = yield from platform_devices.swept(spec, skin["skin"], skin["level"], settings.table_rows)
-    steps = task.answer(spec, table, sensed, noise=settings.noise, skin=model, spread=not settings.table)
-    return (yield from _told(steps))
+    return (yield from task.answer(spec, table, sensed, noise=settings.noise, skin=model, spread=not settings.table))
 
 
 def touches(scene: bpy.types.Scene) -> tuple[dict[str, Any], dict[str, Any] | None]:
@@ -80,7 +79,7 @@ def touches(scene: bpy.types.Scene) -> tuple[dict[str, Any], dict[str, Any] | No
     Raises:
         DermisError: an empty list, a scene without a bake of a skin, different skins, or an unusable recording.
     """
-    errors, task, settings = core_module("errors"), core_module("design.task"), scene.dermis_design
+    task, settings = core.design.task, scene.dermis_design
     sensed: dict[str, Any] = {}
     skin: dict[str, Any] | None = None
     for number, item in enumerate(settings.touches):
@@ -90,7 +89,7 @@ def touches(scene: bpy.types.Scene) -> tuple[dict[str, Any], dict[str, Any] | No
         else:
             own, found = _baked(item.scene, settings, number)
             if skin is not None and own != skin:
-                raise errors.DermisError(
+                raise DermisError(
                     "its finger has another skin than the scenes before",
                     where=f"scene '{item.scene.name}'",
                     remedy="Use one size and accuracy of skin",
@@ -98,12 +97,10 @@ def touches(scene: bpy.types.Scene) -> tuple[dict[str, Any], dict[str, Any] | No
             skin = own
         for name, values in found.items():
             if name in sensed:
-                raise errors.DermisError("two touches have one name", where="How Many Motors?", value=name)
+                raise DermisError("two touches have one name", where="How Many Motors?", value=name)
             sensed[name] = values
     if not sensed:
-        raise errors.DermisError(
-            "no touch is chosen", where="How Many Motors?", remedy="Add a baked scene or a recording"
-        )
+        raise DermisError("no touch is chosen", where="How Many Motors?", remedy="Add a baked scene or a recording")
     return sensed, skin
 
 
@@ -113,7 +110,7 @@ def make_preset(scene: bpy.types.Scene, found: Any) -> str:
     Raises:
         DermisError: more motors than the device has, or a folder that cannot be written.
     """
-    report, settings = core_module("design.report"), scene.dermis_design
+    report, settings = core.design.report, scene.dermis_design
     made = report.preset(found, settings.choice, settings.motors or None)
     count = len(made["channels"])
     names = "_".join(re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") for name in found.names)[:40].strip("_")
@@ -129,14 +126,14 @@ def make_preset(scene: bpy.types.Scene, found: Any) -> str:
 
 def preset_findings(key: str) -> tuple[Any, ...]:
     """Return what makes a device preset unfit for streaming."""
-    return tuple(core_module("devices.safe_state").safe_findings(library().device(key)))
+    return tuple(core.devices.safe_state.safe_findings(library().device(key)))
 
 
 def keep(scene: bpy.types.Scene, found: Any, preset: str) -> Answer:
     """Draw the picture, load it as an image of the file, and remember what was found."""
     folder = user_folder("designs", create=True)
     picture = folder / f"{re.sub(r'[^A-Za-z0-9_-]+', '_', scene.name)}.png"
-    core_module("design.picture").write_picture(found, picture)
+    core.design.picture.write_picture(found, picture)
     image = bpy.data.images.get(IMAGE)
     if image is None:
         image = bpy.data.images.load(str(picture))
@@ -155,13 +152,9 @@ def save(scene: bpy.types.Scene, folder: Path) -> tuple[Path, ...]:
     """
     answer, settings = current(scene), scene.dermis_design
     if answer is None:
-        raise core_module("errors").DermisError(
-            "nothing was found yet", where="How Many Motors?", remedy="Press How Many Motors?"
-        )
+        raise DermisError("nothing was found yet", where="How Many Motors?", remedy="Press How Many Motors?")
     motors = settings.motors or None
-    written: tuple[Path, ...] = core_module("design.task").write(
-        answer.design, folder, choice=settings.choice, motors=motors
-    )
+    written: tuple[Path, ...] = core.design.task.write(answer.design, folder, choice=settings.choice, motors=motors)
     return written
 
 
@@ -171,14 +164,14 @@ def forget() -> None:
 
 
 def _baked(scene: bpy.types.Scene, settings: Any, number: int) -> tuple[dict[str, Any], dict[str, Any]]:
-    errors, result = core_module("errors"), store.current(scene)
+    result = store.current(scene)
     where = f"scene '{scene.name}'"
     if result is None:
-        raise errors.DermisError("the scene is not baked", where=where, remedy="Bake it first")
+        raise DermisError("the scene is not baked", where=where, remedy="Bake it first")
     skins = result.bake.skins
     name = settings.finger or next(iter(skins), "")
     if name not in skins:
-        raise errors.DermisError(
+        raise DermisError(
             "the bake has no such skin",
             where=where,
             value=settings.finger or None,
@@ -188,10 +181,10 @@ def _baked(scene: bpy.types.Scene, settings: Any, number: int) -> tuple[dict[str
     if kept is None:
         obj = scene.objects.get(name)
         if obj is None:
-            raise errors.DermisError("the finger is gone", where=where, value=name, remedy="Bake again")
+            raise DermisError("the finger is gone", where=where, value=name, remedy="Bake again")
         values = skin_properties.parameters(obj.dermis.finger.skin)
         kept = {"skin": values["skin"], "level": values["skin_level"]}
-    sensed = core_module("design.task").sense_touch(skins[name], noise=settings.noise, seed=number)
+    sensed = core.design.task.sense_touch(skins[name], noise=settings.noise, seed=number)
     title = scene.name.split(":")[-1].strip()
     return {"skin": dict(kept["skin"]), "level": str(kept["level"])}, {title: sensed}
 

@@ -8,7 +8,8 @@ from typing import Any
 import bpy
 
 from .. import handlers
-from ..preferences import core_module, library
+from .._core import DermisError
+from ..preferences import library
 
 MOST = 16
 _specs: dict[tuple[str, int], Any] = {}
@@ -22,7 +23,7 @@ def spec_of(preset: str, kinds: Collection[str]) -> Any | None:
             _specs.clear()
         try:
             _specs[key] = library().device(preset)
-        except core_module("errors").DermisError:
+        except DermisError:
             _specs[key] = None
     spec = _specs[key]
     return spec if spec is not None and spec.kind in kinds else None

@@ -13,7 +13,8 @@ from typing import Any
 
 import bpy
 
-from ..preferences import core_module, user_folder
+from .._core import DermisError, core
+from ..preferences import user_folder
 from ..properties import skin_properties
 from . import active_presets, skin_models
 
@@ -59,14 +60,14 @@ def table(obj: bpy.types.Object, device: Any) -> Any | None:
         return None
     path = bpy.path.abspath(device.table) if device.table else ""
     with skin_models.one_thread():
-        return core_module("matching.lookup").table_at_hand(model, spec, path, device.table_rows)
+        return core.matching.lookup.table_at_hand(model, spec, path, device.table_rows)
 
 
 def missing(obj: bpy.types.Object, device: Any) -> bool:
     """Tell whether a platform waits for its table; one that cannot be read is not missing: rendering says why."""
     try:
         return spec_of(device.preset) is not None and table(obj, device) is None
-    except core_module("errors").DermisError:
+    except DermisError:
         return False
 
 
@@ -85,12 +86,10 @@ def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
     Raises:
         DermisError: no platform, a skin that cannot be made, or a sweep that fails.
     """
-    errors, progress = core_module("errors"), core_module("pipeline.render").Progress
+    progress = core.pipeline.render.Progress
     spec = spec_of(device.preset)
     if spec is None:
-        raise errors.DermisError(
-            "the finger wears no platform", where=f"finger '{obj.name}'", remedy="Add one under Devices"
-        )
+        raise DermisError("the finger wears no platform", where=f"finger '{obj.name}'", remedy="Add one under Devices")
     yield progress("skin", 0, 1)
     skin, rows = skin_properties.parameters(obj.dermis.finger.skin), int(device.table_rows)
     steps = swept(spec, skin["skin"], skin["skin_level"], rows)
@@ -99,7 +98,7 @@ def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
             yield next(steps)
         except StopIteration as stop:
             model, made = stop.value
-            core_module("matching.lookup").keep_table(model, spec, rows, made)
+            core.matching.lookup.keep_table(model, spec, rows, made)
             return made
 
 
@@ -113,7 +112,7 @@ def make_missing(scene: bpy.types.Scene) -> Generator[Any, None, None]:
             if device.enabled and missing(obj, device):
                 try:
                     yield from make(obj, device)
-                except core_module("errors").DermisError:
+                except DermisError:
                     continue
 
 
@@ -123,13 +122,13 @@ def swept(spec: Any, skin: dict[str, Any], level: str, rows: int | None) -> Gene
     Raises:
         DermisError: a skin that cannot be made, or a sweep that fails.
     """
-    progress = core_module("pipeline.render").Progress
+    progress = core.pipeline.render.Progress
     with skin_models.one_thread():
         model = skin_models.get(skin, level, wait=True)
     material = {k: float(v) for k, v in skin.items() if k in ("young", "poisson", "alpha")}
     lengths = {k: v for k, v in skin.items() if k not in material}
-    shape = core_module("skin.shape").shape_from_parameters(lengths)
-    steps = core_module("design.collect").collect(
+    shape = core.skin.shape.shape_from_parameters(lengths)
+    steps = core.design.collect.collect(
         spec, shape, folder(), level=level, rows=rows, workers=WORKERS, material=material
     )
     try:

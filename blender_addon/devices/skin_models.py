@@ -9,11 +9,12 @@ from __future__ import annotations
 import json
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Literal, overload
 
 import bpy
 
-from ..preferences import core_module, user_folder
+from .._core import DermisError, core
+from ..preferences import user_folder
 
 LIMIT_BYTES = 4_000_000_000
 MOST = 8
@@ -21,7 +22,7 @@ SLOW = ("fine",)
 POLL = 0.1
 
 _threads: list[Any] = []
-_models: dict[str, Any] = {}
+_models: dict[str, core.skin.model.SkinModel] = {}
 _making: dict[str, tuple[Any, Generator[tuple[int, int], None, Any]]] = {}
 _progress: dict[str, float] = {}
 _failed: dict[str, Exception] = {}
@@ -29,7 +30,7 @@ _failed: dict[str, Exception] = {}
 
 def cache() -> Any:
     """Return the size-capped folder of condensed skins."""
-    return core_module("cache").Cache(user_folder("skins", create=True), LIMIT_BYTES)
+    return core.cache.Cache(user_folder("skins", create=True), LIMIT_BYTES)
 
 
 @contextmanager
@@ -41,7 +42,7 @@ def one_thread() -> Iterator[None]:
     if not _threads:
         import scipy.linalg  # noqa: F401  # so that its library is there to be found
 
-        _threads.extend(core_module("skin.blas").controls())
+        _threads.extend(core.skin.blas.controls())
     before = [(put, read()) for read, put in _threads]
     try:
         for put, _ in before:
@@ -54,19 +55,29 @@ def one_thread() -> Iterator[None]:
 
 def wanted(tactile: Any, presets: Any) -> bool:
     """Tell whether a sampled scene's rendering solves skins: because they are shown, or a device is driven by them."""
-    errors, kinds = core_module("errors"), core_module("matching").SKIN_KINDS
+    kinds = core.matching.SKIN_KINDS
     if any(f.parameters.get("skin_shown") for f in tactile.fingers):
         return True
     for key in {device.preset for f in tactile.fingers for device in f.devices}:
         try:
             if presets.device(key).kind in kinds:
                 return True
-        except errors.DermisError:
+        except DermisError:
             continue  # rendering says why it is left out
     return False
 
 
-def get(skin: Mapping[str, float], level: str, *, where: str = "skin", wait: bool = False) -> Any | None:
+@overload
+def get(
+    skin: Mapping[str, float], level: str, *, where: str = ..., wait: Literal[True]
+) -> core.skin.model.SkinModel: ...
+@overload
+def get(
+    skin: Mapping[str, float], level: str, *, where: str = ..., wait: bool = ...
+) -> core.skin.model.SkinModel | None: ...
+def get(
+    skin: Mapping[str, float], level: str, *, where: str = "skin", wait: bool = False
+) -> core.skin.model.SkinModel | None:
     """Return a skin's model, or None while it is being made.
 
     Args:
@@ -84,7 +95,7 @@ def get(skin: Mapping[str, float], level: str, *, where: str = "skin", wait: boo
         if level in SLOW and not wait and not bpy.app.background and not _finished(key):
             _begin(key, skin, level)
             return None
-        model = core_module("skin.model").skin_from_parameters(skin, level=level, cache=cache(), where=where)
+        model = core.skin.model.skin_from_parameters(skin, level=level, cache=cache(), where=where)
         while len(_models) >= MOST:
             _models.pop(next(iter(_models)))
     else:
@@ -128,7 +139,7 @@ def _begin(key: str, skin: Mapping[str, float], level: str) -> None:
     """Let a child process put a skin into the cache, and look after it now and then."""
     if key in _making:
         return
-    worker = core_module("work").Worker()
+    worker = core.work.Worker()
     folder = str(cache().folder)
     _making[key] = (
         worker,
@@ -152,7 +163,7 @@ def _tick() -> float | None:
             _progress[key] = 1.0
             del _making[key]
             worker.close()
-        except core_module("errors").DermisError as error:
+        except DermisError as error:
             _failed[key] = error
             _progress.pop(key, None)
             del _making[key]

@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from ..preferences import core_module
+from .._core import DermisError, core
 from ..properties import skin_properties
 from . import skin_models, thimble_devices
 
@@ -30,10 +30,8 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
     device = thimble_devices.device_of(obj)
     spec = thimble_devices.spec_of(device.preset) if device is not None else None
     if device is None or spec is None:
-        raise core_module("errors").DermisError(
-            "the finger wears no thimble", where=f"finger '{obj.name}'", remedy="Add one under Devices"
-        )
-    progress = core_module("pipeline.render").Progress
+        raise DermisError("the finger wears no thimble", where=f"finger '{obj.name}'", remedy="Add one under Devices")
+    progress = core.pipeline.render.Progress
     skin = skin_properties.parameters(obj.dermis.finger.skin)
     use = {k: v for k, v in thimble_devices.parameters_of(device).items() if k.startswith("thimble_")}
     folder = thimble_devices.folder(create=True)
@@ -50,10 +48,10 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
     yield progress("starting", 0, 1)
     with skin_models.one_thread():
         model = skin_models.get(skin["skin"], skin["skin_level"], where=where, wait=True)
-        uses = core_module("matching.thimble_use")
-        target = core_module("surrogate.store").place_of(folder, model, *uses.fitted(spec, model, use))
+        uses = core.matching.thimble_use
+        target = core.surrogate.store.place_of(folder, model, *uses.fitted(spec, model, use))
     older, done = target.is_file(), False
-    worker = core_module("work").Worker()
+    worker = core.work.Worker()
     steps = worker.run("adapt", {}, parameters)
     try:
         while True:
@@ -82,11 +80,12 @@ def status(device: Any, model: Any) -> dict[str, Any] | None:
     changed = path.stat().st_mtime
     known = _told.get(path)
     if known is None or known[0] != changed:
-        errors, npz, foreign = core_module("errors"), core_module("npz"), core_module("foreign")
+        npz = core.npz
+        foreign = core.foreign
         try:
             with npz.opened_npz(path) as archive:
                 meta = foreign.json_of(archive.array("meta").tobytes(), str(path))
-        except errors.DermisError:  # the bake says what is wrong
+        except DermisError:  # the bake says what is wrong
             meta = {}
         meta = meta if isinstance(meta, dict) else {}
         known = _told[path] = (changed, meta)

@@ -8,7 +8,8 @@ from typing import Any
 
 import bpy
 
-from ..preferences import core_module, user_folder
+from .._core import DermisError, core
+from ..preferences import user_folder
 from ..properties import scene_properties
 from . import active_presets, skin_models
 
@@ -50,14 +51,14 @@ def used(device: Any, model: Any) -> Any:
     """
     spec = spec_of(device.preset)
     if spec is None:
-        raise core_module("errors").DermisError("no such thimble", where="thimble", value=device.preset)
+        raise DermisError("no such thimble", where="thimble", value=device.preset)
     values = {k: v for k, v in parameters_of(device).items() if k.startswith("thimble_")}
     key = json.dumps([spec.hash, model.key, repr(model.material), values], sort_keys=True)
     if key not in _uses:
         while len(_uses) >= MOST:
             _uses.pop(next(iter(_uses)))
         with skin_models.one_thread():
-            _uses[key] = core_module("matching.thimble_use").prepare(spec, model, values, device.preset)
+            _uses[key] = core.matching.thimble_use.prepare(spec, model, values, device.preset)
     return _uses[key]
 
 
@@ -67,7 +68,7 @@ def adapted(device: Any, model: Any) -> Path | None:
     Raises:
         DermisError: a preset or settings that cannot be used.
     """
-    module, spec = core_module("matching.thimble_use"), spec_of(device.preset)
+    module, spec = core.matching.thimble_use, spec_of(device.preset)
     if spec is None:
         return None
     fitted, friction = module.fitted(spec, model, scene_properties.parameters(device))

@@ -10,7 +10,8 @@ import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
 from .. import reporting
-from ..preferences import core_module, user_folder
+from .._core import DermisError
+from ..preferences import user_folder
 from ..streaming import board_identity, built_devices, calibration_offers, device_calibration
 from .stream import File, Streaming
 
@@ -77,7 +78,7 @@ class DERMIS_OT_calibration_keep(Named, bpy.types.Operator):
         """Propose what is known."""
         try:
             one = device_calibration.worn_by(context.scene)
-        except core_module("errors").DermisError as error:
+        except DermisError as error:
             return reporting.report_error(self, error, "Streaming")
         answered = board_identity.answered()
         self.name = one.made.name if one is not None else ""
@@ -159,7 +160,7 @@ class DERMIS_OT_calibration_save(File, bpy.types.Operator):
         """Write the file."""
         path = Path(bpy.path.abspath(self.filepath))
         if not path.name:
-            raise core_module("errors").DermisError("no name for the file", value=self.filepath)
+            raise DermisError("no name for the file", value=self.filepath)
         if path.suffix.lower() != ".json":  # appended: what follows the last dot of a name may be a part of it
             path = path.with_name(f"{path.name}.json")
         device_calibration.export(context.scene, path)

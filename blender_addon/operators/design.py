@@ -8,10 +8,10 @@ import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
 from .. import handlers, jobs, reporting
+from .._core import DermisError
 from ..demos import demo_motors
 from ..design import design_results
 from ..devices import platform_devices
-from ..preferences import core_module
 from ..preview import device_preview, platform_preview
 
 
@@ -160,7 +160,7 @@ class DERMIS_OT_design_preset(bpy.types.Operator):
             return {"CANCELLED"}
         try:
             key = design_results.make_preset(context.scene, answer.design)
-        except core_module("errors").DermisError as error:
+        except DermisError as error:
             return reporting.report_error(self, error, self.bl_label)
         design_results.keep(context.scene, answer.design, key)
         findings = design_results.preset_findings(key)
@@ -216,7 +216,7 @@ class DERMIS_OT_save_design(bpy.types.Operator):
         """Write the files."""
         try:
             written = design_results.save(context.scene, Path(bpy.path.abspath(self.directory)))
-        except core_module("errors").DermisError as error:
+        except DermisError as error:
             return reporting.report_error(self, error, self.bl_label)
         self.report({"INFO"}, f"Wrote {len(written)} files to {self.directory}")
         return {"FINISHED"}

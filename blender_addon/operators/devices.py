@@ -7,7 +7,8 @@ import bpy
 from bpy.props import StringProperty
 
 from .. import animation_paths, handlers, reporting
-from ..preferences import core_module, library
+from .._core import DermisError
+from ..preferences import library
 from ..properties import scene_properties
 
 
@@ -50,15 +51,14 @@ class DERMIS_OT_add_device(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it, if its preset can be used."""
-        errors = core_module("errors")
         obj = _finger(context, self.finger)
         if obj is None:
             where = f"object '{self.finger}'" if self.finger else ""
-            error = errors.DermisError("not a finger", where=where, remedy="Select a finger")
+            error = DermisError("not a finger", where=where, remedy="Select a finger")
             return reporting.report_error(self, error)
         try:
             library().device(self.preset)
-        except errors.DermisError as error:
+        except DermisError as error:
             return reporting.report_error(self, error, self.bl_label)
         obj.dermis.finger.devices.add().preset = self.preset
         obj.dermis.finger.active_device = len(obj.dermis.finger.devices) - 1

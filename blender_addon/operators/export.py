@@ -8,7 +8,8 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from .. import reporting
-from ..preferences import core_module, library
+from .._core import DermisError, core
+from ..preferences import library
 from ..properties import scene_properties
 from ..results import store, stored_skins
 
@@ -43,7 +44,7 @@ class DERMIS_OT_export_tracks(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Write the files."""
-        errors, outputs = core_module("errors"), core_module("pipeline.outputs")
+        outputs = core.pipeline.outputs
         scene = context.scene
         folder = Path(bpy.path.abspath(self.directory or scene.dermis.output_dir))
         result = store.current(scene)
@@ -52,7 +53,7 @@ class DERMIS_OT_export_tracks(bpy.types.Operator):
             return {"CANCELLED"}
         try:
             if not folder.is_absolute():
-                raise errors.DermisError(
+                raise DermisError(
                     "relative to a file that was never saved",
                     where="output folder",
                     value=str(folder),
@@ -61,12 +62,12 @@ class DERMIS_OT_export_tracks(bpy.types.Operator):
             written = list(outputs.export(result.bake, folder, plots=self.plots)) if result.bake.outputs else []
             written += stored_skins.export(result.bake, folder)
             if not written:
-                raise errors.DermisError(
+                raise DermisError(
                     "neither tracks nor skins to export",
                     where=str(folder),
                     remedy="Give a finger a device, or show its skin, and bake again",
                 )
-        except errors.DermisError as error:
+        except DermisError as error:
             return reporting.report_error(self, error, "Export")
         text = f"Wrote {len(written)} file{'' if len(written) == 1 else 's'} to {folder}"
         if store.state(scene) == "stale":
@@ -96,17 +97,16 @@ class DERMIS_OT_export_scene(bpy.types.Operator):
         """Sample and write."""
         from ..sampling import scene_sweep
 
-        errors = core_module("errors")
         path = Path(bpy.path.abspath(self.filepath))
         if not path.suffix:
             path = path.with_suffix(".npz")
         try:
             tactile = scene_sweep.sample(context.scene)
             try:
-                core_module("scene.scene_file").save(tactile, path)
+                core.scene.scene_file.save(tactile, path)
             finally:
                 tactile.chunks.close()
-        except errors.DermisError as error:
+        except DermisError as error:
             return reporting.report_error(self, error, "Save Sampled Scene")
         found = (*tactile.findings, *tactile.chunks.findings)
         reporting.report_findings(self, found, "Save Sampled Scene", f"Wrote {path}.")
@@ -140,12 +140,12 @@ class DERMIS_OT_export_screen_maps(bpy.types.Operator):
         """Write the files."""
         from ..sampling import scene_sweep
 
-        errors, outputs = core_module("errors"), core_module("pipeline.outputs")
+        outputs = core.pipeline.outputs
         folder = Path(bpy.path.abspath(self.directory or context.scene.dermis.output_dir))
         try:
             scene = scene_sweep.sample_now(context.scene, context.evaluated_depsgraph_get())
             written = outputs.export_screen_maps(scene, library(), folder)
-        except errors.DermisError as error:
+        except DermisError as error:
             return reporting.report_error(self, error, "Export Screen Maps")
         self.report({"INFO"}, f"Wrote {len(written)} file{'' if len(written) == 1 else 's'} to {folder}")
         return {"FINISHED"}
@@ -160,11 +160,10 @@ class DERMIS_OT_load_result(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Read it."""
-        errors = core_module("errors")
         scene: Any = context.scene
         try:
             result = store.load(scene)
-        except errors.DermisError as error:
+        except DermisError as error:
             return reporting.report_error(self, error, "Stored bake")
         if result is None:
             scene.dermis.bake_key = scene_properties.DermisScene.bl_rna.properties["bake_key"].default

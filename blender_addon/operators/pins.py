@@ -7,8 +7,8 @@ import bpy
 from bpy.props import FloatProperty
 
 from .. import handlers, reporting
+from .._core import DermisError, core
 from ..devices import skin_models
-from ..preferences import core_module
 from ..properties import skin_properties
 from ..results import pin_reports
 
@@ -66,16 +66,16 @@ class DERMIS_OT_press_test(bpy.types.Operator):
         """Fit the factor and give it to the finger."""
         loads = [getattr(self, f"load_{k + 1}") for k in range(len(DEPTHS_MM))]
         read = [(1e-3 * d, f) for d, f in zip(DEPTHS_MM, loads, strict=True) if f != 0.0]
-        calibration = core_module("matching.press_test")
+        calibration = core.matching.press_test
         skin = context.object.dermis.finger.skin
         values = skin_properties.parameters(skin)
         try:
             with skin_models.one_thread():
                 model = skin_models.get({**values["skin"], "alpha": 1.0}, values["skin_level"], wait=True)
                 depths = [d for d, _ in read]
-                modelled = calibration.press_loads(model, depths) if depths else []
+                modelled: Any = calibration.press_loads(model, depths) if depths else []
             fit = calibration.stiffness_factor(depths, [f for _, f in read], modelled)
-        except core_module("errors").DermisError as error:
+        except DermisError as error:
             return reporting.report_error(self, error, self.bl_label)
         skin.alpha = fit.alpha
         handlers.mark_dirty(context.object.name)
@@ -100,12 +100,11 @@ class DERMIS_OT_compare_pins(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Compare."""
-        errors = core_module("errors")
         try:
             reports = pin_reports.compare(context.scene, context.object)
-        except errors.DermisError as error:
+        except DermisError as error:
             return reporting.report_error(self, error, self.bl_label)
-        print(core_module("matching.pin_report").table(reports))
+        print(core.matching.pin_report.table(reports))
         for finding in pin_reports.doubts(context.scene, context.object):
             self.report({"WARNING"}, str(finding).removeprefix("warning: "))
         best = min((r for r in reports if not r.method.endswith("0")), key=lambda r: r.displacement_error)

@@ -7,7 +7,8 @@ import bpy
 from bpy.props import EnumProperty, StringProperty
 
 from .. import handlers, reporting
-from ..preferences import core_module, library
+from .._core import DermisError
+from ..preferences import library
 from ..properties import scene_properties
 
 
@@ -35,12 +36,11 @@ class DERMIS_OT_make_touchable(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Set role and material of every selected mesh."""
-        errors = core_module("errors")
         values: dict[str, Any] = {}
         if self.preset:
             try:
                 values = library().material(self.preset)
-            except errors.DermisError as error:
+            except DermisError as error:
                 return reporting.report_error(self, error, self.bl_label)
         fingers = 0
         for obj in _meshes(context):

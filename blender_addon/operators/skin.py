@@ -7,8 +7,9 @@ import bpy
 from bpy.props import EnumProperty, StringProperty
 
 from .. import handlers, reporting
+from .._core import DermisError
 from ..devices import skin_models
-from ..preferences import core_module, library
+from ..preferences import library
 from ..properties import scene_properties, skin_properties
 from ..viewport import skin_view
 
@@ -64,10 +65,9 @@ class DERMIS_OT_apply_skin(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Set the values."""
-        errors = core_module("errors")
         try:
             values = library().skin(self.preset)
-        except errors.DermisError as error:
+        except DermisError as error:
             return reporting.report_error(self, error, self.bl_label)
         for obj in _fingers(context):
             skin_properties.apply_preset(obj.dermis.finger.skin, values)

@@ -8,8 +8,8 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from .. import reporting
+from .._core import DermisError, core
 from ..panels.text import words
-from ..preferences import core_module
 from ..streaming import agreed_paths, board_identity, session
 
 
@@ -26,7 +26,7 @@ class Streaming:
         """Do it, and report."""
         try:
             said = self.work(context)
-        except core_module("errors").DermisError as error:
+        except DermisError as error:
             return reporting.report_error(self, error, "Streaming")
         if said:
             self.report({"INFO"}, said)
@@ -86,7 +86,7 @@ class DERMIS_OT_stream_disconnect(Streaming, bpy.types.Operator):
     def work(self, context: bpy.types.Context) -> str | None:
         """End the sender; a ramp to the safe state goes on by itself."""
         session.close()
-        return core_module("stream.client").leaving() or None
+        return core.stream.client.leaving() or None
 
 
 class DERMIS_OT_stream_arm(Streaming, bpy.types.Operator):

@@ -9,7 +9,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from .. import reporting
-from ..preferences import core_module, library
+from .._core import DermisError, core
+from ..preferences import library
 from ..results import export_parts, store
 from ..streaming import streamed_track
 from .stream import File
@@ -29,10 +30,10 @@ class DERMIS_OT_load_track(File, bpy.types.Operator):
         before, settings.track_file = settings.track_file, self.filepath
         try:
             track = streamed_track.load_file(context.scene)
-        except core_module("errors").DermisError:
+        except DermisError:
             settings.track_file = before
             raise
-        check = core_module("track.check")
+        check = core.track.check
         found = (*check.preset_findings(track, library()), *check.findings_of(track))
         reporting.show(found, f"Track {Path(self.filepath).name}")
         return f"{track.spec.name}: {len(track.times):,} samples, {track.duration:.2f} s"
@@ -77,7 +78,6 @@ class DERMIS_OT_export_as(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Write the files."""
-        errors = core_module("errors")
         folder = Path(bpy.path.abspath(self.directory))
         finger = (context.object.name if context.object is not None else "") if self.active_only else None
         try:
@@ -85,8 +85,8 @@ class DERMIS_OT_export_as(bpy.types.Operator):
             written, more = export_parts.write_parts(parts, self.form, force=self.force)
             found += more
             if not written:
-                raise errors.DermisError("no track to export", remedy="Select a finger, or export all of them")
-        except errors.DermisError as error:
+                raise DermisError("no track to export", remedy="Select a finger, or export all of them")
+        except DermisError as error:
             return reporting.report_error(self, error, "Export")
         text = f"Wrote {len(written)} file{'' if len(written) == 1 else 's'} to {folder}"
         reporting.report_findings(self, found, "Export", f"{text}." if found else text)
@@ -96,7 +96,7 @@ class DERMIS_OT_export_as(bpy.types.Operator):
         self, context: bpy.types.Context, folder: Path, finger: str | None
     ) -> tuple[list[export_parts.Part], list[Any]]:
         """Return everything that is to be written, of all scenes: no file is written before all ranges are in order."""
-        file_names = core_module("track.file_names")
+        file_names = core.track.file_names
         scenes = [s for s in bpy.data.scenes if store.current(s)] if self.all_scenes else [context.scene]
         names, prefixes = file_names.FileNames(), file_names.FileNames()
         parts: list[export_parts.Part] = []
@@ -104,7 +104,7 @@ class DERMIS_OT_export_as(bpy.types.Operator):
         for scene in scenes:
             result = store.current(scene)
             if result is None:
-                raise core_module("errors").DermisError("nothing has been baked", where=scene.name, remedy="Bake first")
+                raise DermisError("nothing has been baked", where=scene.name, remedy="Bake first")
             more, told = export_parts.plan(
                 scene,
                 result,

@@ -5,10 +5,10 @@ from typing import Any
 import bpy
 import numpy as np
 
+from .._core import DermisError
 from ..demos import demo_motors
 from ..design import design_results
 from ..devices import platform_devices
-from ..preferences import core_module
 from ..results import store
 from .main import DermisPanel
 from .text import paragraph, properties
@@ -40,7 +40,7 @@ class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
         device = platform_devices.device_of(obj)
         try:
             table = platform_devices.table(obj, device)
-        except core_module("errors").DermisError as error:
+        except DermisError as error:
             paragraph(layout, context, str(error), "ERROR")
             return
         if table is not None:

@@ -4,8 +4,8 @@ from typing import Any
 
 import bpy
 
+from .._core import DermisError
 from ..devices import skin_models, thimble_adaptation, thimble_devices
-from ..preferences import core_module
 from ..preview import device_preview, thimble_preview
 from ..properties import skin_properties
 from .main import DermisPanel
@@ -67,12 +67,12 @@ class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
         layout.operator("dermis.plot_thimble", icon="GRAPH")
 
     def _adaptation(self, context: bpy.types.Context, obj: bpy.types.Object, device: Any) -> None:
-        layout, errors = self.layout, core_module("errors")
+        layout = self.layout
         skin = skin_properties.parameters(obj.dermis.finger.skin)
         try:
             model = skin_models.get(skin["skin"], skin["skin_level"])
             found = thimble_adaptation.status(device, model) if model is not None else None
-        except errors.DermisError as error:
+        except DermisError as error:
             paragraph(layout, context, str(error), "ERROR")
             return
         if found is not None:

@@ -17,8 +17,9 @@ import bpy
 import numpy as np
 
 from .. import handlers
+from .._core import DermisError, core
 from ..devices import platform_devices, skin_models, thimble_devices
-from ..preferences import core_module, library, setting
+from ..preferences import library, setting
 from ..results import store
 from ..viewport import pin_view
 from . import platform_preview, thimble_preview
@@ -133,7 +134,6 @@ def step(context: bpy.types.Context) -> Preview:
     """Extend the trail by the scene as it is now, or start a new one, and render it."""
     from ..sampling import scene_header, scene_sweep
 
-    errors = core_module("errors")
     scene = context.scene
     frame = frame_of(scene)
     if _trail.edits != handlers.edits():
@@ -148,7 +148,7 @@ def step(context: bpy.types.Context) -> Preview:
         del _trail.samples[: -int(setting("live_trail"))]
         _trail.generation, _trail.scene = handlers.generation(), scene.session_uid
         _trail.preview = _render(frame)
-    except errors.DermisError as error:
+    except DermisError as error:
         return _note(scene, str(scene_header.reason(_trail.taken, error) if _trail.taken else error))
     return _trail.preview
 
@@ -213,7 +213,7 @@ def _render(frame: float) -> Preview:
 
 def _joined(samples: list[Any]) -> Any:
     """Return the trail as a scene of its own; it starts one frame earlier, at rest in the first pose."""
-    chunk = core_module("scene.tactile_scene").Chunk
+    chunk = core.scene.tactile_scene.Chunk
     parts = [samples[0].chunks[0], *(s.chunks[0] for s in samples)]
     frames = np.array([float(p.frames[0]) for p in parts])
     frames[0] -= 1.0
@@ -251,7 +251,7 @@ def _joined(samples: list[Any]) -> Any:
 
 def _run(tactile: Any) -> Any:
     presets = library()
-    steps = core_module("pipeline.render").render(tactile, presets, cache=skin_models.cache())
+    steps = core.pipeline.render.render(tactile, presets, cache=skin_models.cache())
     with skin_models.one_thread() if skin_models.wanted(tactile, presets) else nullcontext():
         while True:
             try:

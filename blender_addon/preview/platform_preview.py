@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from .._core import DermisError, core
 from ..devices import platform_devices, skin_models
-from ..preferences import core_module
 
 if TYPE_CHECKING:
     from . import device_preview
@@ -56,14 +56,14 @@ def commands(obj: Any, device: Any, spec: Any, target: SkinState) -> NDArray[np.
     known = _found.get(target.finger)
     if known is not None and known[0] is target and known[1] == key and known[2] is not None:
         return known[2]
-    lookup, values = core_module("matching.lookup"), None
+    lookup, values = core.matching.lookup, None
     try:
         table = platform_devices.table(obj, device)
         if table is not None:
             with skin_models.one_thread():
                 force = np.asarray(target.force)[None] if target.touching else np.zeros((0, *np.shape(target.force)))
                 values = lookup.commands_now(table, spec, target.model, force)
-    except core_module("errors").DermisError:
+    except DermisError:
         values = None  # the panel and the bake say why
     _found[target.finger] = (target, key, values)
     return values

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..preferences import core_module
+from .._core import core
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ class Shape:
     def placed(self, pose: Array) -> tuple[Any, Array]:
         """Return the surface and its rotation to the world for an object's matrix; most objects stand still."""
         if self._pose is None or not np.array_equal(self._pose, pose):
-            rotation = core_module("motion").rotations(pose[None, :3, :3])[0]
+            rotation = core.motion.rotations(pose[None, :3, :3])[0]
             self._placed = self.surface(rotation.T @ pose[:3, :3]), rotation
             self._pose = pose.copy()
         return self._placed
@@ -45,7 +45,7 @@ class Shape:
     def surface(self, stretch: Array) -> Any:
         """Return the surface after scale and shear."""
         if self._surface is None or np.abs(stretch - self._stretch).max() > 1e-5 * np.abs(self._stretch).max():
-            surfaces = core_module("contact.surfaces")
+            surfaces = core.contact.surfaces
             plain = np.abs(stretch - np.eye(3)).max() <= 1e-5
             self._stretch = np.eye(3) if plain else stretch
             if self._first is None:

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import handlers
+from .._core import DermisError, core
 from ..devices import skin_models
-from ..preferences import core_module
 from ..results import store
 from . import baked_skins
 from .preview_surfaces import Shape, may_deform
@@ -138,7 +138,6 @@ def step(context: bpy.types.Context, sample: Any = None) -> tuple[SkinState, ...
     """
     from ..sampling import scene_sweep
 
-    errors = core_module("errors")
     scene = context.scene
     frame = float(scene.frame_current_final)
     if frame == _live.frame and handlers.edits() == _live.edits and _holds(scene, frame) and not _pending():
@@ -156,7 +155,7 @@ def step(context: bpy.types.Context, sample: Any = None) -> tuple[SkinState, ...
                 if finger.parameters.get("skin_shown") or _followed(d.preset for d in finger.devices)
             )
         _live.failure = ""
-    except errors.DermisError as error:
+    except DermisError as error:
         _live.states, _live.failure = (), str(error)
         _live.tracks.clear()
     _live.frame, _live.edits = frame, handlers.edits()
@@ -243,7 +242,7 @@ def _solve(sample: Any, f: int, finger: Any, frame: float, again: bool) -> SkinS
     level = str(parameters["skin_level"])
     try:
         model = skin_models.get(parameters["skin"], level, where=f"{where}, skin")
-    except core_module("errors").DermisError as error:  # the other fingers go on
+    except DermisError as error:  # the other fingers go on
         return SkinState(finger.name, None, np.zeros((0, 3)), note=str(error))
     if model is None:
         done = skin_models.progress(parameters["skin"], level) or 0.0
@@ -268,7 +267,7 @@ def _solve(sample: Any, f: int, finger: Any, frame: float, again: bool) -> SkinS
     bodies = [_body(sample, b, turn, place) for b in track.order]
     yielded = track.path.step(bodies, frame)
     solution = yielded.step.solution
-    cone = core_module("contact.solver.cone")
+    cone = core.contact.solver.cone
     normal = solution.normal_force
     across = (solution.force - normal[:, None] * solution.normals).sum(axis=0)
     return SkinState(
@@ -294,7 +293,7 @@ def _track(finger: Any, model: Any, where: str) -> _Track:
     key = (id(model), p["depth_mode"], p["bone_stiffness"], p["force_limit"])
     track = _live.tracks.get(finger.name)
     if track is None or track.key != key:
-        path = core_module("contact.compliant_bone").Yielding.of(model, p, where)
+        path = core.contact.compliant_bone.Yielding.of(model, p, where)
         points = model.positions
         track = _live.tracks[finger.name] = _Track(key, path, (points.min(axis=0), points.max(axis=0)))
         track.before = path.solver.save()
@@ -315,7 +314,7 @@ def _body(sample: Any, b: int, turn: Array, place: Array) -> Any:
     pose, shape = chunk.bodies[b, 0], _live.shapes[sample.bodies[b].name]
     surface, rotation = shape.placed(pose)
     stiffness = _value(sample, b, "surface_stiffness", 0.0)
-    return core_module("contact.solver.bodies").ContactBody(
+    return core.contact.solver.bodies.ContactBody(
         surface,
         turn.T @ rotation,
         turn.T @ (pose[:3, 3] - place),

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import handlers
+from .._core import DermisError, core
 from ..devices import skin_models, thimble_devices
-from ..preferences import core_module
 from ..results import store
 
 if TYPE_CHECKING:
@@ -135,9 +135,9 @@ def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _Track:
         try:
             if track.follower is None:
                 track.use = thimble_devices.used(device, target.model)
-                track.follower = core_module("matching.thimble").follower(track.use)
+                track.follower = core.matching.thimble.follower(track.use)
             _step(track, target, frame, fps)
-        except core_module("errors").DermisError as error:
+        except DermisError as error:
             track.error, track.found = str(error), None
     track.target, track.frame = target, frame
     return track
@@ -218,13 +218,14 @@ def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
     output = next((o for o in own if o.track.spec.kind == "thimble"), None)
     if output is None or not len(output.track.times):
         return None
-    replay, use = core_module("matching.replay"), core_module("matching.thimble_use")
+    replay = core.matching.replay
+    use = core.matching.thimble_use
     try:
         with skin_models.one_thread():
             fitted, friction = use.fitted(output.track.spec, target.model, thimble_devices.parameters_of(device))
             poses = replay.configurations(output.track, fitted)
             made = replay.Replay(fitted, target.model, friction, poses)
-    except core_module("errors").DermisError:
+    except DermisError:
         return None  # a track of other channels: the twin and its values are shown all the same
     _played[target.finger] = _Played(result, output, made)
     return _played[target.finger]
@@ -232,7 +233,7 @@ def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
 
 def _state(target: SkinState, method: str, solution: Any, contact: Any, mismatch: float) -> SkinState:
     """Return the skin under the disc in the place of the target."""
-    force, cone = solution.spread(contact.count), core_module("contact.solver.cone")
+    force, cone = solution.spread(contact.count), core.contact.solver.cone
     total = force.sum(axis=0)
     normal = solution.pose.normal
     along = float(total @ normal)

@@ -13,8 +13,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from .. import handlers
+from .._core import DermisError, core
 from ..compat import BLEND_RELATIVE
-from ..preferences import core_module
 
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
 FACTORS = {"_mm": 1e-3, "_kpa": 1e3}
@@ -357,8 +357,8 @@ def own_mesh(text: str) -> dict[str, str]:
         key = (str(path), known.st_mtime_ns, known.st_size)
         if key not in _digests:
             _digests.clear()
-            _digests[key] = core_module("skin.own_mesh").digest(path)
-    except (OSError, ValueError, core_module("errors").DermisError):
+            _digests[key] = core.skin.own_mesh.digest(path)
+    except (OSError, ValueError, DermisError):
         return {"mesh": str(path)}  # rendering says why
     return {"mesh": str(path), "mesh_hash": _digests[key]}
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 
-from ..preferences import core_module
+from .._core import DermisError, Finding, core
 
 SPANS = ("ALL", "PREVIEW", "MARKERS", "ACTION")
 
@@ -68,9 +68,10 @@ def plan(
     Raises:
         DermisError: no such range, one beyond the bake, or none in which a sample lies.
     """
-    formats, outputs = core_module("track.export"), core_module("pipeline.outputs")
-    file_names = core_module("track.file_names")
-    finding = core_module("errors").Finding
+    formats = core.track.export
+    outputs = core.pipeline.outputs
+    file_names = core.track.file_names
+    finding = Finding
     names = names or file_names.FileNames()
     suffix = formats.format_of(form).suffix
     spans, taken = ranges(scene, result, span, active), file_names.FileNames()
@@ -114,18 +115,18 @@ def write_parts(parts: Sequence[Part], form: str, *, force: bool = False) -> tup
     Raises:
         DermisError: every one is refused; the first one's reason.
     """
-    formats, errors = core_module("track.export"), core_module("errors")
+    formats = core.track.export
     written: list[Path] = []
     found: list[Any] = []
     refused: list[Any] = []
     for part in parts:
         try:
             found += formats.write(part.track, part.path, form, force=force)
-        except errors.DermisError as error:
+        except DermisError as error:
             refused.append(error)
             what = error.what.removeprefix("not written: ")
             found.append(
-                errors.Finding(
+                Finding(
                     "error",
                     "refused",
                     f"not written: {what}",
@@ -152,7 +153,7 @@ def ranges(
     Raises:
         DermisError: the scene has no such range.
     """
-    refuse = core_module("errors").DermisError
+    refuse = DermisError
     if span == "ALL":
         return [("", 0.0, 0.0)]
     if span == "PREVIEW":
@@ -172,7 +173,7 @@ def ranges(
     if not markers:
         raise refuse("no marker lies in the baked range", where=scene.name, remedy="Add markers with M")
     ends = [frame for frame, _ in markers[1:]] + [end]
-    names = core_module("track.file_names").numbered([name for _, name in markers])
+    names = core.track.file_names.numbered([name for _, name in markers])
     return [(name, first, last) for name, (first, _), last in zip(names, markers, ends, strict=True)]
 
 
@@ -193,7 +194,7 @@ def _markers_outside(scene: bpy.types.Scene, result: Any) -> list[Any]:
         return []
     what = "markers lie outside the baked range, so no range begins there"
     return [
-        core_module("errors").Finding(
+        Finding(
             "info",
             "marker-outside",
             what,

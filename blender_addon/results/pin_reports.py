@@ -6,8 +6,9 @@ from typing import Any
 
 import bpy
 
+from .._core import DermisError, core
 from ..devices import active_presets, skin_models
-from ..preferences import core_module, library
+from ..preferences import library
 from ..viewport import pin_view
 from . import store
 
@@ -28,13 +29,13 @@ def compare(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
     Raises:
         DermisError: no bake, none with this finger's skin, or nothing touched.
     """
-    errors, device, result = core_module("errors"), device_of(obj), store.current(scene)
+    device, result = device_of(obj), store.current(scene)
     felt = result.bake.skins.get(obj.name) if result is not None else None
     if device is None or result is None or felt is None:
-        raise errors.DermisError(
+        raise DermisError(
             "no bake of this finger's skin is at hand", where=f"finger '{obj.name}'", remedy="Press Bake, then compare"
         )
-    engine, spec, where = core_module("matching.pin_report"), library().device(device.preset), f"finger '{obj.name}'"
+    engine, spec, where = core.matching.pin_report, library().device(device.preset), f"finger '{obj.name}'"
     with skin_models.one_thread():
         weighting = device.pin_nodes
         reports = engine.compare(felt, spec, weighting=weighting, bounded=device.pin_bounded, where=where)

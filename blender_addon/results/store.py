@@ -17,7 +17,8 @@ import bpy
 import numpy as np
 
 from .. import handlers
-from ..preferences import core_module, setting, user_folder
+from .._core import DermisError, Finding, core
+from ..preferences import setting, user_folder
 from ..properties import skin_properties
 from . import stored_skins
 
@@ -121,7 +122,7 @@ def signal_at(result: Result, output: Any, name: str, frame: float) -> float | N
 
 def cache() -> Any:
     """Return the size-capped folder of stored results."""
-    return core_module("cache").Cache(user_folder("results", create=True), int(setting("cache_megabytes")) * 1_000_000)
+    return core.cache.Cache(user_folder("results", create=True), int(setting("cache_megabytes")) * 1_000_000)
 
 
 def store(scene: bpy.types.Scene, result: Result) -> Path:
@@ -153,7 +154,7 @@ def _skin_of(obj: bpy.types.Object) -> dict[str, Any]:
 
 
 def _key(content_hash: str) -> str:
-    return str(core_module("cache").cache_key(f"bake {RESULT_VERSION}", content_hash))
+    return str(core.cache.cache_key(f"bake {RESULT_VERSION}", content_hash))
 
 
 def _write(path: Path, result: Result) -> None:
@@ -195,16 +196,17 @@ def _write(path: Path, result: Result) -> None:
 
 
 def _read(path: Path) -> Result:
-    errors, pipeline = core_module("errors"), core_module("pipeline.render")
-    from_preset, track = core_module("devices.spec").from_preset, core_module("track.command_track").CommandTrack
-    npz, foreign = core_module("npz"), core_module("foreign")
+    pipeline = core.pipeline.render
+    from_preset, track = core.devices.spec.from_preset, core.track.command_track.CommandTrack
+    npz = core.npz
+    foreign = core.foreign
     with foreign.damage_told("the stored result cannot be read", str(path), remedy="Bake again"):
         # trusted: of a device at rest ten thousand samples become ten bytes
         with npz.opened_npz(path, kind="a stored result", trusted=True) as archive:
             file = archive.arrays(archive.names)
             header = foreign.json_of(file["header"].tobytes(), str(path), foreign.MOST_TEXT, constants=True)
             if header["version"] != RESULT_VERSION:
-                raise errors.DermisError(
+                raise DermisError(
                     "made by another version",
                     where=str(path),
                     value=header["version"],
@@ -223,14 +225,14 @@ def _read(path: Path) -> Result:
                         entry["limited"],
                     ),
                     {name: file[f"signal_{i}_{name}"].astype(float) for name in entry["signals"]},
-                    tuple(errors.Finding(**f) for f in entry["findings"]),
+                    tuple(Finding(**f) for f in entry["findings"]),
                 )
                 for i, entry in enumerate(header["outputs"])
             )
             skins = stored_skins.unpack(header.get("skins", []), file)
         bake = pipeline.Bake(
             outputs,
-            tuple(errors.Finding(**f) for f in header["findings"]),
+            tuple(Finding(**f) for f in header["findings"]),
             header["skipped"],
             header["content_hash"],
             header["stage_seconds"],

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from .._core import DermisError, Finding, core
 from ..devices import skin_models
-from ..preferences import core_module
 
 SERIES = ("times", "frames", "normal_force", "tangential_force", "depth", "lift", "sticking", "slipping")
 
@@ -48,13 +48,13 @@ def unpack(entries: list[dict[str, Any]], file: Mapping[str, Any]) -> dict[str, 
     Raises:
         DermisError: a skin is made otherwise by this version, so that the forces do not belong to its nodes.
     """
-    errors, touch = core_module("errors"), core_module("contact.skin_touch").SkinTouch
+    touch = core.contact.skin_touch.SkinTouch
     out = {}
     for entry in entries:
         i, finger = int(entry["number"]), str(entry["finger"])
         model: Any = skin_models.get(entry["skin"], entry["level"], where=f"finger '{finger}', skin", wait=True)
         if model.pad_count != entry["nodes"]:
-            raise errors.DermisError(
+            raise DermisError(
                 "the skin has other nodes in this version",
                 where=f"finger '{finger}'",
                 value=entry["nodes"],
@@ -65,7 +65,7 @@ def unpack(entries: list[dict[str, Any]], file: Mapping[str, Any]) -> dict[str, 
             model=model,
             contact=file[f"skin_{i}_contact"].astype(np.intp),
             force=file[f"skin_{i}_force"],
-            findings=tuple(errors.Finding(**f) for f in entry["findings"]),
+            findings=tuple(Finding(**f) for f in entry["findings"]),
             skipped=entry["skipped"],
             **{name: file[f"skin_{i}_{name}"] for name in SERIES},
         )
@@ -78,11 +78,11 @@ def export(bake: Any, folder: Path) -> list[Path]:
     Raises:
         DermisError: the folder cannot be written.
     """
-    file_names = core_module("track.file_names")
+    file_names = core.track.file_names
     names, written = file_names.FileNames(), []
     for finger, touch in bake.skins.items():
         path = Path(folder) / names.take(file_names.safe(finger) or "finger", ".skin.csv")
         meta = {"finger": finger, "content_hash": bake.content_hash}
-        core_module("contact.resultants").write(touch, path, meta)
+        core.contact.resultants.write(touch, path, meta)
         written.append(path)
     return written

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import bpy
 
+from .._core import DermisError, core
 from ..devices import skin_models, thimble_devices
-from ..preferences import core_module
 from . import store
 
 
@@ -17,24 +17,25 @@ def write(scene: bpy.types.Scene, obj: bpy.types.Object, path: Path) -> Path:
     Raises:
         DermisError: no thimble, no bake with this finger's skin, nothing touched, or the file cannot be written.
     """
-    errors, device, result = core_module("errors"), thimble_devices.device_of(obj), store.current(scene)
+    device, result = thimble_devices.device_of(obj), store.current(scene)
     felt = result.bake.skins.get(obj.name) if result is not None else None
     spec = thimble_devices.spec_of(device.preset) if device is not None else None
     if device is None or spec is None or result is None or felt is None:
-        raise errors.DermisError(
+        raise DermisError(
             "no bake of this finger's skin is at hand",
             where=f"finger '{obj.name}'",
             remedy="Press Bake, then draw the plot",
         )
     if not len(felt.contact):
-        raise errors.DermisError("the finger touches nothing in the last bake", where=f"finger '{obj.name}'")
+        raise DermisError("the finger touches nothing in the last bake", where=f"finger '{obj.name}'")
     output = next((o for o in result.bake.outputs if o.finger == obj.name and o.track.spec.kind == "thimble"), None)
     times = felt.times if output is None else output.track.times
-    thimble, command = core_module("matching.thimble"), core_module("command_line.thimble")
+    thimble = core.matching.thimble
+    command = core.command_line.thimble
     with skin_models.one_thread():
         use = thimble_devices.used(device, felt.model)
         forces = thimble.forces_at(felt, times)
         found = thimble.match_touch(use, forces, use.device.servo_speed / spec.rate)
-        made = core_module("matching.stimulus_plot").stimulus_plot(use, forces, found)
-    written: Path = core_module("plot.stimuli").write(path, *command.picture(made, found, obj.name))
+        made = core.matching.stimulus_plot.stimulus_plot(use, forces, found)
+    written: Path = core.plot.stimuli.write(path, *command.picture(made, found, obj.name))
     return written

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import core
+from .._core import DermisError, Finding, core
 from ..properties import scene_properties
 from . import mesh_heights, meshes
 
-_errors = import_module(".errors", core.__name__)
-DermisError, Finding = _errors.DermisError, _errors.Finding
-Screen = import_module(".scene.tactile_scene", core.__name__).Screen
+Screen = core.scene.tactile_scene.Screen
 
 LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """Rec. 709 weights of red, green and blue."""
@@ -130,10 +127,10 @@ def _felt_as_mesh(screen: bpy.types.Object, scene: bpy.types.Scene) -> bool:
 
 
 def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[np.float32], float, tuple[Any, ...]]:
-    depth_map = import_module(".effects.depth_map", core.__name__)
+    depth_map = core.effects.depth_map
     settings = obj.dermis.screen
     where = f"screen '{obj.name_full}'"
-    meaning = "depth" if settings.invert else "height"
+    meaning: Any = "depth" if settings.invert else "height"
     full_scale = float(settings.height_mm) * 1e-3
     hole = 0.0 if settings.zero_is_hole else None
     if settings.source == "MESH":
@@ -156,7 +153,7 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[n
         raise DermisError("no image file was chosen", where=where, remedy="Choose one in the Dermis tab under Screen")
     path = bpy.path.abspath(settings.filepath, library=obj.library)
     if settings.source == "SEQUENCE":
-        images = import_module(".images", core.__name__)
+        images = core.images
         made = depth_map.read(images.sequence(path), meaning=meaning, hole=hole)
         gap = images.gap_after(path)
         return made.heights, full_scale, made.findings + (() if gap is None else (gap,))

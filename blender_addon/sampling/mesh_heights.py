@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import Any
 
 import bpy
@@ -10,11 +9,8 @@ import numpy as np
 from mathutils.bvhtree import BVHTree
 from numpy.typing import NDArray
 
-from .._core import core
+from .._core import DermisError, Finding
 from . import meshes
-
-_errors = import_module(".errors", core.__name__)
-DermisError, Finding = _errors.DermisError, _errors.Finding
 
 LOOKS = 9
 """Frames of the range at which a moving mesh is compared with where it is at the first."""

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import core
+from .._core import Finding, core
 
-Mesh = import_module(".scene.tactile_scene", core.__name__).Mesh
-Finding = import_module(".errors", core.__name__).Finding
+Mesh = core.scene.tactile_scene.Mesh
 
 SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 """Types of object that have a surface."""

@@ -8,16 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from importlib import import_module
 from typing import Any, NamedTuple
 
 import bpy
 
 from .. import compat
-from .._core import core
+from .._core import Finding
 from ..properties import scene_properties
-
-Finding = import_module(".errors", core.__name__).Finding
 
 _UNUSED = 2**31 - 1  # what Blender fills unused levels of a persistent id with
 

@@ -7,21 +7,18 @@ frame_set of a light scene costs 30 microseconds, so every microsecond spent her
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from importlib import import_module
 from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import core
+from .._core import DermisError, Finding, core
 from . import participants
 from .meshes import MeshReader, absent_mesh
 from .participants import Entry, InstanceKey, Roster
 
-_errors = import_module(".errors", core.__name__)
-DermisError, Finding = _errors.DermisError, _errors.Finding
-Chunk = import_module(".scene.tactile_scene", core.__name__).Chunk
+Chunk = core.scene.tactile_scene.Chunk
 Array = NDArray[np.float64]
 
 SMALLEST_SCALE = 1e-6

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from importlib import import_module
 from typing import Any
 
 import bpy
 import numpy as np
 
-from .._core import core
+from .._core import DermisError, Finding, core
 from ..devices import platform_devices, thimble_devices
 from ..properties import scene_properties, skin_properties
 from . import height_maps, participants
@@ -18,9 +17,7 @@ from .meshes import MeshReader, zero_area_finding
 from .participants import Entry, InstanceKey, Roster
 from .simulated_motion import Simulations
 
-_errors = import_module(".errors", core.__name__)
-DermisError, Finding = _errors.DermisError, _errors.Finding
-_scene = import_module(".scene.tactile_scene", core.__name__)
+_scene = core.scene.tactile_scene
 
 _LEFT_OUT, _SO_LEFT_OUT = "It is left out", ", so it is left out"
 

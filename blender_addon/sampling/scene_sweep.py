@@ -11,7 +11,6 @@ from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from fractions import Fraction
-from importlib import import_module
 from typing import Any, NamedTuple
 
 import bpy
@@ -19,15 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import handlers
-from .._core import core
+from .._core import DermisError, core
 from . import height_maps, participants, prepass, scene_header, simulated_motion
 from .meshes import MeshReader
 from .participants import Entry, InstanceKey, Roster
 from .recorder import Recorder
 
-_scene = import_module(".scene.tactile_scene", core.__name__)
-_errors = import_module(".errors", core.__name__)
-DermisError = _errors.DermisError
+_scene = core.scene.tactile_scene
 TactileScene = _scene.TactileScene
 Array = NDArray[np.float64]
 

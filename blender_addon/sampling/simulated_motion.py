@@ -7,7 +7,6 @@ rotation, stretch and vertices pass through the engine's own C2 splines.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import bpy
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from .._core import core
 
-Mesh = import_module(".scene.tactile_scene", core.__name__).Mesh
+Mesh = core.scene.tactile_scene.Mesh
 Array = NDArray[np.float64]
 
 MARGIN = 8
@@ -135,9 +134,7 @@ class Recording:
         if any(m.triangles is not window[0].triangles for m in window):
             return tuple(meshes[i] for i in at)
         stack = np.stack([m.vertices for m in window])
-        spline = import_module(".motion", core.__name__).Spline(
-            self.times[low : high + 1], stack.reshape(len(window), -1)
-        )
+        spline = core.motion.Spline(self.times[low : high + 1], stack.reshape(len(window), -1))
         return tuple(
             Mesh(vertices.copy(), window[0].triangles) for vertices in spline.at(times).reshape(-1, *stack.shape[1:])
         )
@@ -156,7 +153,7 @@ class Poses:
         stretch = np.linalg.norm(matrices[:, :3, :3], axis=1)
         rigid = matrices.copy()
         rigid[:, :3, :3] /= stretch[:, None, :]
-        motion = import_module(".motion", core.__name__)
+        motion = core.motion
         self._motion = motion.Motion(times, rigid)
         self._stretches = motion.Spline(times, stretch)
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from ..preferences import core_module
+from .._core import DermisError, core
 
 
 class Claim(NamedTuple):
@@ -59,7 +59,7 @@ def check(settings: Any, *names: str) -> None:
         DermisError: says which, and what for.
     """
     if asked := pending(settings, *names):
-        raise core_module("errors").DermisError(
+        raise DermisError(
             "this .blend names files that nobody has confirmed",
             where="streaming",
             value="; ".join(f"{claim.kind} {claim.path}" for claim in asked),
@@ -74,8 +74,8 @@ def forget() -> None:
 
 def _record_of(url: str) -> str:
     try:
-        address = core_module("stream.links.url").Url(url)
-    except core_module("errors").DermisError:
+        address = core.stream.links.url.Url(url)
+    except DermisError:
         return ""  # not an address: connecting says so, and opens nothing
     path = address.options.get("file", "") if address.scheme == "spy" else ""
     return os.path.join(tempfile.gettempdir(), path) if path else ""  # the folder in which the sender works

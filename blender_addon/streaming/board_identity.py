@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from ..preferences import core_module
+from .._core import DermisError
 from . import built_devices, calibration_offers, device_calibration
 
 _answered: tuple[str, ...] = ()  # serial numbers of the device that is connected ...
@@ -38,7 +38,7 @@ def shown(scene: bpy.types.Scene) -> Shown:
         owner = device_calibration.owner_shown(scene)
         chosen = device_calibration.choice(owner)
         last = built_devices.device(chosen).made.name if chosen else "Uncalibrated"
-    except core_module("errors").DermisError as error:
+    except DermisError as error:
         return Shown("Cannot be read", str(error), True)
     words = ""
     if chosen is None:
@@ -58,7 +58,7 @@ def check(scene: bpy.types.Scene) -> None:
     """
     one = device_calibration.worn_by(scene)
     if one is not None and _is_another(one):
-        raise core_module("errors").DermisError(
+        raise DermisError(
             "another device answered than the one that this calibration is of",
             where=one.made.name,
             value=" or ".join(_answered),
@@ -87,14 +87,14 @@ def meet(scene: bpy.types.Scene, status: Mapping[str, Any]) -> str:
             _answered, _recognised = said, ""
             _recognised = _recognise(scene)
         check(scene)
-    except core_module("errors").DermisError as error:
+    except DermisError as error:
         return str(error)
     return _recognised if status["state"] == "ready" else ""
 
 
 def is_another(scene: bpy.types.Scene) -> bool:
     """Tell whether another device answered than the one that the list is of; a file that is gone tells nothing."""
-    with suppress(core_module("errors").DermisError):
+    with suppress(DermisError):
         one = device_calibration.worn_by(scene)
         return one is not None and _is_another(one)
     return False

@@ -11,7 +11,8 @@ import re
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..preferences import core_module, user_folder
+from .._core import DermisError, core
+from ..preferences import user_folder
 
 FOLDER = "calibrations"
 TABLE = "fingers.json"
@@ -62,7 +63,7 @@ def device(file: str) -> Built:
     """
     found = _read().get(file)
     if found is None:
-        core_module("devices.calibration").Calibration.load(_path(file))  # says what is wrong with it
+        core.devices.calibration.Calibration.load(_path(file))  # says what is wrong with it
         refresh()
         return device(file)
     return found
@@ -76,13 +77,13 @@ def save(made: Any, file: str = "") -> Built:
     """
     refresh()
     if not made.name:
-        raise core_module("errors").DermisError(
+        raise DermisError(
             "the built device has no name",
             where="calibration",
             remedy="Name it as it is marked: 'left thimble, red tape'",
         )
     if any(b.made.name == made.name and b.file != file for b in devices(made.device)):
-        raise core_module("errors").DermisError(
+        raise DermisError(
             "another device has this name",
             where="calibration",
             value=made.name,
@@ -118,7 +119,7 @@ def choose(finger: str, name: str, preset: str, file: str | None) -> None:
     table[finger] = _Finger(name, worn if file is None else {**worn, preset: file})
     plain = {"schema": SCHEMA, "fingers": {key: entry._asdict() for key, entry in sorted(table.items())}}
     text = json.dumps(plain, indent=1, ensure_ascii=False) + "\n"
-    core_module("files").write_bytes(user_folder(FOLDER, create=True) / TABLE, text.encode("utf-8"))
+    core.files.write_bytes(user_folder(FOLDER, create=True) / TABLE, text.encode("utf-8"))
     _fingers = table
 
 
@@ -144,14 +145,14 @@ def _new_file(made: Any) -> str:
 def _read() -> dict[str, Built]:
     global _known, _damaged
     if _known is None:
-        errors, calibration = core_module("errors"), core_module("devices.calibration").Calibration
+        calibration = core.devices.calibration.Calibration
         found, bad = {}, []
         for path in sorted(user_folder(FOLDER).glob("*.json")):
             if path.name == TABLE:
                 continue
             try:
                 found[path.name] = Built(path.name, calibration.load(path))
-            except errors.DermisError as error:
+            except DermisError as error:
                 bad.append(str(error))
         _known, _damaged = found, tuple(bad)
     return _known
@@ -161,7 +162,7 @@ def _table() -> dict[str, _Finger]:
     global _fingers
     if _fingers is None:
         path = user_folder(FOLDER) / TABLE
-        _fingers = _parsed(core_module("files").read_json(path), path) if path.exists() else {}
+        _fingers = _parsed(core.files.read_json(path), path) if path.exists() else {}
     return _fingers
 
 
@@ -175,7 +176,7 @@ def _parsed(plain: Any, path: Path) -> dict[str, _Finger]:
             raise ValueError("a name is no text")
         return table
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise core_module("errors").DermisError(
+        raise DermisError(
             "the table of which finger wears which device cannot be read",
             where=str(path),
             value=str(error)[:80],

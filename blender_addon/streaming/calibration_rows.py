@@ -10,7 +10,8 @@ import bpy
 import numpy as np
 
 from .. import handlers
-from ..preferences import core_module, library
+from .._core import core
+from ..preferences import library
 
 FIELDS = ("name", "unit", "jog", "zero", "gain", "use_limits", "low", "high")
 
@@ -71,7 +72,7 @@ def safe_pose(key: str) -> dict[str, float]:
         DermisError: no such preset, or its safe state is none.
     """
     spec = library().device(key)
-    stated = core_module("devices.safe_state").safe_state(spec).values
+    stated = core.devices.safe_state.safe_state(spec).values
     return {c.name: stated.get(c.name, c.rest) for c in spec.channels}
 
 
@@ -82,7 +83,7 @@ def calibration(key: str, rows: Rows) -> Any:
         DermisError: no such preset, or a number that cannot be.
     """
     spec = library().device(key)
-    made = core_module("devices.calibration").Calibration.of(spec)
+    made = core.devices.calibration.Calibration.of(spec)
     for row in rows:
         if row["name"] in {c.name for c in spec.channels} and calibrated(row):
             limits = {name: row[name] for name in ("low", "high")} if row["use_limits"] else {}

@@ -13,7 +13,8 @@ from typing import Any
 
 import bpy
 
-from ..preferences import core_module, library
+from .._core import DermisError, core
+from ..preferences import library
 from . import built_devices, calibration_offers, finger_ids, session, streamed_track
 from .calibration_offers import Shelved, shelve, shelved
 from .calibration_rows import Rows, calibrated, calibration, fill, quietly, rows_for, rows_of, safe_pose, same
@@ -79,7 +80,7 @@ def owner_shown(scene: bpy.types.Scene) -> str:
     if calibration_offers.is_ours(settings) and settings.channels_owner:
         return str(settings.channels_owner)
     if not settings.track_file:
-        with suppress(core_module("errors").DermisError):
+        with suppress(DermisError):
             return _subject(scene, give=False)[0]
     return ""
 
@@ -128,7 +129,7 @@ def use(scene: bpy.types.Scene, file: str) -> None:
 
 def unsaved(scene: bpy.types.Scene) -> bool:
     """Tell whether the list says something else than the file of the device that it is of. Reads no file anew."""
-    with suppress(core_module("errors").DermisError):
+    with suppress(DermisError):
         file = scene.dermis_stream.channels_file
         return not same(_listed(scene), built_devices.device(file).made if file else None)
     return True
@@ -158,7 +159,7 @@ def begin_calibration(scene: bpy.types.Scene) -> None:
     """Remember the calibration, so that cancelling brings it back, and turn to moving by hand."""
     settings = scene.dermis_stream
     calibration_offers.adopt(scene)
-    with suppress(core_module("errors").DermisError):  # without a device there is nothing to list
+    with suppress(DermisError):  # without a device there is nothing to list
         fill_channels(scene)
     owner, shelf = settings.channels_owner, [shelved(entry) for entry in settings.shelf]
     before = _Before(
@@ -214,7 +215,7 @@ def load(scene: bpy.types.Scene, path: Path) -> tuple[Any, ...]:
     Raises:
         DermisError: the file cannot be read, or is for another device.
     """
-    made = core_module("devices.calibration").Calibration.load(path)
+    made = core.devices.calibration.Calibration.load(path)
     key = streamed_track.device_key(scene)
     spec = library().device(key)
     made.for_spec(spec)  # refuses what does not fit

@@ -6,8 +6,10 @@ from dataclasses import replace
 from typing import Any
 
 import bpy
+import numpy as np
 
-from ..preferences import core_module, library
+from .._core import core
+from ..preferences import library
 from ..results import store
 from . import session, streamed_track
 
@@ -67,8 +69,8 @@ def _reported_in(shown: Any, reported: dict[str, float], wanted: str) -> Any:
         values = {**row.values, **reported}
         if row.kind == "shear_tactor" and "pulley_1" in reported:
             spec = library().device(row.device)
-            tactor = core_module("devices.shear_tactor").ShearTactor.from_spec(spec)
-            place = tactor.forward([values["pulley_1"], values["pulley_2"]])
+            tactor = core.devices.shear_tactor.ShearTactor.from_spec(spec)
+            place = tactor.forward(np.array([values["pulley_1"], values["pulley_2"]]))
             values["tactor_x"], values["tactor_y"] = (float(v) for v in place)
         rows.append(replace(row, values=values))
     return device_preview.Preview(shown.frame, "device", "what the device reports", tuple(rows)) if replaced else None
@@ -82,7 +84,7 @@ def _preview_of_file(scene: bpy.types.Scene, track: Any) -> Any:
     named = track.meta.get("finger", "")
     if not fingers:
         return None
-    pipeline = core_module("pipeline.render")
+    pipeline = core.pipeline.render
     output = pipeline.Output(named if named in fingers else fingers[0], track.spec.key, track, {}, ())
     first, fps = streamed_track.origin(scene)
     result = store.Result(pipeline.Bake((output,), (), {}, ""), fps, first, -1, ())

@@ -12,7 +12,8 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from ..preferences import core_module, library
+from .._core import DermisError, core
+from ..preferences import library
 from . import (
     agreed_paths,
     board_identity,
@@ -53,9 +54,7 @@ def streams(scene: bpy.types.Scene) -> bool:
 @cache
 def caution(protocol: str) -> str:
     """Return what a person has to know of boards that speak a protocol, before a finger goes in; '' for nothing."""
-    adapter = core_module("stream.protocols.adapter")
-    module, name, _ = adapter.NAMES[protocol]
-    return str(getattr(core_module(f"stream.{module}"), name).caution)
+    return core.stream.protocols.adapter.kind(protocol).caution
 
 
 def status() -> dict[str, Any]:
@@ -71,7 +70,7 @@ def found_ports() -> list[tuple[str, str]]:
 def rescan() -> int:
     """Look for serial ports; return how many there are. Takes up to seconds: for a button, never for drawing."""
     global _ports
-    _ports = core_module("stream.links.serial_port").ports()
+    _ports = core.stream.links.serial_port.ports()
     return len(_ports)
 
 
@@ -93,10 +92,10 @@ def connect(scene: bpy.types.Scene) -> None:
     device_calibration.fill_channels(scene)
     calibration = device_calibration.calibration_of(scene, key)
     wish = _wish(scene)
-    _client = core_module("stream.client").SenderClient()
+    _client = core.stream.client.SenderClient()
     try:
         _client.connect(settings.url, settings.protocol, key, preset, calibration=calibration.dumps(), **wish)
-    except core_module("errors").DermisError:
+    except DermisError:
         close()
         raise
     _scene = scene.session_uid
@@ -114,7 +113,7 @@ def close() -> None:
     client, _client = _client, None
     if client is not None:
         client.close()
-        _leaving = core_module("stream.client").leaving()
+        _leaving = core.stream.client.leaving()
         _start_timer()
     _status, _note, _published, _restored = {}, "", (None, ()), False
     board_identity.forget()
@@ -144,7 +143,7 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
             ready; the calibration is of another one; or the first pulse may jump and nobody has said that the fingers
             are out.
     """
-    refused = core_module("errors").DermisError
+    refused = DermisError
     if _client is None:
         raise refused("not connected", remedy="Connect first")
     if not streams(scene):
@@ -191,7 +190,7 @@ def changed() -> None:
         made = device_calibration.calibration_of(scene, streamed_track.device_key(scene))
         _client.set(**_wish(scene), calibration=made.dumps())
         _note = ""
-    except core_module("errors").DermisError as error:
+    except DermisError as error:
         _note = str(error)
 
 
@@ -202,7 +201,7 @@ def beat() -> None:
     """
     global _leaving, _mode, _published, _restored, _status
     if _leaving:
-        _leaving = core_module("stream.client").leaving()
+        _leaving = core.stream.client.leaving()
     if _client is None:
         return
     scene = _streaming_scene()

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from ..preferences import core_module, library
+from .._core import DermisError, core
+from ..preferences import library
 from ..results import store
 from . import agreed_paths, built_devices, finger_ids
 
@@ -55,7 +56,7 @@ def device_of(scene: bpy.types.Scene) -> tuple[str, str]:
     output = chosen_output(scene)
     if output is not None:
         return str(output.finger), str(output.device)
-    wanted, refused = scene.dermis_stream.output, core_module("errors").DermisError
+    wanted, refused = scene.dermis_stream.output, DermisError
     there = [
         (obj.name, str(use.preset))
         for obj in scene.objects
@@ -122,7 +123,7 @@ def load_file(scene: bpy.types.Scene) -> Any:
     path = Path(bpy.path.abspath(scene.dermis_stream.track_file))
     key = (str(path), path.stat().st_mtime_ns if path.is_file() else 0)
     if _file_track is None or _file_track[0] != key:
-        _file_track = (key, core_module("track.export").read(path))
+        _file_track = (key, core.track.export.read(path))
     return _file_track[1]
 
 
@@ -140,7 +141,7 @@ def track_path(scene: bpy.types.Scene) -> str:
     if _sent is None or _sent.output is not output or _sent.scene != scene.session_uid:
         handle, name = tempfile.mkstemp(prefix="dermis-stream-", suffix=".dtrack")
         with open(handle, "wb") as file:
-            file.write(core_module("track.binary").dumps(output.track))
+            file.write(core.track.binary.dumps(output.track))
         _files.append(Path(name))
         _sent = _Sent(output, scene.session_uid, name, result.first, result.fps)
     return _sent.name
@@ -182,7 +183,7 @@ def doubts(scene: bpy.types.Scene) -> str:
         output = chosen_output(scene)
         track = output.track if output is not None else None
     if track is not _judged[0]:
-        found = core_module("track.check").preset_findings(track, library()) if track is not None else ()
+        found = core.track.check.preset_findings(track, library()) if track is not None else ()
         serious = [finding for finding in found if finding.severity != "info"]
         said = [f"{f.what[0].upper()}{f.what[1:]}. {f.remedy}".rstrip(" .") + "." for f in serious[:1]]
         more = [f"{len(serious) - 1} limits or channels differ."] if serious[1:] else []

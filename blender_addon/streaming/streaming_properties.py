@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
 
+from .._core import DermisError
 from ..compat import BLEND_RELATIVE
 
 
@@ -25,11 +26,10 @@ def _changed(self: Any, context: Any) -> None:
 
 
 def _moded(self: Any, context: Any) -> None:
-    from .. import preferences
     from . import calibration_offers, calibration_rows, device_calibration
 
     if self.mode == "jog" and not calibration_rows.restoring() and calibration_offers.is_ours(self) and self.channels:
-        with suppress(preferences.core_module("errors").DermisError):  # the device is gone: connecting says so
+        with suppress(DermisError):  # the device is gone: connecting says so
             device_calibration.retract(self.id_data)
     _changed(self, context)
 
@@ -56,12 +56,11 @@ def _agreed(settings: Any, name: str) -> None:
 
 
 def _chosen(self: Any, context: Any) -> None:
-    from .. import preferences
     from . import device_calibration, session
 
     _quiet(self, context)
     if self.channels:  # they are one finger's: the list follows the choice, connected or not
-        with suppress(preferences.core_module("errors").DermisError):
+        with suppress(DermisError):
             device_calibration.fill_channels(self.id_data)
     session.changed()
 

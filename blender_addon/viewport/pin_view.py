@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import handlers
+from .._core import DermisError, core
 from ..devices import active_presets, skin_models
-from ..preferences import core_module, library
+from ..preferences import library
 from ..properties import skin_properties
 from . import drawing, paint, tactor_twin
 from .drawing import finger_matrix
@@ -64,7 +65,7 @@ def pins_of(obj: bpy.types.Object, device: str) -> Pins | None:
     if key not in _pins:
         while len(_pins) >= MOST:
             _pins.pop(next(iter(_pins)))
-        errors, pin_array = core_module("errors"), core_module("devices.pin_array")
+        pin_array = core.devices.pin_array
         try:
             model = skin_models.get(skin["skin"], skin["skin_level"])
             if model is None:
@@ -77,7 +78,7 @@ def pins_of(obj: bpy.types.Object, device: str) -> Pins | None:
             rows, columns = int(spec.parameters["rows"]), int(spec.parameters["columns"])
             radius = float(spec.parameters["pin_radius"])
             _pins[key] = Pins(points, layout.directions, radius, layout.force_limit, rows, columns)
-        except errors.DermisError:
+        except DermisError:
             _pins[key] = None  # the bake says why
     return _pins[key]
 
@@ -175,7 +176,8 @@ def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Arra
     if known is not None and known[0] is target and known[1] == key:
         return known[2]
     pressed: Array = np.zeros(len(spec.channels))
-    pins, deformation = core_module("matching.pins"), core_module("matching.deformation")
+    pins = core.matching.pins
+    deformation = core.matching.deformation
     name = f"{target.finger}: {device.pin_method} pins"
     with skin_models.one_thread():
         try:
@@ -185,7 +187,7 @@ def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Arra
             pressed = found.forces
             force = pins.rendered_force(ready, pressed)
             note = f"u_err {1e3 * found.displacement_error:.2f} mm"
-        except core_module("errors").DermisError as error:
+        except DermisError as error:
             force, note = np.zeros_like(target.force), str(error)
     total = force.sum(axis=0)
     made = replace(

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._core import core
 from ..devices import skin_models
-from ..preferences import core_module
 from . import tactor_twin
 from .tactor_twin import Colour, Part
 from .thimble_twin import BASE, DISC, DISC_HEIGHT, LINK, joined
@@ -55,18 +55,18 @@ def state(spec: Any, commands: Array, skin: Any | None, touching: bool) -> State
     Raises:
         DermisError: a broken preset, or commands for which there is no pose.
     """
-    platforms, coupling = core_module("matching.platforms"), core_module("devices.coupling").coupling_of(spec)
+    platforms, coupling = core.matching.platforms, core.devices.coupling.coupling_of(spec)
     device = platforms.mechanism(spec)
     original = np.asarray(commands if coupling is None else coupling.original(commands), np.float64)[None]
     if skin is not None and touching:
         with skin_models.one_thread():
-            poses = core_module("matching.table").press_of(skin, spec).press(original).poses
+            poses = core.matching.table.press_of(skin, spec).press(original).poses
     else:
         poses = device.carry(original, device.rest_poses(1))
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = poses.rotation[0], poses.centre[0]
     joints = device.joints @ pose[:3, :3].T + pose[:3, 3]
-    if hasattr(device, "tensions"):
+    if isinstance(device, core.devices.cable_platform.CablePlatform):
         tension = device.tensions(poses, original)[0]
         return State(device.base, joints, pose, np.clip(tension / device.tension_limit, 0.0, 1.0), tension)
     channels = platforms.original_channels(spec)

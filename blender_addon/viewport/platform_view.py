@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 
+from .._core import DermisError
 from ..devices import platform_devices
 from ..panels.text import quantity
-from ..preferences import core_module
 from ..preview import platform_preview
 from . import drawing, paint, platform_twin
 from .drawing import finger_matrix
@@ -36,7 +36,7 @@ def state_of(scene: bpy.types.Scene, row: device_preview.Row) -> platform_twin.S
             values = np.array(list(row.values.values()))
             known = _states[row.finger] = (key, platform_twin.state(spec, values, skin, touching))
         return known[1]
-    except core_module("errors").DermisError:
+    except DermisError:
         return None  # the bake says why
 
 

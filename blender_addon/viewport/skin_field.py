@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..preferences import core_module
+from .._core import core
 from ..preview.skin_preview import SkinState
 from .skin_surface import DisplaySurface
 
@@ -97,7 +97,7 @@ def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn
         zero = np.zeros(len(surface.rest))
         lifted = surface.rest + (0.0, 0.0, state.lift)
         return Drawn(surface, lifted, surface.at_rest, zero, 0.0, 0.0)
-    stimulus = core_module("skin.stimulus").Stimulus(state.model, state.force)
+    stimulus = core.skin.stimulus.Stimulus(state.model, state.force)
     if state.model.pad_count <= SMALL and quantity != "energy":
         moved, stress = _by_shortcut(own, state.model, state.force)
     else:
@@ -153,7 +153,7 @@ def _nodal(own: _Kit, stimulus: Any, quantity: str, moved: Array, stress: Array)
     if quantity == "energy":
         return np.asarray(own.averaging @ stimulus.energy_density)
     if quantity == "von_mises":
-        return np.asarray(core_module("skin.stimulus").von_mises(stress))
+        return np.asarray(core.skin.stimulus.von_mises(stress))
     return stress[:, COMPONENTS.index(quantity)]
 
 

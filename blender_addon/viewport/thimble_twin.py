@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..preferences import core_module
+from .._core import core
 from . import tactor_twin
 from .tactor_twin import Colour, Part
 
@@ -56,7 +56,7 @@ def joints(device: Any, angles: Array, start: Array) -> Joints:
     Raises:
         DermisError: no pose of the platform has these angles.
     """
-    module = core_module("devices.thimble")
+    module = core.devices.thimble
     absolute = np.asarray(angles, np.float64) + device.servo_zero
     x = device.forward(absolute, start)
     pose = device.in_finger(device.pose(x))
@@ -91,7 +91,7 @@ def loops(device: Any, around: float) -> list[Array]:
     Raises:
         DermisError: the level platform does not reach `around`.
     """
-    found = core_module("devices.reach").reach(device, around)
+    found = core.devices.reach.reach(device, around)
     out = []
     for level in range(len(found.distance)):
         tips = np.array([pointer(device.in_finger(device.pose(x)))[1] for x in found.configurations(level)])

@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from .._core import DermisError, core
 from ..devices import skin_models, thimble_devices
-from ..preferences import core_module
 from . import drawing, paint, tactor_twin, thimble_twin
 from .drawing import finger_matrix
 
@@ -30,7 +30,7 @@ def device_of(scene: bpy.types.Scene, row: device_preview.Row) -> tuple[Any, flo
     if obj is None or spec is None:
         return None
     settings = next((d for d in obj.dermis.finger.devices if d.preset == row.device), None)
-    thimble, errors = core_module("devices.thimble"), core_module("errors")
+    thimble = core.devices.thimble
     try:
         if settings is None or not settings.thimble_calibrated:
             key: tuple[Any, ...] = (spec.hash,)
@@ -43,8 +43,8 @@ def device_of(scene: bpy.types.Scene, row: device_preview.Row) -> tuple[Any, flo
                 return None
             key = (spec.hash, model.key, tuple(values[f"thimble_felt_{i}"] for i in (1, 2, 3)))
             if key not in _devices:
-                _keep(key, core_module("matching.thimble_use").fitted(spec, model, values)[0])
-    except errors.DermisError:
+                _keep(key, core.matching.thimble_use.fitted(spec, model, values)[0])
+    except DermisError:
         return None  # the bake says why
     return _devices[key], float(spec.parameters.get("reference_distance", _devices[key].mount[2, 3]))
 
@@ -58,7 +58,7 @@ def joints_of(scene: bpy.types.Scene, row: device_preview.Row) -> tuple[Any, thi
     start = np.array([row.values.get("pitch", 0.0), row.values.get("roll", 0.0), row.values.get("distance", reference)])
     try:
         return device, thimble_twin.joints(device, servo_angles(row), start)
-    except core_module("errors").DermisError:
+    except DermisError:
         return None
 
 
@@ -78,13 +78,13 @@ def shares(row: device_preview.Row) -> Array:
 
 def workspace_of(device: Any, reference: float) -> list[Array]:
     """Return the loops of a mechanism's workspace, worked out once."""
-    key = core_module("surrogate.store").device_key(device)
+    key = core.surrogate.store.device_key(device)
     if key not in _loops:
         while len(_loops) >= MOST:
             _loops.pop(next(iter(_loops)))
         try:
             _loops[key] = thimble_twin.loops(device, reference)
-        except core_module("errors").DermisError:
+        except DermisError:
             _loops[key] = []
     return _loops[key]
 

@@ -81,17 +81,13 @@ def run(options: argparse.Namespace) -> int:
     material = {k: float(v) for k, v in parameters.items() if k in MATERIAL_PARAMETERS}
     lengths = {k: v for k, v in parameters.items() if k not in material and k != "mesh"}
     shape = shape_from_parameters(lengths if "mesh" not in parameters else {}, where="skin")
-    steps = task.table_for(
-        spec,
-        shape,
-        folder,
-        level=options.level,
-        rows=rows,
-        workers=options.workers,
-        file=options.table,
-        material=material,
-    )
-    table = _drain(steps, options.quiet)
+    if options.table is not None:
+        table = task.load_table(spec, options.table)
+    else:
+        steps = task.table_for(
+            spec, shape, folder, level=options.level, rows=rows, workers=options.workers, material=material
+        )
+        table = _drain(steps, options.quiet)
     if options.save_table is not None:
         table.save(options.save_table)
         print(options.save_table, file=sys.stderr)  # standard output is the report, which may be JSON

@@ -74,6 +74,21 @@ def sense_touch(touch: SkinTouch, *, noise: float = NOISE, seed: int = 0) -> NDA
     return whole
 
 
+def load_table(spec: DeviceSpec, file: Path) -> SkinTable:
+    """Return a device's table from a file: .npz collected, .csv recorded.
+
+    Raises:
+        DermisError: a file that cannot be read, or a table of another device.
+    """
+    if file.suffix.lower() == ".csv":
+        ends = np.array([ends_of(channel) for channel in original_channels(spec)]).T
+        table = read_table(file, scale_of(spec), ends)
+    else:
+        table = SkinTable.load(file)
+    belongs(table, spec, where=str(file))
+    return table
+
+
 def table_for(
     spec: DeviceSpec,
     shape: FingertipShape,
@@ -82,23 +97,13 @@ def table_for(
     level: str = "draft",
     rows: int | None = ROWS,
     workers: int = 0,
-    file: Path | None = None,
     material: Mapping[str, float] | None = None,
 ) -> Generator[Step, None, SkinTable]:
-    """Return a device's table: read from a file (.npz collected, .csv recorded), or swept and kept in a folder.
+    """Return a device's table, swept and kept in a folder.
 
     Raises:
-        DermisError: a file that cannot be read, a table of another device, or a sweep that fails.
+        DermisError: a sweep that fails.
     """
-    if file is not None:
-        if Path(file).suffix.lower() == ".csv":
-            ends = np.array([ends_of(channel) for channel in original_channels(spec)]).T
-            table = read_table(file, scale_of(spec), ends)
-        else:
-            table = SkinTable.load(Path(file))
-        belongs(table, spec, where=str(file))
-        yield Step("table", 1, 1)
-        return table
     steps = collect(spec, shape, folder, level=level, rows=rows, workers=workers, material=material)
     while True:
         try:

@@ -77,8 +77,8 @@ def blender() -> Iterator[dict[str, Exit]]:
     import bpy
 
     import blender_addon
-    from blender_addon.preferences import core_module
     from blender_addon.streaming import session
+    from core.stream import client
 
     def stream(receiver: exits.Receiver) -> None:
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
@@ -98,7 +98,7 @@ def blender() -> Iterator[dict[str, Exit]]:
         receiver.ask("mark")
 
     def ended() -> None:
-        exits.until(lambda: not core_module("stream.client").leaving(), lambda: None, "the sender ends")
+        exits.until(lambda: not client.leaving(), lambda: None, "the sender ends")
 
     def by_file(receiver: exits.Receiver, _: int) -> None:
         stream(receiver)

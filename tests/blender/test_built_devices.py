@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import pytest
 
-from blender_addon.preferences import core_module
+from blender_addon._core import core
 from blender_addon.results import store
 from blender_addon.streaming import (
     board_identity,
@@ -31,7 +31,7 @@ VIRTUAL = b"VIRTUAL1".hex()  # what the device in the box answers with
 
 def bake(scene: Any, *fingers: str) -> None:
     """Keep a bake with a HapTip's track for some fingers."""
-    pipeline = core_module("pipeline.render")
+    pipeline = core.pipeline.render
     found = tuple(pipeline.Output(n, HAPTIP, a_track(finger_name=n), {}, ()) for n in fingers)
     store.keep(scene, pipeline.Bake(found, (), {}, "hash"))
 
@@ -90,7 +90,7 @@ def worn(scene: Any) -> str:
 def test_it_is_remembered_for_the_finger_on_this_computer(scene: Any, tmp_path: Path, monkeypatch: Any) -> None:
     mark(scene)
     folder = built_devices.user_folder(built_devices.FOLDER)
-    read = core_module("devices.calibration").Calibration.load(folder / "haptip-left-red-tape.json")
+    read = core.devices.calibration.Calibration.load(folder / "haptip-left-red-tape.json")
     assert (read.name, read.device, read.entries["pulley_1"].zero) == ("left, red tape", HAPTIP, 0.125)
     another_session(monkeypatch)
     scene = reopened(tmp_path / "a.blend")
@@ -254,7 +254,7 @@ def test_a_device_whose_file_is_gone_can_be_changed_for_another(scene: Any) -> N
 
 
 def test_the_device_that_answers_is_recognised(scene: Any) -> None:
-    made = core_module("devices.calibration").Calibration.of(core_module("presets").Library().device(HAPTIP))
+    made = core.devices.calibration.Calibration.of(core.presets.Library().device(HAPTIP))
     built_devices.save(made.with_entry("pulley_1", zero=0.125, gain=-1.0).owned_by("in the box", VIRTUAL))
     session.connect(scene)
     assert listed(scene) == PLAIN

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from blender_addon import choices, jobs
+from blender_addon._core import core
 from blender_addon.design import design_results
 from blender_addon.devices import platform_devices
-from blender_addon.preferences import core_module, library
+from blender_addon.preferences import library
 from blender_addon.results import store
 
 from .test_platforms import own_folders, shown  # noqa: F401  a fixture
@@ -33,7 +34,7 @@ def baked(own_folders, monkeypatch):  # noqa: F811
 
 def sensed(scene, seed=0):
     touch = next(iter(store.current(scene).bake.skins.values()))
-    return core_module("design.task").sense_touch(touch, noise=scene.dermis_design.noise, seed=seed)
+    return core.design.task.sense_touch(touch, noise=scene.dermis_design.noise, seed=seed)
 
 
 def test_the_answer_is_the_engines_for_the_same_bake_and_table(baked) -> None:
@@ -43,7 +44,7 @@ def test_the_answer_is_the_engines_for_the_same_bake_and_table(baked) -> None:
     spec = library().device("cable_platform")
     values = store.current(scene).skins["Index"]
     _, table = jobs.drain(platform_devices.swept(spec, values["skin"], values["level"], ROWS))
-    direct = jobs.drain(core_module("design.task").answer(spec, table, {"t": sensed(scene)}, noise=2.0))
+    direct = jobs.drain(core.design.task.answer(spec, table, {"t": sensed(scene)}, noise=2.0))
     assert found.names == ("Tip, Flat, Tip",)
     np.testing.assert_array_equal(found.by("variance").error, direct.by("variance").error)
     assert found.by("variance").motors == direct.by("variance").motors
@@ -78,12 +79,12 @@ def test_the_new_preset_scrubs_bakes_and_exports_at_once(baked, tmp_path) -> Non
     track = store.current(scene).bake.outputs[0].track
     spec = library().device(key)
     assert track.spec.hash == spec.hash and track.values.shape[1] == len(spec.channels) == 2
-    coupling = core_module("devices.coupling").coupling_of(spec)
+    coupling = core.devices.coupling.coupling_of(spec)
     driven = coupling.original(track.values)
     deep = original.values[:, 0] > 0.8 * original.values[:, 0].max()  # where the touch is
     assert np.abs(driven - original.values)[deep].max() < 0.25 * np.ptp(original.values)
     assert bpy.ops.dermis.export_tracks(directory=str(tmp_path)) == {"FINISHED"}
-    assert core_module("track.csv").read(tmp_path / f"Index.{key}.csv").values.shape == track.values.shape
+    assert core.track.csv.read(tmp_path / f"Index.{key}.csv").values.shape == track.values.shape
 
 
 def test_another_number_of_motors_is_written_without_searching_again(baked, monkeypatch) -> None:
@@ -165,12 +166,12 @@ def test_a_coupled_device_is_not_reduced_again(baked) -> None:
 
 def test_stopping_half_way_changes_nothing(baked) -> None:
     scene, _, folder = baked
-    before = set(core_module("work")._workers)
+    before = set(core.work._workers)
     steps = design_results.find(scene)
     for _ in range(4):
         next(steps)
     steps.close()
-    assert design_results.current(scene) is None and set(core_module("work")._workers) == before
+    assert design_results.current(scene) is None and set(core.work._workers) == before
     assert not list((folder / "presets").rglob("*.json"))
 
 

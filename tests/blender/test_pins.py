@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from blender_addon import choices
+from blender_addon._core import core
 from blender_addon.demos import demo_pins
-from blender_addon.preferences import core_module, library
+from blender_addon.preferences import library
 from blender_addon.preview import device_preview, skin_preview
 from blender_addon.properties import scene_properties
 from blender_addon.results import pin_reports, store
@@ -45,7 +46,7 @@ def test_settings_reach_the_track(demo) -> None:
 
 
 def test_the_demos_bake_is_the_engines_own_experiment(demo) -> None:
-    scene = core_module("scene.sliding").sliding_plane(1.5e-3, 0.5)
+    scene = core.scene.sliding.sliding_plane(1.5e-3, 0.5)
     at = demo.objects["Plane"]
     for frame in (5, 1, 10, 30, 61):
         demo.frame_set(frame)
@@ -56,8 +57,8 @@ def test_the_demos_bake_is_the_engines_own_experiment(demo) -> None:
 
 def test_a_press_test_gives_alpha_and_can_be_undone(demo) -> None:
     skin = demo.objects["Index"].dermis.finger.skin
-    model = core_module("skin.model").skin_from_parameters({}, level="draft")
-    loads = 0.73 * core_module("matching.press_test").press_loads(model)
+    model = core.skin.model.skin_from_parameters({}, level="draft")
+    loads = 0.73 * core.matching.press_test.press_loads(model)
     names = {f"load_{k + 1}": float(f) for k, f in enumerate(loads)}
     skin.alpha = 0.9  # what is there must not matter
     assert bpy.ops.dermis.press_test(**names) == {"FINISHED"}
@@ -90,7 +91,7 @@ def test_methods_are_compared_for_the_bake_at_hand(demo) -> None:
     result = bake(demo)
     assert bpy.ops.dermis.compare_pins() == {"FINISHED"}
     shown = pin_reports.shown(demo, finger)
-    direct = core_module("matching.pin_report").compare(result.bake.skins["Index"], library().device("pin_array_128"))
+    direct = core.matching.pin_report.compare(result.bake.skins["Index"], library().device("pin_array_128"))
     assert [r.method for r in shown] == [r.method for r in direct]
     np.testing.assert_allclose([r.displacement_error for r in shown], [r.displacement_error for r in direct])
     (doubt,) = pin_reports.doubts(demo, finger)
@@ -131,9 +132,9 @@ def test_the_rendered_skin_stands_beside_the_target(demo) -> None:
     bake(demo)
     demo.frame_set(15)
     target, rendered = skin_preview.states(demo)
-    pins = core_module("matching.pins")
+    pins = core.matching.pins
     ready = pins.setup(target.model, library().device("pin_array_128"))
-    solver = core_module("matching.deformation").PinSolver(ready.matcher, "DM2")
+    solver = core.matching.deformation.PinSolver(ready.matcher, "DM2")
     expected = pins.rendered_force(ready, solver.solve(target.force).forces)
     np.testing.assert_allclose(rendered.force, expected, atol=1e-12)
     assert rendered.finger == "Index: DM2 pins" and target.finger == "Index"

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from blender_addon import choices, jobs
+from blender_addon._core import core
 from blender_addon.demos import demo_motors
 from blender_addon.devices import platform_devices
-from blender_addon.preferences import core_module, library
+from blender_addon.preferences import library
 from blender_addon.preview import device_preview
 from blender_addon.preview import skin_preview as skins
 from blender_addon.properties import scene_properties
@@ -59,8 +60,8 @@ def shown(which: str, device: str = "cable_platform"):
 
 def test_the_demos_surface_moves_as_the_engines_interaction(demo) -> None:
     scene, _ = demo
-    model = core_module("skin.model").fingertip_skin(level="draft")
-    touch = core_module("design.interactions").interaction("flat", model.positions, seed=0)
+    model = core.skin.model.fingertip_skin(level="draft")
+    touch = core.design.interactions.interaction("flat", model.positions, seed=0)
     surface, chunk = scene.objects["Surface"], touch.chunks[0]
     for sample in (0, 57, 130, 333, 1001):
         frame = float(chunk.frames[sample])
@@ -73,7 +74,7 @@ def test_the_demos_surface_moves_as_the_engines_interaction(demo) -> None:
 def test_every_interaction_opens_with_its_own_length(own_folders, which) -> None:
     assert bpy.ops.dermis.demo_motors_scene(touch=which, seed=3) == {"FINISHED"}
     scene = next(s for s in bpy.data.scenes if s.name.startswith(f"{demo_motors.NAME}: {demo_motors.TITLES[which]}"))
-    stops = len(core_module("design.interactions").STOPS[which])
+    stops = len(core.design.interactions.STOPS[which])
     assert (scene.frame_end - 1) / scene.render.fps == pytest.approx(3 * (stops + 1) + 1, abs=0.04)
     assert scene.objects["Surface"].dermis.role == "TOUCHABLE"
 
@@ -85,7 +86,7 @@ def test_without_a_table_scrubbing_leaves_the_platform_out_and_sweeps_nothing(de
     def never(*_args, **_kwargs):
         raise AssertionError("a table was swept while scrubbing")
 
-    monkeypatch.setattr(core_module("matching.lookup"), "build", never)
+    monkeypatch.setattr(core.matching.lookup, "build", never)
     assert platform_devices.missing(finger, device)
     for shown_skin in (True, False):
         finger.dermis.finger.skin.shown = shown_skin
@@ -104,8 +105,8 @@ def test_with_a_table_scrubbing_shows_what_a_bake_would(own_folders, device) -> 
     row = next(r for r in device_preview.preview(scene).rows if r.device == device)
     state = skins.own(scene)[0]
     table = platform_devices.table(finger, finger.dermis.finger.devices[0])
-    sensed = core_module("matching.readings").readings_of(state.model).sense(np.asarray(state.force)[None])
-    expected = core_module("matching.lookup").commands_of(table, sensed)[0]
+    sensed = core.matching.readings.readings_of(state.model).sense(np.asarray(state.force)[None])
+    expected = core.matching.lookup.commands_of(table, sensed)[0]
     assert state.touching and row.contact == 1.0
     np.testing.assert_allclose(list(row.values.values()), expected)
     finger.dermis.finger.skin.shown = False  # the trail renders it then
@@ -116,7 +117,7 @@ def test_with_a_table_scrubbing_shows_what_a_bake_would(own_folders, device) -> 
 def test_a_stopped_sweep_leaves_no_table_and_no_process(demo) -> None:
     _, finger = demo
     device = finger.dermis.finger.devices[0]
-    work = core_module("work")
+    work = core.work
     before = set(work._workers)
     steps = platform_devices.make(finger, device)
     for _ in range(3):
@@ -134,7 +135,7 @@ def test_bake_makes_the_table_with_progress_and_export_passes_the_check(demo, tm
     assert "table" in stages and not platform_devices.missing(finger, finger.dermis.finger.devices[0])
     store.keep(scene, bake)
     assert bpy.ops.dermis.export_tracks(directory=str(tmp_path / "tracks")) == {"FINISHED"}
-    track = core_module("track.csv").read(tmp_path / "tracks" / "Index.cable_platform.csv")
+    track = core.track.csv.read(tmp_path / "tracks" / "Index.cable_platform.csv")
     assert track.values.shape[1] == 3 and not [f for f in track.check() if f.severity == "error"]
     assert track.meta["method"] == "lookup" and track.values.max() > 1.0  # [rad] the platform comes to the finger
 
@@ -143,12 +144,10 @@ def test_the_table_file_of_another_device_is_told_on_scrub_and_bake(demo, tmp_pa
     scene, finger = demo
     device = finger.dermis.finger.devices[0]
     model = platform_devices.model_of(finger)
-    other = core_module("matching.table").build(
-        library().device("hexapod"), model, core_module("matching.readings").readings_of(model), 64
-    )
+    other = core.matching.table.build(library().device("hexapod"), model, core.matching.readings.readings_of(model), 64)
     other.save(tmp_path / "other.npz")
     device.table = str(tmp_path / "other.npz")
-    errors = core_module("errors")
+    errors = core.errors
     with pytest.raises(errors.DermisError, match="another device"):
         platform_devices.table(finger, device)
     assert not platform_devices.missing(finger, device)
@@ -169,9 +168,9 @@ def test_the_cable_twin_is_in_balance_with_the_skin(demo) -> None:
     """Cable tensions shown are those that carry springs and skin: force on the platform adds up to nothing."""
     _, finger = demo
     spec, model = library().device("cable_platform"), platform_devices.model_of(finger)
-    table = core_module("matching.table")
-    device = core_module("matching.platforms").mechanism(spec)
-    command = core_module("matching.sweep").sweep(spec, model.positions, 27)[-2]
+    table = core.matching.table
+    device = core.matching.platforms.mechanism(spec)
+    command = core.matching.sweep.sweep(spec, model.positions, 27)[-2]
     at = platform_twin.state(spec, command, model, True)
     pressed = table.press_of(model, spec).press(command[None])
     load = -(pressed.force[0].astype(float)).sum(axis=0)

@@ -12,7 +12,7 @@ import pytest
 
 import blender_addon
 from blender_addon import handlers
-from blender_addon.preferences import core_module
+from blender_addon._core import core
 from blender_addon.preview import device_preview
 from blender_addon.results import export_parts, store
 from blender_addon.streaming import calibration_rows, device_calibration, session
@@ -27,18 +27,18 @@ HAPTIP = "haptip"
 
 def a_track(seconds: float = 2.0, finger_name: str = "Finger") -> Any:
     """A circle of 0.5 mm once a second, with the pulleys' angles to it."""
-    presets, shear = core_module("presets"), core_module("devices.shear_tactor")
+    presets, shear = core.presets, core.devices.shear_tactor
     spec = presets.Library().device(HAPTIP)
     t = np.arange(round(seconds * 1000) + 1) / 1000
     place = 5e-4 * np.stack([np.cos(2 * np.pi * t), np.sin(2 * np.pi * t)], axis=1)
     angles = shear.ShearTactor.from_spec(spec).inverse(place)
     meta = {"finger": finger_name, "fps": "24/1", "frame_range": "1 49"}
-    return core_module("track.command_track").CommandTrack(spec, t, np.concatenate([place, angles], axis=1), meta)
+    return core.track.command_track.CommandTrack(spec, t, np.concatenate([place, angles], axis=1), meta)
 
 
 def a_bake(track: Any) -> Any:
     """Put a bake with one output into the scene's results; return the scene."""
-    pipeline = core_module("pipeline.render")
+    pipeline = core.pipeline.render
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 1, 49
     store.keep(scene, pipeline.Bake((pipeline.Output("Finger", HAPTIP, track, {}, ()),), (), {}, "hash"))
@@ -197,7 +197,7 @@ def test_a_track_from_a_file_drives_the_twin_and_can_be_streamed(tmp_path: Path)
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 1, 49
     path = tmp_path / "edited.csv"
-    core_module("track.csv").write(a_track(finger_name="Index"), path)
+    core.track.csv.write(a_track(finger_name="Index"), path)
     assert device_preview.preview(scene) is None
     assert bpy.ops.dermis.load_track(filepath=str(path)) == {"FINISHED"}
     scene.frame_set(13)
@@ -234,12 +234,12 @@ def test_export_of_ranges(scene: Any, tmp_path: Path) -> None:
     bpy.ops.dermis.export_as(form="json", span="MARKERS", directory=str(tmp_path))
     names = sorted(p.name for p in tmp_path.iterdir())
     assert names == ["Finger.haptip.press.json", "Finger.haptip.slide.json"]
-    part = core_module("track.export").read(tmp_path / names[1])
+    part = core.track.export.read(tmp_path / names[1])
     assert len(part.times) == 1001 and part.meta["frame_range"] == "25 49" and part.meta["range"] == "slide"
     assert np.array_equal(part.values, a_track().values[1000:])
     scene.use_preview_range, scene.frame_preview_start, scene.frame_preview_end = True, 13, 25
     bpy.ops.dermis.export_as(form="binary", span="PREVIEW", directory=str(tmp_path))
-    assert len(core_module("track.export").read(tmp_path / "Finger.haptip.preview.dtrack").times) == 501
+    assert len(core.track.export.read(tmp_path / "Finger.haptip.preview.dtrack").times) == 501
     bpy.ops.dermis.export_as(form="c", span="ALL", directory=str(tmp_path), all_scenes=True)
     assert (tmp_path / "Scene.Finger.haptip.h").is_file()
     with pytest.raises(RuntimeError, match="no action"):

@@ -12,7 +12,7 @@ import bpy
 import pytest
 
 from blender_addon import preferences
-from blender_addon.preferences import core_module
+from blender_addon._core import core
 from blender_addon.results import store
 from blender_addon.streaming import agreed_paths, session, streamed_track
 
@@ -66,7 +66,7 @@ def test_a_file_that_a_file_names_is_read_by_nobody(scene: Any, tmp_path: Path, 
 
 def test_what_was_confirmed_holds_for_the_session(scene: Any, tmp_path: Path) -> None:
     track, record = tmp_path / "track.csv", tmp_path / "record.txt"
-    core_module("track.csv").write(a_track(), track)
+    core.track.csv.write(a_track(), track)
     arrived(tmp_path, url=f"spy://virtual:?file={record}", track_file=str(track))
     asked = agreed_paths.pending(bpy.context.scene.dermis_stream)
     assert [(c.kind, c.path) for c in asked] == [("write", str(record)), ("read", str(track))]
@@ -138,7 +138,7 @@ def test_a_screen_cannot_jump() -> None:
 
 def test_the_panel_hears_of_a_sender_that_is_still_on_the_way(scene: Any) -> None:
     """A board that knows no safe state is driven there after Disconnect too, at a preset's own speed."""
-    library = core_module("presets").Library
+    library = core.presets.Library
     slow = library().load("devices", HAPTIP)
     for channel in slow["channels"]:
         channel["slew"] = {"value": 0.5, "unit": "rad/s", "source": "chosen: slow"} if channel.get("actuator") else None

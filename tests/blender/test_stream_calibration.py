@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 import pytest
 
-from blender_addon.preferences import core_module
+from blender_addon._core import core
 from blender_addon.results import store
 from blender_addon.streaming import device_calibration, session
 
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.real_time
 @pytest.fixture
 def scene() -> Any:
     """Two fingers with a HapTip each, and a bake for both."""
-    pipeline, made = core_module("pipeline.render"), bpy.context.scene
+    pipeline, made = core.pipeline.render, bpy.context.scene
     made.frame_start, made.frame_end = 1, 49
     for name in ("Index", "Thumb"):
         build.finger(name).dermis.finger.devices.add().preset = HAPTIP
@@ -39,7 +39,7 @@ def listed(scene: Any) -> list[tuple[float, float, bool]]:
 
 def driven(scene: Any) -> dict[str, Any]:
     """Return the calibration that the sender was told."""
-    return dict(core_module("devices.calibration").Calibration.loads(session._client._wish["calibration"]).entries)
+    return dict(core.devices.calibration.Calibration.loads(session._client._wish["calibration"]).entries)
 
 
 PLAIN = [(0.0, 1.0, False)] * 2
@@ -89,7 +89,7 @@ def test_a_loaded_track_is_for_the_device_of_the_finger_it_names(scene: Any, tmp
     session.connect(scene)
     scene.dermis_stream.channels[0].zero, scene.dermis_stream.channels[0].gain = 0.125, -1.0
     path = tmp_path / "thumb.csv"
-    core_module("track.csv").write(a_track(finger_name="Thumb"), path)
+    core.track.csv.write(a_track(finger_name="Thumb"), path)
     bpy.ops.dermis.load_track(filepath=str(path))
     assert driven(scene) == {} and scene.dermis_stream.channels_of == "Thumb: haptip"
     scene.dermis_stream.track_file = ""
@@ -141,7 +141,7 @@ def test_a_dot_in_the_name_is_a_part_of_it(scene: Any, tmp_path: Path) -> None:
         scene.dermis_stream.channels[0].zero = zero
         bpy.ops.dermis.calibration_save(filepath=str(tmp_path / f"haptip.{side}"))
     assert sorted(p.name for p in tmp_path.iterdir()) == ["haptip.left.json", "haptip.right.json"]
-    read = core_module("devices.calibration").Calibration.load
+    read = core.devices.calibration.Calibration.load
     assert [read(tmp_path / f"haptip.{side}.json").entries["pulley_1"].zero for side in ("left", "right")] == [
         0.125,
         0.25,

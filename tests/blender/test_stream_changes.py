@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from blender_addon import handlers
-from blender_addon.preferences import core_module
+from blender_addon._core import core
 from blender_addon.preview import device_preview
 from blender_addon.results import store
 from blender_addon.streaming import session, streamed_track
@@ -41,7 +41,7 @@ def redo() -> None:
 
 def sent() -> Any:
     """Return the track that the sender was told to play."""
-    return core_module("track.export").read(Path(session._client._wish["track"]))
+    return core.track.export.read(Path(session._client._wish["track"]))
 
 
 def there(values: Any) -> Any:
@@ -50,7 +50,7 @@ def there(values: Any) -> Any:
 
 def another_bake(scene: Any, first: int) -> Any:
     """Keep a bake of a smaller circle that starts at another frame; return its track."""
-    pipeline, track = core_module("pipeline.render"), a_track()
+    pipeline, track = core.pipeline.render, a_track()
     track.values[:, 2:] *= 0.25
     scene.frame_start = first
     store.keep(scene, pipeline.Bake((pipeline.Output("Finger", HAPTIP, track, {}, ()),), (), {}, "other"))
@@ -154,7 +154,7 @@ def test_streaming_a_loaded_track_shows_the_device_in_the_twin(tmp_path: Path) -
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 1, 49
     path = tmp_path / "edited.csv"
-    core_module("track.csv").write(a_track(finger_name="Thumb"), path)
+    core.track.csv.write(a_track(finger_name="Thumb"), path)
     bpy.ops.dermis.load_track(filepath=str(path))
     scene.frame_set(13)
     scene.dermis_stream.ramp = 0.1

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from blender_addon import commands, reporting
-from blender_addon.preferences import core_module
+from blender_addon._core import core
 from blender_addon.results import store
 
 from . import build
@@ -21,7 +21,7 @@ from .test_stream import HAPTIP, a_track
 @pytest.fixture
 def two() -> Any:
     """Two fingers in one scene and one in another; each scene with a bake."""
-    pipeline, scene = core_module("pipeline.render"), bpy.context.scene
+    pipeline, scene = core.pipeline.render, bpy.context.scene
     for name in ("Index", "Thumb"):
         build.finger(name)
     other = bpy.data.scenes.new("Other")
@@ -57,7 +57,7 @@ def test_an_actions_frames(two: Any, tmp_path: Path) -> None:
     bpy.context.view_layer.objects.active = thumb
     bpy.ops.dermis.export_as(form="json", directory=str(tmp_path), active_only=True, span="ACTION")
     [path] = tmp_path.iterdir()
-    track = core_module("track.export").read(path)
+    track = core.track.export.read(path)
     assert track.meta["frame_range"] == "13 37" and track.duration == pytest.approx(1.0)
     assert np.array_equal(track.values, a_track().values[500:1501])
 
@@ -93,7 +93,7 @@ def test_a_batch_of_scenes_markers_and_formats(blend: Path, tmp_path: Path) -> N
     assert commands.main([*arguments, "--format", "json", "--format", "c"]) == 0
     stems = [f"{scene}/Index.haptip.{part}" for scene in ("Scene", "Second") for part in ("press", "slide")]
     assert names(out) == sorted(stem + end for stem in stems for end in (".json", ".h"))
-    read = core_module("track.export").read
+    read = core.track.export.read
     press, slide = (read(out / "Scene" / f"Index.haptip.{part}.json") for part in ("press", "slide"))
     assert press.meta["frame_range"] == "1 7" and slide.meta["frame_range"].startswith("7 ")
     assert press.duration == pytest.approx(0.25, abs=1.1e-3)
@@ -123,7 +123,7 @@ def test_a_batch_of_scenes_whose_names_meet(tmp_path: Path) -> None:
     assert commands.main(["render", str(path), "--out", str(out), "--all-scenes"]) == 0
     folders = sorted(p.name for p in out.iterdir())
     assert len({f.casefold() for f in folders}) == 3 and all((out / f / "Index.haptip.csv").is_file() for f in folders)
-    read = core_module("track.export").read
+    read = core.track.export.read
     assert {read(out / f / "Index.haptip.csv").meta["scene"] for f in folders} == {"S 1", "S_1", "s 1"}
 
 
@@ -152,7 +152,7 @@ def test_markers_whose_names_meet(two: Any, tmp_path: Path) -> None:
             bpy.ops.dermis.export_as(form="json", span="MARKERS", directory=str(folder))
             wanted = {f"{finger}.haptip.{stem}.json": s for finger in ("Index", "Thumb") for stem, s in stems.items()}
             assert names(folder) == sorted(wanted)
-        read = core_module("track.export").read
+        read = core.track.export.read
         assert {n: read(folder / n).duration for n in wanted} == {n: pytest.approx(s) for n, s in wanted.items()}
         assert len({read(folder / n).meta["range"] for n in wanted}) == len(stems)
 
@@ -170,7 +170,7 @@ def test_two_markers_on_one_frame_and_some_outside(two: Any, tmp_path: Path) -> 
 
 
 def test_scenes_whose_names_meet(two: Any, tmp_path: Path) -> None:
-    pipeline = core_module("pipeline.render")
+    pipeline = core.pipeline.render
     for name in ("S 1", "S_1", "s_1"):
         scene = bpy.data.scenes.new(name)
         assert scene.name == name
@@ -180,7 +180,7 @@ def test_scenes_whose_names_meet(two: Any, tmp_path: Path) -> None:
     bpy.ops.dermis.export_as(form="json", all_scenes=True, directory=str(tmp_path))
     made = [n for n in names(tmp_path) if n.lower().startswith("s_1")]
     assert sorted(made) == sorted(["S_1.Index.haptip.json", "S_1-2.Index.haptip.json", "s_1-3.Index.haptip.json"])
-    read = core_module("track.export").read
+    read = core.track.export.read
     assert {read(tmp_path / n).meta["finger"] for n in made} == {"S 1", "S_1", "s_1"}
 
 
@@ -197,7 +197,7 @@ def test_a_range_that_is_the_whole_bake(tmp_path: Path, last: int) -> None:
     whole = store.current(scene).bake.outputs[0].track
     bpy.context.view_layer.objects.active = tip
     mark(("m", 1))
-    read = core_module("track.export").read
+    read = core.track.export.read
     for span, name in (("PREVIEW", "preview"), ("ACTION", "IndexAction"), ("MARKERS", "m")):
         bpy.ops.dermis.export_as(form="json", span=span, directory=str(tmp_path / span))
         track = read(tmp_path / span / f"Index.haptip.{name}.json")
@@ -207,7 +207,7 @@ def test_a_range_that_is_the_whole_bake(tmp_path: Path, last: int) -> None:
 
 def keep(*tracks: Any) -> None:
     """Make a bake of the active scene, with a finger for each track."""
-    pipeline, scene = core_module("pipeline.render"), bpy.context.scene
+    pipeline, scene = core.pipeline.render, bpy.context.scene
     scene.frame_start, scene.frame_end = 1, 49
     found = tuple(pipeline.Output(t.meta["finger"], t.spec.key, t, {}, ()) for t in tracks)
     store.keep(scene, pipeline.Bake(found, (), {}, "hash"))
@@ -229,7 +229,7 @@ def test_devices_of_several_rates(tmp_path: Path) -> None:
     mark(("m", 1), ("blip", 5), ("n", 3))
     bpy.ops.dermis.export_as(form="json", span="MARKERS", directory=str(tmp_path))
     assert names(tmp_path) == [f"{f}.haptip.{part}.json" for f in ("Index", "Thumb") for part in ("m", "n")]
-    read = core_module("track.export").read
+    read = core.track.export.read
     lengths = {n: len(read(tmp_path / n).times) for n in names(tmp_path)}
     assert list(lengths.values()) == [84, 83, 9, 8]  # to 83.3 ms and from there on
 

@@ -11,7 +11,8 @@ import bpy
 import pytest
 
 from blender_addon import jobs
-from blender_addon.preferences import core_module, library
+from blender_addon._core import core
+from blender_addon.preferences import library
 from blender_addon.results import store
 from blender_addon.sampling import scene_sweep
 from blender_addon.streaming import frame_hold, session
@@ -166,7 +167,7 @@ def test_blenders_own_operators_have_the_names_that_are_looked_for() -> None:
 
 def test_a_bake_that_is_kept_is_sent_only_after_its_sweep(scene: Any) -> None:
     """The bake's frames pass with the old track held; the new one and its own times come together."""
-    pipeline = core_module("pipeline.render")
+    pipeline = core.pipeline.render
     session.connect(scene)
     old = session._client._wish["track"]
     scene.frame_start = 7

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from blender_addon import preferences, reporting
-from blender_addon.preferences import core_module
+from blender_addon._core import core
 from blender_addon.results import store
 from blender_addon.streaming import device_calibration, session, streamed_track
 
@@ -43,7 +43,7 @@ def scene() -> Any:
 def safe() -> list[float]:
     """Return the safe pose of the thimble [rad]."""
     spec = preferences.library().device(THIMBLE)
-    values = core_module("devices.safe_state").safe_state(spec).values
+    values = core.devices.safe_state.safe_state(spec).values
     return [values[c.name] for c in spec.channels if c.actuator]
 
 
@@ -131,7 +131,7 @@ def test_only_the_scene_that_is_connected_is_armed(scene: Any) -> None:
     other = scene.copy()
     other.dermis_stream.mode = "jog"
     other.dermis_stream.channels[0].jog = 0.0
-    with pytest.raises(core_module("errors").DermisError, match="another scene is connected"):
+    with pytest.raises(core.errors.DermisError, match="another scene is connected"):
         session.arm(other)
     session.beat()
     assert not session.status()["armed"] and session._client._wish["jog"]["servo_1"] == pytest.approx(safe()[0])
@@ -190,7 +190,7 @@ def test_a_bake_for_another_version_of_the_preset_is_said() -> None:
 def test_a_track_file_for_another_version_of_the_preset_is_said(tmp_path: Path) -> None:
     build.finger().dermis.finger.devices.add().preset = HAPTIP
     path = tmp_path / "old.csv"
-    core_module("track.csv").write(aged(a_track()), path)
+    core.track.csv.write(aged(a_track()), path)
     assert bpy.ops.dermis.load_track(filepath=str(path)) == {"FINISHED"}
     scene = bpy.context.scene
     assert "made for another version of the preset" in streamed_track.doubts(scene)

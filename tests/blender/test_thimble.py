@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from blender_addon import choices
+from blender_addon._core import core
 from blender_addon.demos import demo_thimble
 from blender_addon.devices import skin_models, thimble_devices
-from blender_addon.preferences import core_module, library
+from blender_addon.preferences import library
 from blender_addon.preview import device_preview, skin_preview, thimble_preview
 from blender_addon.properties import scene_properties
 from blender_addon.results import store
@@ -44,11 +45,9 @@ def test_settings_reach_the_engine(demo) -> None:
     output = bake(demo, 24).bake.outputs[0]
     assert output.track.meta["method"] == "force"
     skin = store.current(demo).bake.skins["Index"].model
-    use = core_module("matching.thimble_use").prepare(
-        library().device("thimble_3rrs"), skin, scene_properties.parameters(device)
-    )
+    use = core.matching.thimble_use.prepare(library().device("thimble_3rrs"), skin, scene_properties.parameters(device))
     assert use.hover == pytest.approx(0.9e-3)
-    matching = core_module("matching.thimble").follower(use).matching
+    matching = core.matching.thimble.follower(use).matching
     np.testing.assert_allclose(output.track.values[0, :3], matching.angles, atol=1e-7)  # it waits at that distance
     device.thimble_method = "geometry"
     other = bake(demo, 24).bake.outputs[0]
@@ -67,7 +66,7 @@ def test_a_calibration_moves_the_mounting(demo) -> None:
     assert np.abs(felt - 0.15).max() < np.abs(felt - rest).max()
     row = device_preview.preview(demo).rows[0]
     mechanism, _ = thimble_view.device_of(demo, row)
-    plain = core_module("devices.thimble").mechanism(library().device("thimble_3rrs"))
+    plain = core.devices.thimble.mechanism(library().device("thimble_3rrs"))
     assert abs(mechanism.mount[2, 3] - plain.mount[2, 3]) > 1e-4  # the twin is mounted as the engine mounts it
 
 
@@ -90,7 +89,7 @@ def test_the_twins_joints_obey_forward_kinematics(demo, source) -> None:
     np.testing.assert_allclose(np.linalg.norm(at.knee - at.servo, axis=1), device.crank, atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(at.platform - at.knee, axis=1), device.rod, atol=1e-9)
     base = (np.linalg.inv(device.mount) @ np.c_[at.platform, np.ones(3)].T)[:3].T
-    for i, out in enumerate(core_module("devices.thimble").LEG_DIRECTIONS):
+    for i, out in enumerate(core.devices.thimble.LEG_DIRECTIONS):
         assert abs(np.cross(out, base[i])[2]) < 1e-9
     np.testing.assert_allclose(at.x, [row.values["pitch"], row.values["roll"], row.values["distance"]], atol=2e-3)
     shares = thimble_view.shares(row)
@@ -100,7 +99,7 @@ def test_the_twins_joints_obey_forward_kinematics(demo, source) -> None:
 
 
 def test_a_servo_near_its_limit_turns_orange(demo) -> None:
-    device = core_module("devices.thimble").mechanism(library().device("thimble_3rrs"))
+    device = core.devices.thimble.mechanism(library().device("thimble_3rrs"))
     at = thimble_twin.joints(device, np.zeros(3), np.array([0.0, 0.0, 0.018]))
     cold, warm = (thimble_twin.parts(device, at, np.array([0.0, s, 0.0])) for s in (0.84, 1.0))
     changed = np.flatnonzero(np.abs(cold.colours - warm.colours).max(axis=1) > 0.1)
@@ -113,7 +112,7 @@ def test_a_servo_near_its_limit_turns_orange(demo) -> None:
 def test_from_a_bake_the_rendered_skin_is_what_the_track_does(demo) -> None:
     result = bake(demo)
     output, felt = result.bake.outputs[0], result.bake.skins["Index"]
-    thimble = core_module("matching.thimble")
+    thimble = core.matching.thimble
     use = thimble_devices.used(device_of(demo), felt.model)
     forces = thimble.forces_at(felt, output.track.times)
     found = thimble.match_touch(use, forces, use.device.servo_speed / output.track.spec.rate)
@@ -130,7 +129,7 @@ def test_from_a_bake_the_rendered_skin_is_what_the_track_does(demo) -> None:
     assert row.signals["mismatch"] == pytest.approx(found.mismatch[125], abs=1e-9)
     # and that mismatch is the one of the two skins that are shown side by side
     target, rendered = skin_preview.states(demo)
-    readout = core_module("matching.thimble").describe(use.device, use.skin, use.friction).readout
+    readout = core.matching.thimble.describe(use.device, use.skin, use.friction).readout
     a, b = (readout @ s.force.ravel() for s in (target, rendered))
     assert np.linalg.norm(b - a) / np.linalg.norm(a) == pytest.approx(found.mismatch[125], abs=1e-3)
     assert f"{100 * found.mismatch[125]:.0f} % off" in rendered.note
@@ -149,7 +148,7 @@ def test_live_follows_the_skin_step_by_step(demo) -> None:
     skin = states[0].model
     with skin_models.one_thread():
         use = thimble_devices.used(device_of(demo), skin)
-        following = core_module("matching.thimble").follower(use)
+        following = core.matching.thimble.follower(use)
         for i, (target, row) in enumerate(zip(targets, rows, strict=True)):
             following.matching.change = use.device.servo_speed / 24 if i else None
             found = following.step(target)
@@ -212,10 +211,10 @@ def test_what_has_no_adaptation_says_so_and_goes_on(demo) -> None:
 
 
 def test_workspace_loops_are_closed_and_reached(demo) -> None:
-    device = core_module("devices.thimble").mechanism(library().device("thimble_3rrs"))
+    device = core.devices.thimble.mechanism(library().device("thimble_3rrs"))
     loops = thimble_view.workspace_of(device, 0.018)
     assert len(loops) > 5 and loops is thimble_view.workspace_of(device, 0.018)
-    reach = core_module("devices.reach").reach(device, 0.018)
+    reach = core.devices.reach.reach(device, 0.018)
     for level, loop in enumerate(loops):
         np.testing.assert_allclose(loop[0], loop[-1])
         for tip, x in zip(loop, reach.configurations(level), strict=False):
@@ -244,7 +243,7 @@ def test_export_gives_a_track_that_checks(demo, tmp_path) -> None:
     bake(demo)
     assert bpy.ops.dermis.export_tracks(directory=str(tmp_path)) == {"FINISHED"}
     path = tmp_path / "Index.thimble_3rrs.csv"
-    assert path.is_file() and core_module("__main__").main(["check", str(path)]) == 0
+    assert path.is_file() and core.__main__.main(["check", str(path)]) == 0
 
 
 def test_registered_once(demo) -> None:

@@ -6,9 +6,9 @@ import bpy
 import pytest
 
 from blender_addon import choices
+from blender_addon._core import core
 from blender_addon.demos import demo_thimble
 from blender_addon.devices import skin_models, thimble_adaptation, thimble_devices
-from blender_addon.preferences import core_module
 from blender_addon.properties import skin_properties
 from blender_addon.results import store
 
@@ -28,7 +28,7 @@ def finger(tmp_path, monkeypatch):
     obj = scene.objects["Index"]
     bpy.context.view_layer.objects.active = obj
     yield obj
-    core_module("work").close_all()
+    core.work.close_all()
 
 
 def through(steps):
@@ -79,7 +79,7 @@ def test_stopping_leaves_nothing_behind(finger) -> None:
     steps.close()
     assert not list(folder.iterdir())
     assert thimble_adaptation.status(finger.dermis.finger.devices[0], model_of(finger)) is None
-    assert not core_module("work")._workers  # the child process is gone
+    assert not core.work._workers  # the child process is gone
 
 
 def test_stopping_keeps_an_older_adaptation(finger) -> None:
@@ -107,5 +107,5 @@ def test_what_the_child_refuses_is_a_finding(finger) -> None:
 def test_only_a_finger_with_a_thimble_can_be_adapted(finger) -> None:
     finger.dermis.finger.devices[0].preset = "haptip"
     assert not bpy.ops.dermis.adapt_thimble.poll()
-    with pytest.raises(core_module("errors").DermisError, match="wears no thimble"):
+    with pytest.raises(core.errors.DermisError, match="wears no thimble"):
         next(thimble_adaptation.adapt(finger))

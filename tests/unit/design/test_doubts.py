@@ -119,7 +119,7 @@ def test_a_recordings_channels_are_the_recorded_tables_by_name_and_order(spec, t
     values = np.column_stack([table.commands, table.readings])
     lines = [",".join(("m1", "m2", "m3", *CHANNELS)), *(",".join(f"{v:.9g}" for v in row) for row in values)]
     (tmp_path / "t.csv").write_text("\n".join(lines) + "\n")
-    recorded = drain(task.table_for(spec, FingertipShape(), tmp_path, file=tmp_path / "t.csv"))
+    recorded = task.load_table(spec, tmp_path / "t.csv")
     readings = table.felt[5:60]
     times = np.arange(len(readings)) / 100.0
     drain(task.answer(spec, recorded, {"a": Recording("a", times, readings, CHANNELS)}))

@@ -231,28 +231,28 @@ PACKETS = (
 READERS = (
     _reader(
         "CSV track",
-        "core.track.csv:read core.formats.export:read core.formats.csv_header:_from_json",
+        "core.track.csv:read core.track.export:read core.track.csv_header:_from_json",
         ".csv",
         _tracks(csv.dumps),
         _use_track(export.read),
     ),
     _reader(
         "JSON track",
-        "core.track.json_track:read core.formats.json_track:loads",
+        "core.track.json_track:read core.track.json_track:loads",
         ".json",
         _tracks(json_track.dumps),
         _use_track(json_track.read),
     ),
     _reader(
         "binary track",
-        "core.track.binary:read core.formats.binary:loads",
+        "core.track.binary:read core.track.binary:loads",
         ".dtrack",
         _tracks(binary.dumps),
         _use_track(binary.read),
     ),
     _reader(
         "scene",
-        "core.scene.scene_file:load core.scene_file:SceneChunks.__iter__ core.scene_file:_header",
+        "core.scene.scene_file:load core.scene.scene_file:SceneChunks.__iter__ core.scene.scene_file:_header",
         ".npz",
         lambda: [ex.written(lambda path: scene_file.save(ex.scene(), path))],
         _use_scene,
@@ -279,7 +279,7 @@ READERS = (
     ),
     _reader(
         "calibration",
-        "core.devices.calibration:Calibration.load core.calibration:Calibration.loads",
+        "core.devices.calibration:Calibration.load core.devices.calibration:Calibration.loads",
         ".json",
         lambda: [ex.calibration_text()],
         _use_calibration,

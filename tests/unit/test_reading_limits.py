@@ -27,9 +27,11 @@ CHILD = """
 import resource, sys, time
 from pathlib import Path
 import numpy as np
-from core import files, images, npz, presets, scene_file, sensor
+from core import files, images, npz, presets
+from core.scene import scene_file
+from core.skin import sensor
 from core.errors import DermisError
-from core.formats import export
+from core.track import export
 from core.matching.screen_map import ScreenMap
 from core.matching.table import SkinTable
 from core.skin import file as skin

@@ -55,7 +55,7 @@ def test_an_old_firmware_is_named_and_goes_on(version: int, monkeypatch: pytest.
     def of_version(_: int, *given: object) -> packets.Welcome:
         return welcome(version, *given)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("core.stream.virtual_native.Welcome", of_version)
+    monkeypatch.setattr("core.stream.virtual.native.Welcome", of_version)
     lab = Lab(mode="jog", jog={"pulley_1": 0.2}, ramp=0.0)
     lab.run(0.2)
     notice = lab.streamer.status()["notice"]

@@ -105,7 +105,5 @@ def test_times_ports_faults_and_options_are_the_codes_own() -> None:
     for fault in faults.NAMES:
         assert f"`{fault}" in PAGE, fault
     for name in adapter.NAMES:
-        module, cls, _ = adapter.NAMES[name]
-        made = getattr(__import__(f"core.stream.{module}", fromlist=[cls]), cls)
-        for option in made.OPTIONS:
+        for option in adapter.kind(name).OPTIONS:
             assert f"`{option}`" in PAGE, option

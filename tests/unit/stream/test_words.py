@@ -94,8 +94,8 @@ def test_a_refused_record_leaves_its_link_closed(tmp_path: Path) -> None:
 
 SENDS = """
 import sys
-from core.stream.links import open_link
-from core.stream.url import Url
+from core.stream.links.open_link import open_link
+from core.stream.links.url import Url
 link = open_link(Url("spy://loop://?file=" + sys.argv[1]), None)
 for k in range(2000):
     assert link.send(bytes((k % 256,)) * 8) and link.receive()

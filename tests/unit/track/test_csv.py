@@ -101,7 +101,7 @@ def test_files_have_the_same_bytes_in_another_process(tmp_path: Path) -> None:
     csv.write(TRACK, tmp_path / "here.csv")
     assert (tmp_path / "here.csv").read_bytes() == TEXT.encode()
     code = (
-        "import sys; from pathlib import Path; from core.formats import csv; "
+        "import sys; from pathlib import Path; from core.track import csv; "
         "csv.write(csv.read(Path(sys.argv[1])), Path(sys.argv[2]))"
     )
     env = {**os.environ, "PYTHONPATH": str(Path(csv.__file__).parents[2]), "PYTHONHASHSEED": "99"}
@@ -194,9 +194,9 @@ def test_all_that_the_methods_say_of_themselves_can_be_read_back() -> None:
     root = Path(csv.__file__).parents[1]
     found = set()
     for path in (
-        root / "pipeline.py",
-        root / "thimble_command.py",
-        root / "formats" / "export.py",
+        *(root / "pipeline").glob("*.py"),
+        root / "command_line" / "thimble.py",
+        root / "track" / "export.py",
         *(root / "matching").glob("*.py"),
     ):
         if path.name in ("table.py", "screen_map.py"):  # meta of other files
@@ -357,7 +357,7 @@ def test_a_full_disk_leaves_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "track.csv"
     csv.write(TRACK, path)
     code = (
-        "import resource, signal, sys; from pathlib import Path; from core.formats import csv; import core.errors\n"
+        "import resource, signal, sys; from pathlib import Path; from core.track import csv; import core.errors\n"
         "track = csv.read(Path(sys.argv[1]))\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
         "try: csv.write(track, Path(sys.argv[1]))\n"

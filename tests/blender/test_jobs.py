@@ -71,7 +71,7 @@ class DERMIS_TEST_OT_job(jobs.Job, bpy.types.Operator):
     def steps(self, context):
         """Yield three times."""
         for i in range(3):
-            yield jobs.import_module("core.pipeline.render").Progress("counting", i, 3)
+            yield jobs.core.pipeline.render.Progress("counting", i, 3)
         if type(self).fail:
             raise DermisError("it will not", where="here", remedy="Do not")
         return 42

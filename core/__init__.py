@@ -1,29 +1,31 @@
 """Dermis' engine: what skin would feel in an animated scene, and what a tactile device should do about it.
 
-From a sampled scene to files for the devices::
+Installed with pip it is called `dermis`; in the source tree the same folder is called `core`.
 
-    import core
+One touch, without a scene: a fingertip of soft tissue, pressed by a ball, and the pins that feel like it.
 
-    scene = core.load_scene("scene.npz")
-    bake = core.run(scene, core.Library())
-    core.export(bake, Path("out"))
+>>> import dermis
+>>> skin = dermis.fingertip(level="draft")
+>>> touch = dermis.press(skin, dermis.Surface.sphere(5e-3), depth=1e-3, friction=0.5)
+>>> print(f"{touch.normal_force:.2f} N")
+0.46 N
+>>> dermis.match(touch, device="pin_array_128", method="DM2")
+Match(pin_array_128, DM2, error 4.85e-05, optimality 1e-13)
 
-One touch, without a scene::
+From a sampled scene to files for the devices, and from a file back to commands::
 
-    skin = core.fingertip(level="draft")
-    touch = core.press(skin, core.Surface.sphere(5e-3), depth=1.5e-3, friction=0.5)
-    pins = core.match(touch, device="pin_array_128", method="DM2")
-
-From a file back to commands::
-
-    track = core.read_csv("out/Finger.haptip.csv")
+    scene = dermis.load_scene("scene.npz")
+    bake = dermis.run(scene)
+    dermis.export(bake, "out")
+    track = dermis.read_csv("out/Finger.haptip.csv")
     for finding in track.check():
         print(finding)
 
-Everything in SI (m, N, Pa, s, rad). Names load when they are first used: importing this package imports nothing
-heavier than numpy.
+Everything is in SI (m, N, Pa, s, rad). A finger's frame has its origin at the pad's centre, +Y towards the tip and +Z
+towards the nail. Names load when they are first used: importing this package imports nothing heavier than numpy.
 """
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -143,4 +145,11 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return [*__all__, "__version__"]
+
+
+# An editable install and its source tree are one folder under two names. Loaded twice, nothing of one would fit the
+# other: its errors would not be caught, its types not be known.
+_other = {"core": "dermis", "dermis": "core"}.get(__name__, "")
+if "TactileScene" in getattr(sys.modules.get(_other), "__all__", ()):
+    raise ImportError(f"Dermis is loaded as '{_other}' already: import it under one name only")

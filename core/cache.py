@@ -45,6 +45,9 @@ class Cache:
             )
         self.folder, self.limit_bytes = Path(folder), limit_bytes
 
+    def __repr__(self) -> str:
+        return f"Cache({self.folder}, at most {self.limit_bytes / 1e6:g} MB)"
+
     def get(self, key: str) -> Path | None:
         """Return the file of a key, which counts as used now, or None."""
         path = self._path(key)

@@ -48,6 +48,9 @@ class Finding:
     frame: float | None = None
     count: int = 1
 
+    def __repr__(self) -> str:
+        return f"Finding({self.code}, {self})"
+
     def __str__(self) -> str:
         text = sentence(self.what, self.where, self.value, self.limit, self.remedy)
         if self.frame is not None:

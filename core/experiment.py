@@ -29,7 +29,7 @@ CLOSE = 1e-8  # to which first contact is found [m]
 FAR = 0.1  # a surface that has risen this far above the pad has passed beside it [m]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Touch(Stimulus):
     """What a skin feels when something is pressed into it; all of `Stimulus`, and how it came about.
 
@@ -59,7 +59,7 @@ class Touch(Stimulus):
         return f"Touch({1e3 * self.depth:g} mm deep, force ({force}) N, residual {self.residual:.1g})"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Match:
     """What a device does to make a touch felt, and how well.
 

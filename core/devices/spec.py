@@ -70,6 +70,9 @@ class DeviceSpec:
     source: Mapping[str, Any] = field(default_factory=dict)
     stated_hash: str = ""
 
+    def __repr__(self) -> str:
+        return f"DeviceSpec({self.key}, {self.kind}, {len(self.channels)} channels at {self.rate:g} Hz)"
+
     @property
     def worn(self) -> bool:
         """Tell whether a finger is in the device: it must state how it lets go, and 'at rest' does not say so."""

@@ -33,6 +33,9 @@ class Mesh:
     vertices: Array
     triangles: NDArray[np.int32]
 
+    def __repr__(self) -> str:
+        return f"Mesh({len(self.vertices)} vertices, {len(self.triangles)} triangles)"
+
 
 @dataclass(frozen=True)
 class DeviceUse:
@@ -45,7 +48,7 @@ class DeviceUse:
     """
 
     preset: str
-    parameters: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict, repr=False)
     screen: str = ""
 
 
@@ -59,7 +62,7 @@ class Finger:
 
     name: str
     devices: tuple[DeviceUse, ...] = ()
-    parameters: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ class Body:
 
     name: str
     mesh: Mesh | None
-    parameters: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict, repr=False)
     content: tuple[str, ...] = ()
     simulated: bool = False
 
@@ -101,6 +104,10 @@ class Screen:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
 
+    def __repr__(self) -> str:
+        size = " x ".join(f"{1e3 * s:g}" for s in self.size)
+        return f"Screen({self.name!r}, {size} mm, map {self.height_map.shape})"
+
 
 @dataclass(frozen=True)
 class Chunk:
@@ -121,6 +128,10 @@ class Chunk:
     screens: Array
     surfaces: Mapping[int, tuple[Mesh, ...]] = field(default_factory=dict)
     channels: Mapping[str, Array] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        moving = ", ".join(f"{len(getattr(self, name))} {name}" for name in ("fingers", "bodies", "screens"))
+        return f"Chunk({len(self.times)} samples, {moving})"
 
 
 @dataclass(frozen=True)
@@ -145,6 +156,13 @@ class TactileScene:
     chunks: Iterable[Chunk]
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     findings: tuple[Finding, ...] = ()
+
+    def __repr__(self) -> str:
+        first, last = self.frame_range
+        holds = ", ".join(f"{len(getattr(self, name))} {name}" for name in ("fingers", "bodies", "screens"))
+        return (
+            f"TactileScene({self.name!r}, frames {first} to {last}, {self.duration:g} s at {self.rate:g} Hz, {holds})"
+        )
 
     @property
     def duration(self) -> float:

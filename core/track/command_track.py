@@ -55,6 +55,10 @@ class CommandTrack:
                 limit=f"({len(self.times)}, {len(self.spec.channels)})",
             )
 
+    def __repr__(self) -> str:
+        size = f"{len(self.channels)} channels, {len(self.times)} samples"
+        return f"CommandTrack({self.spec.key}, {size}, {self.duration:g} s at {self.spec.rate:g} Hz)"
+
     @property
     def channels(self) -> tuple[Channel, ...]:
         """The device's channels, in the order of the columns."""

@@ -7,10 +7,11 @@ One touch, without a scene: a fingertip of soft tissue, pressed by a ball, and t
 >>> import dermis
 >>> skin = dermis.fingertip(level="draft")
 >>> touch = dermis.press(skin, dermis.Surface.sphere(5e-3), depth=1e-3, friction=0.5)
->>> print(f"{touch.normal_force:.2f} N")
-0.46 N
->>> dermis.match(touch, device="pin_array_128", method="DM2")
-Match(pin_array_128, DM2, error 4.85e-05, optimality 1e-13)
+>>> print(f"{touch.normal_force:.2f} N, peak stress {touch.von_mises.max() / 1e3:.0f} kPa")
+0.42 N, peak stress 29 kPa
+>>> pins = dermis.match(touch, device="pin_array_128", method="DM2")
+>>> print(f"{1e6 * pins.error:.0f} um off, the strongest pin at {max(pins.commands.values()):.2f} N")
+41 um off, the strongest pin at 0.14 N
 
 From a sampled scene to files for the devices, and from a file back to commands::
 
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from .pipeline.render import render, run
     from .plot.track import write_png, write_svg
     from .presets import Library, PresetEntry
+    from .scene.from_poses import scene_from_poses
     from .scene.scene_file import load as load_scene
     from .scene.scene_file import save as save_scene
     from .scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene
@@ -69,6 +71,7 @@ _PUBLIC: dict[str, tuple[str, str]] = {
     "Screen": ("scene.tactile_scene", "Screen"),
     "Mesh": ("scene.tactile_scene", "Mesh"),
     "Chunk": ("scene.tactile_scene", "Chunk"),
+    "scene_from_poses": ("scene.from_poses", "scene_from_poses"),
     "load_scene": ("scene.scene_file", "load"),
     "save_scene": ("scene.scene_file", "save"),
     # presets
@@ -128,6 +131,7 @@ __all__ = [
     "render",
     "run",
     "save_scene",
+    "scene_from_poses",
     "worst",
     "write_csv",
     "write_png",

@@ -85,9 +85,17 @@ class Library:
     Args:
         user_dir: folder with the person's own presets, laid out like the built-in one; it need not exist.
         built_in: folder of the built-in presets.
+
+    >>> from dermis import Library
+    >>> [entry.key for entry in Library().list("materials")]
+    ['aluminium', 'fabric', 'glass', 'grill_plate', 'rubber', 'wood']
+    >>> Library().device("haptip")
+    DeviceSpec(haptip, shear_tactor, 4 channels at 1000 Hz)
+    >>> Library().skin("index_medium")["young"]
+    100000.0
     """
 
-    def __init__(self, user_dir: Path | None = None, built_in: Path = BUILT_IN) -> None:
+    def __init__(self, user_dir: Path | str | None = None, built_in: Path | str = BUILT_IN) -> None:
         self._folders = [(Path(built_in), False)]
         if user_dir is not None:
             self._folders.append((Path(user_dir), True))

@@ -58,6 +58,11 @@ class DeviceSpec:
             (address, check, time) and `bits_per_channel` that each channel with an actuator adds.
         source: the preset as read, for its hash and its sources.
         stated_hash: the hash that a track file states, where the preset itself is not at hand.
+
+    >>> from dermis import Library
+    >>> spec = Library().device("haptip")
+    >>> spec.channel("tactor_x").low, spec.channel("tactor_x").unit
+    (-0.002, 'm')
     """
 
     key: str

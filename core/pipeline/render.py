@@ -92,7 +92,25 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
 
 
 def run(scene: TactileScene, library: Library | None = None) -> Bake:
-    """Render a scene straight through, without progress."""
+    """Render a scene straight through, without progress.
+
+    Args:
+        library: the presets; the built-in ones where None.
+
+    >>> import dermis
+    >>> finger = dermis.Finger("Index", (dermis.DeviceUse("haptip"),))
+    >>> block = dermis.Surface.block()
+    >>> table = dermis.Body("Table", dermis.Mesh(block.vertices, block.triangles), dermis.Library().material("wood"))
+    >>> way = [(0.0, 0.0, 10e-3 - 0.2 * i / 240) for i in range(25)]  # down at 0.2 m/s
+    >>> bake = dermis.run(dermis.scene_from_poses(240.0, [(finger, way)], [(table, (0.0, 0.0, 0.0))]))
+    >>> bake
+    Bake(Index: haptip; 0 skins, 0 findings)
+    >>> bake.outputs[0].track
+    CommandTrack(haptip, 4 channels, 101 samples, 0.1 s at 1000 Hz)
+
+    Raises:
+        DermisError: the scene cannot be rendered at all (see `TactileScene.validate`).
+    """
     steps = render(scene, library or Library())
     while True:
         try:

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from .scene.scene_file import load as load_scene
     from .scene.scene_file import save as save_scene
     from .scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene
+    from .skin.model import SkinModel
     from .surface.gap import Surface
     from .track.command_track import CommandTrack
     from .track.csv import read as read_csv
@@ -58,6 +59,7 @@ _PUBLIC: dict[str, tuple[str, str]] = {
     "worst": ("errors", "worst"),
     # a touch without a scene
     "fingertip": ("experiment", "fingertip"),
+    "SkinModel": ("skin.model", "SkinModel"),
     "Surface": ("surface.gap", "Surface"),
     "press": ("experiment", "press"),
     "Touch": ("experiment", "Touch"),
@@ -117,6 +119,7 @@ __all__ = [
     "PresetEntry",
     "Progress",
     "Screen",
+    "SkinModel",
     "Surface",
     "TactileScene",
     "Touch",

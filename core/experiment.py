@@ -6,7 +6,7 @@ Frame: origin at the pad's centre, +Y towards the tip, +Z towards the nail. Ever
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -76,7 +76,7 @@ class Match:
     commands: dict[str, float]
     error: float
     optimality: float
-    rendered: Stimulus = field(repr=False)
+    rendered: Stimulus
 
     def __repr__(self) -> str:
         return f"Match({self.device.key}, {self.method}, error {self.error:.3g}, optimality {self.optimality:.1g})"

@@ -80,7 +80,7 @@ class DeviceSpec:
 
     @property
     def worn(self) -> bool:
-        """Tell whether a finger is in the device: it must state how it lets go, and 'at rest' does not say so."""
+        """Whether a finger is in the device, so that it must state how it lets go: 'at rest' does not say so."""
         return self.kind in WORN
 
     @property

@@ -53,6 +53,7 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
     """Render every device of every finger; yield progress, return a `Bake`.
 
     Args:
+        library: the presets.
         cache: where condensed skins are kept; without one they are made anew.
 
     Raises:

@@ -57,6 +57,7 @@ class Finger:
     """A fingertip: origin at the pad's centre, +Y towards the tip, +Z towards the nail.
 
     Attributes:
+        name: unique among the scene's fingers. devices: in the order of the outputs.
         parameters: fingertip and touch parameters (SI), constant over the scene.
     """
 
@@ -70,7 +71,9 @@ class Body:
     """Something that can be touched: an object, or one instance of it.
 
     Attributes:
-        parameters: haptic material and behaviour (SI); animated ones come with the chunks.
+        name: unique among the scene's bodies.
+        parameters: haptic material and behaviour (SI), such as `Library.material` gives; animated ones come with the
+            chunks.
         mesh: the surface, constant in the object's space; None where every chunk brings its own.
         content: names of bodies that this one contains, for [S3] eq. 5.
         simulated: moved by a simulation and therefore sampled at whole frames.
@@ -139,6 +142,7 @@ class TactileScene:
     """A sampled scene: the header, and the chunks in order of time.
 
     Attributes:
+        name: for messages and files. fingers, bodies, screens: what takes part; chunks refer to them by their index.
         fps: frames a second as an exact fraction (29.97 is 30000/1001).
         frame_range: first and last frame, both included.
         rate: samples a second of the sweep.

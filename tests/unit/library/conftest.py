@@ -70,17 +70,19 @@ def wheel(sources: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return next(folder.glob("*.whl"))
 
 
-@pytest.fixture(scope="session", params=["folder", "wheel", "editable"])
-def installed(request: pytest.FixtureRequest, sources: Path, wheel: Path, tmp_path_factory: Any) -> Installed:
-    """Install in each way that a person may choose."""
-    what = {"folder": [str(sources)], "wheel": [str(wheel)], "editable": ["--editable", str(sources)]}
-    return install(what[request.param], sources, tmp_path_factory.mktemp(request.param))
-
-
 @pytest.fixture(scope="session")
 def library(sources: Path, wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Installed:
-    """Install from the wheel, for what does not depend on the way."""
-    return install([str(wheel)], sources, tmp_path_factory.mktemp("library"))
+    """Install from the wheel, which is enough for what does not depend on the way."""
+    return install([str(wheel)], sources, tmp_path_factory.mktemp("wheel"))
+
+
+@pytest.fixture(scope="session", params=["folder", "wheel", "editable"])
+def installed(request: pytest.FixtureRequest, sources: Path, library: Installed, tmp_path_factory: Any) -> Installed:
+    """Install in each way that a person may choose."""
+    if request.param == "wheel":
+        return library
+    what = ["--editable"] if request.param == "editable" else []
+    return install([*what, str(sources)], sources, tmp_path_factory.mktemp(request.param))
 
 
 def install(what: list[str], sources: Path, folder: Path) -> Installed:

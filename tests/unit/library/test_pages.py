@@ -11,7 +11,7 @@ import pytest
 import build_addon
 from core.__main__ import _parser
 
-from .conftest import ROOT
+from .conftest import ROOT, Installed
 
 PAGES = [ROOT / "README.md", ROOT / "core" / "README.md", ROOT / ".github" / "CONTRIBUTING.md"]
 WORKFLOW = (ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8")
@@ -31,6 +31,13 @@ def test_every_file_and_folder_that_a_page_names_is_there(page: Path) -> None:
         if not (page.parent / link).exists():
             missing.append(link)
     assert set(missing) <= {"demo_out/", "dist/", "surrogates/"}
+
+
+def test_the_readmes_script_runs(library: Installed) -> None:
+    (script,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.S)
+    shown = zip(("touch", "pins"), re.findall(r"# ([.\w ]+)$", script, re.M), strict=True)
+    attributes = "".join(f"print({name}{attribute})\n" for name, said in shown for attribute in said.split())
+    assert library.run("-c", script + attributes).count("\n") >= 7
 
 
 def commands(text: str) -> list[list[str]]:

@@ -100,8 +100,7 @@ def run(scene: TactileScene, library: Library | None = None) -> Bake:
 
     >>> import dermis
     >>> finger = dermis.Finger("Index", (dermis.DeviceUse("haptip"),))
-    >>> block = dermis.Surface.block()
-    >>> table = dermis.Body("Table", dermis.Mesh(block.vertices, block.triangles), dermis.Library().material("wood"))
+    >>> table = dermis.Body("Table", dermis.Surface.block().mesh, dermis.Library().material("wood"))
     >>> way = [(0.0, 0.0, 10e-3 - 0.2 * i / 240) for i in range(25)]  # down at 0.2 m/s
     >>> bake = dermis.run(dermis.scene_from_poses(240.0, [(finger, way)], [(table, (0.0, 0.0, 0.0))]))
     >>> bake

@@ -30,9 +30,8 @@ def scene_from_poses(
     Args:
         rate: of the samples [Hz].
 
-    >>> from dermis import Body, Finger, Mesh, Surface, scene_from_poses
-    >>> block = Surface.block()
-    >>> plate = Body("Plate", Mesh(block.vertices, block.triangles), {"friction": 0.5})
+    >>> from dermis import Body, Finger, Surface, scene_from_poses
+    >>> plate = Body("Plate", Surface.block().mesh, {"friction": 0.5})
     >>> way = [(0.0, 0.0, 1e-3), (0.0, 0.0, 0.0), (1e-3, 0.0, 0.0)]
     >>> scene_from_poses(100.0, [(Finger("Index"), way)], [(plate, (0.0, 0.0, 0.0))])
     TactileScene('scene', frames 1 to 3, 0.02 s at 100 Hz, 1 fingers, 1 bodies, 0 screens)

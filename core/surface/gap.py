@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
+from ..scene.tactile_scene import Mesh
 from . import shapes
 from .cells import CellLists
 from .gap_query import GapQuery
@@ -131,6 +132,11 @@ class Surface:
     def closed(self) -> bool:
         """Whether the surface encloses a solid."""
         return self.topology.closed
+
+    @property
+    def mesh(self) -> Mesh:
+        """The same triangles as the mesh of a scene's body."""
+        return Mesh(self.vertices, self.triangles.astype(np.int32))
 
     @cached_property
     def degenerate(self) -> int:

@@ -38,9 +38,7 @@ def tap() -> dermis.TactileScene:
     time = np.arange(0.0, 0.3, 1.0 / 240.0)
     height = np.maximum(20e-3 - 0.2 * time, -1e-3)
     finger = dermis.Finger("Index", (dermis.DeviceUse("haptip"),))
-    block = dermis.Surface.block()
-    material = dermis.Library().material("wood")
-    table = dermis.Body("Table", dermis.Mesh(block.vertices, block.triangles), material)
+    table = dermis.Body("Table", dermis.Surface.block().mesh, dermis.Library().material("wood"))
     way = np.stack([0.0 * time, 0.0 * time, height], axis=1)
     return dermis.scene_from_poses(240.0, [(finger, way)], [(table, (0.0, 0.0, 0.0))], name="tap")
 

@@ -26,8 +26,7 @@ def stroke(speed: float) -> dermis.CommandTrack:
         "weight_on": False,
         "content_on": False,
     }
-    block = dermis.Surface.block(width=0.2)
-    grating = dermis.Body("Grating", dermis.Mesh(block.vertices, block.triangles), material)
+    grating = dermis.Body("Grating", dermis.Surface.block(width=0.2).mesh, material)
     way = np.stack([x, 0.0 * x, 0.0 * x], axis=1)
     bake = dermis.run(dermis.scene_from_poses(240.0, [(finger, way)], [(grating, (0.0, 0.0, 0.0))]))
     return bake.outputs[0].track

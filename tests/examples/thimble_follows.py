@@ -20,8 +20,7 @@ def main() -> dict[str, list[float]]:
     # "stress" matches what the skin feels, not the force alone, and takes longer to prepare
     thimble = dermis.DeviceUse("thimble_3rrs", {"thimble_method": "force"})
     finger = dermis.Finger("Index", (thimble,), {"skin_level": "draft"})
-    block = dermis.Surface.block()
-    body = dermis.Body("Plate", dermis.Mesh(block.vertices, block.triangles), {"friction": 0.6})
+    body = dermis.Body("Plate", dermis.Surface.block().mesh, {"friction": 0.6})
     bake = dermis.run(dermis.scene_from_poses(RATE, [(finger, (0.0, 0.0, 0.0))], [(body, plate)]))
 
     output = bake.outputs[0]

@@ -63,7 +63,7 @@ def things(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
     skin = core.fingertip(level="draft")
     touch = core.press(skin, core.Surface.sphere(5e-3, 5_000), 0.5e-3)
     block = core.Surface.block()
-    mesh = core.Mesh(block.vertices, block.triangles)
+    mesh = block.mesh
     pins = core.Finger("Index", (core.DeviceUse("pin_array_128"),), {"skin_level": "draft"})
     volts = core.Finger("Middle", (core.DeviceUse("electrovibration"),))
     screen = core.Screen("Panel", (0.2, 0.1), np.eye(100, 200, dtype=np.float32), 1e-3)
@@ -104,8 +104,7 @@ def test_from_poses_says_what_it_cannot_place() -> None:
     """Still things are still, moving ones move, frames are samples; what does not fit is refused by name."""
     pose = np.eye(4)
     pose[:3, 3] = (1.0, 2.0, 3.0)
-    block = core.Surface.block()
-    table = core.Body("Table", core.Mesh(block.vertices, block.triangles))
+    table = core.Body("Table", core.Surface.block().mesh)
     finger = core.Finger("Index")
     scene = core.scene_from_poses(50.0, [(finger, [(0, 0, 0.1), (0, 0, 0.2), (0, 0, 0.3)])], [(table, pose)])
     (chunk,) = scene.chunks

@@ -29,6 +29,7 @@ VENV = ROOT / ".venv"
 DIST = ROOT / "dist"
 TEMPLATE = ROOT / "blender_addon" / "blender_manifest.toml"
 LOCKS = ROOT / ".ci"
+API_PAGE = ROOT / "core" / "API.md"
 BLENDER = {(3, 11): "4.5 LTS", (3, 13): "5.2 LTS"}  # the Python that each Blender line runs on
 DEFAULT_PYTHONS = ("3.11", "3.13")
 PINNED_PYTHONS = ("3.11", "3.13", "3.14")
@@ -525,6 +526,13 @@ def dev(options: argparse.Namespace) -> int:
     return 0
 
 
+def docs(options: argparse.Namespace) -> int:
+    """Write core/API.md from the docstrings of what the engine makes public."""
+    quietly([sys.executable, str(LOCKS / "api_page.py"), str(options.out)], "The page could not be written")
+    say(f"{options.out}  {options.out.stat().st_size / 1e3:.0f} kB")
+    return 0
+
+
 def own_profile(version: str) -> Path:
     """Return the folder where a Blender of this version keeps its user's files."""
     base = {
@@ -595,6 +603,8 @@ def parser() -> argparse.ArgumentParser:
     new = verb(bench)
     new.add_argument("names", nargs="*", metavar="NAME", help="benchmarks to run (default: all)")
     new.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file")
+    new = verb(docs)
+    new.add_argument("--out", type=Path, default=API_PAGE, metavar="FILE", help="where to write (core/API.md)")
     return top
 
 

@@ -1,29 +1,32 @@
 """Dermis' engine: what skin would feel in an animated scene, and what a tactile device should do about it.
 
-From a sampled scene to files for the devices::
+Installed with pip it is called `dermis`; in the source tree the same folder is called `core`.
 
-    import core
+One touch, without a scene: a fingertip of soft tissue, pressed by a ball, and the pins that feel like it.
 
-    scene = core.load_scene("scene.npz")
-    bake = core.run(scene, core.Library())
-    core.export(bake, Path("out"))
+>>> import dermis
+>>> skin = dermis.fingertip(level="draft")
+>>> touch = dermis.press(skin, dermis.Surface.sphere(5e-3), depth=1e-3, friction=0.5)
+>>> print(f"{touch.normal_force:.2f} N, peak stress {touch.von_mises.max() / 1e3:.0f} kPa")
+0.42 N, peak stress 29 kPa
+>>> pins = dermis.match(touch, device="pin_array_128", method="DM2")
+>>> print(f"{1e6 * pins.error:.0f} um off, the strongest pin at {max(pins.commands.values()):.2f} N")
+41 um off, the strongest pin at 0.14 N
 
-One touch, without a scene::
+From a sampled scene to files for the devices, and from a file back to commands::
 
-    skin = core.fingertip(level="draft")
-    touch = core.press(skin, core.Surface.sphere(5e-3), depth=1.5e-3, friction=0.5)
-    pins = core.match(touch, device="pin_array_128", method="DM2")
-
-From a file back to commands::
-
-    track = core.read_csv("out/Finger.haptip.csv")
+    scene = dermis.load_scene("scene.npz")
+    bake = dermis.run(scene)
+    dermis.export(bake, "out")
+    track = dermis.read_csv("out/Finger.haptip.csv")
     for finding in track.check():
         print(finding)
 
-Everything in SI (m, N, Pa, s, rad). Names load when they are first used: importing this package imports nothing
-heavier than numpy.
+Everything is in SI (m, N, Pa, s, rad). A finger's frame has its origin at the pad's centre, +Y towards the tip and +Z
+towards the nail. Names load when they are first used: importing this package imports nothing heavier than numpy.
 """
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -37,9 +40,11 @@ if TYPE_CHECKING:
     from .pipeline.render import render, run
     from .plot.track import write_png, write_svg
     from .presets import Library, PresetEntry
+    from .scene.from_poses import scene_from_poses
     from .scene.scene_file import load as load_scene
     from .scene.scene_file import save as save_scene
     from .scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene
+    from .skin.model import SkinModel
     from .surface.gap import Surface
     from .track.command_track import CommandTrack
     from .track.csv import read as read_csv
@@ -54,6 +59,7 @@ _PUBLIC: dict[str, tuple[str, str]] = {
     "worst": ("errors", "worst"),
     # a touch without a scene
     "fingertip": ("experiment", "fingertip"),
+    "SkinModel": ("skin.model", "SkinModel"),
     "Surface": ("surface.gap", "Surface"),
     "press": ("experiment", "press"),
     "Touch": ("experiment", "Touch"),
@@ -67,6 +73,7 @@ _PUBLIC: dict[str, tuple[str, str]] = {
     "Screen": ("scene.tactile_scene", "Screen"),
     "Mesh": ("scene.tactile_scene", "Mesh"),
     "Chunk": ("scene.tactile_scene", "Chunk"),
+    "scene_from_poses": ("scene.from_poses", "scene_from_poses"),
     "load_scene": ("scene.scene_file", "load"),
     "save_scene": ("scene.scene_file", "save"),
     # presets
@@ -112,6 +119,7 @@ __all__ = [
     "PresetEntry",
     "Progress",
     "Screen",
+    "SkinModel",
     "Surface",
     "TactileScene",
     "Touch",
@@ -126,6 +134,7 @@ __all__ = [
     "render",
     "run",
     "save_scene",
+    "scene_from_poses",
     "worst",
     "write_csv",
     "write_png",
@@ -143,4 +152,11 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return [*__all__, "__version__"]
+
+
+# An editable install and its source tree are one folder under two names. Loaded twice, nothing of one would fit the
+# other: its errors would not be caught, its types not be known.
+_other = {"core": "dermis", "dermis": "core"}.get(__name__, "")
+if "TactileScene" in getattr(sys.modules.get(_other), "__all__", ()):
+    raise ImportError(f"Dermis is loaded as '{_other}' already: import it under one name only")

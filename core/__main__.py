@@ -192,7 +192,7 @@ def work(options: argparse.Namespace) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m core",
+        prog=f"python -m {__package__}",
         description="Dermis without Blender: render sampled scenes, check command tracks.",
         epilog="Exit status: 0; 1 where a finding has the severity error; 2 where nothing could be done.",
     )

@@ -19,7 +19,12 @@ _TAG = b"Signature: 8a477f597d28d172789f06886806bc55\n# Dermis keeps results her
 
 
 def cache_key(*parts: str | bytes) -> str:
-    """Return a key for what a result depends on: SHA-256 over the parts and their lengths."""
+    """Return a key for what a result depends on: SHA-256 over the parts and their lengths.
+
+    >>> from dermis import cache_key
+    >>> cache_key("skin", "1") == cache_key("skin1")
+    False
+    """
     sha = hashlib.sha256()
     for part in parts:
         data = part.encode("utf-8") if isinstance(part, str) else part
@@ -38,12 +43,15 @@ class Cache:
         limit_bytes: size to keep to after every put; the newest file stays even if it is larger.
     """
 
-    def __init__(self, folder: Path, limit_bytes: int) -> None:
+    def __init__(self, folder: Path | str, limit_bytes: int) -> None:
         if limit_bytes < 0:
             raise DermisError(
                 "the cache's size must not be negative", where=str(folder), value=limit_bytes, limit=">= 0"
             )
         self.folder, self.limit_bytes = Path(folder), limit_bytes
+
+    def __repr__(self) -> str:
+        return f"Cache({self.folder}, at most {self.limit_bytes / 1e6:g} MB)"
 
     def get(self, key: str) -> Path | None:
         """Return the file of a key, which counts as used now, or None."""

@@ -19,6 +19,10 @@ class DermisError(ValueError):
         value: the value found.
         limit: what would have been accepted.
         remedy: what to do about it.
+
+    >>> from dermis import DermisError
+    >>> print(DermisError("a length must be above zero", where="radius", value=-1.0, limit="> 0 m"))
+    radius: a length must be above zero (found -1.0; allowed: > 0 m).
     """
 
     def __init__(self, what: str, *, where: str = "", value: Any = None, limit: str = "", remedy: str = "") -> None:
@@ -48,6 +52,9 @@ class Finding:
     frame: float | None = None
     count: int = 1
 
+    def __repr__(self) -> str:
+        return f"Finding({self.code}, {self})"
+
     def __str__(self) -> str:
         text = sentence(self.what, self.where, self.value, self.limit, self.remedy)
         if self.frame is not None:
@@ -60,7 +67,12 @@ class Finding:
 
 
 def worst(findings: Iterable[Finding]) -> Severity | None:
-    """Return the highest severity present, or None where there are no findings."""
+    """Return the highest severity present, or None where there are no findings.
+
+    >>> from dermis import Finding, worst
+    >>> worst([Finding("info", "a", "seen"), Finding("warning", "b", "doubtful")])
+    'warning'
+    """
     ranks = [SEVERITIES.index(f.severity) for f in findings]
     return SEVERITIES[max(ranks)] if ranks else None
 

@@ -6,7 +6,7 @@ Frame: origin at the pad's centre, +Y towards the tip, +Z towards the nail. Ever
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -29,7 +29,7 @@ CLOSE = 1e-8  # to which first contact is found [m]
 FAR = 0.1  # a surface that has risen this far above the pad has passed beside it [m]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Touch(Stimulus):
     """What a skin feels when something is pressed into it; all of `Stimulus`, and how it came about.
 
@@ -59,7 +59,7 @@ class Touch(Stimulus):
         return f"Touch({1e3 * self.depth:g} mm deep, force ({force}) N, residual {self.residual:.1g})"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Match:
     """What a device does to make a touch felt, and how well.
 
@@ -76,7 +76,7 @@ class Match:
     commands: dict[str, float]
     error: float
     optimality: float
-    rendered: Stimulus = field(repr=False)
+    rendered: Stimulus
 
     def __repr__(self) -> str:
         return f"Match({self.device.key}, {self.method}, error {self.error:.3g}, optimality {self.optimality:.1g})"
@@ -98,6 +98,12 @@ def fingertip(
         preset: of `presets/skins`. level: 'draft', 'standard', 'fine' or 'reference': how fine its mesh is.
         young: modulus [Pa]. poisson: ratio. alpha: a person's stiffness relative to it.
         lengths: others than the preset's [m], by its names: width, thickness, length, bone_bed ...
+
+    >>> import dermis
+    >>> dermis.fingertip(level="draft")
+    SkinModel(fingertip, 468 nodes, 78 on the pad, E 100 kPa)
+    >>> dermis.fingertip("thumb_large", level="draft", alpha=0.8, width=19e-3)
+    SkinModel(fingertip, 468 nodes, 78 on the pad, E 80 kPa)
 
     Raises:
         DermisError: no such preset, level or length, or a shape that cannot be meshed.
@@ -130,6 +136,17 @@ def press(
         surface: in the finger's axes; where it stands along Z does not matter. depth: beyond first contact [m].
         friction: Coulomb's coefficient. slide: movement across the pad afterwards, X and Y [m].
         at: where the surface's origin is across the pad, X and Y [m]. turn: rotation of the surface, shape (3, 3).
+
+    A plate that slid is held back by no more than friction allows:
+
+    >>> import dermis
+    >>> plate = dermis.Surface.block(0.1, 0.1)
+    >>> touch = dermis.press(dermis.fingertip(level="draft"), plate, 1e-3, friction=0.4, slide=(4e-3, 0.0))
+    >>> across, _, up = touch.resultant  # [N] on the skin, which is drawn along with the plate
+    >>> bool(0.35 < across / up < 0.41)
+    True
+    >>> touch.stress.shape, touch.pressure.shape  # of the elements, and of the pad's nodes [Pa]
+    ((1560, 6), (78,))
 
     Raises:
         DermisError: a depth out of range, friction below zero, a rotation that is none, or a surface that does not
@@ -171,6 +188,15 @@ def match(
     Args:
         device: preset of a pin array or a thimble. method: DM0 to FM2 for pins ('DM2'); 'stress', 'force' or
             'geometry' for thimbles ('stress').
+
+    >>> import dermis
+    >>> touch = dermis.press(dermis.fingertip(level="draft"), dermis.Surface.sphere(5e-3), 1e-3)
+    >>> pins = dermis.match(touch, "pin_array_128")
+    >>> len(pins.commands), pins.optimality < 1e-9
+    (128, True)
+    >>> worse = dermis.match(touch, "pin_array_128", method="DM1")  # solved without limits, then clamped
+    >>> worse.error > pins.error
+    True
 
     Raises:
         DermisError: no such device or method, or a kind whose commands depend on time or on tables: those are

@@ -1,6 +1,6 @@
 """Presets: devices, haptic materials and skins as JSON files with a schema, units and sources.
 
-Built-in presets lie beside this package; a person's own lie in a second folder of the same layout and replace a
+Built-in presets come with this package; a person's own lie in a second folder of the same layout and replace a
 built-in one of the same file stem, which every listing says. A preset that cannot be read is listed with its reason.
 """
 
@@ -19,7 +19,9 @@ from .files import read_json
 from .foreign import damage_told
 from .units import UNITS, quantity
 
-BUILT_IN = Path(__file__).resolve().parents[1] / "presets"
+_HERE = Path(__file__).resolve().parent
+# a wheel has them within the package, a checkout and the extension beside it
+BUILT_IN = _HERE / "built_in" if (_HERE / "built_in").is_dir() else _HERE.parent / "presets"
 
 SCHEMAS = {
     "devices": DEVICE_SCHEMA,
@@ -83,13 +85,24 @@ class Library:
     Args:
         user_dir: folder with the person's own presets, laid out like the built-in one; it need not exist.
         built_in: folder of the built-in presets.
+
+    >>> from dermis import Library
+    >>> [entry.key for entry in Library().list("materials")]
+    ['aluminium', 'fabric', 'glass', 'grill_plate', 'rubber', 'wood']
+    >>> Library().device("haptip")
+    DeviceSpec(haptip, shear_tactor, 4 channels at 1000 Hz)
+    >>> Library().skin("index_medium")["young"]
+    100000.0
     """
 
-    def __init__(self, user_dir: Path | None = None, built_in: Path = BUILT_IN) -> None:
+    def __init__(self, user_dir: Path | str | None = None, built_in: Path | str = BUILT_IN) -> None:
         self._folders = [(Path(built_in), False)]
         if user_dir is not None:
             self._folders.append((Path(user_dir), True))
         self._read: dict[Path, tuple[tuple[int, int], PresetEntry, dict[str, Any]]] = {}
+
+    def __repr__(self) -> str:
+        return f"Library({', '.join(str(folder) for folder, _ in self._folders)})"
 
     def list(self, group: str) -> tuple[PresetEntry, ...]:
         """Return all presets of a group ('devices', 'materials', 'skins', 'screens'), broken ones too, by key.

@@ -9,9 +9,17 @@ from pathlib import Path
 
 @cache
 def version() -> str:
-    """Return the version of this copy of Dermis, in the source tree and in the installed extension alike."""
+    """Return the version of this copy of Dermis: in the source tree, in the installed extension, and from a wheel.
+
+    pip asks here too when it builds one, and writes the answer into the wheel's metadata.
+    """
     above = Path(__file__).resolve().parents[1]
     for manifest in (above / "blender_manifest.toml", above / "blender_addon" / "blender_manifest.toml"):
         if manifest.is_file():
             return str(tomllib.loads(manifest.read_text(encoding="utf-8"))["version"])
-    return "0.0.0+unknown"
+    from importlib import metadata
+
+    try:
+        return metadata.version("dermis")
+    except metadata.PackageNotFoundError:
+        return "0.0.0+unknown"

@@ -140,6 +140,9 @@ class Worker:
         self._log.close()
         shutil.rmtree(self._folder, ignore_errors=True)
 
+    def __repr__(self) -> str:
+        return f"Worker(process {self.pid}, {'busy' if self._busy else 'idle'})"
+
     @property
     def pid(self) -> int:
         """Process id of the child."""

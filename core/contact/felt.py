@@ -44,6 +44,9 @@ class SkinTouch:
     findings: tuple[Finding, ...]
     skipped: Mapping[str, int]
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({len(self.contact)} of {len(self.times)} samples touch, {self.model})"
+
     def force_at(self, sample: int) -> Array:
         """Return the forces of one sample [N], shape (m, 3); zeros without contact."""
         at = int(np.searchsorted(self.contact, sample))

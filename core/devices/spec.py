@@ -58,6 +58,11 @@ class DeviceSpec:
             (address, check, time) and `bits_per_channel` that each channel with an actuator adds.
         source: the preset as read, for its hash and its sources.
         stated_hash: the hash that a track file states, where the preset itself is not at hand.
+
+    >>> from dermis import Library
+    >>> spec = Library().device("haptip")
+    >>> spec.channel("tactor_x").low, spec.channel("tactor_x").unit
+    (-0.002, 'm')
     """
 
     key: str
@@ -70,9 +75,12 @@ class DeviceSpec:
     source: Mapping[str, Any] = field(default_factory=dict)
     stated_hash: str = ""
 
+    def __repr__(self) -> str:
+        return f"DeviceSpec({self.key}, {self.kind}, {len(self.channels)} channels at {self.rate:g} Hz)"
+
     @property
     def worn(self) -> bool:
-        """Tell whether a finger is in the device: it must state how it lets go, and 'at rest' does not say so."""
+        """Whether a finger is in the device, so that it must state how it lets go: 'at rest' does not say so."""
         return self.kind in WORN
 
     @property

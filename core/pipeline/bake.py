@@ -39,6 +39,10 @@ class Output:
     signals: Mapping[str, Array]
     findings: tuple[Finding, ...]
 
+    def __repr__(self) -> str:
+        size = f"{len(self.track.times)} samples, {self.track.duration:g} s"
+        return f"Output({self.finger!r}, {self.device}, {size}, {len(self.findings)} findings)"
+
 
 @dataclass(frozen=True)
 class Bake:
@@ -59,6 +63,10 @@ class Bake:
     content_hash: str
     stage_seconds: Mapping[str, float] = field(default_factory=dict)
     skins: Mapping[str, SkinTouch] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        names = ", ".join(f"{output.finger}: {output.device}" for output in self.outputs)
+        return f"Bake({names or 'no outputs'}; {len(self.skins)} skins, {len(self.all_findings)} findings)"
 
     @property
     def all_findings(self) -> tuple[Finding, ...]:

@@ -10,8 +10,8 @@ from ..scene.tactile_scene import TactileScene
 from .bake import Bake
 
 
-def export(bake: Bake, folder: Path, *, plots: bool = False) -> tuple[Path, ...]:
-    """Write one CSV per finger and device into a folder, and on request a PNG plot beside each.
+def export(bake: Bake, folder: Path | str, *, plots: bool = False) -> tuple[Path, ...]:
+    """Write one CSV per finger and device into a folder, and on request a PNG plot beside each; return their paths.
 
     Raises:
         DermisError: nothing to export, or the folder cannot be written.

@@ -53,6 +53,7 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
     """Render every device of every finger; yield progress, return a `Bake`.
 
     Args:
+        library: the presets.
         cache: where condensed skins are kept; without one they are made anew.
 
     Raises:
@@ -92,7 +93,24 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
 
 
 def run(scene: TactileScene, library: Library | None = None) -> Bake:
-    """Render a scene straight through, without progress."""
+    """Render a scene straight through, without progress.
+
+    Args:
+        library: the presets; the built-in ones where None.
+
+    >>> import dermis
+    >>> finger = dermis.Finger("Index", (dermis.DeviceUse("haptip"),))
+    >>> table = dermis.Body("Table", dermis.Surface.block().mesh, dermis.Library().material("wood"))
+    >>> way = [(0.0, 0.0, 10e-3 - 0.2 * i / 240) for i in range(25)]  # down at 0.2 m/s
+    >>> bake = dermis.run(dermis.scene_from_poses(240.0, [(finger, way)], [(table, (0.0, 0.0, 0.0))]))
+    >>> bake
+    Bake(Index: haptip; 0 skins, 0 findings)
+    >>> bake.outputs[0].track
+    CommandTrack(haptip, 4 channels, 101 samples, 0.1 s at 1000 Hz)
+
+    Raises:
+        DermisError: the scene cannot be rendered at all (see `TactileScene.validate`).
+    """
     steps = render(scene, library or Library())
     while True:
         try:

@@ -25,7 +25,7 @@ _PREFIXES = ((1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"))
 _SCALED = ("m", "m/s", "N", "Pa", "V", "Hz", "s", "N*m")
 
 
-def write_svg(track: CommandTrack, path: Path, *, contact: Array | None = None) -> None:
+def write_svg(track: CommandTrack, path: Path | str, *, contact: Array | None = None) -> None:
     """Write a track's plot as SVG.
 
     Args:
@@ -39,7 +39,7 @@ def write_svg(track: CommandTrack, path: Path, *, contact: Array | None = None) 
     write_bytes(Path(path), canvas.to_bytes())
 
 
-def write_png(track: CommandTrack, path: Path, *, contact: Array | None = None, scale: float = 2.0) -> None:
+def write_png(track: CommandTrack, path: Path | str, *, contact: Array | None = None, scale: float = 2.0) -> None:
     """Write a track's plot as PNG, `scale` pixels a point; arguments as in `write_svg`.
 
     Raises:

@@ -29,7 +29,7 @@ MOST_HEADER = 1 << 26  # bytes; a deforming mesh names its triangles at every sa
 _SERIES = {"frames": (1,), "times": (1,), "fingers": (4, 4), "bodies": (4, 4), "screens": (4, 4)}
 
 
-def save(scene: TactileScene, path: Path) -> None:
+def save(scene: TactileScene, path: Path | str) -> None:
     """Write a scene; its chunks are drawn one after the other and not kept.
 
     Raises:
@@ -60,7 +60,7 @@ def save(scene: TactileScene, path: Path) -> None:
         put_text(archive, "header.json", _header_text(scene, chunks))
 
 
-def load(path: Path) -> TactileScene:
+def load(path: Path | str) -> TactileScene:
     """Read a scene's header; its chunks are read when they are iterated, and again each time.
 
     Raises:
@@ -105,6 +105,9 @@ class SceneChunks:
 
     path: Path
     table: tuple[Mapping[str, Any], ...]
+
+    def __repr__(self) -> str:
+        return f"SceneChunks({self.path}, {len(self)} chunks)"
 
     def __len__(self) -> int:
         return len(self.table)

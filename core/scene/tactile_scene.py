@@ -33,6 +33,9 @@ class Mesh:
     vertices: Array
     triangles: NDArray[np.int32]
 
+    def __repr__(self) -> str:
+        return f"Mesh({len(self.vertices)} vertices, {len(self.triangles)} triangles)"
+
 
 @dataclass(frozen=True)
 class DeviceUse:
@@ -45,7 +48,7 @@ class DeviceUse:
     """
 
     preset: str
-    parameters: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict, repr=False)
     screen: str = ""
 
 
@@ -54,12 +57,13 @@ class Finger:
     """A fingertip: origin at the pad's centre, +Y towards the tip, +Z towards the nail.
 
     Attributes:
+        name: unique among the scene's fingers. devices: in the order of the outputs.
         parameters: fingertip and touch parameters (SI), constant over the scene.
     """
 
     name: str
     devices: tuple[DeviceUse, ...] = ()
-    parameters: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,9 @@ class Body:
     """Something that can be touched: an object, or one instance of it.
 
     Attributes:
-        parameters: haptic material and behaviour (SI); animated ones come with the chunks.
+        name: unique among the scene's bodies.
+        parameters: haptic material and behaviour (SI), such as `Library.material` gives; animated ones come with the
+            chunks.
         mesh: the surface, constant in the object's space; None where every chunk brings its own.
         content: names of bodies that this one contains, for [S3] eq. 5.
         simulated: moved by a simulation and therefore sampled at whole frames.
@@ -75,7 +81,7 @@ class Body:
 
     name: str
     mesh: Mesh | None
-    parameters: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict, repr=False)
     content: tuple[str, ...] = ()
     simulated: bool = False
 
@@ -101,6 +107,10 @@ class Screen:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
 
+    def __repr__(self) -> str:
+        size = " x ".join(f"{1e3 * s:g}" for s in self.size)
+        return f"Screen({self.name!r}, {size} mm, map {self.height_map.shape})"
+
 
 @dataclass(frozen=True)
 class Chunk:
@@ -122,12 +132,17 @@ class Chunk:
     surfaces: Mapping[int, tuple[Mesh, ...]] = field(default_factory=dict)
     channels: Mapping[str, Array] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        moving = ", ".join(f"{len(getattr(self, name))} {name}" for name in ("fingers", "bodies", "screens"))
+        return f"Chunk({len(self.times)} samples, {moving})"
+
 
 @dataclass(frozen=True)
 class TactileScene:
     """A sampled scene: the header, and the chunks in order of time.
 
     Attributes:
+        name: for messages and files. fingers, bodies, screens: what takes part; chunks refer to them by their index.
         fps: frames a second as an exact fraction (29.97 is 30000/1001).
         frame_range: first and last frame, both included.
         rate: samples a second of the sweep.
@@ -145,6 +160,13 @@ class TactileScene:
     chunks: Iterable[Chunk]
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     findings: tuple[Finding, ...] = ()
+
+    def __repr__(self) -> str:
+        first, last = self.frame_range
+        holds = ", ".join(f"{len(getattr(self, name))} {name}" for name in ("fingers", "bodies", "screens"))
+        return (
+            f"TactileScene({self.name!r}, frames {first} to {last}, {self.duration:g} s at {self.rate:g} Hz, {holds})"
+        )
 
     @property
     def duration(self) -> float:

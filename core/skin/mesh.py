@@ -73,6 +73,9 @@ class TetraMesh:
     surface: Index
     name: str = "fingertip"
 
+    def __repr__(self) -> str:
+        return f"TetraMesh({self.name}, {len(self.nodes)} nodes, {len(self.tetrahedra)} tetrahedra)"
+
     @cached_property
     def free(self) -> Index:
         """Nodes that can move, rising, shape (n - f,)."""

@@ -57,6 +57,10 @@ class SkinModel:
     key: str
     cache: Cache | None = None
 
+    def __repr__(self) -> str:
+        size = f"{len(self.mesh.nodes)} nodes, {self.pad_count} on the pad"
+        return f"SkinModel({self.mesh.name}, {size}, E {1e-3 * self.material.modulus:.3g} kPa)"
+
     @property
     def pad_count(self) -> int:
         """Number of pad nodes, m."""

@@ -34,6 +34,9 @@ class Stimulus:
     skin: SkinModel
     force: Array
 
+    def __repr__(self) -> str:
+        return f"Stimulus(force ({', '.join(f'{f:.3g}' for f in self.resultant)}) N)"
+
     @property
     def touching(self) -> bool:
         """Whether any pad node carries force."""

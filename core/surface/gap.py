@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
+from ..scene.tactile_scene import Mesh
 from . import shapes
 from .cells import CellLists
 from .gap_query import GapQuery
@@ -39,7 +40,16 @@ STRAIGHT = 1e-6
 
 
 class Surface:
-    """A triangle surface to measure distances from, in the space of the vertices it was given."""
+    """A triangle surface to measure distances from, in the space of the vertices it was given.
+
+    `sphere`, `block` and `edge` make surfaces to press on, `build` makes one of any mesh.
+
+    >>> import numpy as np
+    >>> from dermis import Surface
+    >>> block = Surface.block(width=0.05, length=0.05, height=0.02)  # its top is at z = 0
+    >>> block.query(np.array([[0.0, 0.0, 0.003], [0.0, 0.0, -0.001]])).gap  # [m], negative inside
+    array([ 0.003, -0.001])
+    """
 
     def __init__(self, vertices: Array, triangles: NDArray[np.int64], topology: Topology) -> None:
         self.vertices = vertices
@@ -78,17 +88,40 @@ class Surface:
 
     @classmethod
     def sphere(cls, radius: float, facets: int = 20_000) -> Surface:
-        """Return a ball [m]; see `shapes.sphere`."""
+        """Return a ball of a radius [m], of at least so many triangles; its top is the origin.
+
+        >>> from dermis import Surface
+        >>> print(f"{1e9 * Surface.sphere(5e-3).volume:.1f} mm^3")
+        523.6 mm^3
+
+        Raises:
+            DermisError: a radius that is not above zero.
+        """
         return cls.build(*shapes.sphere(radius, facets))
 
     @classmethod
     def block(cls, width: float = 0.05, length: float = 0.05, height: float = 0.02) -> Surface:
-        """Return a block with a level top [m]; see `shapes.block`."""
+        """Return a block [m], X, Y and Z; the middle of its level top is the origin.
+
+        Raises:
+            DermisError: a length that is not above zero.
+        """
         return cls.build(*shapes.block(width, length, height))
 
     @classmethod
     def edge(cls, angle: float = np.pi / 2, rounding: float = 0.2e-3) -> Surface:
-        """Return a wedge with its edge upwards, along Y [rad, m]; see `shapes.edge`."""
+        """Return a wedge whose edge points up and runs along Y, 50 mm long; its middle is the origin.
+
+        Args:
+            angle: between its faces [rad]. rounding: radius of the edge [m].
+
+        >>> from dermis import Surface
+        >>> Surface.edge()
+        Surface(128 triangles, 40.2 x 50 x 20 mm, closed)
+
+        Raises:
+            DermisError: an angle that is none of a wedge, or a rounding that is not above zero.
+        """
         return cls.build(*shapes.edge(angle, rounding))
 
     def __repr__(self) -> str:
@@ -99,6 +132,11 @@ class Surface:
     def closed(self) -> bool:
         """Whether the surface encloses a solid."""
         return self.topology.closed
+
+    @property
+    def mesh(self) -> Mesh:
+        """The same triangles as the mesh of a scene's body."""
+        return Mesh(self.vertices, self.triangles.astype(np.int32))
 
     @cached_property
     def degenerate(self) -> int:

@@ -38,6 +38,19 @@ class CommandTrack:
         values: in the units of `spec.channels`, shape (n, channels).
         meta: what a reader of the file wants to know: finger, scene, frame range, fps, content hash ...
         limited: per 'channel.kind' ('tactor_x.range', 'tactor_x.slew' ...), how many samples a limiter changed.
+
+    A cap that shall jump by 1 mm and back within 2 ms, and does what 150 mm/s allow:
+
+    >>> import numpy as np
+    >>> from dermis import CommandTrack, Library
+    >>> values = np.zeros((3, 4))
+    >>> values[1, 0] = 1e-3  # tactor_x
+    >>> track = CommandTrack(Library().device("haptip"), np.array([0.0, 1e-3, 2e-3]), values)
+    >>> [finding.code for finding in track.check()]
+    ['too-fast']
+    >>> possible = track.within_limits()
+    >>> possible.column("tactor_x").round(9).tolist(), possible.limited["tactor_x.slew"]
+    ([0.0, 0.00015, 0.0], 1)
     """
 
     spec: DeviceSpec
@@ -54,6 +67,10 @@ class CommandTrack:
                 value=self.values.shape,
                 limit=f"({len(self.times)}, {len(self.spec.channels)})",
             )
+
+    def __repr__(self) -> str:
+        size = f"{len(self.channels)} channels, {len(self.times)} samples"
+        return f"CommandTrack({self.spec.key}, {size}, {self.duration:g} s at {self.spec.rate:g} Hz)"
 
     @property
     def channels(self) -> tuple[Channel, ...]:

@@ -48,7 +48,7 @@ _ROWS_AT_ONCE = 4096
 _DIGITS = 5.001e-9  # nine digits move a number by half a unit of the ninth
 
 
-def write(track: CommandTrack, path: Path) -> None:
+def write(track: CommandTrack, path: Path | str) -> None:
     """Write a track as CSV, whole or not at all.
 
     Raises:
@@ -77,13 +77,13 @@ def dumps(track: CommandTrack) -> str:
     return "\n".join(lines) + "\n" + "".join(body)
 
 
-def read(path: Path) -> CommandTrack:
+def read(path: Path | str) -> CommandTrack:
     """Read a track that `write` wrote, or that something else wrote to the same rules.
 
     Raises:
         DermisError: not version 1, or not well formed; says in which line.
     """
-    where = str(path)
+    path, where = Path(path), str(path)
     with opened(path) as (file, _):
         first = file.readline(200)
     if not first.startswith(MAGIC.encode()):

@@ -168,11 +168,12 @@ def test_addon_reaches_the_engine_through_the_seam(path: Path) -> None:
 
 @pytest.mark.parametrize("path", files(CORE) + files(ADDON), ids=lambda p: p.relative_to(ROOT).as_posix())
 def test_nothing_bends_imports_or_runs_text(path: Path) -> None:
+    # work.py hands the path on to its children; __init__.py asks whether the engine is loaded under its other name
+    reads = {CORE / "work.py": "path", CORE / "__init__.py": "modules"}.get(path)
     wrong = []
     for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "sys":
-            # core/work.py hands the path on to its children, which is reading it.
-            if node.attr == "modules" or (node.attr == "path" and path != CORE / "work.py"):
+            if node.attr in ("modules", "path") and node.attr != reads:
                 wrong.append(f"line {node.lineno}: sys.{node.attr}")
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("eval", "exec"):
             wrong.append(f"line {node.lineno}: {node.func.id}()")

@@ -1,0 +1,101 @@
+"""`import dermis`: whole, working and under one name, however pip installed it."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import build_addon
+
+from .conftest import ROOT, Installed
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def test_every_folder_of_the_engine_is_a_package_that_pip_installs() -> None:
+    folders = {p.parent.relative_to(ROOT / "core").parts for p in (ROOT / "core").rglob("*.py")}
+    packages = PROJECT["tool"]["setuptools"]["packages"]
+    assert sorted(packages) == sorted([".".join(("dermis", *parts)) for parts in folders] + ["dermis.built_in"])
+
+
+def test_what_it_depends_on_is_what_the_tests_run_on() -> None:
+    """Every wheel of the extension is a dependency or an extra, and no version is promised that nobody tried."""
+    project = PROJECT["project"]
+    wanted = [*project["dependencies"], *(r for extra in project["optional-dependencies"].values() for r in extra)]
+    stated = dict(requirement.split(">=") for requirement in wanted)
+    tried = {}
+    for lock in ("environment-cp313.txt", "environment-cp311.txt", "wheels.txt"):  # the older numpy is the lower bound
+        tried |= dict(re.findall(r"^([\w.-]+)==([\w.]+)", (ROOT / ".ci" / lock).read_text(encoding="utf-8"), re.M))
+    wheels = re.findall(r"^([\w.-]+)==", (ROOT / ".ci" / "wheels.txt").read_text(encoding="utf-8"), re.M)
+    assert set(stated) == {"numpy", *wheels}
+    for name, least in stated.items():
+        assert f"{tried[name]}.".startswith(f"{least}."), f"{name} >= {least}, tried with {tried[name]}"
+    assert project["requires-python"] == ">=3.11"
+
+
+def test_a_wheel_holds_the_engine_the_presets_and_the_licence(wheel: Path) -> None:
+    core, presets = ROOT / "core", ROOT / "presets"
+    wanted = {f"dermis/{p.relative_to(core).as_posix()}" for p in core.rglob("*.py")} | {"dermis/py.typed"}
+    wanted |= {f"dermis/built_in/{p.relative_to(presets).as_posix()}" for p in presets.glob("*/*.json")}
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+        about = archive.read(next(n for n in names if n.endswith(".dist-info/METADATA"))).decode()
+        assert archive.read("dermis/built_in/devices/haptip.json") == (presets / "devices/haptip.json").read_bytes()
+    assert {n for n in names if n.startswith("dermis/")} == wanted
+    assert any(n.endswith("/LICENSE") for n in names)
+    assert f"\nVersion: {build_addon.manifest_value('version')}\n" in about
+    assert "\nLicense-Expression: GPL-3.0-or-later\n" in about and "\nRequires-Python: >=3.11\n" in about
+
+
+def test_it_touches_matches_and_works_in_children(installed: Installed) -> None:
+    told = installed.json(
+        "import dermis, json\n"
+        "library = dermis.Library()\n"
+        "groups = ('devices', 'materials', 'skins')\n"
+        "broken = [str(e) for g in groups for e in library.list(g) if e.error]\n"
+        "skin = dermis.fingertip(level='draft')\n"
+        "touch = dermis.press(skin, dermis.Surface.sphere(5e-3, 2_000), depth=1e-3)\n"
+        "pins = dermis.match(touch, device='pin_array_128')\n"
+        "with dermis.Worker() as worker:\n"
+        "    steps = worker.run('probe', {'x': touch.resultant})\n"
+        "    try:\n"
+        "        while True: next(steps)\n"
+        "    except StopIteration as stop: back = stop.value['x'].tolist()\n"
+        "print(json.dumps([dermis.__version__, [len(library.list(g)) for g in groups], broken,\n"
+        "    touch.resultant.tolist(), len(pins.commands), pins.optimality, back]))\n"
+    )
+    version, presets, broken, force, commands, optimality, back = told
+    assert version == build_addon.manifest_value("version")
+    assert presets == [len(list((ROOT / "presets" / g).glob("*.json"))) for g in ("devices", "materials", "skins")]
+    assert not broken and commands == 128 and optimality < 1e-9
+    assert force[2] > 0.1 and back == force
+    assert abs(np.array(force[:2])).max() < 0.1 * force[2], "a ball in the middle pushes straight up"
+
+
+def test_it_has_a_command_line(installed: Installed) -> None:
+    assert installed.run("-m", "dermis", "--version") == f"dermis {build_addon.manifest_value('version')}\n"
+    assert installed.run("-m", "dermis", "--help").startswith("usage: python -m dermis")
+
+
+def test_it_reads_the_files_that_an_edit_changes_when_it_is_editable(installed: Installed) -> None:
+    where = Path(installed.run("-c", "import dermis; print(dermis.__file__)").strip())
+    packages = installed.python.parents[1]
+    assert (where.parent == installed.sources / "core") != where.is_relative_to(packages)
+
+
+@pytest.mark.parametrize(("first", "second"), [("core", "dermis"), ("dermis", "core")])
+def test_under_two_names_at_once_it_is_refused(installed: Installed, first: str, second: str) -> None:
+    code = f"import {first}\ntry:\n    import {second}\nexcept ImportError as error:\n    print(error)"
+    said = installed.run("-c", code, path=str(installed.sources))
+    assert said == f"Dermis is loaded as '{first}' already: import it under one name only\n"
+
+
+def test_a_package_of_another_project_may_be_called_core(library: Installed, tmp_path: Path) -> None:
+    (tmp_path / "core.py").write_text("x = 1\n", encoding="utf-8")
+    code = "import core, dermis; print(core.x, dermis.DermisError('no').what)"
+    assert library.run("-c", code, path=str(tmp_path)) == "1 no\n"

@@ -14,8 +14,8 @@ ADDON = ROOT / "blender_addon"
 GROUND = {"errors", "units", "version", "foreign", "files", "npz", "number_rows", "cache", "interpolate"}
 # Files of devices/ that need no more than a device's description: presets are judged by them.
 MECHANISMS = frozenset(
-    "parameters shear_tactor friction_screen pin_array thimble firmness forward_kinematics servo_limits cable_platform "
-    "hexapod poses coupling retraction calibration".split()
+    "parameters shear_tactor friction_screen pin_array linkage thimble firmness forward_kinematics servo_limits "
+    "cable_platform hexapod poses coupling retraction calibration".split()
 )
 DEVICE = GROUND | {"devices.spec", "devices.mechanisms"}
 SCENE = GROUND | {"scene"}

@@ -392,7 +392,6 @@ OWN = {
     "core.matching.table:SkinTable.save": "writes",
     "core.presets:Library.load": "copies what it holds",
     "core.scene.scene_file:save": "writes",
-    "core.skin.blas:_libraries": "the system's list of this process's libraries",
     "core.skin.store:write_model": "writes",
     "core.skin.store:write_table": "writes",
     "core.stream.board": "a board of its own: whole by its check sum, or not there; what it holds is the reader 'wish'",

@@ -7,8 +7,8 @@ takes seconds: in a window a child process makes it, and whoever asked gets None
 from __future__ import annotations
 
 import json
-from collections.abc import Generator, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Generator, Mapping
+from contextlib import AbstractContextManager
 from typing import Any, Literal, overload
 
 import bpy
@@ -21,7 +21,6 @@ MOST = 8
 SLOW = ("fine",)
 POLL = 0.1
 
-_threads: list[Any] = []
 _models: dict[str, core.skin.model.SkinModel] = {}
 _making: dict[str, tuple[Any, Generator[tuple[int, int], None, Any]]] = {}
 _progress: dict[str, float] = {}
@@ -33,24 +32,9 @@ def cache() -> Any:
     return core.cache.Cache(user_folder("skins", create=True), LIMIT_BYTES)
 
 
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Hold the BLAS of numpy and scipy at one thread: with more they fight over the cores, for 100 times the time.
-
-    Looking the libraries up takes milliseconds, so it is done once.
-    """
-    if not _threads:
-        import scipy.linalg  # noqa: F401  # so that its library is there to be found
-
-        _threads.extend(core.skin.blas.controls())
-    before = [(put, read()) for read, put in _threads]
-    try:
-        for put, _ in before:
-            put(1)
-        yield
-    finally:
-        for put, count in before:
-            put(count)
+def one_thread() -> AbstractContextManager[Any]:
+    """Hold the BLAS of numpy and scipy at one thread: with more they fight over the cores, for 100 times the time."""
+    return core.skin.blas.one_thread()
 
 
 def wanted(tactile: Any, presets: Any) -> bool:
@@ -118,7 +102,6 @@ def forget() -> None:
     for worker, _ in _making.values():
         worker.close()
     _making.clear()
-    _threads.clear()
     _progress.clear()
     _models.clear()
     _failed.clear()

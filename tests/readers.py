@@ -259,8 +259,7 @@ READERS = (
     ),
     _reader(
         "image",
-        "core.images:read core.images.npy:decode core.images.png:_chunks core.images.png:_header "
-        "core.images.png:_filtered core.images.png:_transparent core.images.png:_painted core.images.netpbm:_raw "
+        "core.images:read core.images.npy:decode core.images.png_tiff:_opened core.images.netpbm:_raw "
         "core.images.netpbm:_floats",
         ".png",
         ex.all_images,

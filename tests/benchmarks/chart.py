@@ -76,7 +76,7 @@ class Chart:
         canvas.text(left, TOP - 5, self.up[k], 7, INK)
         canvas.text((left + right) / 2, bottom + 30, self.across[k], 7, INK, "middle")
         for curve_x, curve_y, name in self.curves[k]:
-            canvas.curve(
+            canvas.path(
                 left + (curve_x - x0) / (x1 - x0) * (right - left),
                 bottom - (curve_y - y0) / (y1 - y0) * (bottom - TOP),
                 COLOURS[name],

@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     import core.pipeline.render
     import core.plot.stimuli
     import core.presets
+    import core.recent
     import core.scene.scene_file
     import core.scene.sliding
     import core.scene.tactile_scene

@@ -17,11 +17,10 @@ from .._core import DermisError, core
 from ..preferences import user_folder
 
 LIMIT_BYTES = 4_000_000_000
-MOST = 8
 SLOW = ("fine",)
 POLL = 0.1
 
-_models: dict[str, core.skin.model.SkinModel] = {}
+_models: core.recent.Recent[str, core.skin.model.SkinModel] = core.recent.Recent(8)
 _making: dict[str, tuple[Any, Generator[tuple[int, int], None, Any]]] = {}
 _progress: dict[str, float] = {}
 _failed: dict[str, Exception] = {}
@@ -72,19 +71,14 @@ def get(
         DermisError: a size that leaves no room for tissue, or a model that could not be made.
     """
     key = _key(skin, level)
-    model = _models.get(key)
-    if model is None:
+    if key not in _models:
         if key in _failed:
             raise _failed.pop(key)
         if level in SLOW and not wait and not bpy.app.background and not _finished(key):
             _begin(key, skin, level)
             return None
-        model = core.skin.model.skin_from_parameters(skin, level=level, cache=cache(), where=where)
-        while len(_models) >= MOST:
-            _models.pop(next(iter(_models)))
-    else:
-        del _models[key]  # the one used last goes to the end
-    _models[key] = model
+    make = core.skin.model.skin_from_parameters
+    model = _models.make(key, lambda: make(skin, level=level, cache=cache(), where=where))
     young, alpha = float(skin.get("young", model.material.young)), float(skin.get("alpha", model.material.alpha))
     if (young, alpha) != (model.material.young, model.material.alpha):
         model = model.with_material(young=young, alpha=alpha)

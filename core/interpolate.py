@@ -27,6 +27,12 @@ def grid(first: float, last: float, rate: float) -> Array:
     return first + np.arange(int(np.floor(steps + 1e-6 * min(1.0, steps))) + 1) / rate
 
 
+def smoothstep(share: Array) -> Array:
+    """Return 3 s^2 - 2 s^3 between 0 and 1, flat outside: rises from rest to rest."""
+    s = np.clip(share, 0.0, 1.0)
+    return s * s * (3.0 - 2.0 * s)
+
+
 def interpolate(times: Array, values: Array, at: Array, method: Method = "linear") -> Array:
     """Interpolate columns.
 

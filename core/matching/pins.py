@@ -18,7 +18,7 @@ from ..devices import pin_array
 from ..devices.pin_array import PinContacts, PinLayout
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
-from ..interpolate import interpolate
+from ..interpolate import interpolate, smoothstep
 from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
@@ -256,15 +256,10 @@ def _fade(times: Array, fade_in: float, fade_out: float) -> Array:
     """Rise from 0 at the first time and fall to 0 at the last, both smooth."""
     gain = np.ones_like(times)
     if fade_in > 0:
-        gain *= _smooth((times - times[0]) / fade_in)
+        gain *= smoothstep((times - times[0]) / fade_in)
     if fade_out > 0:
-        gain *= _smooth((times[-1] - times) / fade_out)
+        gain *= smoothstep((times[-1] - times) / fade_out)
     return gain
-
-
-def _smooth(x: Array) -> Array:
-    x = np.clip(x, 0.0, 1.0)
-    return x * x * (3.0 - 2.0 * x)
 
 
 def _findings(series: dict[str, Array], ready: PinSetup, unsolved: int, frames: Array) -> list[Finding]:

@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "core"
 ADDON = ROOT / "blender_addon"
 
-GROUND = {"errors", "units", "version", "foreign", "files", "npz", "number_rows", "cache", "interpolate", "recent"}
+GROUND = set("errors units version foreign files npz number_rows cache interpolate recent following".split())
 # Files of devices/ that need no more than a device's description: presets are judged by them.
 MECHANISMS = frozenset(
     "parameters shear_tactor friction_screen pin_array linkage thimble firmness forward_kinematics servo_limits "
@@ -29,6 +29,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
     "version": set(),
     "recent": set(),
+    "following": set(),
     "units": {"errors"},
     "foreign": {"errors"},
     "files": {"errors", "foreign"},

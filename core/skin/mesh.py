@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Index = NDArray[np.int32]
 
+FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))  # of a tetrahedron, counter-clockwise from outside
 PAD_TILT = -0.1  # skin whose outward normal has a smaller Z may touch
 
 
@@ -111,6 +112,6 @@ def tetra_volumes(nodes: Array, tetrahedra: Index) -> Array:
 
 def boundary_faces(tetrahedra: Index) -> Index:
     """Return the faces that belong to one tetrahedron only, counter-clockwise from outside, shape (b, 3)."""
-    faces = tetrahedra[:, [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]].reshape(-1, 3)
+    faces = tetrahedra[:, FACES].reshape(-1, 3)
     _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
     return faces[np.sort(first[count == 1])].astype(np.int32)

@@ -57,7 +57,7 @@ class Axes:
             self.band(float(edges[part.start]), float(edges[part.stop]))
 
     def grid(
-        self, across: str, up: str, *, most: tuple[int, int] = (8, 4), factor: float = 1.0, colour: str = INK
+        self, across: str, up: str, *, most: tuple[int, int] = (8, 5), factor: float = 1.0, colour: str = INK
     ) -> None:
         """Draw lines and numbers at round values, the frame, and what the axes are called.
 

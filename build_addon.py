@@ -2,7 +2,7 @@
 """Build, test, show and measure Dermis. Needs Python 3.11 or 3.13 and nothing else.
 
 Environments live in .venv/: `cp311` or `cp313` has Blender as a module (bpy) and the test tools, `cp311-wheels` has
-scipy, onnxruntime and pyserial. They are apart because a scipy beside bpy would hide the one in the extension.
+what the extension brings (.ci/wheels.txt). They are apart: a scipy beside bpy would hide the one in the extension.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ def say(text: str) -> None:
 
 
 class Environment(NamedTuple):
-    """The interpreter that has bpy and the tools, and the folder with scipy, onnxruntime and pyserial."""
+    """The interpreter that has bpy and the tools, and the folder with what the extension brings."""
 
     python: Path
     wheels: Path
@@ -599,7 +599,7 @@ def parser() -> argparse.ArgumentParser:
     where.add_argument("--blender", metavar="VERSION", help="your own profile of this Blender, such as 5.2")
     where.add_argument("--profile", type=Path, metavar="DIR", help="another profile (default: .venv/dev-profile)")
     new.add_argument("--python", **pythons, help="wheels of this Python too, beside 3.11 and 3.13 (repeatable)")
-    new.add_argument("--no-wheels", action="store_true", help="do not bring scipy, onnxruntime and pyserial")
+    new.add_argument("--no-wheels", action="store_true", help="do not bring scipy and the other libraries")
     new = verb(bench)
     new.add_argument("names", nargs="*", metavar="NAME", help="benchmarks to run (default: all)")
     new.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file")

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import core.design.task
     import core.devices.calibration
     import core.devices.coupling
+    import core.devices.linkage
     import core.devices.pin_array
     import core.devices.reach
     import core.devices.safe_state
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
     import core.pipeline.render
     import core.plot.stimuli
     import core.presets
+    import core.recent
     import core.scene.scene_file
     import core.scene.sliding
     import core.scene.tactile_scene

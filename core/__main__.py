@@ -28,7 +28,13 @@ JOBS = {
 }
 
 # What the extension brings along, and another Python may lack: module -> the name to install it by.
-LIBRARIES = {"scipy": "scipy", "onnxruntime": "onnxruntime", "serial": "pyserial"}
+LIBRARIES = {
+    "scipy": "scipy",
+    "threadpoolctl": "threadpoolctl",
+    "onnxruntime": "onnxruntime",
+    "serial": "pyserial",
+    "PIL": "pillow",
+}
 
 FAILED, REFUSED = 1, 2  # findings of severity error; nothing could be done
 

@@ -93,6 +93,16 @@ def _png(colour: int, depth: int) -> bytes:
     )
 
 
+def _tiffs(grey: np.ndarray) -> list[bytes]:
+    from PIL import Image
+
+    kinds = ((grey, "raw"), (grey.astype("<u2") * 99, "tiff_lzw"), (grey / np.float32(48), "tiff_adobe_deflate"))
+    out = [io.BytesIO() for _ in kinds]
+    for file, (pixels, compression) in zip(out, kinds, strict=True):
+        Image.fromarray(pixels).save(file, "TIFF", compression=compression)
+    return [file.getvalue() for file in out]
+
+
 def _npy(array: np.ndarray) -> bytes:
     out = io.BytesIO()
     np.save(out, array)
@@ -106,7 +116,8 @@ def npz(**arrays: Any) -> bytes:
 def all_images() -> list[bytes]:
     grey = np.arange(48, dtype=np.uint8).reshape(6, 8)
     return [
-        *(_png(colour, depth) for colour, depth in ((0, 1), (0, 8), (0, 16), (2, 8), (3, 4), (4, 8), (6, 16))),
+        *(_png(colour, depth) for colour, depth in ((0, 1), (0, 8), (0, 16), (2, 8), (3, 4), (4, 8), (6, 8))),
+        *_tiffs(grey),
         _npy(grey),
         _npy(grey / 48.0),
         _npy(np.zeros((6, 8, 4), np.float32)),

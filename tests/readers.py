@@ -259,8 +259,7 @@ READERS = (
     ),
     _reader(
         "image",
-        "core.images:read core.images.npy:decode core.images.png:_chunks core.images.png:_header "
-        "core.images.png:_filtered core.images.png:_transparent core.images.png:_painted core.images.netpbm:_raw "
+        "core.images:read core.images.npy:decode core.images.png_tiff:_opened core.images.netpbm:_raw "
         "core.images.netpbm:_floats",
         ".png",
         ex.all_images,
@@ -392,7 +391,6 @@ OWN = {
     "core.matching.table:SkinTable.save": "writes",
     "core.presets:Library.load": "copies what it holds",
     "core.scene.scene_file:save": "writes",
-    "core.skin.blas:_libraries": "the system's list of this process's libraries",
     "core.skin.store:write_model": "writes",
     "core.skin.store:write_table": "writes",
     "core.stream.board": "a board of its own: whole by its check sum, or not there; what it holds is the reader 'wish'",

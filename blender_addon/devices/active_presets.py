@@ -8,24 +8,22 @@ from typing import Any
 import bpy
 
 from .. import handlers
-from .._core import DermisError
+from .._core import DermisError, core
 from ..preferences import library
 
-MOST = 16
-_specs: dict[tuple[str, int], Any] = {}
+_specs: core.recent.Recent[tuple[str, int], Any] = core.recent.Recent(16)
 
 
 def spec_of(preset: str, kinds: Collection[str]) -> Any | None:
     """Return a preset of one of these kinds; None for others and for presets that cannot be read."""
-    key = (preset, handlers.edits())
-    if key not in _specs:
-        if len(_specs) >= MOST:
-            _specs.clear()
+
+    def read() -> Any | None:
         try:
-            _specs[key] = library().device(preset)
+            return library().device(preset)
         except DermisError:
-            _specs[key] = None
-    spec = _specs[key]
+            return None
+
+    spec = _specs.make((preset, handlers.edits()), read)
     return spec if spec is not None and spec.kind in kinds else None
 
 

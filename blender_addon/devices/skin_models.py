@@ -7,8 +7,8 @@ takes seconds: in a window a child process makes it, and whoever asked gets None
 from __future__ import annotations
 
 import json
-from collections.abc import Generator, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Generator, Mapping
+from contextlib import AbstractContextManager
 from typing import Any, Literal, overload
 
 import bpy
@@ -17,12 +17,10 @@ from .._core import DermisError, core
 from ..preferences import user_folder
 
 LIMIT_BYTES = 4_000_000_000
-MOST = 8
 SLOW = ("fine",)
 POLL = 0.1
 
-_threads: list[Any] = []
-_models: dict[str, core.skin.model.SkinModel] = {}
+_models: core.recent.Recent[str, core.skin.model.SkinModel] = core.recent.Recent(8)
 _making: dict[str, tuple[Any, Generator[tuple[int, int], None, Any]]] = {}
 _progress: dict[str, float] = {}
 _failed: dict[str, Exception] = {}
@@ -33,24 +31,9 @@ def cache() -> Any:
     return core.cache.Cache(user_folder("skins", create=True), LIMIT_BYTES)
 
 
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Hold the BLAS of numpy and scipy at one thread: with more they fight over the cores, for 100 times the time.
-
-    Looking the libraries up takes milliseconds, so it is done once.
-    """
-    if not _threads:
-        import scipy.linalg  # noqa: F401  # so that its library is there to be found
-
-        _threads.extend(core.skin.blas.controls())
-    before = [(put, read()) for read, put in _threads]
-    try:
-        for put, _ in before:
-            put(1)
-        yield
-    finally:
-        for put, count in before:
-            put(count)
+def one_thread() -> AbstractContextManager[Any]:
+    """Hold the BLAS of numpy and scipy at one thread: with more they fight over the cores, for 100 times the time."""
+    return core.skin.blas.one_thread()
 
 
 def wanted(tactile: Any, presets: Any) -> bool:
@@ -88,19 +71,14 @@ def get(
         DermisError: a size that leaves no room for tissue, or a model that could not be made.
     """
     key = _key(skin, level)
-    model = _models.get(key)
-    if model is None:
+    if key not in _models:
         if key in _failed:
             raise _failed.pop(key)
         if level in SLOW and not wait and not bpy.app.background and not _finished(key):
             _begin(key, skin, level)
             return None
-        model = core.skin.model.skin_from_parameters(skin, level=level, cache=cache(), where=where)
-        while len(_models) >= MOST:
-            _models.pop(next(iter(_models)))
-    else:
-        del _models[key]  # the one used last goes to the end
-    _models[key] = model
+    make = core.skin.model.skin_from_parameters
+    model = _models.make(key, lambda: make(skin, level=level, cache=cache(), where=where))
     young, alpha = float(skin.get("young", model.material.young)), float(skin.get("alpha", model.material.alpha))
     if (young, alpha) != (model.material.young, model.material.alpha):
         model = model.with_material(young=young, alpha=alpha)
@@ -118,7 +96,6 @@ def forget() -> None:
     for worker, _ in _making.values():
         worker.close()
     _making.clear()
-    _threads.clear()
     _progress.clear()
     _models.clear()
     _failed.clear()

@@ -15,8 +15,7 @@ from . import active_presets, skin_models
 
 KINDS = ("thimble",)
 LEARNED = ("network", "ridge")
-MOST = 8
-_uses: dict[str, Any] = {}
+_uses: core.recent.Recent[str, Any] = core.recent.Recent(8)
 
 
 def folder(*, create: bool = False) -> Path:
@@ -54,12 +53,8 @@ def used(device: Any, model: Any) -> Any:
         raise DermisError("no such thimble", where="thimble", value=device.preset)
     values = {k: v for k, v in parameters_of(device).items() if k.startswith("thimble_")}
     key = json.dumps([spec.hash, model.key, repr(model.material), values], sort_keys=True)
-    if key not in _uses:
-        while len(_uses) >= MOST:
-            _uses.pop(next(iter(_uses)))
-        with skin_models.one_thread():
-            _uses[key] = core.matching.thimble_use.prepare(spec, model, values, device.preset)
-    return _uses[key]
+    with skin_models.one_thread():
+        return _uses.make(key, lambda: core.matching.thimble_use.prepare(spec, model, values, device.preset))
 
 
 def adapted(device: Any, model: Any) -> Path | None:

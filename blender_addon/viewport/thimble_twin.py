@@ -56,11 +56,10 @@ def joints(device: Any, angles: Array, start: Array) -> Joints:
     Raises:
         DermisError: no pose of the platform has these angles.
     """
-    module = core.devices.thimble
     absolute = np.asarray(angles, np.float64) + device.servo_zero
     x = device.forward(absolute, start)
     pose = device.in_finger(device.pose(x))
-    out = module.LEG_DIRECTIONS
+    out = core.devices.linkage.LEG_DIRECTIONS
     servo = device.base_radius * out
     knee = servo + device.crank * (np.cos(absolute)[:, None] * out + np.sin(absolute)[:, None] * [[0.0, 0.0, 1.0]])
     turn, origin = device.mount[:3, :3], device.mount[:3, 3]

@@ -26,6 +26,7 @@ from ..matching.readings import Counts, quantised, readings_of
 from ..matching.sweep import sweep
 from ..matching.table import SkinTable, assemble, press_of, tabulate
 from ..npz import opened_npz
+from ..recent import Recent
 from ..skin.material import Elastic
 from ..skin.model import SkinModel, fingertip_skin
 from ..skin.shape import FingertipShape
@@ -102,14 +103,12 @@ def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], repo
     """Press one part, in a child process."""
     spec = from_preset(str(parameters["key"]), parameters["preset"])
     what = json.dumps([parameters["shape"], parameters["level"], parameters["material"]], sort_keys=True)
-    if what not in _SKINS:
-        _SKINS.clear()
-        material = Elastic(**parameters["material"])
-        _SKINS[what] = fingertip_skin(FingertipShape(**parameters["shape"]), material, level=str(parameters["level"]))
-    return _part(spec, _SKINS[what], arrays["commands"])
+    shape, material = FingertipShape(**parameters["shape"]), Elastic(**parameters["material"])
+    skin = _skins.make(what, lambda: fingertip_skin(shape, material, level=str(parameters["level"])))
+    return _part(spec, skin, arrays["commands"])
 
 
-_SKINS: dict[str, SkinModel] = {}
+_skins: Recent[str, SkinModel] = Recent(1)
 
 
 def _part(spec: DeviceSpec, skin: SkinModel, commands: Array) -> dict[str, NDArray[Any]]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
+from ..interpolate import smoothstep
 from ..scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
 
 Array = NDArray[np.float64]
@@ -156,8 +157,7 @@ def slab() -> Mesh:
 def _eased(knots: Array, values: Array, times: Array) -> Array:
     """Go from stop to stop with rest at each: cubic smooth steps."""
     i = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
-    share = np.clip((times - knots[i]) / (knots[i + 1] - knots[i]), 0.0, 1.0)
-    share = (share * share * (3.0 - 2.0 * share))[:, None]
+    share = smoothstep((times - knots[i]) / (knots[i + 1] - knots[i]))[:, None]
     return (1.0 - share) * values[i] + share * values[i + 1]
 
 

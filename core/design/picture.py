@@ -11,11 +11,12 @@ import numpy as np
 
 from ..errors import DermisError
 from ..files import write_bytes
+from ..plot.axes import FAINT, INK, LIMIT, PAPER, SMALL, Axes, legend
 from ..plot.canvas import Canvas, PngCanvas, SvgCanvas
 from .report import Design
 from .synergies import CHOICES
 
-INK, FAINT, GRID, PAPER, CHOSEN = "#20262e", "#6b7480", "#e4e7eb", "#ffffff", "#c8503c"
+LEFT, RIGHT, TOP, BOTTOM = 64.0, 20.0, 76.0, 46.0  # [points]
 BARS = {"variance": "#1f6fb2", "rendered": "#12876f"}
 
 
@@ -35,38 +36,23 @@ def write_picture(found: Design, path: Path) -> None:
 
 
 def _draw(found: Design, canvas: Canvas, width: float, height: float) -> None:
-    left, right, top, bottom = 64.0, 20.0, 86.0, 46.0
     canvas.rectangle(0, 0, width, height, PAPER)
-    n = len(found.spec.channels)
-    motors = found.by("variance").motors
-    canvas.text(left, 22, f"How many motors? {found.spec.name}", 10, INK)
+    n, motors = len(found.spec.channels), found.by("variance").motors
+    canvas.text(LEFT, 22, f"How many motors? {found.spec.name}", 10, INK)
     said = f"{motors} of {n}" if motors < n else f"all {n}"
-    canvas.text(left, 42, f"{said}, for {', '.join(found.names)}"[:80], 8.5, FAINT)
+    canvas.text(LEFT, 42, f"{said}, for {', '.join(found.names)}"[:80], 8.5, FAINT)
     # beyond 160 % a bar says no more: it is cut, and its number stands on it
     most = min(max(float(np.max([r.mean_percent for r in found.joint])), 150.0 * found.knee), 160.0)
-    base, tall = height - bottom, height - bottom - top
-
-    def y(percent: float) -> float:
-        return base - tall * min(max(percent, 0.0), most) / most
-
-    for tick in np.linspace(0.0, most, 5):
-        canvas.line(left, y(tick), width - right, y(tick), GRID, 0.75)
-        canvas.text(left - 6, y(tick) + 3, f"{tick:.0f}", 7.5, FAINT, "end")
-    step = (width - left - right) / n
-    for k in range(n):
-        for i, reduction in enumerate(found.joint):
-            value = float(reduction.mean_percent[k])
-            x = left + k * step + step * (0.16 + 0.34 * i)
-            canvas.rectangle(x, y(value), step * 0.3, max(base - y(value), 0.75), BARS[reduction.choice])
-            canvas.text(x + step * 0.15, y(value) - 4, f"{value:.0f}", 7, INK, "middle")
-        own = k + 1 == motors
-        canvas.text(left + (k + 0.5) * step, base + 15, str(k + 1), 9 if own else 8, CHOSEN if own else INK, "middle")
-    canvas.line(left, y(100 * found.knee), width - right, y(100 * found.knee), CHOSEN, 1.5, 6.0)
-    canvas.text(width - right, y(100 * found.knee) - 4, "rule", 7.5, CHOSEN, "end")
-    canvas.line(left, base, width - right, base, INK, 1.0)
-    canvas.text(left + (width - left - right) / 2, base + 32, "motors", 8, INK, "middle")
-    for i, choice in enumerate(CHOICES):
-        x = width - right - 220 + 110 * i
-        canvas.rectangle(x, 53, 9, 9, BARS[choice])
-        canvas.text(x + 14, 61, f"by {choice}", 7.5, FAINT)
-    canvas.text(left, 61, "error above all motors [%]", 7.5, FAINT)
+    box = (LEFT, TOP, width - LEFT - RIGHT, height - TOP - BOTTOM)
+    axes = Axes(canvas, box, (0.5, n + 0.5), (0.0, 1.1 * most))
+    axes.band(motors - 0.5, motors + 0.5)
+    axes.grid("motors", "error above all motors [%]", most=(n, 5), colour=FAINT)
+    wide = axes.width / n
+    for i, reduction in enumerate(found.joint):
+        for k, value in enumerate(reduction.mean_percent.tolist()):
+            x, y = float(axes.x(k + 0.66 + 0.34 * i)), float(axes.y(min(max(value, 0.0), most)))
+            canvas.rectangle(x, y, 0.3 * wide, max(axes.bottom - y, 0.75), BARS[reduction.choice])
+            canvas.text(x + 0.15 * wide, y - 4, f"{value:.0f}", 7, INK, "middle")
+    axes.level(100 * found.knee)
+    canvas.text(axes.right - 4, float(axes.y(100 * found.knee)) - 4, "rule", SMALL, LIMIT, "end")
+    legend(canvas, axes.right - 220, TOP - 6, [(f"by {choice}", BARS[choice]) for choice in CHOICES])

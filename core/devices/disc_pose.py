@@ -14,7 +14,8 @@ from ..contact.solver.bodies import ContactBody
 from ..contact.solver.cone import OPEN
 from ..surface.gap import GapQuery
 from ..surface.plane import Plane
-from .thimble import PlatformPose, Thimble
+from .linkage import PlatformPose
+from .thimble import Thimble
 
 Array = NDArray[np.float64]
 

@@ -18,23 +18,19 @@ Source: [S0] 3.1 with the kinematics of the project's corrections; Gosselin and 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
-
-if TYPE_CHECKING:
-    from .thimble import Thimble
+from .linkage import LEGS, Linkage
 
 Array = NDArray[np.float64]
 
-LEGS = tuple((math.cos(a), math.sin(a)) for a in (0.0, 2 * math.pi / 3, 4 * math.pi / 3))
 UPRIGHT = 1.5 * math.sqrt(3.0)  # the determinant of a level platform on upright rods
 
 
-def posture(device: Thimble, psi: float, theta: float, z: float) -> tuple[list[float], float]:
+def posture(linkage: Linkage, psi: float, theta: float, z: float) -> tuple[list[float], float]:
     """Return the servos' angles from neutral [rad] and the firmness, as plain numbers.
 
     Raises:
@@ -43,7 +39,8 @@ def posture(device: Thimble, psi: float, theta: float, z: float) -> tuple[list[f
     cp, sp, ct, st = math.cos(psi), math.sin(psi), math.cos(theta), math.sin(theta)
     up, up_psi, up_theta = cp * ct, -sp * ct, -cp * st
     across, turn = 1.0 / (1.0 + up), sp * st
-    size, base, crank, rod, knee = device.platform_radius, device.base_radius, device.crank, device.rod, device.knee
+    size, base, knee = linkage.platform_radius, linkage.base_radius, linkage.knee
+    crank, rod = linkage.crank, linkage.rod
     fixed, double = crank * crank - rod * rod, 2.0 * crank
     angles: list[float] = []
     rows = []
@@ -56,7 +53,7 @@ def posture(device: Thimble, psi: float, theta: float, z: float) -> tuple[list[f
         if abs(cosine) >= 1.0:
             raise DermisError("a leg cannot reach the platform", where=f"thimble, leg {len(angles) + 1}")
         angle = math.atan2(h, r) - knee * math.acos(cosine)
-        angles.append(angle - device.servo_zero)
+        angles.append(angle - linkage.servo_zero)
         out, rise = r - crank * math.cos(angle), h - crank * math.sin(angle)  # the rod, of length L2
         curve = bent * m * across - 0.5
         rows.append(
@@ -68,19 +65,19 @@ def posture(device: Thimble, psi: float, theta: float, z: float) -> tuple[list[f
         )
     (a, b, c), (d, e, f), (g, i, j) = rows
     volume = a * (e * j - f * i) - b * (d * j - f * g) + c * (d * i - e * g)
-    return angles, device.side * volume / (UPRIGHT * rod * rod * rod)
+    return angles, linkage.side * volume / (UPRIGHT * rod * rod * rod)
 
 
-def firmness(device: Thimble, psi: float, theta: float, z: float) -> tuple[float, Array]:
+def firmness(linkage: Linkage, psi: float, theta: float, z: float) -> tuple[float, Array]:
     """Return the firmness of a pose and its derivative by (psi, theta, z), shape (3,).
 
     Raises:
         DermisError: a leg cannot reach.
     """
-    turned, _ = posture(device, psi, theta, z)
+    turned, _ = posture(linkage, psi, theta, z)
     cp, sp, ct, st = math.cos(psi), math.sin(psi), math.cos(theta), math.sin(theta)
     ex, ey = np.array(LEGS).T
-    angle, size = np.array(turned) + device.servo_zero, device.platform_radius
+    angle, size = np.array(turned) + linkage.servo_zero, linkage.platform_radius
     # by (psi, theta, z / rp); lengths over rp. First and second derivatives of a_z and of m, one row a leg
     az, az_1 = cp * ct, np.array([-sp * ct, -cp * st, 0.0])
     az_2 = np.array([[-cp * ct, sp * st, 0.0], [sp * st, -cp * ct, 0.0], [0.0, 0.0, 0.0]])
@@ -100,8 +97,8 @@ def firmness(device: Thimble, psi: float, theta: float, z: float) -> tuple[float
         + 2 * k**2 * mm**2 * az_2
     )
     h_1, h_2 = -m_1 + [0.0, 0.0, 1.0], -m_2
-    r, h = 1.5 - az / 2 - 2 * k * m**2 - device.base_radius / size, z / size - m
-    crank, rod = device.crank / size, device.rod / size
+    r, h = 1.5 - az / 2 - 2 * k * m**2 - linkage.base_radius / size, z / size - m
+    crank, rod = linkage.crank / size, linkage.rod / size
     sine, cosine = np.sin(angle), np.cos(angle)
     out, rise = (r - crank * cosine) / rod, (h - crank * sine) / rod
     answer = out[:, None] * r_1 + rise[:, None] * h_1  # of each rod to each movement
@@ -116,5 +113,5 @@ def firmness(device: Thimble, psi: float, theta: float, z: float) -> tuple[float
     a, b, c = answer
     cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
     slope = np.einsum("ij,ijk->k", cofactors, answer_1) * [1.0, 1.0, 1.0 / size]
-    share = device.side / UPRIGHT
+    share = linkage.side / UPRIGHT
     return float(a @ cofactors[0]) * share, slope * share

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import DermisError
 from .firmness import posture
-
-if TYPE_CHECKING:
-    from .thimble import Thimble
+from .linkage import Linkage
 
 Array = NDArray[np.float64]
 
@@ -22,7 +18,7 @@ SHORTEST = 1e-6  # share of a step
 WAYPOINTS = 12  # between the start and the angles wanted, where the direct way gets stuck
 
 
-def configuration(device: Thimble, angles: ArrayLike, start: ArrayLike) -> Array:
+def configuration(linkage: Linkage, angles: ArrayLike, start: ArrayLike) -> Array:
     """Return the configuration x that servo angles [rad] hold the platform in, on the level pose's side.
 
     Beyond a singular pose the same angles belong to another pose, which the platform never gets to.
@@ -34,22 +30,22 @@ def configuration(device: Thimble, angles: ArrayLike, start: ArrayLike) -> Array
         DermisError: no such configuration was found.
     """
     wanted, x = np.asarray(angles, dtype=np.float64), np.array(start, dtype=np.float64)
-    found = _newton(device, wanted, x)
+    found = _newton(linkage, wanted, x)
     if found is None:
-        at, first = x, device.servo_angles(x)[0]
+        at, first = x, linkage.servo_angles(x)[0]
         for share in np.linspace(0.0, 1.0, WAYPOINTS + 1)[1:].tolist():
-            found = _newton(device, first + share * (wanted - first), at)
+            found = _newton(linkage, first + share * (wanted - first), at)
             at = at if found is None else found
     if found is None:
         raise DermisError("no pose of the platform has these servo angles", where="thimble", value=wanted.tolist())
     return found
 
 
-def _newton(device: Thimble, wanted: Array, x: Array) -> Array | None:
+def _newton(linkage: Linkage, wanted: Array, x: Array) -> Array | None:
     """Return the configuration nearest to x; None where the way there is barred."""
-    scale = np.array([1.0, 1.0, device.platform_radius])  # keeps tilt and distance alike
+    scale = np.array([1.0, 1.0, linkage.platform_radius])  # keeps tilt and distance alike
     for _ in range(STEPS):
-        now, slopes = device.servo_angles(x)
+        now, slopes = linkage.servo_angles(x)
         miss = wanted - now
         if np.abs(miss).max() <= TOLERANCE:
             return x
@@ -57,12 +53,12 @@ def _newton(device: Thimble, wanted: Array, x: Array) -> Array | None:
         share = min(1.0, LONGEST / float(np.abs(step).max()))
         while share > SHORTEST:
             trial = x + share * scale * step
-            if (device.reach(trial) > 0).all() and posture(device, *trial.tolist())[1] > 0.0:
-                left = wanted - device.servo_angles(trial)[0]
+            if (linkage.reach(trial) > 0).all() and posture(linkage, *trial.tolist())[1] > 0.0:
+                left = wanted - linkage.servo_angles(trial)[0]
                 if left @ left < miss @ miss:
                     break
             share /= 2
         else:
             break
         x = trial
-    return x if np.abs(wanted - device.servo_angles(x)[0]).max() <= 100 * TOLERANCE else None
+    return x if np.abs(wanted - linkage.servo_angles(x)[0]).max() <= 100 * TOLERANCE else None

@@ -5,15 +5,11 @@ The contact of all rows is iterated side by side by the alternating method of `c
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from .poses import Poses
-
-if TYPE_CHECKING:
-    from .press import Press
+from .press_problem import PressProblem
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -29,10 +25,10 @@ BALANCE = 2e-3  # [N] that may be left over on a platform that gives way
 class PressState:
     """A batch between two steps: poses, forces, and the points of the platform that nodes stick to."""
 
-    def __init__(self, press: Press, poses: Poses) -> None:
-        self.press, self.free, self.poses = press, poses, poses
-        n, m = len(poses), press.count
-        self.anchor = press._local(poses)[0][:, :, :2]
+    def __init__(self, problem: PressProblem, poses: Poses) -> None:
+        self.problem, self.free, self.poses = problem, poses, poses
+        n, m = len(poses), problem.count
+        self.anchor = problem.local(poses)[0][:, :, :2]
         self.deflection = np.zeros((n, 6))
         self.force = np.zeros((n, 3 * m), np.float32)
         self.shift = np.zeros((n, 3 * m), np.float32)  # y of the method
@@ -43,19 +39,19 @@ class PressState:
 
     def step(self, commands: Array, *, last: bool) -> None:
         """Go to the next commands; at the last the platform's balance is linearised anew until it holds."""
-        press = self.press
-        self.free = press.carrier.carry(commands, self.free)
+        problem = self.problem
+        self.free = problem.carrier.carry(commands, self.free)
         self.poses = self.free.moved(self.deflection)
         for k in range(LINEARISATIONS if last else 1):
-            given = press.carrier.give(commands, self.poses, first=k == 0)
-            local, gap = press._local(self.poses)
+            given = problem.carrier.give(commands, self.poses, first=k == 0)
+            local, gap = problem.local(self.poses)
             offset = local.copy()
             offset[:, :, :2] -= self.anchor
             offset[:, :, 2] = gap
             offset = (offset @ self.poses.rotation.transpose(0, 2, 1)).transpose(0, 2, 1).reshape(len(gap), -1)
             if given is not None:
                 ahead = np.einsum("nij,nj->ni", given[1], given[0])  # where the carrier would go without contact
-                offset -= ahead @ press._jacobian.T
+                offset -= ahead @ problem.jacobian.T
             rows = np.flatnonzero((gap.min(axis=1) < 0.0) | self.force.any(axis=1))
             if len(rows):
                 self._solve(rows, offset, self.poses.rotation[:, :, 2], None if given is None else given[1])
@@ -66,7 +62,7 @@ class PressState:
             self.poses = self.poses.moved(movement)
             self.deflection += movement
             if last:
-                after = press.carrier.give(commands, self.poses, first=False)
+                after = problem.carrier.give(commands, self.poses, first=False)
                 assert after is not None
                 self.imbalance = np.linalg.norm((after[0] + load)[:, :3], axis=1)
                 if self.imbalance.max(initial=0.0) <= BALANCE:
@@ -75,24 +71,24 @@ class PressState:
 
     def _load(self) -> Array:
         """Force and moment of the skin on the platform, shape (n, 6)."""
-        return -(self.force.astype(np.float64) @ self.press._jacobian)
+        return -(self.force.astype(np.float64) @ self.problem.jacobian)
 
     def _settle(self) -> None:
         """Nodes that stick keep their anchor, all others take it along."""
-        local = self.press._local(self.poses)[0]
+        local = self.problem.local(self.poses)[0]
         moved = self.image.reshape(len(local), 3, -1).transpose(0, 2, 1) @ self.poses.rotation
         now = local[:, :, :2] + moved[:, :, :2]
         self.anchor = np.where(self.sticking[:, :, None], self.anchor, now)
 
     def _solve(self, rows: NDArray[np.intp], offset: Array, normal: Array, gives: Array | None) -> None:
         """Iterate a batch's contact; rows leave as they settle."""
-        press, m = self.press, self.press.count
-        rho = np.float32(press._rho)
+        problem, m = self.problem, self.problem.count
+        rho = np.float32(problem.rho)
         self.sticking[:] = False
         core = None
         if gives is not None:
             core = gives[rows]
-            core = (core @ np.linalg.inv(np.eye(6) + press._gram @ core)).astype(np.float32)  # Woodbury
+            core = (core @ np.linalg.inv(np.eye(6) + problem.gram @ core)).astype(np.float32)  # Woodbury
         b = offset[rows].astype(np.float32)
         n = normal[rows].astype(np.float32)
         z, y = self.force[rows].copy(), self.shift[rows].copy()
@@ -102,14 +98,14 @@ class PressState:
             right = z - y
             right *= rho
             right -= b
-            product = right @ press._inverse
+            product = right @ problem.inverse
             f = product[:, : 3 * m]
             if core is not None:
-                f = f - np.matmul(core, product[:, 3 * m :, None])[:, :, 0] @ press._spread
+                f = f - np.matmul(core, product[:, 3 * m :, None])[:, :, 0] @ problem.spread
             v: Floats = np.multiply(f, np.float32(RELAXATION))
             v += (1.0 - RELAXATION) * z
             v += y
-            new, stick = _projected(v, n, press.friction, m)
+            new, stick = _projected(v, n, problem.friction, m)
             check = iteration % CHECK_EVERY == 0 or iteration == MAX_ITERATIONS
             if check:
                 size = np.maximum(np.einsum("ij,ij->i", new, new), 1e-16)
@@ -132,7 +128,7 @@ class PressState:
                         break
         self.residual = np.zeros(len(offset))
         self.residual[rows] = residual
-        self.image[rows] = self.force[rows] @ press._compliance
+        self.image[rows] = self.force[rows] @ problem.compliance
 
 
 def _projected(v: Floats, normal: Floats, friction: float, m: int) -> tuple[Floats, NDArray[np.bool_]]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
+from ..following import follow
 from ..units import number
 from .spec import DeviceSpec, positive
 
@@ -151,7 +152,7 @@ class ShearTactor:
         return np.asarray(angles) + np.array([self.heading - math.pi / 4.0, self.heading + math.pi / 4.0])
 
 
-def follow(target: Array, step: float) -> tuple[Array, int]:
+def within_speed(target: Array, step: float) -> tuple[Array, int]:
     """Return a path that follows another one by at most `step` a sample, and how many samples differ.
 
     The cap goes straight towards where it should be, at top speed, until it has caught up. It starts at the first
@@ -160,28 +161,13 @@ def follow(target: Array, step: float) -> tuple[Array, int]:
     Args:
         target: shape (n, 2). step: largest distance between two samples, in the same unit.
     """
-    jumps = np.diff(target, axis=0)
-    fast = np.flatnonzero(np.einsum("ij,ij->i", jumps, jumps) > (step * (1.0 + 1e-9)) ** 2) + 1
-    if fast.size == 0:
-        return target, 0
-    path = target.copy()
-    points: list[list[float]] = target.tolist()
-    changed = done = 0
-    for start in fast.tolist():
-        if start < done:
-            continue
-        x, y = points[start - 1]
-        k = start
-        while k < len(points):
-            goal_x, goal_y = points[k]
-            dx, dy = goal_x - x, goal_y - y
-            distance = math.sqrt(dx * dx + dy * dy)
-            if distance <= step * (1.0 + 1e-9):
-                break
-            x += dx * step / distance
-            y += dy * step / distance
-            path[k] = x, y
-            changed += 1
-            k += 1
-        done = k + 1
-    return path, changed
+    jumps, far = np.diff(target, axis=0), step * (1.0 + 1e-9)
+    leaps = np.flatnonzero(np.einsum("ij,ij->i", jumps, jumps) > far**2) + 1
+
+    def advance(_row: int, place: list[float], goal: list[float]) -> list[float] | None:
+        dx, dy = goal[0] - place[0], goal[1] - place[1]
+        distance = math.sqrt(dx * dx + dy * dy)
+        return None if distance <= far else [place[0] + dx * step / distance, place[1] + dy * step / distance]
+
+    path = follow(target, leaps, advance)
+    return path, int(np.count_nonzero((path != target).any(axis=1)))

@@ -1,4 +1,4 @@
-"""Height images read without Blender: PNG, netpbm, PFM and NPY."""
+"""Height images read without Blender: PNG, TIFF, netpbm, PFM and NPY."""
 
 from __future__ import annotations
 
@@ -9,16 +9,14 @@ from pathlib import Path
 from ..errors import DermisError, Finding
 from ..files import read_bytes
 from ..foreign import damage_told
-from . import netpbm, npy, png
+from . import netpbm, npy, png_tiff
 from .raster import Raster, grey_of
 
 __all__ = ["Raster", "gap_after", "grey_of", "read", "sequence"]
 
-READABLE = "PNG, PGM, PPM, PFM and NPY"
+READABLE = "PNG, TIFF, PGM, PPM, PFM and NPY"
 _NETPBM = (b"P2", b"P3", b"P5", b"P6", b"Pf", b"PF")
 _OTHERS = {
-    b"II*\0": "TIFF",
-    b"MM\0*": "TIFF",
     b"\xff\xd8\xff": "JPEG",
     b"\x76\x2f\x31\x01": "OpenEXR",
     b"RIFF": "WebP",
@@ -41,8 +39,8 @@ def read(path: str | Path) -> Raster:
     data = read_bytes(path, where=where)
     if not data:
         raise DermisError("the image file is empty", where=where)
-    if data.startswith(png.SIGNATURE):
-        return png.decode(data, where)
+    if data.startswith((png_tiff.PNG, *png_tiff.TIFF)):
+        return png_tiff.decode(data, where)
     if data.startswith(npy.MAGIC):
         return npy.decode(data, where)
     if data[:2] in _NETPBM:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ..errors import DermisError
 from .raster import Raster, checked_size, grey_of
 
-_WHITE = b" \t\n\r\v\f"
-_SPACE = re.compile(rb"[ \t\n\r\v\f]")
+_FIELD = re.compile(rb"(?:\s|#[^\n]*\n)*+([^\s#]\S*)")  # after white space and comments
+_SPACE = re.compile(rb"\s")
 _AT_ONCE = 1 << 20  # bytes of plain numbers
 
 
@@ -49,18 +49,12 @@ def _header(data: bytes, where: str) -> tuple[list[bytes], int]:
     """Return the three fields after the magic, and where the pixels start (one white space after the last)."""
     fields: list[bytes] = []
     at = 2
-    while len(fields) < 3:
-        while at < len(data) and (data[at] in _WHITE or data[at] == ord("#")):
-            if data[at] == ord("#"):
-                end = data.find(b"\n", at)
-                at = len(data) if end < 0 else end
-            at += 1
-        begin = at
-        while at < len(data) and data[at] not in _WHITE:
-            at += 1
-        if begin == at:
+    for _ in range(3):
+        field = _FIELD.match(data, at)
+        if field is None:
             raise DermisError("the image header is cut short", where=where)
-        fields.append(data[begin:at])
+        fields.append(field[1])
+        at = field.end()
     return fields, at + 1
 
 

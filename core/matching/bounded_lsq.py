@@ -10,7 +10,6 @@ Source: Judice & Pires 1994, block principal pivoting for strictly monotone LCPs
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
+from ..recent import Recent
 from .bounded_input import WHERE, bounds_of, statuses_of
 from .bounded_solution import BoundedSolution
 
@@ -101,7 +101,7 @@ class BoundedLeastSquares:
         self._solved = self._definite() if self._proximal else gram
         self._status = np.full(self.n, -1, dtype=np.int8)
         self._latest: _Factor | None = None
-        self._factors: OrderedDict[bytes, _Factor] = OrderedDict()
+        self._factors: Recent[bytes, _Factor] = Recent(FACTORS_KEPT)
 
     def solve(
         self, c: Array, *, low: Any = None, high: Any = None, start: NDArray[np.int8] | None = None
@@ -251,10 +251,9 @@ class BoundedLeastSquares:
         return BoundedSolution(x, gradient, inner.status, pivots, converged, scale)
 
     def _factor(self, status: NDArray[np.int8]) -> _Factor:
-        key = status.tobytes()
-        factor = self._factors.get(key)
-        if factor is not None:
-            return factor
+        return self._factors.make(status.tobytes(), lambda: self._factored(status))
+
+    def _factored(self, status: NDArray[np.int8]) -> _Factor:
         free = (status == 0).nonzero()[0]
         rows = self._solved.take(free, axis=0)  # H is symmetric, and its rows are contiguous
         cholesky, info = self._potrf(rows.take(free, axis=1).T, overwrite_a=1) if len(free) else (_EMPTY, 0)
@@ -264,11 +263,7 @@ class BoundedLeastSquares:
         fixed[free] = 0.0
         base = self._gemv(1.0, self._solved.T, fixed)
         sign = -status.astype(np.float64)
-        factor = _Factor(status, free, cholesky, rows.T, sign, fixed, base, base[free], self.low[free], self.high[free])
-        self._factors[key] = factor
-        if len(self._factors) > FACTORS_KEPT:
-            self._factors.popitem(last=False)
-        return factor
+        return _Factor(status, free, cholesky, rows.T, sign, fixed, base, base[free], self.low[free], self.high[free])
 
     def _set_bounds(self, low: Any, high: Any) -> None:
         self.low, self.high = bounds_of(low, high, self.n)

@@ -23,6 +23,7 @@ from ..devices.coupling import Coupling, coupling_of
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..interpolate import interpolate
+from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
 from ..track.command_track import CommandTrack
@@ -303,16 +304,12 @@ def _from_file(path: Path, spec: DeviceSpec) -> SkinTable:
     except (OSError, ValueError) as error:
         raise DermisError("the file does not exist", where=str(path)) from error
     stamp = str(path), stat.st_mtime_ns, stat.st_size
-    if stamp not in _FILES:
-        table = SkinTable.load(path)
-        _FILES.clear()
-        _FILES[stamp] = table
-    table = _FILES[stamp]
+    table = _files.make(stamp, lambda: SkinTable.load(path))
     belongs(table, spec, where=str(path))
     return table
 
 
-_FILES: dict[tuple[str, int, int], SkinTable] = {}
+_files: Recent[tuple[str, int, int], SkinTable] = Recent(1)
 
 
 def known(table: SkinTable) -> Mapping[str, Any]:

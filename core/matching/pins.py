@@ -5,7 +5,6 @@ Source: [S1] III and IV
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
@@ -19,7 +18,8 @@ from ..devices import pin_array
 from ..devices.pin_array import PinContacts, PinLayout
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
-from ..interpolate import interpolate
+from ..interpolate import interpolate, smoothstep
+from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
 from ..surface.gap import Surface
@@ -33,7 +33,7 @@ Weighting = Literal["all", "surface", "receptor"]
 WEIGHTINGS: tuple[Weighting, ...] = get_args(Weighting)
 
 RECEPTOR_BAND = (0.3e-3, 2.0e-3)  # [m] below the pad. Source: TouchSim's fitted depths of SA1 to PC
-SETUPS_KEPT = 8
+_setups: Recent[tuple[str, float, str, str], PinSetup] = Recent(8)
 BLOCK = 512  # frames whose errors are computed together
 FADE = 0.1  # [s] default length of fade-in and fade-out; chosen
 
@@ -66,27 +66,25 @@ def setup(skin: SkinModel, spec: DeviceSpec, weighting: Weighting = "all") -> Pi
     if weighting not in WEIGHTINGS:
         raise DermisError("unknown weighting", where=spec.key, value=weighting, limit=", ".join(WEIGHTINGS))
     key = (skin.key, skin.material.modulus, spec.hash, weighting)
-    kept = _SETUPS.get(key)
-    if kept is None:
-        mesh = skin.mesh
-        pins = pin_array.layout(spec)
-        if pins.count != len(spec.channels):
-            raise DermisError(
-                "the layout and the channels differ in number",
-                where=f"device preset '{spec.key}'",
-                value=f"{pins.count} pins, {len(spec.channels)} channels",
-            )
-        met = pin_array.on_pad(pin_array.contacts(pins, mesh.nodes, mesh.surface), pins, skin.positions)
-        spread = pin_array.distribution(pins, met, skin.positions)
-        chosen = node_weights(skin, weighting)[mesh.free] > 0
-        response = skin.unit_response[:, np.repeat(chosen, 3)]
-        influence = response.T.astype(np.float64) / skin.material.modulus
-        matcher = Matcher(spread, influence, active=met.hits, tolerance=pin_resolution.tolerance_of(pins, met))
-        kept = _SETUPS[key] = PinSetup(pins, met, matcher, spread)
-        while len(_SETUPS) > SETUPS_KEPT:
-            _SETUPS.popitem(last=False)
-    _SETUPS.move_to_end(key)
-    return kept
+    return _setups.make(key, lambda: _made(skin, spec, weighting))
+
+
+def _made(skin: SkinModel, spec: DeviceSpec, weighting: Weighting) -> PinSetup:
+    mesh = skin.mesh
+    pins = pin_array.layout(spec)
+    if pins.count != len(spec.channels):
+        raise DermisError(
+            "the layout and the channels differ in number",
+            where=f"device preset '{spec.key}'",
+            value=f"{pins.count} pins, {len(spec.channels)} channels",
+        )
+    met = pin_array.on_pad(pin_array.contacts(pins, mesh.nodes, mesh.surface), pins, skin.positions)
+    spread = pin_array.distribution(pins, met, skin.positions)
+    chosen = node_weights(skin, weighting)[mesh.free] > 0
+    response = skin.unit_response[:, np.repeat(chosen, 3)]
+    influence = response.T.astype(np.float64) / skin.material.modulus
+    matcher = Matcher(spread, influence, active=met.hits, tolerance=pin_resolution.tolerance_of(pins, met))
+    return PinSetup(pins, met, matcher, spread)
 
 
 def node_weights(skin: SkinModel, weighting: Weighting) -> Array:
@@ -239,7 +237,6 @@ _SIGNALS = (
     "rendered_shear",
     "at_limit",
 )
-_SETUPS: OrderedDict[tuple[str, float, str, str], PinSetup] = OrderedDict()
 
 
 def _lead(parameters: Mapping[str, Any], spec: DeviceSpec) -> float:
@@ -259,15 +256,10 @@ def _fade(times: Array, fade_in: float, fade_out: float) -> Array:
     """Rise from 0 at the first time and fall to 0 at the last, both smooth."""
     gain = np.ones_like(times)
     if fade_in > 0:
-        gain *= _smooth((times - times[0]) / fade_in)
+        gain *= smoothstep((times - times[0]) / fade_in)
     if fade_out > 0:
-        gain *= _smooth((times[-1] - times) / fade_out)
+        gain *= smoothstep((times[-1] - times) / fade_out)
     return gain
-
-
-def _smooth(x: Array) -> Array:
-    x = np.clip(x, 0.0, 1.0)
-    return x * x * (3.0 - 2.0 * x)
 
 
 def _findings(series: dict[str, Array], ready: PinSetup, unsolved: int, frames: Array) -> list[Finding]:

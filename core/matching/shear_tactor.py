@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contact.sampled import SampledTouch
-from ..devices.shear_tactor import ShearTactor, follow
+from ..devices.shear_tactor import ShearTactor, within_speed
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError
 from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
@@ -55,7 +55,7 @@ def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse
         position, magnitude, limited = np.zeros((len(times), 2)), np.zeros(len(times)), 0
     else:
         position, magnitude, limited = projected(sums.sum, tactor.radius, method)
-    position, slowed = follow(position, tactor.speed / spec.rate)
+    position, slowed = within_speed(position, tactor.speed / spec.rate)
     angles = np.zeros_like(position)
     moved = np.flatnonzero(position.any(axis=1))
     if moved.size:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Generator
 from typing import TYPE_CHECKING
 
@@ -13,6 +12,7 @@ from ..cache import cache_key
 from ..devices.spec import DeviceSpec
 from ..devices.thimble import FIRM, Thimble
 from ..errors import DermisError, Finding, Severity
+from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
 from ..surrogate.dataset import drain, record
@@ -40,20 +40,19 @@ STEEP = 0.05  # of the touched samples: the same for touches that are too steep 
 DOUBTFUL = 0.1  # of the touched samples: a surrogate that is replaced more often is not worth its name
 UNFINISHED = 0.05  # a KKT residual above it is worth a finding
 
-_known: OrderedDict[tuple[str, str, float, float], Descriptors] = OrderedDict()
-_tables: OrderedDict[str, StartTable] = OrderedDict()
+_known: Recent[tuple[str, str, float, float], Descriptors] = Recent(8)
+_tables: Recent[str, StartTable] = Recent(8)
 
 
 def describe(device: Thimble, skin: SkinModel, friction: float, tolerance: float = TOLERANCE) -> Descriptors:
     """Return the descriptors of a device on a skin, kept in memory for the next finger of the same kind."""
-    key = (skin.key, device_key(device), friction, tolerance)
-    if key not in _known:
+
+    def made() -> Descriptors:
         nominal = skin.with_material(alpha=1.0)  # the subspace does not depend on stiffness
         data = drain(record(device, contact_of(device, nominal, friction), DESCRIPTOR_MOVEMENTS))
-        _known[key] = descriptors(data, skin.stress_components(), tolerance=tolerance)
-        while len(_known) > 8:
-            _known.popitem(last=False)
-    return _known[key]
+        return descriptors(data, skin.stress_components(), tolerance=tolerance)
+
+    return _known.make((skin.key, device_key(device), friction, tolerance), made)
 
 
 def matcher(
@@ -97,11 +96,8 @@ def matcher(
     table, learned = None, model if method in LEARNED else None
     if learned is None:  # five fingers of one hand start from the same table
         key = cache_key(skin.key, repr(skin.material), device_key(device), repr(friction), readout.tobytes())
-        table = _tables.get(key)
-        if table is None:
-            table = _tables[key] = start_table(device, contact, DirectModel(device, contact, readout))
-            while len(_tables) > 8:
-                _tables.popitem(last=False)
+        direct = DirectModel(device, contact, readout)
+        table = _tables.make(key, lambda: start_table(device, contact, direct))
     return StressMatcher(device, contact, readout, learned, change=change, hover=hover, hush=hush, table=table)
 
 

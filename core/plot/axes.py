@@ -1,15 +1,109 @@
-"""What plots share: their measures and colours, round numbers for axes, and fewer points for long curves."""
+"""Axes: a rectangle on a canvas in which values have places, with round numbers along both sides."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from .canvas import Canvas
 
 Array = NDArray[np.float64]
 
-WIDTH, LEFT, RIGHT = 920.0, 76.0, 24.0  # [points]
 INK, FAINT, GRID, PAPER, FRAME = "#20262e", "#6b7480", "#e4e7eb", "#ffffff", "#b9c0c8"
 LIMIT, TOUCH = "#c8503c", "#fdebc8"
+SMALL = 7.5  # height of a capital in all but titles [points]
+MOST_POINTS = 4000  # of a curve; beyond, each step keeps its first, least, greatest and last value
+
+
+class Axes:
+    """Two axes of a chart.
+
+    Args:
+        canvas: to draw on.
+        box: left, top, width, height [points].
+        xlim, ylim: values at the left and right end, and at the bottom and top.
+    """
+
+    def __init__(
+        self,
+        canvas: Canvas,
+        box: tuple[float, float, float, float],
+        xlim: tuple[float, float],
+        ylim: tuple[float, float],
+    ) -> None:
+        self.canvas, self.xlim, self.ylim = canvas, xlim, ylim
+        self.left, self.top, self.width, self.height = box
+        self.right, self.bottom = self.left + self.width, self.top + self.height
+
+    def x(self, values: ArrayLike) -> Array:
+        """Return where values lie across [points]."""
+        low, high = self.xlim
+        return self.left + self.width * (np.asarray(values, dtype=np.float64) - low) / (high - low)
+
+    def y(self, values: ArrayLike) -> Array:
+        """Return where values lie down the canvas [points]."""
+        low, high = self.ylim
+        return self.top + self.height * (high - np.asarray(values, dtype=np.float64)) / (high - low)
+
+    def band(self, first: float, last: float) -> None:
+        """Shade from one x to another; before `grid`, which lies over it."""
+        left, right = self.x([first, last]).tolist()
+        self.canvas.rectangle(left, self.top, right - left, self.height, TOUCH)
+
+    def bands(self, times: Array, contact: Array) -> None:
+        """Shade where contact is above one half, from each sample half way to its neighbours."""
+        edges = np.r_[times[:1], (times[1:] + times[:-1]) / 2, times[-1:]]
+        for part in runs(np.asarray(contact) > 0.5):
+            self.band(float(edges[part.start]), float(edges[part.stop]))
+
+    def grid(
+        self, across: str, up: str, *, most: tuple[int, int] = (8, 5), factor: float = 1.0, colour: str = INK
+    ) -> None:
+        """Draw lines and numbers at round values, the frame, and what the axes are called.
+
+        Args:
+            most: steps of numbers at most across and up. factor: what y is divided by to be shown. colour: of `up`.
+        """
+        draw = self.canvas
+        marks = ticks(*self.xlim, most[0])
+        for value, x in zip(marks, self.x(marks).tolist(), strict=True):
+            draw.line(x, self.top, x, self.bottom + 4, GRID, 0.75)
+            draw.text(x, self.bottom + 14, label(value, marks), SMALL, FAINT, "middle")
+        low, high = self.ylim
+        marks = ticks(low / factor, high / factor, most[1])
+        for value, y in zip(marks, self.y(np.multiply(marks, factor)).tolist(), strict=True):
+            draw.line(self.left - 4, y, self.right, y, GRID, 0.75)
+            draw.text(self.left - 7, y + 3.5, label(value, marks), SMALL, FAINT, "end")
+        for y in (self.top, self.bottom):
+            draw.line(self.left, y, self.right, y, FRAME, 0.75)
+        for x in (self.left, self.right):
+            draw.line(x, self.top, x, self.bottom, FRAME, 0.75)
+        draw.text(self.left, self.top - 6, up, SMALL, colour)
+        draw.text((self.left + self.right) / 2, self.bottom + 29, across, SMALL, FAINT, "middle")
+
+    def level(self, value: float) -> None:
+        """Draw a dashed line at a y, where it lies inside."""
+        if self.ylim[0] <= value <= self.ylim[1]:
+            y = float(self.y(value))
+            self.canvas.line(self.left, y, self.right, y, LIMIT, 1.0, 4.0)
+
+    def curve(self, x: Array, y: Array, colour: str, width: float = 1.3) -> None:
+        """Draw y over rising x, with a gap where it is not finite and a mark for a sample between gaps."""
+        for part in runs(np.isfinite(y)):
+            across, down = thinned(self.x(x[part]), self.y(y[part]), MOST_POINTS)
+            if len(across) == 1:
+                self.canvas.disc(float(across[0]), float(down[0]), 1.5, colour)
+            else:
+                self.canvas.path(across, down, colour, width)
+
+
+def legend(canvas: Canvas, x: float, y: float, entries: list[tuple[str, str]]) -> float:
+    """Write names beside patches of their colours on a base line from x on; return where the next would begin."""
+    for name, colour in entries:
+        canvas.rectangle(x, y - 7, 12, 7, colour)
+        canvas.text(x + 16, y, name, SMALL, FAINT)
+        x += 36 + 0.8 * SMALL * len(name)
+    return x
 
 
 def ticks(low: float, high: float, most: int) -> list[float]:
@@ -19,6 +113,15 @@ def ticks(low: float, high: float, most: int) -> list[float]:
     step = next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= raw * (1 - 1e-9))
     count = np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1)
     return [float(f"{v:.12g}") + 0.0 for v in (count * step).tolist()]
+
+
+def label(value: float, marks: list[float]) -> str:
+    """Write a number beside its mark, with as many decimals as the distance of the marks asks for."""
+    step = min((b - a for a, b in zip(marks, marks[1:], strict=False)), default=1.0)
+    decimals = max(0, int(-np.floor(np.log10(step) + 1e-9)))
+    if decimals > 6 or abs(value) >= 1e6:
+        return f"{value:.4g}"
+    return f"{value:.{decimals}f}"
 
 
 def thinned(x: Array, y: Array, most: int) -> tuple[Array, Array]:
@@ -32,3 +135,9 @@ def thinned(x: Array, y: Array, most: int) -> tuple[Array, Array]:
         keep |= {a, a + int(np.argmin(y[a:b])), a + int(np.argmax(y[a:b])), b - 1}
     rows = np.array(sorted(keep))
     return x[rows], y[rows]
+
+
+def runs(mask: NDArray[np.bool_]) -> list[slice]:
+    """Return where a mask is true, as slices."""
+    edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8)))
+    return [slice(a, b) for a, b in edges.reshape(-1, 2).tolist()]

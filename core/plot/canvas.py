@@ -1,20 +1,27 @@
-"""Two things to draw on, with the same few strokes: an SVG text, and an array of pixels saved as PNG."""
+"""Two things to draw on, with the same few strokes: an SVG text, and pixels that Pillow draws and saves as PNG."""
 
 from __future__ import annotations
 
-import struct
-import zlib
-from typing import Any, Literal, Protocol
+import io
+import unicodedata
+from collections.abc import Callable
+from functools import cache
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import font
+if TYPE_CHECKING:
+    from PIL.ImageFont import FreeTypeFont
 
 Array = NDArray[np.float64]
 Anchor = Literal["start", "middle", "end"]
 Colour = str  # '#rrggbb'
+
+FINE = 4  # times as fine as the pixels: what round shapes and slanting lines are drawn in
+FONT_SIZE = 1.37  # over the height of a capital
+_PLAIN = str.maketrans({"µ": "u", "μ": "u", "²": "^2", "–": "-"})  # what Pillow's own font lacks
 
 
 class Canvas(Protocol):
@@ -28,9 +35,6 @@ class Canvas(Protocol):
 
     def line(self, x0: float, y0: float, x1: float, y1: float, colour: Colour, width: float, dash: float = 0.0) -> None:
         """Draw a horizontal or vertical line, dashed on request."""
-
-    def curve(self, x: Array, y: Array, colour: Colour, width: float) -> None:
-        """Draw y over rising x."""
 
     def path(self, x: Array, y: Array, colour: Colour, width: float) -> None:
         """Draw a line through points that may go anywhere."""
@@ -64,24 +68,19 @@ class SvgCanvas:
             f'stroke-width="{_n(width)}"{dashes}/>'
         )
 
-    def curve(self, x: Array, y: Array, colour: Colour, width: float) -> None:
-        """Draw y over rising x."""
+    def path(self, x: Array, y: Array, colour: Colour, width: float) -> None:
+        """Draw a line through points that may go anywhere."""
         points = " ".join(f"{_n(a)},{_n(b)}" for a, b in zip(x.tolist(), y.tolist(), strict=True))
         self._parts.append(
             f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="{_n(width)}" '
             'stroke-linejoin="round"/>'
         )
 
-    def path(self, x: Array, y: Array, colour: Colour, width: float) -> None:
-        """Draw a line through points that may go anywhere."""
-        self.curve(x, y, colour, width)
-
     def text(self, x: float, y: float, text: str, size: float, colour: Colour, anchor: Anchor = "start") -> None:
         """Write a text with its base line at y."""
-        printable = "".join(c if c.isprintable() else " " for c in text)
         self._parts.append(
-            f'<text x="{_n(x)}" y="{_n(y)}" font-size="{_n(size * 1.37)}" fill="{colour}" '
-            f'text-anchor="{anchor}">{escape(printable)}</text>'
+            f'<text x="{_n(x)}" y="{_n(y)}" font-size="{_n(size * FONT_SIZE)}" fill="{colour}" '
+            f'text-anchor="{anchor}">{escape(_printable(text))}</text>'
         )
 
     def to_bytes(self) -> bytes:
@@ -90,7 +89,7 @@ class SvgCanvas:
 
 
 class PngCanvas:
-    """Draws into pixels, smoothed at edges.
+    """Draws into pixels: straight edges on whole ones, all others smoothed.
 
     Args:
         width, height: [points].
@@ -98,127 +97,86 @@ class PngCanvas:
     """
 
     def __init__(self, width: float, height: float, scale: float = 2.0) -> None:
+        from PIL import Image
+
         self._scale = scale
-        self._pixels = np.full((round(height * scale), round(width * scale), 3), 255.0, dtype=np.float32)
+        self._image = Image.new("RGB", (round(width * scale), round(height * scale)), "#ffffff")
 
     def rectangle(self, x: float, y: float, width: float, height: float, fill: Colour) -> None:
-        """Fill a rectangle, its edges shared with the pixels that they cut."""
-        rows, columns, _ = self._pixels.shape
-        across = _cover(x * self._scale, (x + width) * self._scale, columns)
-        down = _cover(y * self._scale, (y + height) * self._scale, rows)
-        i, j = np.flatnonzero(down), np.flatnonzero(across)
-        if len(i) and len(j):
-            self._blend(i[0], j[0], np.outer(down[i[0] : i[-1] + 1], across[j[0] : j[-1] + 1]), fill)
+        """Fill a rectangle, one pixel at least."""
+        left, top, right, bottom = (int(np.floor(v * self._scale + 0.5)) for v in (x, y, x + width, y + height))
+        self._image.paste(fill, (left, top, max(right, left + 1), max(bottom, top + 1)))
 
     def disc(self, x: float, y: float, radius: float, fill: Colour) -> None:
-        """Fill a disc, its edge smoothed."""
-        s = self._scale
-        self._stroke(x * s, y * s, x * s, y * s, radius * s, fill)
+        """Fill a disc."""
+        half = radius * self._scale * FINE
+
+        def stroke(draw: Any, points: Array) -> None:
+            (a, b), reach = points[0], half - 0.5
+            draw.ellipse((a - reach, b - reach, a + reach, b + reach), fill=255)
+
+        self._smooth(np.array([[x, y]]), radius, fill, stroke)
 
     def line(self, x0: float, y0: float, x1: float, y1: float, colour: Colour, width: float, dash: float = 0.0) -> None:
-        """Draw a horizontal or vertical line, dashed on request, laid on whole pixels."""
-        s, length = self._scale, max(abs(x1 - x0), abs(y1 - y0))
-        thick = max(round(width * s), 1) / s
-        starts = np.arange(0.0, length, 2 * dash) if dash else np.array([0.0])
-        for start in starts.tolist():
+        """Draw a horizontal or vertical line, dashed on request."""
+        length, width = max(abs(x1 - x0), abs(y1 - y0)), max(round(width * self._scale), 1) / self._scale
+        for start in np.arange(0.0, length, 2 * dash).tolist() if dash else [0.0]:
             part = min(dash, length - start) if dash else length
             if y0 == y1:
-                top = round((y0 - thick / 2) * s) / s
-                self.rectangle(min(x0, x1) + start, top, part, thick, colour)
+                self.rectangle(min(x0, x1) + start, y0 - width / 2, part, width, colour)
             else:
-                left = round((x0 - thick / 2) * s) / s
-                self.rectangle(left, min(y0, y1) + start, thick, part, colour)
-
-    def curve(self, x: Array, y: Array, colour: Colour, width: float) -> None:
-        """Draw y over rising x: in every third of a pixel's column, what the line covers there."""
-        s, fine = self._scale, 3
-        x, y, half = x * s, y * s, width * s / 2
-        first, last = int(np.floor(x[0] - half)), int(np.ceil(x[-1] + half))
-        edges = np.linspace(first, last, (last - first) * fine + 1)
-        low, high = _extent(x, y, edges[:-1] - half * 0.7, edges[1:] + half * 0.7)
-        top, bottom = int(np.floor(low.min() - half)), int(np.ceil(high.max() + half))
-        rows = np.arange(top, bottom)[:, None]
-        cover = np.clip(np.minimum(rows + 1, high + half) - np.maximum(rows, low - half), 0.0, 1.0)
-        cover = cover.reshape(len(rows), -1, fine).mean(axis=2)
-        self._blend(top, first, cover, colour)
+                self.rectangle(x0 - width / 2, min(y0, y1) + start, width, part, colour)
 
     def path(self, x: Array, y: Array, colour: Colour, width: float) -> None:
         """Draw a line through points that may go anywhere."""
-        points = (np.stack([x, y], axis=1) * self._scale).tolist()
-        for (x0, y0), (x1, y1) in zip(points[:-1], points[1:], strict=True):
-            self._stroke(x0, y0, x1, y1, width * self._scale / 2, colour)
+        wide = max(round(width * self._scale * FINE), 1)
+
+        def stroke(draw: Any, points: Array) -> None:
+            draw.line([tuple(p) for p in points.tolist()], fill=255, width=wide)
+
+        self._smooth(np.stack([x, y], axis=1), width, colour, stroke)
 
     def text(self, x: float, y: float, text: str, size: float, colour: Colour, anchor: Anchor = "start") -> None:
         """Write a text with its base line at y."""
-        dot = size * self._scale / font.HEIGHT
-        shift = {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor] * font.width(text) * dot
-        left, top = x * self._scale - shift, y * self._scale - size * self._scale
-        for i, letter in enumerate(font.plain(text)):
-            for stroke in font.strokes(letter):
-                x0, x1 = (left + (i * font.ADVANCE + 0.5 + v) * dot for v in stroke[0::2])
-                y0, y1 = (top + (0.5 + v) * dot for v in stroke[1::2])
-                self._stroke(x0, y0, x1, y1, 0.52 * dot, colour)
+        from PIL import ImageDraw
+
+        at, font = (x * self._scale, y * self._scale), _font(size * self._scale * FONT_SIZE)
+        where = {"start": "ls", "middle": "ms", "end": "rs"}[anchor]
+        ImageDraw.Draw(self._image).text(at, _plain(text), fill=colour, font=font, anchor=where)
 
     def to_bytes(self) -> bytes:
         """Return the file: 8 bits a colour, no date in it."""
-        rows = np.clip(np.rint(self._pixels), 0, 255).astype(np.uint8)
-        height, width, _ = rows.shape
-        lines = np.concatenate([np.zeros((height, 1), np.uint8), rows.reshape(height, -1)], axis=1)
-        return b"\x89PNG\r\n\x1a\n" + b"".join(
-            (
-                _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)),
-                _chunk(b"IDAT", zlib.compress(lines.tobytes(), 6)),
-                _chunk(b"IEND", b""),
-            )
-        )
+        out = io.BytesIO()
+        self._image.save(out, "PNG")
+        return out.getvalue()
 
-    def _stroke(self, x0: float, y0: float, x1: float, y1: float, half: float, colour: Colour) -> None:
-        """Draw a short line with round ends, by the distance of pixels from it."""
-        top, left = int(min(y0, y1) - half - 1), int(min(x0, x1) - half - 1)
-        rows = np.arange(top, int(max(y0, y1) + half + 2))[:, None] + 0.5
-        columns = np.arange(left, int(max(x0, x1) + half + 2)) + 0.5
-        length2 = (x1 - x0) ** 2 + (y1 - y0) ** 2
-        along = ((columns - x0) * (x1 - x0) + (rows - y0) * (y1 - y0)) / length2 if length2 else 0.0
-        along = np.clip(along, 0.0, 1.0)
-        away = np.hypot(columns - x0 - along * (x1 - x0), rows - y0 - along * (y1 - y0))
-        self._blend(top, left, np.clip(half + 0.5 - away, 0.0, 1.0), colour)
+    def _smooth(self, points: Array, margin: float, colour: Colour, stroke: Callable[[Any, Array], None]) -> None:
+        """Let `stroke` draw on a mask around points, `FINE` times as large, and lay a colour through it."""
+        from PIL import Image, ImageDraw
 
-    def _blend(self, top: int, left: int, cover: NDArray[Any], colour: Colour) -> None:
-        """Lay a colour over pixels, as much of it as `cover` says; what lies outside is left out."""
-        rows, columns, _ = self._pixels.shape
-        a, b = max(top, 0), min(top + cover.shape[0], rows)
-        c, d = max(left, 0), min(left + cover.shape[1], columns)
-        if a >= b or c >= d:
-            return
-        share = cover[a - top : b - top, c - left : d - left, None].astype(np.float32)
-        ink = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], dtype=np.float32)
-        pixels = self._pixels[a:b, c:d]
-        pixels += share * (ink - pixels)
+        points, reach, size = points * self._scale, margin * self._scale + 1.0, np.array(self._image.size)
+        low, high = np.floor(points.min(axis=0) - reach), np.ceil(points.max(axis=0) + reach)
+        low, high = (np.clip(corner, 0, size).astype(int) for corner in (low, high))
+        if (low < high).all():
+            mask = Image.new("L", tuple(((high - low) * FINE).tolist()))
+            stroke(ImageDraw.Draw(mask), (points - low) * FINE - 0.5)
+            self._image.paste(colour, tuple(low.tolist()), mask.reduce(FINE))
 
 
-def _extent(x: Array, y: Array, left: Array, right: Array) -> tuple[Array, Array]:
-    """Return the least and the greatest y of the line in every window of x, shape (windows,) each."""
-    ends = np.interp(np.concatenate([left, right]), x, y)
-    first, after = np.searchsorted(x, left), np.searchsorted(x, right)
-    low, high = (f(ends[: len(left)], ends[len(left) :]) for f in (np.minimum, np.maximum))
-    inside = after > first
-    for reduce, result in ((np.minimum, low), (np.maximum, high)):
-        # reduceat over [first, after) pairs; every second result is the gap between two windows
-        bounds = np.stack([first, after], axis=1)[inside].ravel()
-        if len(bounds):
-            found = reduce.reduceat(np.append(y, y[-1]), bounds)[::2]
-            result[inside] = reduce(result[inside], found)
-    return low, high
+@cache
+def _font(size: float) -> FreeTypeFont:
+    from PIL import ImageFont
+
+    return ImageFont.load_default(size)
 
 
-def _cover(start: float, end: float, count: int) -> Array:
-    """Return how much of each of `count` pixels lies between two places."""
-    pixels = np.arange(count)
-    return np.clip(np.minimum(pixels + 1, end) - np.maximum(pixels, start), 0.0, 1.0)
+def _printable(text: str) -> str:
+    return "".join(c if c.isprintable() else " " for c in text)
 
 
-def _chunk(kind: bytes, data: bytes) -> bytes:
-    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+def _plain(text: str) -> str:
+    """Return a text in the letters that Pillow's font has: accents go; what is missing will show as a box."""
+    return "".join(unicodedata.normalize("NFKD", c)[0] for c in _printable(text).translate(_PLAIN))
 
 
 def _n(value: float) -> str:

@@ -46,8 +46,6 @@ def condense(matrix: csr_array, pad: Index, *, response: bool = False) -> Conden
     Raises:
         DermisError: the matrix is not positive definite: the tissue is not held, or an element is broken.
     """
-    import scipy.linalg  # noqa: F401  (brings its BLAS before the threads are counted)
-
     with one_thread():
         return _condense(matrix, pad, response)
 

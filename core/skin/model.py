@@ -16,8 +16,9 @@ from ..errors import DermisError
 from ..units import number
 from .assembly import Element, degrees, stiffness
 from .condense import Condensed, condense
+from .fingertip import LEVELS, fingertip_mesh
 from .material import Elastic
-from .mesh import LEVELS, TetraMesh, fingertip_mesh
+from .mesh import TetraMesh
 from .own_mesh import MESH_PARAMETERS, own_mesh
 from .quality import check_mesh
 from .shape import FingertipShape, shape_from_parameters

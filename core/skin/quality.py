@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
-from .mesh import TetraMesh, tetra_volumes
+from .mesh import FACES, TetraMesh, tetra_volumes
 
 Array = NDArray[np.float64]
 
@@ -57,8 +57,7 @@ def quality(mesh: TetraMesh) -> Quality:
     volumes = mesh.volumes
     corners = mesh.nodes[mesh.tetrahedra]
     longest = np.max([np.linalg.norm(corners[:, j] - corners[:, i], axis=1) for i, j in _PAIRS], axis=0)
-    faces = [(1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1)]
-    areas = np.max([0.5 * np.linalg.norm(_face_normal(corners, f), axis=1) for f in faces], axis=0)
+    areas = np.max([0.5 * np.linalg.norm(_face_normal(corners, f), axis=1) for f in FACES], axis=0)
     return Quality(
         nodes=len(mesh.nodes),
         tetrahedra=len(mesh.tetrahedra),
@@ -126,8 +125,15 @@ def check_mesh(mesh: TetraMesh) -> None:
             value=f"{np.count_nonzero(~used)}, first {int(np.flatnonzero(~used)[0])}",
             remedy="Remove them from the mesh",
         )
-    _check_faces(tetrahedra, where)
-    _check_hanging(nodes, tetrahedra, where)
+    faces, count = np.unique(np.sort(tetrahedra[:, FACES].reshape(-1, 3), axis=1), axis=0, return_counts=True)
+    if count.max() > 2:
+        raise DermisError(
+            "a face belongs to more than two elements",
+            where=where,
+            value=faces[np.argmax(count)].tolist(),
+            remedy="Elements overlap; mesh the volume again",
+        )
+    _check_hanging(nodes, faces[count == 1], where)
     _check_sets(mesh, where)
 
 
@@ -152,23 +158,8 @@ def _check_elements(nodes: Array, tetrahedra: NDArray[np.integer], where: str) -
         )
 
 
-def _check_faces(tetrahedra: NDArray[np.integer], where: str) -> None:
-    faces = np.sort(tetrahedra[:, [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]].reshape(-1, 3), axis=1)
-    unique, count = np.unique(faces, axis=0, return_counts=True)
-    if count.max() > 2:
-        raise DermisError(
-            "a face belongs to more than two elements",
-            where=where,
-            value=unique[np.argmax(count)].tolist(),
-            remedy="Elements overlap; mesh the volume again",
-        )
-
-
-def _check_hanging(nodes: Array, tetrahedra: NDArray[np.integer], where: str) -> None:
-    """Refuse a node that lies within a boundary edge or face of another element without belonging to it."""
-    faces = np.sort(tetrahedra[:, [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]].reshape(-1, 3), axis=1)
-    unique, count = np.unique(faces, axis=0, return_counts=True)
-    border = unique[count == 1]
+def _check_hanging(nodes: Array, border: NDArray[np.integer], where: str) -> None:
+    """Refuse a node that lies within an edge of another element's boundary face without belonging to it."""
     edges = np.unique(np.concatenate([border[:, [0, 1]], border[:, [1, 2]], border[:, [0, 2]]]), axis=0)
     points = np.unique(border)
     # In a conforming mesh only nodes of the boundary could hang: sort them along x and test each edge's neighbours.
@@ -202,6 +193,9 @@ def _check_hanging(nodes: Array, tetrahedra: NDArray[np.integer], where: str) ->
 
 
 def _check_sets(mesh: TetraMesh, where: str) -> None:
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     if len(mesh.fixed) < 3:
         raise DermisError(
             "too few fixed nodes: the tissue would float",
@@ -221,33 +215,21 @@ def _check_sets(mesh: TetraMesh, where: str) -> None:
     missing = np.setdiff1d(mesh.pad, mesh.surface)
     if len(missing):
         raise DermisError("a pad node is not on the surface", where=where, value=int(missing[0]))
-    part_of = _components(len(mesh.nodes), mesh.tetrahedra)
-    parts = np.unique(part_of)
-    held = np.array([np.count_nonzero(part_of[mesh.fixed] == p) for p in parts])
+    first, others = np.repeat(mesh.tetrahedra[:, 0], 3), mesh.tetrahedra[:, 1:].ravel()
+    joined = coo_array((np.ones(len(first), bool), (first, others)), shape=(len(mesh.nodes),) * 2)
+    parts, part_of = connected_components(joined, directed=False)
+    held = np.bincount(part_of[mesh.fixed], minlength=parts)
     if (held < 3).any():
         raise DermisError(
             "a part of the mesh is not held",
             where=where,
-            value=f"{np.count_nonzero(held < 3)} of {len(parts)} parts",
+            value=f"{np.count_nonzero(held < 3)} of {len(held)} parts",
             limit="three fixed nodes in each part",
         )
     corners = mesh.nodes[mesh.fixed]
     spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
     if spread[1] < 1e-9 * max(spread[0], 1e-300):
         raise DermisError("the fixed nodes lie on one line: the tissue could turn about it", where=where)
-
-
-def _components(count: int, tetrahedra: NDArray[np.integer]) -> NDArray[np.integer]:
-    """Return for each node the smallest node number of its connected part."""
-    label = np.arange(count)
-    while True:
-        low = label[tetrahedra].min(axis=1)
-        new = label.copy()
-        np.minimum.at(new, tetrahedra.ravel(), np.repeat(low, 4))
-        new = new[new]
-        if np.array_equal(new, label):
-            return label
-        label = new
 
 
 def _face_normal(corners: Array, face: tuple[int, ...]) -> Array:

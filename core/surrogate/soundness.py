@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
 from .forward import ForwardModel
-
-if TYPE_CHECKING:
-    from .store import Surrogate
+from .surrogate import Surrogate
 
 Array = NDArray[np.float64]
 

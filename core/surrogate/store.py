@@ -1,4 +1,4 @@
-"""Surrogate: everything learned for one skin and device, made from scratch with progress, and kept in two files.
+"""Surrogates made from scratch with progress, and kept in two files.
 
 `NAME.npz` holds the descriptors, their error curves and the quadratic ridge; `NAME.onnx` the network, for this product
 and for others. Both say which skin, device and friction they were made for and are refused for any other.
@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Generator, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Generator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -27,46 +27,19 @@ from ..npz import read_npz
 from ..skin.model import SkinModel
 from . import onnx
 from .dataset import Dataset, record, split
-from .learned import Descriptors, LearnedModel, descriptors
+from .learned import Descriptors, descriptors
 from .network import HIDDEN, ITERATIONS, Network, train
 from .ridge import QuadraticRidge, fit_ridge
 from .soundness import check_parts
 from .subspace import TOLERANCE, Subspace
-from .table import Fit, SampleTable, relative_rms
+from .surrogate import Surrogate, check_made_for
+from .table import SampleTable, relative_rms
 
 Array = NDArray[np.float64]
 
 SCHEMA = "dermis-surrogate 1"
 TRAJECTORIES = 2400  # Source: [S0] 4.1
 _RIDGE = ("centre", "scale", "constant", "linear", "quadratic")
-
-
-@dataclass(frozen=True, eq=False)
-class Surrogate:
-    """What was learned.
-
-    Attributes:
-        descriptors: of stress and friction state.
-        ridge, network: fits; `network` is either the trained one or the ONNX file's.
-        meta: skin, device, friction and modulus it was made for, sample counts, test errors.
-    """
-
-    descriptors: Descriptors
-    ridge: QuadraticRidge
-    network: Fit
-    meta: Mapping[str, Any]
-
-    def model(self, skin: SkinModel, kind: str = "network") -> LearnedModel:
-        """Return the forward model for a skin of this shape, of any stiffness.
-
-        Raises:
-            DermisError: neither 'network' nor 'ridge', or another skin.
-        """
-        if kind not in ("network", "ridge"):
-            raise DermisError("unknown surrogate", where="thimble", value=kind, limit="network, ridge")
-        _same(self.meta, "skin", skin.key, "surrogate")
-        fit = self.network if kind == "network" else self.ridge
-        return LearnedModel(fit, self.descriptors.friction, skin.material.modulus / float(self.meta["modulus"]))
 
 
 def device_key(device: Thimble) -> str:
@@ -210,19 +183,8 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
         readout = arrays["readout"]
     expected = {"schema": SCHEMA, "skin": skin.key, "device": device_key(device), "friction": friction}
     for name, wanted in expected.items():
-        _same(meta, name, wanted, where)
+        check_made_for(meta, name, wanted, where)
     network = onnx.OnnxFit(graph, {n: expected[n] for n in ("skin", "device", "friction")})
     made = Surrogate(Descriptors(spaces["stress"], readout, spaces["friction"]), ridge, network, meta)
     check_parts(made, skin.pad_count, where)
     return made
-
-
-def _same(meta: Mapping[str, Any], name: str, wanted: Any, where: str) -> None:
-    if meta.get(name) != wanted:
-        raise DermisError(
-            f"the surrogate was made for another {name}",
-            where=where,
-            value=meta.get(name),
-            limit=str(wanted),
-            remedy="Adapt it to this one, or use the direct method",
-        )

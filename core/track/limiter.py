@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..devices.spec import DeviceSpec, range_disc
+from ..following import follow
+from ..interpolate import smoothstep
 
 Array = NDArray[np.float64]
 
@@ -50,9 +52,9 @@ class Limiter:
         """Blend from rest at the start and to rest at the end, with a smooth step of the given lengths [s]."""
         weight = np.ones(len(self.times))
         if seconds_in > 0:
-            weight = np.minimum(weight, _smooth((self.times - self.times[0]) / seconds_in))
+            weight = np.minimum(weight, smoothstep((self.times - self.times[0]) / seconds_in))
         if seconds_out > 0:
-            weight = np.minimum(weight, _smooth((self.times[-1] - self.times) / seconds_out))
+            weight = np.minimum(weight, smoothstep((self.times[-1] - self.times) / seconds_out))
         rest = np.array([c.rest for c in self.spec.channels])
         blended = np.where(weight[:, None] < 1, rest + (self.values - rest) * weight[:, None], self.values)
         for i, channel in enumerate(self.spec.channels):
@@ -91,7 +93,7 @@ class Limiter:
             if np.isinf(slews).all():
                 continue
             start = np.array([c.rest for c in channels]) if start_at_rest else None
-            followed = follow(self.times, self.values[:, group], slews, start)
+            followed = within_slews(self.times, self.values[:, group], slews, start)
             for k, channel in enumerate(channels):
                 if channel.slew is not None:
                     self._replace(group[k], channel.name, "slew", followed[:, k])
@@ -109,7 +111,7 @@ class Limiter:
         self.counts[key] = self.counts.get(key, 0) + count
 
 
-def follow(times: Array, target: Array, slews: Array, start: Array | None = None) -> Array:
+def within_slews(times: Array, target: Array, slews: Array, start: Array | None = None) -> Array:
     """Follow a target no faster than allowed, on a straight line where several columns go together.
 
     Args:
@@ -121,38 +123,16 @@ def follow(times: Array, target: Array, slews: Array, start: Array | None = None
     Returns:
         Shape (n, columns); equal to the target wherever it can be reached.
     """
-    n = len(times)
-    result = target.copy()
-    if n == 0:
-        return result
-    if start is not None:
-        result[0] = start
     steps = np.diff(times)[:, None] * slews
     leaps = np.flatnonzero((np.abs(np.diff(target, axis=0)) > steps * (1 + SLEW_SLACK)).any(axis=1)) + 1
-    if start is not None:
-        leaps = np.union1d([1], leaps)
-    i = 0
-    while True:
-        ahead = int(np.searchsorted(leaps, i))
-        if ahead == len(leaps) or leaps[ahead] >= n:
-            return result
-        i = int(leaps[ahead])
-        value = result[i - 1].tolist()
-        while i < n:
-            goal = target[i].tolist()
-            share = 1.0
-            for v, g, most in zip(value, goal, steps[i - 1].tolist(), strict=True):
-                if abs(g - v) > most * (1 + SLEW_SLACK):
-                    share = min(share, most / abs(g - v))
-            if share == 1.0:
-                break
-            value = [v + (g - v) * share for v, g in zip(value, goal, strict=True)]
-            result[i] = value
-            i += 1
-        i += 1  # on the target again at i; it can next be left behind at i + 1
+    if start is not None and len(target):
+        target, leaps = np.vstack([start, target[1:]]), np.union1d([1], leaps)
 
+    def advance(row: int, place: list[float], goal: list[float]) -> list[float] | None:
+        share = 1.0
+        for v, g, most in zip(place, goal, steps[row - 1].tolist(), strict=True):
+            if abs(g - v) > most * (1 + SLEW_SLACK):
+                share = min(share, most / abs(g - v))
+        return None if share == 1.0 else [v + (g - v) * share for v, g in zip(place, goal, strict=True)]
 
-def _smooth(part: Array) -> Array:
-    """Return 3 p^2 - 2 p^3 between 0 and 1, flat outside."""
-    p = np.clip(part, 0.0, 1.0)
-    return p * p * (3 - 2 * p)
+    return follow(target, leaps, advance)

@@ -88,7 +88,7 @@ def pin_setup() -> Result:
             skin = fingertip_skin(level="standard")
             skin.unit_response  # noqa: B018  computed when first read
             middle = time.perf_counter()
-            pins._SETUPS.clear()
+            pins._setups.clear()
             pins.setup(skin, spec)
             ended = time.perf_counter()
             whole.append(ended - started)

@@ -95,8 +95,8 @@ def _problem(level: str) -> tuple[Callable[[], Any], Any, Any]:
     """Return the timed work of a level, its stiffness without fixed nodes, and the pad's degrees of freedom in it."""
     from core.skin.assembly import degrees, stiffness
     from core.skin.condense import condense
+    from core.skin.fingertip import fingertip_mesh
     from core.skin.material import Elastic
-    from core.skin.mesh import fingertip_mesh
 
     mesh = fingertip_mesh(level=level)
     free, pad = degrees(mesh.free), np.searchsorted(mesh.free, mesh.pad)
@@ -113,8 +113,8 @@ def _press(level: str) -> tuple[float, Any]:
     """Return the force [N] and the stress at the fixed points [Pa] of a flat press on a level's mesh."""
     from core.skin.assembly import Element, degrees, stiffness
     from core.skin.condense import condense
+    from core.skin.fingertip import fingertip_mesh
     from core.skin.material import Elastic
-    from core.skin.mesh import fingertip_mesh
     from core.skin.stress import StressOperator, probes_at
     from tests.problems import flat_press
 

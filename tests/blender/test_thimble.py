@@ -89,7 +89,7 @@ def test_the_twins_joints_obey_forward_kinematics(demo, source) -> None:
     np.testing.assert_allclose(np.linalg.norm(at.knee - at.servo, axis=1), device.crank, atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(at.platform - at.knee, axis=1), device.rod, atol=1e-9)
     base = (np.linalg.inv(device.mount) @ np.c_[at.platform, np.ones(3)].T)[:3].T
-    for i, out in enumerate(core.devices.thimble.LEG_DIRECTIONS):
+    for i, out in enumerate(core.devices.linkage.LEG_DIRECTIONS):
         assert abs(np.cross(out, base[i])[2]) < 1e-9
     np.testing.assert_allclose(at.x, [row.values["pitch"], row.values["roll"], row.values["distance"]], atol=2e-3)
     shares = thimble_view.shares(row)

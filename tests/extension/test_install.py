@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-FORBIDDEN = ("scipy", "onnxruntime", "serial")
+FORBIDDEN = ("scipy", "onnxruntime", "serial", "PIL", "threadpoolctl")
 
 
 def ours(package: str) -> Counter[str]:
@@ -106,11 +106,13 @@ def test_registering_loads_nothing_heavy(fresh_blender: Any, zip_path: Any) -> N
 def test_the_wheels_of_the_zip_are_the_ones_that_load(fresh_blender: Any, zip_path: Any) -> None:
     found = fresh_blender(
         f"import walkthrough\nwalkthrough.install({str(zip_path)!r})\n"
-        "import scipy.linalg, onnxruntime, serial, numpy\n"
-        "answer = {m.__name__: [m.__file__, m.__version__] for m in (scipy, onnxruntime, serial, numpy)}\n"
+        "import scipy.linalg, onnxruntime, serial, PIL, threadpoolctl, numpy\n"
+        "modules = (scipy, onnxruntime, serial, PIL, threadpoolctl, numpy)\n"
+        "answer = {m.__name__: [m.__file__, m.__version__] for m in modules}\n"
         "answer['solved'] = scipy.linalg.solve([[2.0, 1.0], [1.0, 3.0]], [3.0, 5.0]).tolist()\n"
     )
-    for name, version in (("scipy", "1.17.1"), ("onnxruntime", "1.31.1"), ("serial", "3.5")):
+    brought = {"scipy": "1.17.1", "onnxruntime": "1.31.1", "serial": "3.5", "PIL": "13.0.0", "threadpoolctl": "3.8.0"}
+    for name, version in brought.items():
         assert "extensions" in found[name][0] and found[name][1] == version
     assert "extensions" not in found["numpy"][0]
     assert found["solved"] == pytest.approx([0.8, 1.4], abs=1e-15)

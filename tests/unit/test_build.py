@@ -103,7 +103,7 @@ def test_scipy_stays_out_of_blenders_environment_and_numpy_out_of_the_zip() -> N
     names = {
         lock.name: {m.group(1).lower() for m in re.finditer(r"^([\w.-]+)==", lock.read_text(), re.M)} for lock in LOCKS
     }
-    assert names["wheels.txt"] == {"scipy", "onnxruntime", "pyserial"}
+    assert names["wheels.txt"] == {"scipy", "onnxruntime", "pillow", "pyserial", "threadpoolctl"}
     for tag in ("cp311", "cp313"):
         assert {"bpy", "numpy", "pytest", "ruff"} <= names[f"environment-{tag}.txt"]
         assert not names[f"environment-{tag}.txt"] & names["wheels.txt"]

@@ -11,11 +11,11 @@ ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "core"
 ADDON = ROOT / "blender_addon"
 
-GROUND = {"errors", "units", "version", "foreign", "files", "npz", "number_rows", "cache", "interpolate"}
+GROUND = set("errors units version foreign files npz number_rows cache interpolate recent following".split())
 # Files of devices/ that need no more than a device's description: presets are judged by them.
 MECHANISMS = frozenset(
-    "parameters shear_tactor friction_screen pin_array thimble firmness forward_kinematics servo_limits cable_platform "
-    "hexapod poses coupling retraction calibration".split()
+    "parameters shear_tactor friction_screen pin_array linkage thimble firmness forward_kinematics servo_limits "
+    "cable_platform hexapod poses coupling retraction calibration".split()
 )
 DEVICE = GROUND | {"devices.spec", "devices.mechanisms"}
 SCENE = GROUND | {"scene"}
@@ -28,6 +28,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     # the ground
     "errors": set(),
     "version": set(),
+    "recent": set(),
+    "following": set(),
     "units": {"errors"},
     "foreign": {"errors"},
     "files": {"errors", "foreign"},

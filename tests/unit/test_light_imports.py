@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-HEAVY = {"scipy", "onnxruntime", "serial", "mpmath", "PIL", "bpy", "mathutils", "multiprocessing", "matplotlib"}
+HEAVY = set("scipy onnxruntime serial mpmath PIL threadpoolctl bpy mathutils multiprocessing matplotlib".split())
 
 
 def loaded_by(code: str) -> set[str]:
@@ -44,3 +44,14 @@ def test_help_loads_nothing_heavy(verb: str) -> None:
         "except SystemExit as stop:\n    assert not stop.code, stop.code\n"
     )
     assert not loaded_by(code) & HEAVY
+
+
+@pytest.mark.parametrize("plots", [False, True])
+def test_a_shear_tactor_is_rendered_and_exported_without_a_scientific_library(plots: bool, tmp_path: Path) -> None:
+    """A light device does not wait for scipy, and Pillow comes with the first picture only."""
+    code = (
+        "from pathlib import Path\nfrom core.pipeline.outputs import export\nfrom core.pipeline.render import run\n"
+        "from tests.reader_examples import scene\n"
+        f"assert export(run(scene()), Path({str(tmp_path)!r}), plots={plots})"
+    )
+    assert loaded_by(code) & HEAVY == ({"PIL"} if plots else set())

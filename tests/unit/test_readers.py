@@ -38,6 +38,8 @@ CALLS = {
     "iter_unpack",
     "TarFile",
     "InferenceSession",
+    "PngImageFile",
+    "TiffImageFile",
     "imread",
     "decompress",
     "decompressobj",

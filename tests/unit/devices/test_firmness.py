@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from core.devices.firmness import UPRIGHT, firmness, posture
+from core.devices.linkage import LEG_DIRECTIONS
 from core.devices.spec import from_preset
-from core.devices.thimble import FIRM, LEG_DIRECTIONS, mechanism
+from core.devices.thimble import FIRM, mechanism
 from core.errors import DermisError
 from core.presets import Library
 from core.surrogate.store import device_key

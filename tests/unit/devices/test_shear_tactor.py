@@ -8,7 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from core.devices.shear_tactor import ShearTactor, follow
+from core.devices.shear_tactor import ShearTactor, within_speed
 from core.devices.spec import from_preset
 from core.errors import DermisError
 from core.presets import Library
@@ -107,12 +107,12 @@ def test_the_two_force_figures() -> None:
 def test_follower_keeps_to_the_speed_and_catches_up() -> None:
     target = np.zeros((60, 2))
     target[10:] = [3e-3, 4e-3]
-    path, changed = follow(target, 0.15e-3)
+    path, changed = within_speed(target, 0.15e-3)
     steps = np.hypot(*np.diff(path, axis=0).T)
     assert steps.max() <= 0.15e-3 * (1 + 1e-9) and changed == 33  # 5 mm in steps of 0.15 mm
     assert path[42] == pytest.approx(np.array([3e-3, 4e-3]) * 33 * 0.15 / 5) and np.array_equal(path[43:], target[43:])
     slow = np.cumsum(np.full((20, 2), 1e-4), axis=0)
-    same, none = follow(slow, 0.15e-3)
+    same, none = within_speed(slow, 0.15e-3)
     assert none == 0 and np.array_equal(same, slow)
 
 
@@ -128,7 +128,7 @@ def test_follower_against_a_plain_loop() -> None:
             changed += 1
         else:
             want.append(goal)
-    path, count = follow(target, 0.4)
+    path, count = within_speed(target, 0.4)
     assert path == pytest.approx(np.array(want), abs=1e-12) and count == changed
 
 

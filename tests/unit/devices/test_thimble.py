@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.devices import thimble
+from core.devices import linkage, thimble
 from core.devices.spec import from_preset
 from core.errors import DermisError
 
@@ -55,7 +55,7 @@ def test_every_leg_stays_in_its_plane_and_closes(device):
     for x in configurations():
         pose, (angles, _) = device.pose(x), device.servo_angles(x)
         np.testing.assert_allclose(pose.rotation @ pose.rotation.T, np.eye(3), atol=1e-14)
-        for angle, q in zip(thimble.LEG_ANGLES, angles, strict=True):
+        for angle, q in zip(linkage.LEG_ANGLES, angles, strict=True):
             out, side = np.array([np.cos(angle), np.sin(angle), 0]), np.array([-np.sin(angle), np.cos(angle), 0])
             joint = pose.centre + pose.rotation @ (device.platform_radius * out)
             assert abs(joint @ side) < 1e-15  # in the leg's plane: the parasitic motion's whole reason
@@ -83,7 +83,7 @@ def complex_angles(x, device):
     r = rx @ ry @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     centre = np.array([device.platform_radius / 2 * (r[0, 0] - r[1, 1]), -device.platform_radius * r[1, 0], z])
     result = []
-    for angle in thimble.LEG_ANGLES:
+    for angle in linkage.LEG_ANGLES:
         e = np.array([np.cos(angle), np.sin(angle), 0])
         joint = centre + r @ (device.platform_radius * e)
         out, up = e @ joint - device.base_radius, joint[2]
@@ -123,7 +123,7 @@ def test_forward_equals_a_general_constraint_solver(device):
 
         def miss(unknowns, angles=angles):
             rotation, equations = Rotation.from_rotvec(unknowns[3:]).as_matrix(), []
-            for angle, q in zip(thimble.LEG_ANGLES, angles, strict=True):
+            for angle, q in zip(linkage.LEG_ANGLES, angles, strict=True):
                 out, side = np.array([np.cos(angle), np.sin(angle), 0]), np.array([-np.sin(angle), np.cos(angle), 0])
                 joint = unknowns[:3] + rotation @ (device.platform_radius * 1e3 * out)
                 knee = (device.base_radius + device.crank * np.cos(q)) * 1e3 * out

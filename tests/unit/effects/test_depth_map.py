@@ -78,8 +78,7 @@ LUMA = np.array([0.2126, 0.7152, 0.0722])
 
 
 @pytest.mark.parametrize("kinds", [(0,), (1,), (2,), (3,), (4,), (1, 2, 0), (4, 3, 2, 1, 0)])
-@pytest.mark.parametrize(("colour", "channels"), [(0, 1), (2, 3), (4, 2), (6, 4)])
-@pytest.mark.parametrize("depth", [8, 16])
+@pytest.mark.parametrize(("colour", "channels", "depth"), [(0, 1, 8), (2, 3, 8), (4, 2, 8), (6, 4, 8), (0, 1, 16)])
 def test_png_of_every_filter_colour_and_depth(tmp_path, kinds, colour, channels, depth):
     samples = numbers(7, 9, channels, depth)
     if channels in (2, 4):
@@ -119,11 +118,103 @@ def test_png_with_palette_and_transparent_colours(tmp_path):
     np.testing.assert_array_equal(images.read(put(tmp_path, declared)).holes, [[False, True]])
 
 
+@pytest.mark.parametrize(("colour", "channels"), [(2, 3), (4, 2), (6, 4)])
+def test_png_whose_16_bit_would_become_8_is_refused(tmp_path, colour, channels):
+    with pytest.raises(DermisError, match=r"not read here \(found '16 bit.*grey 16-bit PNG"):
+        images.read(put(tmp_path, png(numbers(4, 4, channels, 16), 16, colour)))
+
+
+def test_interlaced_png_is_read(tmp_path):
+    # Adam7: each pass holds the pixels from (row, column) on, so many apart, and is filtered by itself
+    samples = numbers(9, 11, 1, 16)
+    passes = ((0, 0, 8, 8), (0, 4, 8, 8), (4, 0, 8, 4), (0, 2, 4, 4), (2, 0, 4, 2), (0, 1, 2, 2), (1, 0, 2, 1))
+    parts = [samples[r::dr, c::dc] for r, c, dr, dc in passes]
+    body = b"".join(filtered([row.astype(">u2").tobytes() for row in part], [0] * len(part), 2) for part in parts)
+    head = chunk(b"IHDR", struct.pack(">IIBBBBB", 11, 9, 16, 0, 0, 0, 1))
+    data = images.png_tiff.PNG + head + chunk(b"IDAT", zlib.compress(body)) + chunk(b"IEND", b"")
+    np.testing.assert_array_equal(images.read(put(tmp_path, data)).values, np.float32(samples[::-1, :, 0] / 65535))
+
+
+# --- TIFF, from the format's own description
+
+
+def tiff(samples, bits, *, order="<", photometric=1, sample_format=1, compression=1):
+    """Encode samples of shape (rows, columns, channels), the first row at the top, in one strip."""
+    rows, columns, channels = samples.shape
+    kind = {8: "u1", 16: "u2", 32: "f4"}[bits] if sample_format != 2 else f"i{bits // 8}"
+    body = samples.astype(order + kind).tobytes()
+    body = zlib.compress(body) if compression == 8 else body
+    extra, at = struct.pack(order + "H" * channels, *[bits] * channels), 8 + len(body)
+    depth = (3, channels, at) if channels > 2 else (3, channels, bits * (1 + (channels - 1) * 65536))
+    entries = {
+        256: (4, 1, columns),
+        257: (4, 1, rows),
+        258: depth,
+        259: (3, 1, compression),
+        262: (3, 1, photometric),
+        273: (4, 1, 8),
+        277: (3, 1, channels),
+        278: (4, 1, rows),
+        279: (4, 1, len(body)),
+        339: (3, 1, sample_format) if channels == 1 else (3, 1, 1),
+    }
+    out = struct.pack(order + "H", len(entries))
+    for tag, (type_, count, value) in entries.items():
+        field = struct.pack(order + "HH", value, 0) if type_ == 3 and count == 1 else struct.pack(order + "I", value)
+        out += struct.pack(order + "HHI", tag, type_, count) + field
+    magic = b"II*\0" if order == "<" else b"MM\0*"
+    return magic + struct.pack(order + "I", at + len(extra)) + body + extra + out + bytes(4)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("compression", [1, 8])
+@pytest.mark.parametrize("bits", [8, 16])
+def test_grey_tiff_is_exact(tmp_path, bits, order, compression):
+    samples = numbers(7, 9, 1, bits)
+    raster = images.read(put(tmp_path, tiff(samples, bits, order=order, compression=compression), "map.tif"))
+    np.testing.assert_array_equal(raster.values, np.float32(samples[::-1, :, 0] / (2**bits - 1)))
+    assert raster.levels == 2**bits and not raster.holes.any()
+
+
+def test_float_tiff_is_taken_as_stored(tmp_path):
+    samples = np.array([[[1.5], [-2.0]], [[1e10], [0.25]]])
+    raster = images.read(put(tmp_path, tiff(samples, 32, sample_format=3)))
+    np.testing.assert_array_equal(raster.values, samples[::-1, :, 0].astype(np.float32))
+    assert raster.levels == 0
+
+
+def test_tiff_in_colour_or_with_white_at_zero(tmp_path):
+    samples = numbers(4, 5, 3, 8)
+    raster = images.read(put(tmp_path, tiff(samples, 8, photometric=2)))
+    np.testing.assert_allclose(raster.values, samples[::-1] @ LUMA / 255, rtol=1e-6)
+    for bits in (8, 16):
+        grey = numbers(4, 5, 1, bits)
+        raster = images.read(put(tmp_path, tiff(grey, bits, photometric=0)))
+        np.testing.assert_array_equal(raster.values, np.float32(1 - grey[::-1, :, 0] / (2**bits - 1)))
+
+
+@pytest.mark.filterwarnings("ignore:Corrupt EXIF data")
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (tiff(numbers(2, 2, 3, 16), 16, photometric=2), "16 bit, RGB"),
+        (tiff(numbers(2, 2, 1, 8), 16, sample_format=2), "not read here"),
+        (tiff(numbers(40, 40, 1, 8), 8, compression=8).replace(b"\x78\x9c", b"\x78\x9d"), "damaged or cut short"),
+        (tiff(numbers(2, 2, 1, 8), 8)[:8], "damaged or cut short"),
+        (b"II*\0" + bytes(20), "damaged or cut short"),
+    ],
+)
+def test_tiff_that_is_refused(tmp_path, data, words):
+    with pytest.raises(DermisError, match=words):
+        images.read(put(tmp_path, data))
+
+
 def spoiled(data, at, new):
     return data[:at] + new + data[at + len(new) :]
 
 
 GOOD = png(numbers(4, 4, 1, 8), 8, 0)
+EMPTY = chunk(b"IDAT", b"") + chunk(b"IEND", b"")
 
 
 @pytest.mark.parametrize(
@@ -131,21 +222,23 @@ GOOD = png(numbers(4, 4, 1, 8), 8, 0)
     [
         (b"", "empty"),
         (b"hello", "not read here"),
-        (b"II*\0" + bytes(20), "TIFF"),
         (b"\xff\xd8\xff\xe0" + bytes(20), "JPEG"),
         (b"\x76\x2f\x31\x01" + bytes(20), "OpenEXR"),
         (GOOD[:-20], "cut short"),
+        (GOOD[:60] + bytes([GOOD[60] ^ 1]) + GOOD[61:], "damaged"),
         (GOOD[:8], "cut short"),
         (spoiled(GOOD, 20, b"\7"), "checksum"),
-        (png(numbers(4, 4, 1, 8), 8, 0, interlace=1), "interlaced"),
         (png(numbers(4, 4, 1, 8), 8, 3), "palette"),
         (png(np.array([[[3]]]), 8, 3, extra=chunk(b"PLTE", bytes(6))), "palette of 2"),
-        (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 0, 0, 8, 0, 0, 0, 0)), "0 x 0"),
-        (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 70000, 70000, 8, 0, 0, 0, 0)), "too large"),
-        (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 4, 4, 3, 0, 0, 0, 0)), "3 bit"),
+        (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 0, 0, 8, 0, 0, 0, 0)) + EMPTY, "damaged"),
+        (
+            b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 70000, 70000, 8, 0, 0, 0, 0)) + EMPTY,
+            "too large",
+        ),
+        (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 4, 4, 3, 0, 0, 0, 0)) + EMPTY, "damaged"),
         (GOOD[:33] + chunk(b"IDAT", b"rubbish") + chunk(b"IEND", b""), "damaged"),
-        (GOOD[:33] + chunk(b"IDAT", zlib.compress(bytes(7))) + chunk(b"IEND", b""), "missing"),
-        (GOOD[:33] + chunk(b"IDAT", zlib.compress(b"\5" + bytes(19))) + chunk(b"IEND", b""), "filter 5"),
+        (GOOD[:33] + chunk(b"IDAT", zlib.compress(bytes(7))) + chunk(b"IEND", b""), "truncated"),
+        (GOOD[:33] + chunk(b"IDAT", zlib.compress(b"\5" + bytes(19))) + chunk(b"IEND", b""), "damaged"),
         (b"P5 4 4", "cut short"),
         (b"P5 4 4 255\n123", "cut short"),
         (b"P5 0 0 255\n", "0 x 0"),

@@ -16,7 +16,7 @@ from core.matching.stress import StressMatcher
 from core.matching.thimble import describe, finish, match_sequence, match_stimuli, matcher, render
 from core.presets import Library
 from core.scene.tactile_scene import DeviceUse, Finger, TactileScene
-from core.skin.mesh import Level, fingertip_mesh
+from core.skin.fingertip import Level, fingertip_mesh
 from core.skin.model import fingertip_skin, mesh_skin
 from core.skin.stress import locate, probes_at
 from core.surrogate.store import contact_of

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import struct
+import io
 import xml.etree.ElementTree as ElementTree
-import zlib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from PIL import Image
 
 from core.devices.spec import Channel, DeviceSpec
 from core.errors import DermisError
-from core.plot import font
+from core.plot import axes
 from core.plot import track as plot
+from core.plot.axes import Axes
 from core.plot.canvas import PngCanvas, SvgCanvas
 from core.track.command_track import CommandTrack
 
@@ -32,65 +33,78 @@ TRACK = CommandTrack(
 
 
 def pixels(data: bytes) -> NDArray[np.uint8]:
-    """Decode a PNG of 8-bit RGB with no filters, checking every chunk's CRC."""
-    assert data[:8] == b"\x89PNG\r\n\x1a\n"
-    at, packed, size = 8, b"", (0, 0)
-    while at < len(data):
-        length, kind = struct.unpack(">I4s", data[at : at + 8])
-        body = data[at + 8 : at + 8 + length]
-        assert struct.unpack(">I", data[at + 8 + length : at + 12 + length])[0] == zlib.crc32(kind + body)
-        if kind == b"IHDR":
-            size = struct.unpack(">II", body[:8])
-            assert body[8:] == bytes([8, 2, 0, 0, 0])
-        packed += body if kind == b"IDAT" else b""
-        at += 12 + length
-    rows = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(size[1], 1 + 3 * size[0])
-    assert not rows[:, 0].any()
-    return rows[:, 1:].reshape(size[1], size[0], 3)
+    """Decode a PNG, as another program would."""
+    image = Image.open(io.BytesIO(data))
+    assert (image.format, image.mode) == ("PNG", "RGB")
+    return np.asarray(image)
 
 
-def test_rectangles_cover_exactly() -> None:
+def ink(canvas: PngCanvas) -> NDArray[np.int64]:
+    return 255 - pixels(canvas.to_bytes())[:, :, 0].astype(int)
+
+
+def test_rectangles_lie_on_whole_pixels_and_are_never_lost() -> None:
     canvas = PngCanvas(4, 3, scale=1)
     canvas.rectangle(1, 1, 2, 1, "#000000")
-    canvas.rectangle(0, 0, 0.5, 1, "#000000")  # half of one pixel
-    grey = pixels(canvas.to_bytes())[:, :, 0].tolist()
-    assert grey == [[128, 255, 255, 255], [255, 0, 0, 255], [255, 255, 255, 255]]
+    canvas.rectangle(0.2, 0.1, 0.1, 1, "#000000")
+    assert ink(canvas).tolist() == [[255, 0, 0, 0], [0, 255, 255, 0], [0, 0, 0, 0]]
 
 
 def test_what_lies_outside_is_left_out() -> None:
     canvas = PngCanvas(4, 3, scale=1)
     canvas.rectangle(-5, -5, 2, 2, "#000000")
-    canvas.curve(np.array([-3.0, 9.0]), np.array([50.0, 60.0]), "#000000", 1.0)
+    canvas.path(np.array([-3.0, 9.0]), np.array([50.0, 60.0]), "#000000", 1.0)
+    canvas.disc(1e6, 1.0, 5.0, "#000000")
     canvas.text(100, 100, "far", 7, "#000000")
-    assert (pixels(canvas.to_bytes()) == 255).all()
+    assert not ink(canvas).any()
 
 
-def test_a_level_curve_has_its_width_and_place() -> None:
-    canvas = PngCanvas(40, 20, scale=1)
-    canvas.curve(np.array([0.0, 40.0]), np.array([10.0, 10.0]), "#000000", 4.0)
-    ink = 255 - pixels(canvas.to_bytes())[:, 20, 0].astype(int)
-    assert ink.tolist() == [0] * 8 + [255] * 4 + [0] * 8
+def test_a_level_path_has_its_width_and_place() -> None:
+    for points in ([0.0, 40.0], [10.0, 10.0]), ([20.0, 20.0], [0.0, 20.0]):
+        canvas = PngCanvas(40, 20, scale=1)
+        canvas.path(*np.array(points), "#000000", 4.0)
+        across = ink(canvas)[:, 20] if points[1][0] == 10.0 else ink(canvas)[10, 10:30]
+        assert across.tolist() == [0] * 8 + [255] * 4 + [0] * 8
+
+
+def test_a_slanting_path_is_smoothed() -> None:
+    canvas = PngCanvas(40, 40, scale=1)
+    canvas.path(np.array([0.0, 40.0]), np.array([0.0, 30.0]), "#000000", 1.5)
+    shades = ink(canvas)
+    assert len(np.unique(shades)) > 6
+    assert shades.sum() / 255 == pytest.approx(50 * 1.5, rel=0.1), "its length times its width"
 
 
 def test_a_peak_one_sample_wide_is_seen() -> None:
     canvas = PngCanvas(100, 50, scale=1)
-    y = np.full(100_001, 45.0)
-    y[50_000] = 5.0
-    canvas.curve(np.linspace(0, 100, 100_001), y, "#000000", 1.0)
-    ink = 255 - pixels(canvas.to_bytes())[:, :, 0].astype(int)
-    assert ink[6, 49:52].max() > 120 and ink[6, :45].max() == 0
+    y = np.zeros(100_001)
+    y[50_000] = 4.0
+    Axes(canvas, (0, 5, 100, 40), (0.0, 100.0), (0.0, 4.0)).curve(np.linspace(0, 100, 100_001), y, "#000000", 1.0)
+    assert ink(canvas)[7, 49:52].max() > 120 and not ink(canvas)[6, :45].any()
 
 
-def test_the_letters_are_all_there_and_differ() -> None:
-    drawn = {letter: font.strokes(letter) for letter in map(chr, range(33, 127))}
-    assert drawn.pop("0") == drawn["O"], "the only two that are drawn alike"
-    assert all(drawn.values()) and len(set(drawn.values())) == len(drawn)
-    assert all(0 <= v <= 7 for strokes in drawn.values() for stroke in strokes for v in stroke)
-    assert font.strokes(" ") == ()
-    # an L is an upright of seven dots and a foot of five
-    assert set(font.strokes("L")) == {(0, y, 0, y + 1) for y in range(6)} | {(x, 6, x + 1, 6) for x in range(4)}
-    assert font.plain("é中µ") == "e中µ" and font.strokes("中") == font.strokes("文")
-    assert font.width("abc") == 17.0
+def test_letters_stand_on_their_base_line_and_are_as_high_as_asked() -> None:
+    drawn = {}
+    for letter in [*map(chr, range(33, 127)), "é", "µ", "中", "文"]:
+        canvas = PngCanvas(60, 60, scale=1)
+        canvas.text(20, 40, letter, 20, "#000000")
+        drawn[letter] = ink(canvas)
+    rows = np.flatnonzero(drawn["H"].any(axis=1))
+    assert rows[-1] == 39 and len(rows) == pytest.approx(20, abs=1)
+    ascii_letters = [drawn[letter].tobytes() for letter in map(chr, range(33, 127))]
+    assert len(set(ascii_letters)) == len(ascii_letters)
+    same = ("é", "e"), ("µ", "u"), ("中", "文")
+    assert all((drawn[a] == drawn[b]).all() for a, b in same), "an accent goes; what the font lacks is one box"
+
+
+def test_anchors() -> None:
+    edges = []
+    for anchor in ("start", "middle", "end"):
+        canvas = PngCanvas(80, 20, scale=1)
+        canvas.text(40, 15, "HHH", 8, "#000000", anchor)  # type: ignore[arg-type]
+        columns = np.flatnonzero(ink(canvas).any(axis=0))
+        edges.append((columns[0] - 40, columns[-1] - 40))
+    assert edges[0][0] >= 0 and edges[2][1] <= 0 and sum(edges[1]) == pytest.approx(0, abs=2)
 
 
 @pytest.mark.parametrize(
@@ -104,13 +118,13 @@ def test_the_letters_are_all_there_and_differ() -> None:
     ],
 )
 def test_ticks_are_round(low: float, high: float, most: int, expected: list[float]) -> None:
-    assert plot.ticks(low, high, most) == pytest.approx(expected, abs=1e-15)
+    assert axes.ticks(low, high, most) == pytest.approx(expected, abs=1e-15)
 
 
 def test_thinning_keeps_every_peak_and_the_ends() -> None:
     y = np.random.default_rng(2).normal(size=50_000)
     y[31_234], y[7] = 99.0, -99.0
-    x, thin = plot.thinned(np.arange(50_000.0), y, 1000)
+    x, thin = axes.thinned(np.arange(50_000.0), y, 1000)
     assert len(x) <= 1000 and (thin.max(), thin.min()) == (99.0, -99.0)
     assert (x[0], x[-1]) == (0.0, 49_999.0) and (np.diff(x) > 0).all() and (y[x.astype(int)] == thin).all()
 
@@ -129,7 +143,7 @@ def test_svg_is_well_formed_and_its_curve_lies_where_it_should(tmp_path: Path) -
     inside = plot.PANEL * 0.28 / 4.56
     assert points[0, 1] == pytest.approx(plot.TOP + plot.PANEL - inside, abs=2e-3)
     assert points[-1, 1] == pytest.approx(plot.TOP + inside, abs=2e-3)
-    shade = [r.attrib for r in root.iter(f"{space}rect") if r.attrib["fill"] == plot.TOUCH]
+    shade = [r.attrib for r in root.iter(f"{space}rect") if r.attrib["fill"] == axes.TOUCH]
     width = plot.WIDTH - plot.LEFT - plot.RIGHT
     panels = [r for r in shade if float(r["height"]) == plot.PANEL]
     assert len(panels) == 2 and float(panels[0]["x"]) == pytest.approx(plot.LEFT + width * 0.495, abs=2e-3)
@@ -139,7 +153,7 @@ def test_svg_is_well_formed_and_its_curve_lies_where_it_should(tmp_path: Path) -
 def test_png_shows_the_curve_and_the_limits(tmp_path: Path) -> None:
     plot.write_png(TRACK, tmp_path / "p.png", scale=2.0)
     image = pixels((tmp_path / "p.png").read_bytes()).astype(int)
-    height = plot.TOP + 2 * plot.PANEL + plot.GAP + plot.BOTTOM
+    height = plot.TOP + 2 * (plot.PANEL + plot.GAP)
     assert image.shape == (round(2 * height), round(2 * plot.WIDTH), 3)
 
     def away(row: float, column: float, colour: str) -> int:
@@ -150,7 +164,7 @@ def test_png_shows_the_curve_and_the_limits(tmp_path: Path) -> None:
     assert away(2 * plot.TOP + plot.PANEL, centre, plot.LINES[0]) < 10, "the line crosses zero in the panel's middle"
     assert away(2 * plot.TOP + plot.PANEL - 12, centre, plot.LINES[0]) > 100
     top = 2 * plot.TOP + 2 * plot.PANEL * 0.28 / 4.56
-    dashes = [away(row, column, plot.LIMIT) < 40 for row in (top - 1, top, top + 1) for column in range(400, 1600)]
+    dashes = [away(row, column, axes.LIMIT) < 40 for row in (top - 1, top, top + 1) for column in range(400, 1600)]
     assert 0.45 * 1200 < sum(dashes) < 1.55 * 1200
     volts = 2 * (plot.TOP + plot.PANEL + plot.GAP)
     ink = [min(away(volts + row, column, plot.LINES[1]) for row in range(2 * int(plot.PANEL))) for column in (300, 900)]
@@ -188,6 +202,29 @@ def test_small_units_read_well(tmp_path: Path) -> None:
         )
         plot.write_svg(small, tmp_path / "p.svg")
         assert f">x [{unit}]<" in (tmp_path / "p.svg").read_text(encoding="utf-8")
+
+
+def test_like_channels_are_shown_in_like_units(tmp_path: Path) -> None:
+    alike = replace(SPEC, channels=(Channel("x", "m"), Channel("y", "m")))
+    plot.write_svg(replace(TRACK, spec=alike, values=TRACK.values * [1.0, 1e-6]), tmp_path / "p.svg")
+    text = (tmp_path / "p.svg").read_text(encoding="utf-8")
+    assert ">x [mm]<" in text and ">y [mm]<" in text
+
+
+def test_axes_place_values_and_number_both_sides() -> None:
+    canvas = SvgCanvas(200, 100)
+    made = Axes(canvas, (20.0, 10.0, 100.0, 50.0), (1.0, 3.0), (-2e-3, 2e-3))
+    assert made.x([1.0, 2.0, 3.0]).tolist() == [20.0, 70.0, 120.0] and made.y([-2e-3, 0.0]).tolist() == [60.0, 35.0]
+    made.bands(np.array([1.0, 2.0, 3.0]), np.array([0.0, 1.0, 0.0]))
+    made.grid("time [s]", "x [mm]", most=(2, 4), factor=1e-3)
+    made.level(5e-3)
+    made.curve(np.arange(5.0), np.array([0.0, np.nan, 1e-3, 2e-3, np.nan]), "#000000")
+    root = ElementTree.fromstring(canvas.to_bytes())
+    assert [t.text for t in root if t.tag.endswith("text")] == [*"123", "-2", "-1", "0", "1", "2", "x [mm]", "time [s]"]
+    (shade,) = (r for r in root if r.tag.endswith("rect"))
+    assert (shade.attrib["x"], shade.attrib["width"]) == ("45", "50"), "half way to the samples beside"
+    assert [e.tag.rpartition("}")[2] for e in root][-2:] == ["circle", "polyline"], "a mark, a gap, a line"
+    assert not [e for e in root if "stroke-dasharray" in e.attrib], "a limit outside is not drawn"
 
 
 def test_svg_numbers_have_no_minus_zero() -> None:

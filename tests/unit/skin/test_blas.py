@@ -1,46 +1,33 @@
-"""The BLAS thread count is held at one and given back."""
+"""The BLAS of numpy and of scipy is held at one thread and given back."""
 
 from __future__ import annotations
 
 import sys
 
-import numpy as np
 import pytest
 
 pytest.importorskip("scipy")
 
-from scipy.linalg import blas as scipy_blas
+from core.skin.blas import one_thread, pools
 
-from core.skin.blas import controls, one_thread, thread_counts
+
+def counts() -> dict[str, int]:
+    return {pool["filepath"]: pool["num_threads"] for pool in pools().info()}
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="wheels elsewhere may use another BLAS")
 def test_count_is_held_and_restored_even_after_an_error() -> None:
-    scipy_blas.dgemm(1.0, np.eye(3), np.eye(3))
-    before = thread_counts()
-    if not before:
-        pytest.skip("no OpenBLAS in this environment")
-    with pytest.raises(ZeroDivisionError), one_thread():
-        assert set(thread_counts()) == {1}
-        with one_thread():
-            assert set(thread_counts()) == {1}
-        1 / 0  # noqa: B018
-    assert thread_counts() == before
+    with pools().limit(limits=2):
+        before = counts()
+        assert len(before) == 2 and set(before.values()) == {2}, "numpy's and scipy's"
+        with pytest.raises(ZeroDivisionError), one_thread():
+            assert set(counts().values()) == {1}
+            with one_thread():
+                assert set(counts().values()) == {1}
+            assert set(counts().values()) == {1}, "the inner one gives back what it found"
+            1 / 0  # noqa: B018
+        assert counts() == before
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="wheels elsewhere may use another BLAS")
-def test_what_was_set_comes_back() -> None:
-    scipy_blas.dgemm(1.0, np.eye(3), np.eye(3))
-    found = controls()
-    before = thread_counts()
-    try:
-        for _, put in found:
-            put(2)
-        raised = thread_counts()
-        with one_thread():
-            assert set(thread_counts()) <= {1}
-        assert thread_counts() == raised
-    finally:
-        for (_, put), count in zip(found, before, strict=True):
-            put(count)
-    assert thread_counts() == before
+def test_libraries_are_looked_up_once() -> None:
+    assert pools() is pools()

@@ -10,8 +10,9 @@ pytest.importorskip("scipy")
 from core.errors import DermisError
 from core.skin.assembly import degrees, stiffness
 from core.skin.condense import condense
+from core.skin.fingertip import fingertip_mesh
 from core.skin.material import Elastic
-from core.skin.mesh import TetraMesh, fingertip_mesh
+from core.skin.mesh import TetraMesh
 from core.skin.model import SkinModel, fingertip_skin
 from tests.problems import cube_mesh
 

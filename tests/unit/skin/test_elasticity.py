@@ -10,8 +10,9 @@ pytest.importorskip("scipy")
 
 from core.errors import DermisError
 from core.skin.assembly import ELEMENTS, degrees, geometry, stiffness
+from core.skin.fingertip import fingertip_mesh
 from core.skin.material import Elastic, lame
-from core.skin.mesh import TetraMesh, fingertip_mesh
+from core.skin.mesh import TetraMesh
 from core.skin.model import fingertip_skin
 from core.skin.stress import StressOperator, stress_norm
 from tests.problems import Bulge, Swirl, cube_mesh, flat_press, linear_field, uniform_stress

@@ -10,7 +10,7 @@ import pytest
 
 from core.errors import DermisError
 from core.skin.file import SCHEMA, load_mesh, save_mesh
-from core.skin.mesh import fingertip_mesh
+from core.skin.fingertip import fingertip_mesh
 from core.skin.model import fingertip_skin, mesh_skin
 
 TETRAHEDRON = {

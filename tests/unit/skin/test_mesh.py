@@ -9,7 +9,8 @@ import pytest
 
 from core.errors import DermisError
 from core.presets import Library
-from core.skin.mesh import LEVELS, Level, TetraMesh, boundary_faces, fingertip_mesh, tetra_volumes
+from core.skin.fingertip import LEVELS, Level, fingertip_mesh
+from core.skin.mesh import TetraMesh, boundary_faces, tetra_volumes
 from core.skin.model import skin_from_parameters
 from core.skin.quality import check_mesh, dihedral_angles, quality
 from core.skin.shape import FingertipShape, fingertip_surface

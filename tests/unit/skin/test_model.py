@@ -11,8 +11,8 @@ pytest.importorskip("scipy")
 
 from core.cache import Cache
 from core.errors import DermisError
+from core.skin.fingertip import fingertip_mesh
 from core.skin.material import Elastic
-from core.skin.mesh import fingertip_mesh
 from core.skin.model import SkinModel, fingertip_skin, mesh_skin, skin_from_parameters
 from core.skin.shape import FingertipShape
 from core.skin.stress import RECEPTOR_DEPTHS, locate, nodal_average, probes_at, receptor_probes, stress_norm, von_mises

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +15,10 @@ from hypothesis import strategies as st
 
 from core.devices.spec import Channel, DeviceSpec
 from core.errors import DermisError
-from core.interpolate import grid, interpolate, pchip_slopes
+from core.interpolate import grid, interpolate
 from core.track.command_track import CommandTrack
 
+ROOT = Path(__file__).resolve().parents[3]
 FIXED = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 
@@ -80,34 +84,24 @@ def test_pchip_of_four_points_worked_out_by_hand() -> None:
     # d1 = (5 + 4) / (5/1 + 4/(1/2)) with w = 2*2+1, 2+2*1; d2 = 9 / (4/(1/2) + 5/4).
     d1 = Fraction(9) / (Fraction(5) + Fraction(4) * 2)
     d2 = Fraction(9) / (Fraction(4) * 2 + Fraction(5) / 4)
-    # ends: ((2h0 + h1) s0 - h0 s1) / (h0 + h1)
-    d0 = (Fraction(4) * 1 - Fraction(1) * Fraction(1, 2)) / 3
-    d3 = (Fraction(4) * 4 - Fraction(1) * Fraction(1, 2)) / 3
     times, values = np.array([0.0, 1.0, 3.0, 4.0]), np.array([[0.0], [1.0], [2.0], [6.0]])
-    slopes = pchip_slopes(np.diff(times), values)
-    np.testing.assert_allclose(slopes[:, 0], [float(d) for d in (d0, d1, d2, d3)], rtol=1e-15)
     # the middle of [1, 3], by the Hermite form: (y1 + y2) / 2 + h (d1 - d2) / 8
     middle = Fraction(3, 2) + Fraction(2) * (d1 - d2) / 8
-    found = interpolate(times, values, np.array([2.0]), "pchip")
-    assert found[0, 0] == pytest.approx(float(middle), rel=1e-15)
+    found = interpolate(times, values, np.array([-1.0, 0.0, 2.0, 3.0, 9.0]), "pchip")[:, 0]
+    assert found[2] == pytest.approx(float(middle), rel=1e-15)
+    assert found[[0, 1, 3, 4]].tolist() == [0.0, 0.0, 2.0, 6.0], "to the bit at samples, held outside"
 
 
-def test_pchip_end_that_would_turn_is_held() -> None:
-    # secants 1 and -6: the three-point end slope (3*1 + 6)/2 = 4.5 has the sign of 1 and exceeds 3 * 1
-    slopes = pchip_slopes(np.ones(2), np.array([[0.0], [1.0], [-5.0]]))
-    assert slopes[:, 0].tolist() == [3.0, 0.0, -9.5]
-    # secants 1 and 4: (3 - 4)/2 < 0 against a rising secant: flat
-    assert pchip_slopes(np.ones(2), np.array([[0.0], [1.0], [5.0]]))[0, 0] == 0.0
+def test_pchip_refuses_what_has_no_slope() -> None:
+    with pytest.raises(DermisError, match="cannot be interpolated.*finite"):
+        interpolate(np.arange(3.0), np.array([[0.0], [np.nan], [1.0]]), np.array([0.5]), "pchip")
 
 
-def test_pchip_agrees_with_scipy() -> None:
-    scipy = pytest.importorskip("scipy.interpolate")
-    rng = np.random.default_rng(3)
-    times, values = np.cumsum(rng.uniform(0.01, 1.0, 60)), rng.normal(size=(60, 4))
-    values[10:14] = values[10]
-    at = np.linspace(times[0], times[-1], 777)
-    expected = scipy.PchipInterpolator(times, values)(at)
-    np.testing.assert_allclose(interpolate(times, values, at, "pchip"), expected, rtol=0, atol=3e-14)
+def test_only_pchip_loads_scipy() -> None:
+    code = "import sys; from core.interpolate import interpolate; import numpy as np; t = np.arange(3.0)\n"
+    for method, loads in (("linear", False), ("pchip", True)):
+        line = f"interpolate(t, t[:, None], t, {method!r}); sys.exit(('scipy' in sys.modules) != {loads})"
+        assert subprocess.run([sys.executable, "-c", code + line], cwd=ROOT).returncode == 0, method
 
 
 @FIXED

@@ -1,0 +1,149 @@
+"""Linkage of a 3-RRS platform: where it stands for a configuration, and which servo angles hold it there.
+
+Three identical legs stand 120 degrees apart. Each is a crank of length L1 on a servo, a rod of length L2 and a ball
+joint on the platform, and stays in its own vertical plane. That constraint makes the platform shift and yaw when it
+tilts; both are part of its pose here.
+
+The base frame has its origin at the base's centre and +Z from the base to the platform. A configuration is
+x = (psi, theta, z): pitch about X, roll about Y, distance of the platform from the base.
+
+Source: [S0] 3.1 with the kinematics of the project's corrections (closed form of the 3-RRS).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import DermisError
+
+Array = NDArray[np.float64]
+
+LEG_ANGLES = np.radians([0.0, 120.0, 240.0])
+LEG_DIRECTIONS = np.column_stack([np.cos(LEG_ANGLES), np.sin(LEG_ANGLES), np.zeros(3)])
+LEGS = tuple((math.cos(a), math.sin(a)) for a in (0.0, 2 * math.pi / 3, 4 * math.pi / 3))
+
+
+@dataclass(frozen=True)
+class PlatformPose:
+    """Pose of the platform in the base frame, with its derivatives by (psi, theta, z).
+
+    Attributes:
+        rotation: shape (3, 3). centre: [m], shape (3,).
+        spin: how it turns: dR/dx_i = spin_i x R, row i, shape (3, 3). d_centre: column i, shape (3, 3).
+    """
+
+    rotation: Array
+    centre: Array
+    spin: Array
+    d_centre: Array
+
+
+@dataclass(frozen=True)
+class Linkage:
+    """The links of a 3-RRS platform.
+
+    Attributes:
+        platform_radius, base_radius: of the joints' circles [m].
+        crank, rod: L1 and L2 [m].
+        servo_zero: servo angle at neutral [rad].
+        knee: +1 where the crank points outwards, -1 inwards.
+        side: +1 where the level platform hangs on its rods, -1 where it stands on them: the sign of the determinant.
+    """
+
+    platform_radius: float
+    base_radius: float
+    crank: float
+    rod: float
+    servo_zero: float
+    knee: float
+    side: float = field(default=1.0, kw_only=True)
+
+    def pose(self, x: ArrayLike) -> PlatformPose:
+        """Return the platform's pose at x = (psi, theta, z), with parasitic shift and yaw."""
+        # plain floats: arrays of three elements cost more than the arithmetic on them
+        psi, theta, z = np.asarray(x, dtype=np.float64).tolist()
+        cp, sp, ct, st = math.cos(psi), math.sin(psi), math.cos(theta), math.sin(theta)
+        n, d = -sp * st, cp + ct
+        phi = math.atan2(n, d)
+        scale = 1.0 / (n * n + d * d)
+        phi_psi = (d * -cp * st + n * sp) * scale
+        phi_theta = (d * -sp * ct + n * st) * scale
+        c, s = math.cos(phi), math.sin(phi)
+        axis = (st, -sp * ct, cp * ct)  # the platform's normal, which yaw turns about
+        first, second = (ct, sp * st, -cp * st), (0.0, cp, sp)
+        u = [c * a + s * b for a, b in zip(first, second, strict=True)]
+        v = [c * b - s * a for a, b in zip(first, second, strict=True)]
+        spin = (
+            (1.0 + phi_psi * axis[0], phi_psi * axis[1], phi_psi * axis[2]),
+            (phi_theta * axis[0], cp + phi_theta * axis[1], sp + phi_theta * axis[2]),
+            (0.0, 0.0, 0.0),
+        )
+        r = self.platform_radius
+        shift_x, shift_y = [], []
+        for wx, wy, wz in spin:
+            shift_x.append(r / 2 * (wy * u[2] - wz * u[1] - wz * v[0] + wx * v[2]))
+            shift_y.append(-r * (wz * u[0] - wx * u[2]))
+        return PlatformPose(
+            np.array([[u[0], v[0], axis[0]], [u[1], v[1], axis[1]], [u[2], v[2], axis[2]]]),
+            np.array([r / 2 * (u[0] - v[1]), -r * u[1], z]),
+            np.array(spin),
+            np.array([shift_x, shift_y, [0.0, 0.0, 1.0]]),
+        )
+
+    def reach(self, x: ArrayLike) -> Array:
+        """Return per leg how far it is from being stretched or folded: >= 0 where it closes, shape (3,)."""
+        legs = self._leg_planes(self.pose(x))
+        distance = np.array([math.hypot(r, h) for r, h, _, _ in legs])
+        return 1.0 - np.abs((self.crank**2 + distance**2 - self.rod**2) / (2 * self.crank * distance))
+
+    def servo_angles(self, x: ArrayLike) -> tuple[Array, Array]:
+        """Return servo angles [rad], shape (3,), and their derivatives by x, shape (3, 3).
+
+        Raises:
+            DermisError: a leg cannot reach.
+        """
+        turns, slopes = self.servo_turns(self.pose(x))
+        return np.array(turns) + self.servo_zero, np.array(slopes)
+
+    def servo_turns(self, pose: PlatformPose) -> tuple[list[float], list[list[float]]]:
+        """Return the servos' angles from neutral [rad] at a pose, and their derivatives, as plain numbers."""
+        angles, slopes = [], []
+        crank, rod = self.crank, self.rod
+        for leg, (r, h, dr, dh) in enumerate(self._leg_planes(pose)):
+            squared = r * r + h * h
+            distance = math.sqrt(squared)
+            cosine = (crank * crank + squared - rod * rod) / (2 * crank * distance)
+            if abs(cosine) >= 1.0:
+                raise DermisError(
+                    "a leg cannot reach the platform",
+                    where=f"thimble, leg {leg + 1}",
+                    value=f"{1e3 * distance:.2f} mm from its servo",
+                    limit=f"{1e3 * abs(rod - crank):.2f} to {1e3 * (rod + crank):.2f} mm",
+                    remedy="Use longer links or a smaller movement",
+                )
+            angles.append(math.atan2(h, r) - self.knee * math.acos(cosine) - self.servo_zero)
+            bend = self.knee * (squared - crank * crank + rod * rod) / (2 * crank * squared)
+            bend /= distance * math.sqrt(1.0 - cosine * cosine)
+            # d atan2 = (r dh - h dr) / d^2, and the knee bends with the distance, d' = (r dr + h dh) / d
+            by_r, by_h = bend * r - h / squared, bend * h + r / squared
+            slopes.append([by_r * a + by_h * b for a, b in zip(dr, dh, strict=True)])
+        return angles, slopes
+
+    def _leg_planes(self, pose: PlatformPose) -> list[tuple[float, float, list[float], list[float]]]:
+        """Joints in their legs' planes: distance r outwards of the servo and height h, with slopes by x."""
+        (ux, vx, _), (uy, vy, _), (uz, vz, _) = pose.rotation.tolist()
+        x, y, z = pose.centre.tolist()
+        shifts, spins = pose.d_centre.tolist(), pose.spin.tolist()
+        size, legs = self.platform_radius, []
+        for ex, ey in LEGS:
+            ax, ay, az = size * (ux * ex + vx * ey), size * (uy * ex + vy * ey), size * (uz * ex + vz * ey)
+            dr, dh = [], []
+            for j, (wx, wy, wz) in enumerate(spins):
+                dr.append(ex * (shifts[0][j] + wy * az - wz * ay) + ey * (shifts[1][j] + wz * ax - wx * az))
+                dh.append(shifts[2][j] + wx * ay - wy * ax)
+            legs.append((ex * (x + ax) + ey * (y + ay) - self.base_radius, z + az, dr, dh))
+        return legs

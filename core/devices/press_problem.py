@@ -1,0 +1,111 @@
+"""The contact problem of a platform under a pad: the skin as batches of rows need it, and what carries the disc."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from .disc_pose import ROUNDING
+from .poses import Poses
+
+Array = NDArray[np.float64]
+
+
+class Carrier(Protocol):
+    """What carries a platform."""
+
+    @property
+    def disc_radius(self) -> float:
+        """Radius of the face that touches [m]."""
+        ...
+
+    @property
+    def rest(self) -> Array:
+        """Command of the reference configuration, shape (motors,)."""
+        ...
+
+    def carry(self, commands: Array, start: Poses) -> Poses:
+        """Return where the platform is without load, for commands (n, motors), found from poses nearby."""
+        ...
+
+    def give(self, commands: Array, poses: Poses, *, first: bool) -> tuple[Array, Array] | None:
+        """Return what carries the platform at poses that need not be in balance; None where it is rigid.
+
+        Args:
+            first: poses are a first guess, from which nobody should conclude that a cable hangs slack.
+
+        Returns:
+            Force [N] and moment about the finger's origin [N m] on the platform, shape (n, 6), and P, its movement
+            (shift, turn) for a load, symmetric, shape (n, 6, 6).
+        """
+        ...
+
+    def rest_poses(self, count: int) -> Poses:
+        """Return the reference configuration, `count` times."""
+        ...
+
+
+class PressProblem:
+    """One skin under one platform.
+
+    Vectors are by component, all x first, so that each component of a batch is one block of columns.
+
+    Args:
+        compliance: of the pad nodes [m/N], shape (3 m, 3 m).
+        positions: undeformed pad nodes in the finger's frame [m], shape (m, 3).
+        carrier: what carries the platform.
+        friction: Coulomb's coefficient.
+
+    Attributes:
+        rho: penalty of the alternating method [N/m].
+        compliance: C by component, float32. jacobian: movement of the nodes with the platform's (shift, turn).
+        inverse: (C + rho I)^-1, and that times the jacobian beside it, float32; spread: the latter alone, transposed.
+        gram: J' (C + rho I)^-1 J, shape (6, 6).
+
+    Raises:
+        DermisError: shapes that do not fit, negative friction, or a compliance that is not positive definite.
+    """
+
+    def __init__(self, compliance: Array, positions: Array, carrier: Carrier, friction: float) -> None:
+        m = len(positions)
+        if compliance.shape != (3 * m, 3 * m):
+            raise DermisError("the compliance does not fit the nodes", where="platform", value=compliance.shape)
+        if not (np.isfinite(friction) and friction >= 0.0):
+            raise DermisError("friction cannot be negative", where="platform", value=friction, limit=">= 0")
+        self.positions, self.carrier, self.friction, self.count = positions, carrier, float(friction), m
+        # by component, so that each component of a batch is one block of columns
+        order = np.arange(3 * m).reshape(m, 3).T.ravel()
+        ends = np.linalg.eigvalsh(compliance)[[0, -1]]
+        if not ends[0] > 0.0:
+            raise DermisError("the compliance is not positive definite", where="platform", value=float(ends[0]))
+        self.rho = float(np.sqrt(ends[0] * ends[1]))
+        c = compliance[order][:, order]
+        x, y, z = positions.T
+        o, e = np.zeros(m), np.ones(m)
+        # how a node of the platform moves: shift + turn x position
+        self.jacobian = np.concatenate(
+            [
+                np.column_stack([e, o, o, o, z, -y]),
+                np.column_stack([o, e, o, -z, o, x]),
+                np.column_stack([o, o, e, y, -x, o]),
+            ]
+        )
+        inverse = np.linalg.inv(c + self.rho * np.eye(3 * m))
+        spread = inverse @ self.jacobian
+        self.gram = self.jacobian.T @ spread
+        self.compliance = np.ascontiguousarray(c, np.float32)
+        self.inverse = np.ascontiguousarray(np.hstack([inverse, spread]), np.float32)
+        self.spread = np.ascontiguousarray(spread.T, np.float32)
+
+    def gap(self, poses: Poses) -> Array:
+        """Return the gap of every undeformed node [m], shape (n, m)."""
+        return self.local(poses)[1]
+
+    def local(self, poses: Poses) -> tuple[Array, Array]:
+        """Return the nodes in the platform's frame, (n, m, 3), and their gaps, (n, m) [m]."""
+        local = (self.positions[None] - poses.centre[:, None]) @ poses.rotation
+        over = np.maximum(np.sqrt(local[:, :, 0] ** 2 + local[:, :, 1] ** 2) - self.carrier.disc_radius, 0.0)
+        return local, local[:, :, 2] + over * over * (0.5 / ROUNDING)

@@ -1,0 +1,100 @@
+"""PNG and TIFF, decoded by Pillow: 1 to 16 bit grey, palettes, alpha, 8-bit colour, and TIFF's 32-bit floats.
+
+Pillow reduces 16-bit colours to 8, so these are refused. The size is judged before a pixel is unpacked.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from ..foreign import damage_told
+from .raster import Raster, checked_size, grey_of
+
+if TYPE_CHECKING:
+    from PIL.ImageFile import ImageFile
+
+PNG = b"\x89PNG\r\n\x1a\n"
+TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+_GREY = {"1", "L", "I;16", "I;16B", "F"}  # Pillow's names of what pixels hold
+_COLOUR = {"P", "LA", "RGB", "RGBA"}
+_DAMAGED, _REMEDY = "the image is damaged or cut short", "Save the image again"
+_WHITE_IS_ZERO = 262, 0  # TIFF's tag and value, which Pillow heeds up to 8 bits
+
+
+def decode(data: bytes, where: str) -> Raster:
+    """Read a PNG, or the first page of a TIFF; alpha 0 and a declared transparent colour are holes.
+
+    Raises:
+        DermisError: damaged, cut short, too large, or with pixels that Pillow cannot hold as they are.
+    """
+    with damage_told(_DAMAGED, where, remedy=_REMEDY):
+        _opened(data).verify()  # the check sums of all parts, which loading leaves out
+        image = _opened(data)
+    columns, rows = image.size
+    checked_size(columns, rows, where, packed=len(data))
+    bits = _bits(image, where)
+    with damage_told(_DAMAGED, where, remedy=_REMEDY):
+        image.load()
+        pixels, holes = _pixels(image, bits)
+    levels = 0 if image.mode == "F" else 1 << bits
+    grey, findings = grey_of(pixels, where, max(levels - 1, 1))
+    return Raster(np.ascontiguousarray(grey[::-1]), np.ascontiguousarray(holes[::-1]), levels, findings)
+
+
+def _opened(data: bytes) -> ImageFile:
+    """Read the header only. The two kinds are named: what else Pillow reads is nobody's height map."""
+    from PIL.PngImagePlugin import PngImageFile
+    from PIL.TiffImagePlugin import TiffImageFile
+
+    file = io.BytesIO(data)
+    return PngImageFile(file) if data.startswith(PNG) else TiffImageFile(file)
+
+
+def _bits(image: ImageFile, where: str) -> int:
+    """Return how many bits a sample of the file has, which Pillow's name of the packed pixels tells: 'L;4', 'I;16B'."""
+    packed = image.tile[0].args
+    name = str(packed if isinstance(packed, str) else packed[0]) if packed else ""
+    said = re.search(r";(\d+)", name)
+    bits = 1 if image.mode == "1" else int(said.group(1)) if said and image.mode != "P" else 8
+    if image.mode not in _GREY | _COLOUR or (bits > 8 and image.mode in _COLOUR):
+        raise DermisError(
+            "pixels of this kind are not read here",
+            where=where,
+            value=f"{bits} bit, {image.mode}",
+            limit="grey of up to 16 bit or 32-bit floats, colours of 8 bit",
+            remedy="Save it as a grey 16-bit PNG",
+        )
+    return bits
+
+
+def _pixels(image: ImageFile, bits: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Return the samples as the file holds them, shape (rows, columns, 1 or 3), and where it declares holes."""
+    clear = image.info.get("transparency")
+    if image.mode == "P":
+        _check_palette(image)
+        samples = np.asarray(image.convert("RGBA"))
+    else:
+        samples = np.atleast_3d(np.asarray(image))
+    if image.mode in ("P", "LA", "RGBA"):
+        return samples[..., :-1], samples[..., -1] == 0
+    if bits < 8:
+        samples = samples // (255 // ((1 << bits) - 1)) if image.mode == "L" else samples.astype(np.uint8)
+        clear = None if clear is None else min(clear, (1 << bits) - 1)
+    tag, value = _WHITE_IS_ZERO
+    if bits == 16 and getattr(image, "tag_v2", {}).get(tag) == value:
+        samples = 65535 - samples
+    holes = np.zeros(samples.shape[:2], bool) if clear is None else np.asarray((samples == clear).all(axis=2))
+    return samples, holes
+
+
+def _check_palette(image: ImageFile) -> None:
+    count = len(image.palette.palette) // len(image.palette.mode) if image.palette else 0
+    highest = int(np.asarray(image).max())
+    if highest >= count:
+        raise ValueError(f"colour {highest} of a palette of {count}")

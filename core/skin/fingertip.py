@@ -1,0 +1,88 @@
+"""The graded mesh of a fingertip: a shell of hexahedra from bone to skin, each split into five tetrahedra."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import DermisError
+from .disk import disk_quads, mirrored, split_hexahedra, split_quads
+from .mesh import TetraMesh, pad_nodes
+from .quality import check_mesh
+from .shape import FingertipShape
+
+DEPTH_GROWTH = 2.0  # thickness of the layer at the bone over that at the skin, under the pad; less where tissue is thin
+
+
+@dataclass(frozen=True)
+class Level:
+    """How fine a mesh is.
+
+    Attributes:
+        across, along: cells of the fine block across and along the pad, both even.
+        rings: rings of cells from the block to the cut end.
+        layers: from bone to skin.
+    """
+
+    across: int
+    along: int
+    rings: int
+    layers: int
+
+    @property
+    def tetrahedra(self) -> int:
+        """Number of tetrahedra."""
+        return 5 * self.layers * (self.across * self.along + 2 * (self.across + self.along) * self.rings)
+
+
+LEVELS: dict[str, Level] = {
+    "draft": Level(4, 8, 3, 3),
+    "standard": Level(8, 12, 4, 5),
+    "fine": Level(14, 20, 7, 7),
+    "reference": Level(20, 30, 10, 11),
+}
+
+
+def fingertip_mesh(shape: FingertipShape | None = None, level: str | Level = "standard") -> TetraMesh:
+    """Return the mesh of a fingertip, graded towards the pad and mirror-symmetric in x, bit for bit.
+
+    Bone surface and nail are fixed. Pad nodes are those of the palmar skin, without the rim of the cut end.
+
+    Args:
+        level: 'draft' (about 1.6k tetrahedra), 'standard' (6.4k), 'fine' (26k), 'reference' (88k, for tests), or
+            a `Level`.
+
+    Raises:
+        DermisError: an unknown level, or a shape so uneven that elements would be inverted.
+    """
+    shape = shape or FingertipShape()
+    if isinstance(level, str):
+        if level not in LEVELS:
+            raise DermisError("unknown accuracy", where="fingertip mesh", value=level, limit=", ".join(LEVELS))
+        level = LEVELS[level]
+    if level.layers < 1:
+        raise DermisError("too few layers", where="fingertip mesh", value=level.layers, limit=">= 1")
+    disk = disk_quads(level.across, level.along, level.rings)
+    count = len(disk.chart)
+    skin, bone = (mirrored(surface, disk.mirror) for surface in (shape.skin(disk.chart), shape.bone(disk.chart)))
+    thickness = np.linalg.norm(skin - bone, axis=1)
+    rate = np.log(DEPTH_GROWTH) * np.minimum(1.0, thickness / shape.pulp)
+    depth = np.linspace(1.0, 0.0, level.layers + 1)[:, None]
+    share = 1.0 - np.expm1(rate * depth) / np.expm1(rate)
+    nodes = (bone[None] + share[:, :, None] * (skin - bone)[None]).reshape(-1, 3)
+
+    starts = (np.arange(level.layers, dtype=np.int32) * count)[:, None, None]
+    hexahedra = np.concatenate([disk.quads[None] + starts, disk.quads[None] + starts + np.int32(count)], axis=2)
+    colour = (disk.colour[None] + np.arange(level.layers + 1)[:, None]).ravel() % 2
+    tetrahedra = split_hexahedra(hexahedra.reshape(-1, 8), colour)
+
+    top = level.layers * count
+    triangles = split_quads(disk.quads, (disk.colour + level.layers) % 2) + np.int32(top)
+    nail = np.flatnonzero(shape.under_nail(skin)) + top
+    fixed = np.concatenate([np.arange(count), nail]).astype(np.int32)
+    mesh = TetraMesh(nodes, tetrahedra, fixed, np.zeros(0, np.int32), triangles.astype(np.int32))
+    pad = pad_nodes(mesh, exclude=disk.rim + top)
+    mesh = TetraMesh(nodes, tetrahedra, fixed, pad, mesh.surface)
+    check_mesh(mesh)
+    return mesh

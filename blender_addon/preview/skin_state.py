@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._core import core
+
 Array = NDArray[np.float64]
 
 
@@ -42,6 +44,34 @@ class SkinState:
     work: str = "idle"
     converged: bool = True
     counters: Mapping[str, int] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        finger: str,
+        model: Any,
+        step: core.contact.felt.SkinStep,
+        source: str,
+        note: str,
+        counters: Mapping[str, int],
+    ) -> SkinState:
+        """Return the state of a skin from one sample of the engine's."""
+        return cls(
+            finger,
+            model,
+            step.force,
+            step.normal_force,
+            step.tangential_force,
+            step.depth,
+            step.lift,
+            step.sticking,
+            step.slipping,
+            source,
+            note,
+            step.work,
+            step.converged,
+            counters,
+        )
 
     @property
     def touching(self) -> bool:

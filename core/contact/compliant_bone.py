@@ -101,6 +101,15 @@ class Yielding:
         self._raised = 0.0
         self.solver.reset()
 
+    def save(self) -> Mapping[str, Any]:
+        """Return the state between two frames, for `restore`."""
+        return {"solver": self.solver.save(), "raised": self._raised, "slope": self._slope, "notes": self._notes.copy()}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go back to a saved state."""
+        self.solver.restore(state["solver"])
+        self._raised, self._slope, self._notes = state["raised"], state["slope"], state["notes"].copy()
+
     def step(self, bodies: Sequence[ContactBody], frame: float) -> Yielded:
         """Solve the next frame."""
         if np.isfinite(self.force_limit):

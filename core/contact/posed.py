@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError
 from ..motion import rotations
-from ..scene.tactile_scene import Body, Chunk
+from ..scene.tactile_scene import Body, Chunk, Mesh
 from ..surface.gap import Surface
 from .surfaces import SAME_STRETCH, box_of, carried, surface_of
 
@@ -37,56 +37,97 @@ class Posed(NamedTuple):
     carry: Array | None
 
 
+class _Kept(NamedTuple):
+    """A surface, and what it was made of."""
+
+    mesh: Mesh
+    stretch: Array
+    surface: Surface
+    carry: Array | None
+
+
 class PosedBody:
     """One body of a scene.
 
     Args:
         body: its header.
+        deforms: whether its surface may be another at another sample, where all surfaces come with the chunks, as in
+            a preview; None where only those that deform do.
     """
 
-    def __init__(self, body: Body) -> None:
-        self._body = body
-        self._surface: tuple[Array, Surface, Array | None] | None = None  # stretch, surface, carry
-        self._first = np.eye(3)  # its stretch when it was first asked for
-        self._turn: Array | None = None
-        self._last: tuple[int, Surface] | None = None
-        self._boxes: tuple[Array, Array] | None = None
-        self._box: Array | None = None  # of a rigid body, in its object's space
+    def __init__(self, body: Body, deforms: bool | None = None) -> None:
+        self._body, self._deforms = body, deforms
+        self._poses = np.zeros((0, 4, 4))
+        self._meshes: tuple[Mesh, ...] | None = None
+        self._kept: _Kept | None = None
+        self._first: Array | None = None  # its stretch when it was first asked for
+        self._turned: tuple[Array, Array] | None = None  # linear maps, and their rotations
+        self._known = False  # that those are this chunk's
+        self._box: tuple[Mesh, Array] | None = None  # of a mesh, in its object's space
 
-    def clear(self) -> None:
-        """Forget what belongs to the chunk before."""
-        self._turn = self._last = self._boxes = None
+    def take(self, b: int, chunk: Chunk) -> None:
+        """Go on to a chunk, in which it is body `b`."""
+        self._poses, self._meshes, self._known = chunk.bodies[b], chunk.surfaces.get(b), False
 
-    def boxes(self, b: int, chunk: Chunk) -> tuple[Array, Array]:
-        """Return middle and half size of the body's box in the world at every sample [m], shape (n, 3) each."""
-        if self._boxes is None:
-            if b in chunk.surfaces:
-                boxes = np.array([box_of(m) for m in chunk.surfaces[b]])
-            elif self._body.mesh is not None:
-                if self._box is None:
-                    self._box = box_of(self._body.mesh)
-                boxes = self._box[None]
-            else:
-                raise DermisError(
-                    "a deforming object has no surface",
-                    where=f"object '{self._body.name}'",
-                    remedy="Give it faces, or stop it being touchable",
-                )
-            linear = chunk.bodies[b, :, :3, :3]
-            centre, size = (boxes[:, 0] + boxes[:, 1]) / 2, (boxes[:, 1] - boxes[:, 0]) / 2
-            middle = (linear @ centre[:, :, None])[:, :, 0] + chunk.bodies[b, :, :3, 3]
-            self._boxes = middle, (np.abs(linear) @ size[:, :, None])[:, :, 0]
-        return self._boxes
+    def boxes(self) -> Array:
+        """Return the box in the object's space at every sample [m], shape (n, 2, 3), or (1, 2, 3) of a rigid body.
 
-    def at(self, b: int, chunk: Chunk, i: int) -> Posed:
+        Raises:
+            DermisError: the object has no surface.
+        """
+        if self._meshes is not None:
+            return np.array([self._box_of(mesh) for mesh in self._meshes])
+        if self._body.mesh is None:
+            raise DermisError(
+                "a deforming object has no surface",
+                where=f"object '{self._body.name}'",
+                remedy="Give it faces, or stop it being touchable",
+            )
+        return self._box_of(self._body.mesh)[None]
+
+    def at(self, i: int) -> Posed:
         """Return the body at a sample.
 
         Raises:
             DermisError: the object has scale 0.
         """
-        if self._turn is None:
+        turn, pose = self._turns()[i], self._poses[i]
+        mesh = self._body.mesh if self._meshes is None else self._meshes[i]
+        assert mesh is not None  # `boxes` refused it
+        anew = self._meshes is not None and self._deforms is None
+        kept = self._surface(mesh, turn.T @ pose[:3, :3], anew)
+        deforms = anew if self._deforms is None else self._deforms
+        return Posed(kept.surface, turn, pose[:3, 3], deforms, kept.carry)
+
+    def _surface(self, mesh: Mesh, stretch: Array, anew: bool) -> _Kept:
+        """Return the surface after scale and shear, made again where one of the two is another.
+
+        Args:
+            anew: it deforms, and is therefore made for each stretch exactly.
+        """
+        kept = self._kept if self._kept is not None and self._kept.mesh is mesh else None
+        if kept is not None and (np.array_equal if anew else _alike)(stretch, kept.stretch):
+            return kept
+        if anew:
+            self._kept = _Kept(mesh, stretch, carried(mesh, stretch), None)
+            return self._kept
+        plain = _alike(stretch, np.eye(3))
+        stretch = np.eye(3) if plain else stretch
+        # kept with the mesh only once: an animated scale has another surface at every sample
+        surface = surface_of(mesh) if plain else carried(mesh, stretch) if kept else surface_of(mesh, stretch)
+        # the material is told by its place at the first stretch, so that it is the same before and after
+        carry = None if self._first is None else stretch @ np.linalg.inv(self._first)
+        if self._first is None:
+            self._first = stretch
+        self._kept = _Kept(mesh, stretch, surface, carry)
+        return self._kept
+
+    def _turns(self) -> Array:
+        """Return the rotations of all samples, shape (n, 3, 3); most objects stand still from chunk to chunk."""
+        linear = self._poses[:, :3, :3]
+        if self._turned is None or not (self._known or np.array_equal(linear, self._turned[0])):
             try:
-                self._turn = rotations(chunk.bodies[b, :, :3, :3])
+                self._turned = linear.copy(), rotations(linear)
             except DermisError as error:
                 raise DermisError(
                     error.what,
@@ -94,24 +135,13 @@ class PosedBody:
                     limit=error.limit,
                     remedy="Scale its vertices instead",
                 ) from error
-        turn, pose = self._turn[i], chunk.bodies[b, i]
-        stretch = turn.T @ pose[:3, :3]
-        if b in chunk.surfaces:
-            if self._last is None or self._last[0] != i:
-                self._last = i, carried(chunk.surfaces[b][i], stretch)
-            return Posed(self._last[1], turn, pose[:3, 3], True, None)
-        mesh = self._body.mesh
-        assert mesh is not None  # `boxes` refused it
-        if self._surface is None or not _alike(stretch, self._surface[0]):
-            plain = _alike(stretch, np.eye(3))
-            stretch = np.eye(3) if plain else stretch
-            first = self._surface is None
-            surface = surface_of(mesh) if plain else surface_of(mesh, stretch) if first else carried(mesh, stretch)
-            if first:
-                self._first = stretch
-            # the material is told by its place at the first stretch, so that it is the same before and after
-            self._surface = stretch, surface, None if first else stretch @ np.linalg.inv(self._first)
-        return Posed(self._surface[1], turn, pose[:3, 3], False, self._surface[2])
+        self._known = True
+        return self._turned[1]
+
+    def _box_of(self, mesh: Mesh) -> Array:
+        if self._box is None or self._box[0] is not mesh:
+            self._box = mesh, box_of(mesh)
+        return self._box[1]
 
 
 def _alike(stretch: Array, reference: Array) -> bool:

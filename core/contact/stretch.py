@@ -16,24 +16,37 @@ NO_MESH = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
 
 
 @dataclass(frozen=True, eq=False)
+class Approach:
+    """One finger over consecutive samples.
+
+    Attributes:
+        near: body -> in which samples it is near the finger, shape (n,); only bodies that ever are.
+        turn: rotation to the world, shape (n, 3, 3). place: of the pad's centre in the world [m], shape (n, 3).
+    """
+
+    near: Mapping[int, NDArray[np.bool_]]
+    turn: Array
+    place: Array
+
+    def close(self, i: int) -> list[int]:
+        """Return the bodies that are near at a sample."""
+        return [b for b, inside in self.near.items() if inside[i]]
+
+
+@dataclass(frozen=True, eq=False)
 class Stretch:
-    """Consecutive samples after the broad phase: who is near whom, and the fingers' rigid poses in the world."""
+    """Consecutive samples of all fingers that are solved, by their index, after the broad phase."""
 
     chunk: Chunk
-    near: Mapping[int, Mapping[int, NDArray[np.bool_]]]  # finger -> body -> in which samples
-    turn: Mapping[int, Array]
-    place: Mapping[int, Array]
+    fingers: Mapping[int, Approach]
 
     def lighter(self) -> Stretch:
         """Return samples without the surfaces that no finger is near, so that they may be kept."""
         chunk = self.chunk
-        needed = {
-            b: np.logical_or.reduce([near[b] for near in self.near.values() if b in near])
-            for b in chunk.surfaces
-            if any(b in near for near in self.near.values())
-        }
-        surfaces = {
-            b: tuple(m if used else NO_MESH for m, used in zip(chunk.surfaces[b], inside, strict=True))
-            for b, inside in needed.items()
-        }
+        surfaces = {}
+        for b, meshes in chunk.surfaces.items():
+            near = [approach.near[b] for approach in self.fingers.values() if b in approach.near]
+            if near:
+                inside = np.logical_or.reduce(near)
+                surfaces[b] = tuple(m if used else NO_MESH for m, used in zip(meshes, inside, strict=True))
         return replace(self, chunk=replace(chunk, surfaces=surfaces, screens=chunk.screens[:0]))

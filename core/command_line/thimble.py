@@ -264,14 +264,14 @@ def _thimble(library: Library, key: str) -> DeviceSpec:
 
 
 def _felt(scene: TactileScene, library: Library, finger: int) -> SkinTouch:
+    from ..contact.pad_sampler import PadSampler
     from ..contact.skin_touch import SkinSampler
-    from ..contact.touch import TouchSampler
     from ..skin.model import skin_from_parameters
 
     p = scene.fingers[finger].parameters
     parameters = p.get("skin") or library.skin("index_medium")
     skin = skin_from_parameters(parameters, level=str(p.get("skin_level", "standard")))
-    touch, sampler = TouchSampler(scene), SkinSampler(scene, {finger: skin})
+    touch, sampler = PadSampler(scene), SkinSampler(scene, {finger: skin})
     for chunk in scene.chunks:
         sampler.add(touch.add(chunk))
     return sampler.finish(touch.finish())[finger]

@@ -12,8 +12,8 @@ from ..scene.tactile_scene import TactileScene
 from .felt import SkinStep
 from .held_body import HeldBody, rigid
 from .held_object import HeldStep, HoldingFinger, Reach
+from .pad_contact import PadContact
 from .posed_scene import PosedScene
-from .sampled import SampledTouch
 from .skin_stepper import SkinStepper
 from .stretch import Stretch
 
@@ -31,7 +31,7 @@ class HeldBodies:
     def __init__(
         self,
         scene: TactileScene,
-        touch: SampledTouch,
+        touch: PadContact,
         candidates: Iterable[int],
         posed: PosedScene,
         steppers: Mapping[int, SkinStepper],

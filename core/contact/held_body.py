@@ -17,7 +17,7 @@ from ..surface.gap import Surface
 from ..surface.triangles import Array
 from .held import MODES, held
 from .held_object import HeldObject, HeldStep, HoldingFinger, Reach
-from .sampled import SampledTouch
+from .pad_contact import PadContact
 from .solver.bodies import ContactBody
 
 # Angular acceleration is the difference of angular velocity over this share of a sample to either side.
@@ -46,7 +46,7 @@ class HeldBody:
         skins: finger index -> what is known of its skin, for the fingers that are simulated.
     """
 
-    def __init__(self, scene: TactileScene, touch: SampledTouch, b: int, skins: Mapping[int, HoldingFinger]) -> None:
+    def __init__(self, scene: TactileScene, touch: PadContact, b: int, skins: Mapping[int, HoldingFinger]) -> None:
         self.index = b
         self._body: Body = scene.bodies[b]
         self._gravity = np.asarray(scene.gravity, dtype=np.float64)

@@ -1,6 +1,6 @@
 """SkinSampler: from chunks of poses to the contact forces on every finger's skin, frame after frame.
 
-It is the same broad phase as the pads' (`TouchSampler`), about the whole fingertip instead of its centre: a finger and
+It is the same broad phase as the pads' (`PadSampler`), about the whole fingertip instead of its centre: a finger and
 a body whose boxes never come together in a chunk cost nothing more. Where they do, a `SkinStepper` takes one step a
 sample. Kept are the forces of the frames in contact, in single precision; all else (displacement, stress) follows from
 them when somebody asks.
@@ -23,8 +23,8 @@ from ..skin.model import SkinModel
 from .felt import SkinTouch
 from .held_bodies import HeldBodies
 from .held_body import may_be_held
+from .pad_contact import PadContact
 from .posed_scene import PosedScene
-from .sampled import SampledTouch
 from .skin_record import SkinRecord
 from .skin_stepper import SkinStepper
 from .solver.path import PathSolver
@@ -84,7 +84,7 @@ class SkinSampler:
             for i in range(len(chunk.times)):
                 self._records[f].keep(self._steppers[f].step(approach, i))
 
-    def solve_held(self, touch: SampledTouch) -> Iterator[int]:
+    def solve_held(self, touch: PadContact) -> Iterator[int]:
         """Solve the samples that were kept because something may be held in them; yield their number now and then.
 
         Args:
@@ -108,7 +108,7 @@ class SkinSampler:
         self._held_findings = held.findings
         self._waits = False
 
-    def finish(self, touch: SampledTouch | None = None) -> dict[int, SkinTouch]:
+    def finish(self, touch: PadContact | None = None) -> dict[int, SkinTouch]:
         """Return what every finger felt.
 
         Args:

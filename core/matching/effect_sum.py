@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..contact.encounter import Encounter, turned, turned_back
 from ..contact.held import held, meet
-from ..contact.sampled import SampledTouch
+from ..contact.pad_contact import PadContact
 from ..devices.shear_tactor import ShearTactor
 from ..effects import content, patterns, texture, transient, weight
 from ..effects.defaults import BODY, FINGER
@@ -40,7 +40,7 @@ class EffectSum:
         contact, held: whether the finger touches, and holds, something, shape (n,).
     """
 
-    touch: SampledTouch
+    touch: PadContact
     scene: TactileScene
     finger: int
     use: DeviceUse

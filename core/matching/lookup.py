@@ -33,7 +33,7 @@ from .rendered import Rendered
 from .table import SkinTable, belongs, build
 
 if TYPE_CHECKING:
-    from ..contact.sampled import SampledTouch
+    from ..contact.pad_contact import PadContact
     from ..contact.skin_touch import SkinTouch
     from .nearest import Neighbours
 
@@ -118,7 +118,7 @@ def _weighted(squared: Array, values: Array) -> Array:
 
 
 def render(
-    touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinTouch
+    touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinTouch
 ) -> Rendered:
     """Render one finger's platform: what the virtual sensor reads at every sample, looked up.
 

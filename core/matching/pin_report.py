@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cache import Cache
+from ..contact.pad_sampler import PadSampler
 from ..contact.skin_touch import SkinSampler, SkinTouch
-from ..contact.touch import TouchSampler
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..presets import Library
@@ -214,7 +214,7 @@ def _skins(
 
 def _felt(scene: TactileScene, skins: Mapping[int, SkinModel]) -> dict[int, SkinTouch]:
     """Return what skins feel; the pads' touch tells what is held, and how it is accelerated."""
-    pads, sampler = TouchSampler(scene), SkinSampler(scene, skins)
+    pads, sampler = PadSampler(scene), SkinSampler(scene, skins)
     for chunk in scene.chunks:
         pads.add(chunk)
         sampler.add(chunk)

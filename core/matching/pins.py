@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.sampled import SampledTouch
+from ..contact.pad_contact import PadContact
 from ..contact.skin_touch import SkinTouch
 from ..devices import pin_array
 from ..devices.pin_array import PinContacts, PinLayout
@@ -106,7 +106,7 @@ def node_weights(skin: SkinModel, weighting: Weighting) -> Array:
 
 
 def render(
-    touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinTouch
+    touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinTouch
 ) -> Rendered:
     """Render one finger's pin array.
 

@@ -29,8 +29,8 @@ from .thimble_sequence import ThimbleSequence, collect, finish
 from .thimble_use import FRICTION, HOVER, LEARNED, METHODS, ThimbleUse, prepare
 
 if TYPE_CHECKING:
+    from ..contact.pad_contact import PadContact
     from ..contact.skin_touch import SkinTouch
-    from ..contact.touch import SampledTouch
 
 Array = NDArray[np.float64]
 
@@ -199,7 +199,7 @@ def _through(following: Follower, forces: Array) -> Generator[tuple[int, int], N
 
 
 def render(
-    touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinTouch
+    touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinTouch
 ) -> Rendered:
     """Render one finger's thimble.
 

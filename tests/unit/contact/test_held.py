@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from core.contact.held import held
-from core.contact.sampled import SampledTouch
-from core.contact.touch import TouchSampler
+from core.contact.pad_contact import PadContact
+from core.contact.pad_sampler import PadSampler
 from core.errors import DermisError
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene, sample_frames
 
@@ -42,12 +42,12 @@ def grasp(places: list[Any], channels: dict[str, np.ndarray] | None = None, **pa
         (),
         (chunk,),
     )
-    sampler = TouchSampler(scene)
+    sampler = PadSampler(scene)
     sampler.add(chunk)
     return sampler.finish(), scene
 
 
-def holding(grasped: tuple[SampledTouch, TactileScene], finger: int) -> np.ndarray:
+def holding(grasped: tuple[PadContact, TactileScene], finger: int) -> np.ndarray:
     found = held(*grasped, finger, 0, TIMES)
     return np.zeros(len(TIMES), dtype=bool) if found is None else found
 

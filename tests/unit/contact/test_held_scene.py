@@ -10,8 +10,8 @@ import pytest
 
 from core.contact.held import held
 from core.contact.held_body import inertia_of
+from core.contact.pad_sampler import PadSampler
 from core.contact.skin_touch import SkinSampler
-from core.contact.touch import TouchSampler
 from core.errors import DermisError
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 from core.skin.model import fingertip_skin
@@ -58,7 +58,7 @@ def make(mass=0.03, mode="auto", **more):
 
 
 def run(scene, skins, block, fingers, cuts=(), channels=None, surfaces=None):
-    pads, sampler = TouchSampler(scene), SkinSampler(scene, skins)
+    pads, sampler = PadSampler(scene), SkinSampler(scene, skins)
     for i, j in zip((0, *cuts), (*cuts, COUNT), strict=True):
         screens = np.zeros((0, j - i, 4, 4))
         chunk = Chunk(

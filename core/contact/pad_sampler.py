@@ -1,4 +1,4 @@
-"""TouchSampler: from chunks of poses to the gap between every pad and every body, sample by sample.
+"""PadSampler: from chunks of poses to the gap between every pad and every body, sample by sample.
 
 The broad phase compares boxes over a whole chunk, then per sample; what is farther apart than the reach costs nothing
 more and is counted. The narrow phase asks a body's `Surface` for its gap to the pads' centres, in the body's *carried*
@@ -23,9 +23,9 @@ from ..surface.centre import centre_of
 from ..surface.gap import GapQuery, Surface
 from ..surface.repairs import Repairs
 from .deforming import Deforming
-from .pair import PairRecord
+from .pad_contact import PadContact
+from .pair_record import PairRecord
 from .reach import Reach
-from .sampled import SampledTouch
 from .stretch_rates import StretchRates
 from .surfaces import SAME_STRETCH, box_of, carried, surface_of
 
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 BONE_HEIGHT = 0.006
 
 
-class TouchSampler:
+class PadSampler:
     """Collects the touch of a scene, one chunk after the other.
 
     Args:
@@ -97,7 +97,7 @@ class TouchSampler:
         self._count += count
         return replace(chunk, fingers=fingers, bodies=bodies, screens=screens)
 
-    def finish(self) -> SampledTouch:
+    def finish(self) -> PadContact:
         """Return everything that was taken in.
 
         Raises:
@@ -112,7 +112,7 @@ class TouchSampler:
         channels = self._repairs.channels(self._chunks, frames)
         pairs = {key: pair.assembled(self._count) for key, pair in sorted(self._pairs.items()) if pair.start}
         noted = {**self._noted, **self._deforming.noted}
-        return SampledTouch(
+        return PadContact(
             frames=frames,
             times=times,
             fingers=np.concatenate([c.fingers for c in self._chunks], axis=1),

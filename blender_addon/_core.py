@@ -11,11 +11,10 @@ PACKAGE: str = __package__  # of the add-on; the three-part name in an installed
 if TYPE_CHECKING:
     import core.cache
     import core.command_line.thimble
-    import core.contact.felt
     import core.contact.posed_scene
     import core.contact.resultants
+    import core.contact.skin_contact
     import core.contact.skin_stepper
-    import core.contact.skin_touch
     import core.contact.solver.cone
     import core.design.collect
     import core.design.interactions

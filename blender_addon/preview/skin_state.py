@@ -22,7 +22,7 @@ class SkinState:
         finger: the object's name.
         model: the skin, or None while it is being made, or where it cannot be made (`note` says why).
         force: on the pad nodes in the finger's frame [N], shape (m, 3).
-        normal_force, tangential_force: totals [N]. depth, lift: [m], see the engine's `SkinTouch`.
+        normal_force, tangential_force: totals [N]. depth, lift: [m], see the engine's `SkinContact`.
         sticking, slipping: number of nodes.
         source: 'bake', 'live', 'stale', 'earlier' or 'none'. note: what a reader should know about it.
         work: what the contact solver did: 'solved', 'unchanged', 'same', 'idle' or 'baked'.
@@ -50,7 +50,7 @@ class SkinState:
         cls,
         finger: str,
         model: Any,
-        step: core.contact.felt.SkinStep,
+        step: core.contact.skin_contact.SkinStep,
         source: str,
         note: str,
         counters: Mapping[str, int],

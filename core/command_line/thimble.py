@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..errors import DermisError, Finding
 
 if TYPE_CHECKING:
-    from ..contact.skin_touch import SkinTouch
+    from ..contact.skin_contact import SkinContact
     from ..devices.spec import DeviceSpec
     from ..devices.thimble import Thimble
     from ..matching.stress import StressMatcher
@@ -263,9 +263,9 @@ def _thimble(library: Library, key: str) -> DeviceSpec:
     return spec
 
 
-def _felt(scene: TactileScene, library: Library, finger: int) -> SkinTouch:
+def _felt(scene: TactileScene, library: Library, finger: int) -> SkinContact:
     from ..contact.pad_sampler import PadSampler
-    from ..contact.skin_touch import SkinSampler
+    from ..contact.skin_sampler import SkinSampler
     from ..skin.model import skin_from_parameters
 
     p = scene.fingers[finger].parameters

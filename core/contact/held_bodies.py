@@ -9,11 +9,11 @@ import numpy as np
 
 from ..errors import Finding
 from ..scene.tactile_scene import TactileScene
-from .felt import SkinStep
 from .held_body import HeldBody, rigid
 from .held_object import HeldStep, HoldingFinger, Reach
 from .pad_contact import PadContact
 from .posed_scene import PosedScene
+from .skin_contact import SkinStep
 from .skin_stepper import SkinStepper
 from .stretch import Stretch
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..errors import Finding
 from ..skin.model import SkinModel
 from ..surface.triangles import Array
-from .felt import SkinStep, SkinTouch
+from .skin_contact import SkinContact, SkinStep
 
 _NOTHING = (0.0, 0.0, 0.0, 0.0, 0, 0)
 
@@ -38,10 +38,10 @@ class SkinRecord:
 
     def touch(
         self, model: SkinModel, times: Array, frames: Array, findings: tuple[Finding, ...], skipped: Mapping[str, int]
-    ) -> SkinTouch:
+    ) -> SkinContact:
         """Return the whole, at the sweep's times [s] and frames, shape (n,)."""
         scalars = np.array(self._scalars, dtype=np.float64).reshape(-1, 6)
-        return SkinTouch(
+        return SkinContact(
             model=model,
             times=times,
             frames=frames,

@@ -17,8 +17,8 @@ from ..errors import Finding
 from ..scene.tactile_scene import Finger
 from ..skin.model import SkinModel
 from .compliant_bone import Yielded, Yielding
-from .felt import SkinStep
 from .posed_scene import PosedScene
+from .skin_contact import SkinStep
 from .solver.bodies import AWAY, ContactBody
 from .solver.cone import SLIP, STICK
 from .solver.grip import HeldStep

@@ -34,7 +34,7 @@ from .table import SkinTable, belongs, build
 
 if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
-    from ..contact.skin_touch import SkinTouch
+    from ..contact.skin_contact import SkinContact
     from .nearest import Neighbours
 
 Array = NDArray[np.float64]
@@ -118,7 +118,7 @@ def _weighted(squared: Array, values: Array) -> Array:
 
 
 def render(
-    touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinTouch
+    touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
 ) -> Rendered:
     """Render one finger's platform: what the virtual sensor reads at every sample, looked up.
 

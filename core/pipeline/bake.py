@@ -10,7 +10,7 @@ from ..errors import Finding
 from ..track.command_track import Array, CommandTrack
 
 if TYPE_CHECKING:
-    from ..contact.skin_touch import SkinTouch
+    from ..contact.skin_contact import SkinContact
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Bake:
     skipped: Mapping[str, int]
     content_hash: str
     stage_seconds: Mapping[str, float] = field(default_factory=dict)
-    skins: Mapping[str, SkinTouch] = field(default_factory=dict)
+    skins: Mapping[str, SkinContact] = field(default_factory=dict)
 
     @property
     def all_findings(self) -> tuple[Finding, ...]:

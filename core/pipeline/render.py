@@ -30,7 +30,7 @@ from .bake import Bake, Output, Progress
 if TYPE_CHECKING:
     from ..cache import Cache
     from ..contact.pad_contact import PadContact
-    from ..contact.skin_touch import SkinTouch
+    from ..contact.skin_contact import SkinContact
     from ..matching.rendered import Rendered
     from ..skin.model import SkinModel
 
@@ -165,13 +165,13 @@ def _skins(
 
 def _sample(
     scene: TactileScene, skins: Mapping[int, SkinModel], content: ContentHash, clock: _Stages
-) -> Generator[Progress, None, tuple[PadContact, dict[int, SkinTouch]]]:
+) -> Generator[Progress, None, tuple[PadContact, dict[int, SkinContact]]]:
     """Draw the chunks through the contact of the pads' centres and, where somebody needs it, of the whole skin."""
     from ..contact.pad_sampler import PadSampler
 
     pads, skin = PadSampler(scene), None
     if skins:
-        from ..contact.skin_touch import SkinSampler
+        from ..contact.skin_sampler import SkinSampler
 
         skin = SkinSampler(scene, skins)
     done = 0

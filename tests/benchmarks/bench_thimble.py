@@ -260,7 +260,7 @@ def surrogate_network() -> Result:
 def bake() -> Result:
     """Finger-frames a second of five thimble fingers, from chunks of poses to servo angles."""
     from core.contact.pad_sampler import PadSampler
-    from core.contact.skin_touch import SkinSampler
+    from core.contact.skin_sampler import SkinSampler
     from core.devices.spec import from_preset
     from core.matching.thimble import describe, render
     from core.presets import Library

@@ -11,7 +11,7 @@ import pytest
 from core.contact.held import held
 from core.contact.held_body import inertia_of
 from core.contact.pad_sampler import PadSampler
-from core.contact.skin_touch import SkinSampler
+from core.contact.skin_sampler import SkinSampler
 from core.errors import DermisError
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 from core.skin.model import fingertip_skin

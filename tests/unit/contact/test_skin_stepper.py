@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from core.contact.posed_scene import PosedScene
+from core.contact.skin_sampler import SkinSampler
 from core.contact.skin_stepper import SkinStepper
-from core.contact.skin_touch import SkinSampler
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 from core.skin.model import fingertip_skin
 from core.surface.shapes import block

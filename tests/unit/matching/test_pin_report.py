@@ -10,7 +10,7 @@ import pytest
 
 from core.__main__ import main
 from core.contact.pad_sampler import PadSampler
-from core.contact.skin_touch import SkinSampler
+from core.contact.skin_sampler import SkinSampler
 from core.errors import DermisError
 from core.matching import pin_report
 from core.presets import Library

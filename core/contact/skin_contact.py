@@ -38,7 +38,7 @@ class SkinStep:
 
 
 @dataclass(frozen=True, eq=False)
-class SkinTouch:
+class SkinContact:
     """What one finger's skin felt over a scene.
 
     Attributes:

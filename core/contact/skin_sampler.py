@@ -20,17 +20,17 @@ from numpy.typing import NDArray
 from ..errors import DermisError, Finding
 from ..scene.tactile_scene import Chunk, TactileScene
 from ..skin.model import SkinModel
-from .felt import SkinTouch
 from .held_bodies import HeldBodies
 from .held_body import may_be_held
 from .pad_contact import PadContact
 from .posed_scene import PosedScene
+from .skin_contact import SkinContact
 from .skin_record import SkinRecord
 from .skin_stepper import SkinStepper
 from .solver.path import PathSolver
 from .stretch import Stretch
 
-__all__ = ["SkinSampler", "SkinTouch"]
+__all__ = ["SkinSampler", "SkinContact"]
 
 Array = NDArray[np.float64]
 
@@ -108,7 +108,7 @@ class SkinSampler:
         self._held_findings = held.findings
         self._waits = False
 
-    def finish(self, touch: PadContact | None = None) -> dict[int, SkinTouch]:
+    def finish(self, touch: PadContact | None = None) -> dict[int, SkinContact]:
         """Return what every finger felt.
 
         Args:
@@ -133,7 +133,7 @@ class SkinSampler:
         close = {b for approach in stretch.fingers.values() for b in approach.near}
         return any(may_be_held(self._scene, b, stretch.chunk) for b in close)
 
-    def _touch(self, f: int, times: Array, frames: Array) -> SkinTouch:
+    def _touch(self, f: int, times: Array, frames: Array) -> SkinContact:
         stepper, counters = self._steppers[f], self._steppers[f].counters
         skipped = {
             "skin_pairs_far": stepper.far,

@@ -13,9 +13,9 @@ from .held_body import HeldBody, rigid
 from .held_object import HeldStep, HoldingFinger, Reach
 from .pad_contact import PadContact
 from .posed_scene import PosedScene
+from .sample_window import SampleWindow
 from .skin_contact import SkinStep
 from .skin_stepper import SkinStepper
-from .stretch import Stretch
 
 
 class HeldBodies:
@@ -24,7 +24,7 @@ class HeldBodies:
     Args:
         touch: of the whole range: it knows when a body is held, and how it is accelerated.
         candidates: their indices.
-        posed: the scene, at the chunk of each stretch.
+        posed: the scene, at the chunk of each window.
         steppers: of the fingers that are solved.
     """
 
@@ -45,23 +45,23 @@ class HeldBodies:
         """What slipped, and what is held by fingers that are not solved."""
         return tuple(finding for body in self._held for finding in body.findings)
 
-    def step(self, stretch: Stretch, i: int, sample: int) -> dict[int, SkinStep]:
-        """Balance what is held at sample `i` of a stretch; return the steps of the fingers that hold something.
+    def step(self, window: SampleWindow, i: int, sample: int) -> dict[int, SkinStep]:
+        """Balance what is held at sample `i` of a window; return the steps of the fingers that hold something.
 
         Args:
             sample: the same, counted over the whole range.
         """
         steps: dict[int, SkinStep] = {}
-        frame = float(stretch.chunk.frames[i])
+        frame = float(window.chunk.frames[i])
         for body in self._held:
-            near = (f for f in body.order if body.index in stretch.fingers[f].near)
-            fingers = [f for f in near if stretch.fingers[f].near[body.index][i]]
+            near = (f for f in body.order if body.index in window.fingers[f].near)
+            fingers = [f for f in near if window.fingers[f].near[body.index][i]]
             if not body.held[sample] or not fingers or not steps.keys().isdisjoint(fingers):
                 if body.held[sample] and fingers:
                     body.shared(frame)
                 body.let_go()
                 continue
-            step, lifts = self._balance(body, fingers, stretch, i, sample)
+            step, lifts = self._balance(body, fingers, window, i, sample)
             if step is None:
                 body.let_go()
                 continue
@@ -70,15 +70,15 @@ class HeldBodies:
         return steps
 
     def _balance(
-        self, body: HeldBody, fingers: Sequence[int], stretch: Stretch, i: int, sample: int
+        self, body: HeldBody, fingers: Sequence[int], window: SampleWindow, i: int, sample: int
     ) -> tuple[HeldStep | None, list[float]]:
         """Balance one body; also return how far the force limits lift the bones."""
-        b, frame = body.index, float(stretch.chunk.frames[i])
+        b, frame = body.index, float(window.chunk.frames[i])
         surface, turn, origin, _, _ = self._posed.at(b, i)
         reaches: dict[int, Reach] = {}
         lifts = []
         for f in fingers:
-            stepper, approach = self._steppers[f], stretch.fingers[f]
+            stepper, approach = self._steppers[f], window.fingers[f]
             own, around = stepper.place_of(b), stepper.around(approach, i)
             pose = rigid(approach.turn[i], approach.place[i])
             displaced = body.body(pose, surface, turn, origin, sample)

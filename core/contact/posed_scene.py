@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..motion import rotations
 from ..scene.tactile_scene import Body, Chunk
-from .posed import Posed, PosedBody
+from .posed_body import Posed, PosedBody
 from .solver.bodies import ContactBody
 
 Array = NDArray[np.float64]

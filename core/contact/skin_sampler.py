@@ -24,11 +24,11 @@ from .held_bodies import HeldBodies
 from .held_body import may_be_held
 from .pad_contact import PadContact
 from .posed_scene import PosedScene
+from .sample_window import SampleWindow
 from .skin_contact import SkinContact
 from .skin_record import SkinRecord
 from .skin_stepper import SkinStepper
 from .solver.path import PathSolver
-from .stretch import Stretch
 
 __all__ = ["SkinSampler", "SkinContact"]
 
@@ -57,7 +57,7 @@ class SkinSampler:
         self._frames: list[Array] = []
         self._times: list[Array] = []
         self._waits = False
-        self._kept: list[Stretch] = []
+        self._kept: list[SampleWindow] = []
         self._held_findings: tuple[Finding, ...] = ()
 
     def solver(self, finger: int) -> PathSolver:
@@ -69,14 +69,14 @@ class SkinSampler:
         if not len(chunk.times):
             return
         self._posed.take(chunk)
-        stretch = Stretch(chunk, {f: stepper.approach() for f, stepper in self._steppers.items()})
+        window = SampleWindow(chunk, {f: stepper.approach() for f, stepper in self._steppers.items()})
         self._frames.append(chunk.frames)
         self._times.append(chunk.times)
-        self._waits = self._waits or self._near_what_may_be_held(stretch)
+        self._waits = self._waits or self._near_what_may_be_held(window)
         if self._waits:
-            self._kept.append(stretch.lighter())
+            self._kept.append(window.lighter())
             return
-        for f, approach in stretch.fingers.items():
+        for f, approach in window.fingers.items():
             if not approach.near:
                 self._steppers[f].idle(len(chunk.times))
                 self._records[f].nothing(len(chunk.times))
@@ -96,12 +96,12 @@ class SkinSampler:
         candidates = {b for s in self._kept for b in every if may_be_held(scene, b, s.chunk)}
         held = HeldBodies(scene, touch, candidates, self._posed, self._steppers)
         while self._kept:
-            stretch = self._kept.pop(0)
-            self._posed.take(stretch.chunk)
-            for i in range(len(stretch.chunk.times)):
-                steps = held.step(stretch, i, done)
+            window = self._kept.pop(0)
+            self._posed.take(window.chunk)
+            for i in range(len(window.chunk.times)):
+                steps = held.step(window, i, done)
                 for f, stepper in self._steppers.items():
-                    self._records[f].keep(steps[f] if f in steps else stepper.step(stretch.fingers[f], i))
+                    self._records[f].keep(steps[f] if f in steps else stepper.step(window.fingers[f], i))
                 done += 1
                 if done % 10 == 0:
                     yield done
@@ -129,9 +129,9 @@ class SkinSampler:
         frames = np.concatenate(self._frames) if self._frames else np.zeros(0)
         return {f: self._touch(f, times, frames) for f in self._steppers}
 
-    def _near_what_may_be_held(self, stretch: Stretch) -> bool:
-        close = {b for approach in stretch.fingers.values() for b in approach.near}
-        return any(may_be_held(self._scene, b, stretch.chunk) for b in close)
+    def _near_what_may_be_held(self, window: SampleWindow) -> bool:
+        close = {b for approach in window.fingers.values() for b in approach.near}
+        return any(may_be_held(self._scene, b, window.chunk) for b in close)
 
     def _touch(self, f: int, times: Array, frames: Array) -> SkinContact:
         stepper, counters = self._steppers[f], self._steppers[f].counters

@@ -18,11 +18,11 @@ from ..scene.tactile_scene import Finger
 from ..skin.model import SkinModel
 from .compliant_bone import Yielded, Yielding
 from .posed_scene import PosedScene
+from .sample_window import Approach
 from .skin_contact import SkinStep
 from .solver.bodies import AWAY, ContactBody
 from .solver.cone import SLIP, STICK
 from .solver.grip import HeldStep
-from .stretch import Approach
 
 Array = NDArray[np.float64]
 

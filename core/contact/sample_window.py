@@ -34,13 +34,13 @@ class Approach:
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class SampleWindow:
     """Consecutive samples of all fingers that are solved, by their index, after the broad phase."""
 
     chunk: Chunk
     fingers: Mapping[int, Approach]
 
-    def lighter(self) -> Stretch:
+    def lighter(self) -> SampleWindow:
         """Return samples without the surfaces that no finger is near, so that they may be kept."""
         chunk = self.chunk
         surfaces = {}

@@ -1,4 +1,4 @@
-"""Deforming surfaces: what is no number is held and told, what is doubtful is told once, animated gaps are not cut."""
+"""Surfaces that deform: what is no number is held and told, what is doubtful told once, animated gaps are not cut."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from core.contact.pad_contact import PadContact
 from core.contact.pad_sampler import PadSampler
-from core.contact.reach import FASTEST_APPROACH
+from core.contact.search_radius import FASTEST_APPROACH
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 
 RATE, COUNT = 240.0, 60

@@ -52,7 +52,9 @@ class PosedScene:
         """Return the fingers' rotations to the world, shape (F, n, 3, 3)."""
         if self._turns is None:
             linear = self.chunk.fingers[:, :, :3, :3]
-            self._turns = rotations(linear.reshape(-1, 3, 3)).reshape(linear.shape)
+            turns = rotations(linear.reshape(-1, 3, 3)).reshape(linear.shape)
+            # how matrices lie in memory decides the last digit of their products: a lone sample's lie as they ever did
+            self._turns = np.ascontiguousarray(turns) if linear.shape[1] == 1 else turns
         return self._turns
 
     def boxes(self) -> tuple[Array, Array]:

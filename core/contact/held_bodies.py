@@ -10,12 +10,12 @@ import numpy as np
 from ..errors import Finding
 from ..scene.tactile_scene import TactileScene
 from .held_body import HeldBody, rigid
-from .held_object import HeldStep, HoldingFinger, Reach
 from .pad_contact import PadContact
 from .posed_scene import PosedScene
 from .sample_window import SampleWindow
 from .skin_contact import SkinStep
 from .skin_stepper import SkinStepper
+from .solver.grip_solver import GripStep, HoldContext, HoldingFinger
 
 
 class HeldBodies:
@@ -71,11 +71,11 @@ class HeldBodies:
 
     def _balance(
         self, body: HeldBody, fingers: Sequence[int], window: SampleWindow, i: int, sample: int
-    ) -> tuple[HeldStep | None, list[float]]:
+    ) -> tuple[GripStep | None, list[float]]:
         """Balance one body; also return how far the force limits lift the bones."""
         b, frame = body.index, float(window.chunk.frames[i])
         surface, turn, origin, _, _ = self._posed.at(b, i)
-        reaches: dict[int, Reach] = {}
+        contexts: dict[int, HoldContext] = {}
         lifts = []
         for f in fingers:
             stepper, approach = self._steppers[f], window.fingers[f]
@@ -89,8 +89,8 @@ class HeldBodies:
                 around = [replace(a, translation=a.translation + down) for a in around]
                 pose[:3, 3] -= pose[:3, :3] @ down
             lifts.append(lift)
-            reaches[f] = Reach(pose, tuple(around), own, stepper.bone.solver.history)
-        step = body.step(sample, surface, turn, origin, [reaches.get(f) for f in body.order], frame)
+            contexts[f] = HoldContext(pose, tuple(around), own, stepper.bone.solver.history)
+        step = body.step(sample, surface, turn, origin, [contexts.get(f) for f in body.order], frame)
         return step, lifts
 
 

@@ -22,7 +22,7 @@ from .sample_window import Approach
 from .skin_contact import SkinStep
 from .solver.bodies import AWAY, ContactBody
 from .solver.cone import SLIP, STICK
-from .solver.grip import HeldStep
+from .solver.grip import GripStep
 
 Array = NDArray[np.float64]
 
@@ -95,7 +95,7 @@ class SkinStepper:
         """Return which of the bodies `around` the finger is body `b`."""
         return self._order.index(b)
 
-    def adopt(self, held: HeldStep, k: int, lift: float, frame: float) -> SkinStep:
+    def adopt(self, held: GripStep, k: int, lift: float, frame: float) -> SkinStep:
         """Take over a sample that was solved together with other fingers.
 
         Args:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contact.encounter import Encounter, turned, turned_back
-from ..contact.held import meet
+from ..contact.holding_times import meet
 from ..devices.friction_screen import FrictionScreen
 from ..devices.spec import DeviceSpec
 from ..effects.slide import (

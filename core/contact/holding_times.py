@@ -36,7 +36,9 @@ def meet(touch: PadContact, scene: TactileScene, finger: int, body: int, times: 
     return encounter(touch, finger, body, times, distance)
 
 
-def held(touch: PadContact, scene: TactileScene, finger: int, body: int, times: Array) -> NDArray[np.bool_] | None:
+def holding_times(
+    touch: PadContact, scene: TactileScene, finger: int, body: int, times: Array
+) -> NDArray[np.bool_] | None:
     """Return when a finger holds a body, shape (m,), or None if it never does.
 
     Args:

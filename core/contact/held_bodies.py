@@ -61,37 +61,37 @@ class HeldBodies:
                     body.shared(frame)
                 body.let_go()
                 continue
-            step, lifts = self._balance(body, fingers, window, i, sample)
+            step, retractions = self._balance(body, fingers, window, i, sample)
             if step is None:
                 body.let_go()
                 continue
             for k, f in enumerate(fingers):
-                steps[f] = self._steppers[f].adopt(step, k, lifts[k], frame)
+                steps[f] = self._steppers[f].adopt(step, k, retractions[k], frame)
         return steps
 
     def _balance(
         self, body: HeldBody, fingers: Sequence[int], window: SampleWindow, i: int, sample: int
     ) -> tuple[GripStep | None, list[float]]:
-        """Balance one body; also return how far the force limits lift the bones."""
+        """Balance one body; also return how far the force limits retract the bones."""
         b, frame = body.index, float(window.chunk.frames[i])
         surface, turn, origin, _, _ = self._posed.at(b, i)
         contexts: dict[int, HoldContext] = {}
-        lifts = []
+        retractions = []
         for f in fingers:
             stepper, approach = self._steppers[f], window.fingers[f]
             own, around = stepper.place_of(b), stepper.around(approach, i)
             pose = rigid(approach.turn[i], approach.place[i])
             displaced = body.body(pose, surface, turn, origin, sample)
             tried = replace(around[own], rotation=displaced.rotation, translation=displaced.translation)
-            lift = stepper.bone.lift([*around[:own], tried, *around[own + 1 :]], frame)
-            if lift > 0.0:
-                down = np.array([0.0, 0.0, -lift])
+            retraction = stepper.bone.retraction([*around[:own], tried, *around[own + 1 :]], frame)
+            if retraction > 0.0:
+                down = np.array([0.0, 0.0, -retraction])
                 around = [replace(a, translation=a.translation + down) for a in around]
                 pose[:3, 3] -= pose[:3, :3] @ down
-            lifts.append(lift)
+            retractions.append(retraction)
             contexts[f] = HoldContext(pose, tuple(around), own, stepper.bone.solver.history)
         step = body.step(sample, surface, turn, origin, [contexts.get(f) for f in body.order], frame)
-        return step, lifts
+        return step, retractions
 
 
 def _holding_finger(stepper: SkinStepper) -> HoldingFinger:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..errors import Finding
 from ..scene.tactile_scene import Finger
 from ..skin.model import SkinModel
-from .compliant_bone import Yielded, Yielding
+from .compliant_bone import BoneStep, CompliantBone
 from .posed_scene import PosedScene
 from .sample_window import Approach
 from .skin_contact import SkinStep
@@ -48,7 +48,7 @@ class SkinStepper:
         self, skin: SkinModel, index: int, finger: Finger, scene: PosedScene, *, tolerance: float | None = None
     ) -> None:
         self.skin, self.index, self.name = skin, index, f"finger '{finger.name}'"
-        self.bone = Yielding.of(skin, finger.parameters, self.name, tolerance)
+        self.bone = CompliantBone.of(skin, finger.parameters, self.name, tolerance)
         self.far = 0
         self._scene = scene
         self._low, self._high = skin.positions.min(axis=0), skin.positions.max(axis=0)
@@ -79,7 +79,7 @@ class SkinStepper:
         """
         if not approach.close(i):
             return self.idle()
-        return _felt(self.bone.step(self.around(approach, i), float(self._scene.chunk.frames[i])))
+        return _skin_step(self.bone.step(self.around(approach, i), float(self._scene.chunk.frames[i])))
 
     def idle(self, count: int = 1) -> SkinStep:
         """Take samples in which nothing is near; history ends there."""
@@ -95,13 +95,15 @@ class SkinStepper:
         """Return which of the bodies `around` the finger is body `b`."""
         return self._order.index(b)
 
-    def adopt(self, held: GripStep, k: int, lift: float, frame: float) -> SkinStep:
+    def adopt(self, held: GripStep, k: int, retraction: float, frame: float) -> SkinStep:
         """Take over a sample that was solved together with other fingers.
 
         Args:
-            held: the answer, in which this finger is number `k`. lift: how far its force limit raised the bone [m].
+            held: the answer, in which this finger is number `k`. retraction: of its bone [m].
         """
-        return _felt(self.bone.adopt(held.forces[k], held.slips[k], held.frames[k], held.residual, lift, frame))
+        return _skin_step(
+            self.bone.adopt(held.forces[k], held.slips[k], held.frames[k], held.residual, retraction, frame)
+        )
 
     def save(self) -> Mapping[str, Any]:
         """Return the state between two samples, for `restore`: a sample may then be solved anew."""
@@ -123,19 +125,19 @@ class SkinStepper:
         return self.bone.solver.counters
 
 
-def _felt(yielded: Yielded) -> SkinStep:
+def _skin_step(bone: BoneStep) -> SkinStep:
     """Sum up a sample of the solver."""
-    solution, work = yielded.step.solution, yielded.step.work
+    solution, work = bone.step.solution, bone.step.work
     if not solution.force.any():
-        return SkinStep(solution.force, lift=yielded.lift, work=work, converged=solution.converged)
+        return SkinStep(solution.force, lift=bone.lift, work=work, converged=solution.converged)
     normal = solution.normal_force
     across = (solution.force - normal[:, None] * solution.normals).sum(axis=0)
     return SkinStep(
         solution.force,
         float(normal.sum()),
         float(np.linalg.norm(across)),
-        yielded.depth,
-        yielded.lift,
+        bone.depth,
+        bone.lift,
         int((solution.status == STICK).sum()),
         int((solution.status == SLIP).sum()),
         work,

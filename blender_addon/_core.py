@@ -11,12 +11,11 @@ PACKAGE: str = __package__  # of the add-on; the three-part name in an installed
 if TYPE_CHECKING:
     import core.cache
     import core.command_line.thimble
-    import core.contact.compliant_bone
+    import core.contact.posed_scene
     import core.contact.resultants
-    import core.contact.skin_touch
-    import core.contact.solver.bodies
+    import core.contact.skin_contact
+    import core.contact.skin_stepper
     import core.contact.solver.cone
-    import core.contact.surfaces
     import core.design.collect
     import core.design.interactions
     import core.design.picture

@@ -49,20 +49,4 @@ def _baked_state(name: str, touch: Any, frame: float, state: str) -> SkinState:
         )
     after = min(int(np.searchsorted(frames, frame)), len(frames) - 1)
     i = after - 1 if after > 0 and frame - frames[after - 1] < frames[after] - frame else after
-    unconverged = any(f.code == "not-converged" for f in touch.findings)
-    return SkinState(
-        name,
-        touch.model,
-        touch.force_at(i),
-        float(touch.normal_force[i]),
-        float(touch.tangential_force[i]),
-        float(touch.depth[i]),
-        float(touch.lift[i]),
-        int(touch.sticking[i]),
-        int(touch.slipping[i]),
-        source,
-        notes[state],
-        "baked",
-        not unconverged,
-        counters,
-    )
+    return SkinState.of(name, touch.model, touch.at(i), source, notes[state], counters)

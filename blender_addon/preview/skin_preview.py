@@ -14,19 +14,15 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import handlers
 from .._core import DermisError, core
 from ..devices import skin_models
 from ..results import store
 from . import baked_skins
-from .preview_surfaces import Shape, may_deform
 from .skin_state import SkinState
 
 __all__ = ["SkinState", "any_shown", "failure", "own", "states", "step"]
-
-Array = NDArray[np.float64]
 
 STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
 SETTLE = 0.05  # [s] after a change of the scene until the frame is solved anew
@@ -37,11 +33,8 @@ class _Track:
     """One finger's way through the frames."""
 
     key: tuple[Any, ...]
-    path: Any
-    box: tuple[Array, Array]  # of the pad at rest
-    order: list[int] = field(default_factory=list)
-    before: Any = None  # the path's state before the last frame
-    far: int = 0
+    stepper: core.contact.skin_stepper.SkinStepper
+    before: Any  # the stepper's state before the last frame
 
 
 @dataclass
@@ -53,11 +46,9 @@ class _Live:
     edits: int = -1
     cast: tuple[Any, ...] = ()
     tracks: dict[str, _Track] = field(default_factory=dict)
-    shapes: dict[str, Shape] = field(default_factory=dict)
+    posed: core.contact.posed_scene.PosedScene | None = None  # for all fingers
     states: tuple[SkinState, ...] = ()
     failure: str = ""
-    middles: Array = field(default_factory=lambda: np.zeros((0, 3)))  # of the bodies' boxes in the world, this frame
-    halves: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 _live = _Live()
@@ -147,10 +138,10 @@ def step(context: bpy.types.Context, sample: Any = None) -> tuple[SkinState, ...
             if _live.edits != handlers.edits():
                 scene_sweep.forget()
             sample = scene_sweep.sample_now(scene, context.evaluated_depsgraph_get())
-        again = _prepare(scene, sample, frame)
+        posed, again = _prepare(scene, sample, frame)
         with skin_models.one_thread():
             _live.states = tuple(
-                _solve(sample, f, finger, frame, again)
+                _solve(f, finger, posed, frame, again)
                 for f, finger in enumerate(sample.fingers)
                 if finger.parameters.get("skin_shown") or _followed(d.preset for d in finger.devices)
             )
@@ -165,7 +156,7 @@ def step(context: bpy.types.Context, sample: Any = None) -> tuple[SkinState, ...
 def reset() -> None:
     """Forget the history: the next frame is solved from rest."""
     _live.tracks.clear()
-    _live.shapes.clear()
+    _live.posed = None
     _live.states, _live.failure, _live.generation = (), "", -1
 
 
@@ -212,8 +203,8 @@ def _holds(scene: bpy.types.Scene, frame: float) -> bool:
     )
 
 
-def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> bool:
-    """Decide whether the history goes on; return whether this is the frame of before, once more."""
+def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> tuple[core.contact.posed_scene.PosedScene, bool]:
+    """Pose the scene, and decide whether the history goes on; return whether this is the frame of before, once more."""
     names = tuple(b.name for b in sample.bodies)
     cast = (tuple(f.name for f in sample.fingers), names, sample.fps)
     gap = (frame - _live.frame) / float(sample.fps)
@@ -222,123 +213,60 @@ def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> bool:
     if not again and not (same and 1e-9 < gap <= STEP_SECONDS):
         _live.tracks.clear()
         _live.first = frame
-    if _live.cast != cast or not same:
-        _live.shapes = {name: Shape(may_deform(name)) for name in names}
-    _live.generation, _live.scene, _live.cast = handlers.generation(), scene.session_uid, cast
-    for b, name in enumerate(names):
-        _live.shapes[name].see(sample.chunks[0].surfaces[b][0])
-    shapes = list(_live.shapes.values())
-    if shapes:
-        lows, highs = np.array([s.low for s in shapes]), np.array([s.high for s in shapes])
-        linear = sample.chunks[0].bodies[:, 0, :3, :3]
-        _live.middles = np.einsum("bij,bj->bi", linear, (lows + highs) / 2) + sample.chunks[0].bodies[:, 0, :3, 3]
-        _live.halves = np.einsum("bij,bj->bi", np.abs(linear), (highs - lows) / 2)
-    return again
+    posed = _live.posed
+    if posed is None or not same:
+        posed = core.contact.posed_scene.PosedScene(sample.bodies, [may_deform(name) for name in names])
+    _live.generation, _live.scene, _live.cast, _live.posed = handlers.generation(), scene.session_uid, cast, posed
+    posed.take(sample.chunks[0], sample.bodies)
+    return posed, again
 
 
-def _solve(sample: Any, f: int, finger: Any, frame: float, again: bool) -> SkinState:
+def may_deform(name: str) -> bool:
+    """Return whether an object's surface may be another at another frame: friction is then carried by its faces."""
+    obj = bpy.data.objects.get(name.split(" @ ")[0])
+    if obj is None or obj.type != "MESH":
+        return True
+    return bool(len(obj.modifiers)) or obj.data.shape_keys is not None
+
+
+def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, frame: float, again: bool) -> SkinState:
     where = f"finger '{finger.name}'"
-    parameters = finger.parameters
-    level = str(parameters["skin_level"])
+    level = str(finger.parameters["skin_level"])
     try:
-        model = skin_models.get(parameters["skin"], level, where=f"{where}, skin")
+        model = skin_models.get(finger.parameters["skin"], level, where=f"{where}, skin")
     except DermisError as error:  # the other fingers go on
         return SkinState(finger.name, None, np.zeros((0, 3)), note=str(error))
     if model is None:
-        done = skin_models.progress(parameters["skin"], level) or 0.0
+        done = skin_models.progress(finger.parameters["skin"], level) or 0.0
         return SkinState(finger.name, None, np.zeros((0, 3)), note=f"making the {level} skin: {done:.0%}")
-    track = _track(finger, model, where)
+    track = _track(f, finger, model, posed)
     if again:
-        track.path.solver.restore(track.before)
-    track.before = track.path.solver.save()
-    chunk = sample.chunks[0]
-    pose = chunk.fingers[f, 0]
-    turn, place = pose[:3, :3], pose[:3, 3]
-    near = _near(track, turn, place) if sample.bodies else []
-    track.far += len(sample.bodies) - len(near)
-    track.order += [b for b in near if b not in track.order]
+        track.stepper.restore(track.before)
+    track.before = track.stepper.save()
+    step = track.stepper.step(track.stepper.approach(), 0)
     starts = frame == _live.first
     note = f"live, from rest at frame {_live.first:g}" + (": play or step forward" if starts else "")
-    if not near:
-        track.path.idle()
-        return SkinState(
-            finger.name, model, np.zeros((model.pad_count, 3)), source="live", note=note, counters=_counters(track)
-        )
-    bodies = [_body(sample, b, turn, place) for b in track.order]
-    yielded = track.path.step(bodies, frame)
-    solution = yielded.step.solution
-    cone = core.contact.solver.cone
-    normal = solution.normal_force
-    across = (solution.force - normal[:, None] * solution.normals).sum(axis=0)
-    return SkinState(
-        finger.name,
-        model,
-        solution.force,
-        float(normal.sum()),
-        float(np.linalg.norm(across)),
-        yielded.depth if solution.force.any() else 0.0,
-        yielded.lift,
-        int((solution.status == cone.STICK).sum()),
-        int((solution.status == cone.SLIP).sum()),
-        "live",
-        note,
-        yielded.step.work,
-        bool(solution.converged),
-        _counters(track),
-    )
+    return SkinState.of(finger.name, model, step, "live", note, _counters(track.stepper))
 
 
-def _track(finger: Any, model: Any, where: str) -> _Track:
+def _track(f: int, finger: Any, model: Any, posed: core.contact.posed_scene.PosedScene) -> _Track:
     p = finger.parameters
     key = (id(model), p["depth_mode"], p["bone_stiffness"], p["force_limit"])
     track = _live.tracks.get(finger.name)
     if track is None or track.key != key:
-        path = core.contact.compliant_bone.Yielding.of(model, p, where)
-        points = model.positions
-        track = _live.tracks[finger.name] = _Track(key, path, (points.min(axis=0), points.max(axis=0)))
-        track.before = path.solver.save()
+        stepper = core.contact.skin_stepper.SkinStepper(model, f, finger, posed)
+        track = _live.tracks[finger.name] = _Track(key, stepper, stepper.save())
     return track
 
 
-def _near(track: _Track, turn: Array, place: Array) -> list[int]:
-    """Return the bodies whose boxes come within reach of the fingertip's."""
-    low, high = track.box
-    middle, half = place + turn @ ((low + high) / 2), np.abs(turn) @ ((high - low) / 2) + track.path.solver.reach
-    inside = (np.abs(middle - _live.middles) <= half + _live.halves).all(axis=1)
-    return np.flatnonzero(inside).tolist()
-
-
-def _body(sample: Any, b: int, turn: Array, place: Array) -> Any:
-    """Return a body in the finger's frame."""
-    chunk = sample.chunks[0]
-    pose, shape = chunk.bodies[b, 0], _live.shapes[sample.bodies[b].name]
-    surface, rotation = shape.placed(pose)
-    stiffness = _value(sample, b, "surface_stiffness", 0.0)
-    return core.contact.solver.bodies.ContactBody(
-        surface,
-        turn.T @ rotation,
-        turn.T @ (pose[:3, 3] - place),
-        friction=_value(sample, b, "friction", 0.6),
-        softness=1.0 / stiffness if stiffness > 0 else 0.0,
-        deforms=shape.deforms,
-        carry=shape.carry,
-    )
-
-
-def _value(sample: Any, b: int, name: str, default: float) -> float:
-    channel = sample.chunks[0].channels.get(f"body/{b}/{name}")
-    return float(sample.bodies[b].parameters.get(name, default) if channel is None else channel[0])
-
-
-def _counters(track: _Track) -> dict[str, int]:
-    solver = track.path.solver
-    c = solver.counters
+def _counters(stepper: core.contact.skin_stepper.SkinStepper) -> dict[str, int]:
+    c = stepper.counters
     return {
         "solved": c["solved"],
         "skipped, forces still hold": c["unchanged"],
         "skipped, same pose": c["same"],
         "skipped, nothing near": c["idle"],
-        "skipped, objects far away": track.far,
+        "skipped, objects far away": stepper.far,
         "solved by the fallback": c["fallback"],
         "not converged": c["unconverged"],
     }

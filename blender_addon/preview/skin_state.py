@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._core import core
+
 Array = NDArray[np.float64]
 
 
@@ -20,7 +22,7 @@ class SkinState:
         finger: the object's name.
         model: the skin, or None while it is being made, or where it cannot be made (`note` says why).
         force: on the pad nodes in the finger's frame [N], shape (m, 3).
-        normal_force, tangential_force: totals [N]. depth, lift: [m], see the engine's `SkinTouch`.
+        normal_force, tangential_force: totals [N]. depth, lift: [m], see the engine's `SkinContact`.
         sticking, slipping: number of nodes.
         source: 'bake', 'live', 'stale', 'earlier' or 'none'. note: what a reader should know about it.
         work: what the contact solver did: 'solved', 'unchanged', 'same', 'idle' or 'baked'.
@@ -42,6 +44,34 @@ class SkinState:
     work: str = "idle"
     converged: bool = True
     counters: Mapping[str, int] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        finger: str,
+        model: Any,
+        step: core.contact.skin_contact.SkinStep,
+        source: str,
+        note: str,
+        counters: Mapping[str, int],
+    ) -> SkinState:
+        """Return the state of a skin from one sample of the engine's."""
+        return cls(
+            finger,
+            model,
+            step.force,
+            step.normal_force,
+            step.tangential_force,
+            step.depth,
+            step.lift,
+            step.sticking,
+            step.slipping,
+            source,
+            note,
+            step.work,
+            step.converged,
+            counters,
+        )
 
     @property
     def touching(self) -> bool:

@@ -48,7 +48,7 @@ def unpack(entries: list[dict[str, Any]], file: Mapping[str, Any]) -> dict[str, 
     Raises:
         DermisError: a skin is made otherwise by this version, so that the forces do not belong to its nodes.
     """
-    touch = core.contact.skin_touch.SkinTouch
+    touch = core.contact.skin_contact.SkinContact
     out = {}
     for entry in entries:
         i, finger = int(entry["number"]), str(entry["finger"])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..errors import DermisError, Finding
 
 if TYPE_CHECKING:
-    from ..contact.skin_touch import SkinTouch
+    from ..contact.skin_contact import SkinContact
     from ..devices.spec import DeviceSpec
     from ..devices.thimble import Thimble
     from ..matching.stress import StressMatcher
@@ -263,15 +263,15 @@ def _thimble(library: Library, key: str) -> DeviceSpec:
     return spec
 
 
-def _felt(scene: TactileScene, library: Library, finger: int) -> SkinTouch:
-    from ..contact.skin_touch import SkinSampler
-    from ..contact.touch import TouchSampler
+def _felt(scene: TactileScene, library: Library, finger: int) -> SkinContact:
+    from ..contact.pad_sampler import PadSampler
+    from ..contact.skin_sampler import SkinSampler
     from ..skin.model import skin_from_parameters
 
     p = scene.fingers[finger].parameters
     parameters = p.get("skin") or library.skin("index_medium")
     skin = skin_from_parameters(parameters, level=str(p.get("skin_level", "standard")))
-    touch, sampler = TouchSampler(scene), SkinSampler(scene, {finger: skin})
+    touch, sampler = PadSampler(scene), SkinSampler(scene, {finger: skin})
     for chunk in scene.chunks:
         sampler.add(touch.add(chunk))
     return sampler.finish(touch.finish())[finger]

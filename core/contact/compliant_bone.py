@@ -2,7 +2,7 @@
 
 Animated fingers sink too deep. The compliant bone rests on a spring along the pad's normal (the finger's Z) and lets
 go of whatever presses it beyond a force limit. The spring is a compliance that all nodes share, so it is solved with
-the skin and not after it; the limit is found by lifting the bone until the force meets it.
+the skin and not after it; the limit is found by retracting the bone until the force meets it.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ MAX_TRIALS = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Yielded:
+class BoneStep:
     """One frame behind a touch depth.
 
     Attributes:
-        step: the contact. lift: how far the bone gave way [m].
+        step: the contact. lift: how far the bone gave way, by its spring and its retraction [m].
         depth: how deep the undeformed skin then is in an object [m].
     """
 
@@ -43,7 +43,7 @@ class Yielded:
     depth: float
 
 
-class Yielding:
+class CompliantBone:
     """The path solver of a finger, behind its touch depth.
 
     Args:
@@ -55,12 +55,14 @@ class Yielding:
 
     def __init__(self, solver: PathSolver, stiffness: float, force_limit: float, name: str) -> None:
         self.solver, self.stiffness, self.force_limit, self.name = solver, stiffness, force_limit, name
-        self._raised = 0.0  # what the force limit lifts beyond the spring [m]
+        self._retraction = 0.0  # by the force limit, beyond what the spring gives way [m]
         self._slope = 0.0
         self._notes = Notes(name)
 
     @classmethod
-    def of(cls, skin: SkinModel, parameters: Mapping[str, Any], name: str, tolerance: float | None = None) -> Yielding:
+    def of(
+        cls, skin: SkinModel, parameters: Mapping[str, Any], name: str, tolerance: float | None = None
+    ) -> CompliantBone:
         """Build from a finger's parameters: depth_mode, bone_stiffness [N/m], force_limit [N].
 
         Raises:
@@ -93,40 +95,54 @@ class Yielding:
 
     def idle(self, count: int = 1) -> PathStep:
         """Take frames in which nothing is near."""
-        self._raised = 0.0
+        self._retraction = 0.0
         return self.solver.idle(count)
 
     def reset(self) -> None:
         """Forget the history."""
-        self._raised = 0.0
+        self._retraction = 0.0
         self.solver.reset()
 
-    def step(self, bodies: Sequence[ContactBody], frame: float) -> Yielded:
+    def save(self) -> Mapping[str, Any]:
+        """Return the state between two frames, for `restore`."""
+        return {
+            "solver": self.solver.save(),
+            "retraction": self._retraction,
+            "slope": self._slope,
+            "notes": self._notes.copy(),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go back to a saved state."""
+        self.solver.restore(state["solver"])
+        self._retraction, self._slope, self._notes = state["retraction"], state["slope"], state["notes"].copy()
+
+    def step(self, bodies: Sequence[ContactBody], frame: float) -> BoneStep:
         """Solve the next frame."""
         if np.isfinite(self.force_limit):
-            step, raised = self._limited(bodies, frame)
+            step, retraction = self._limited(bodies, frame)
         else:
-            step, raised = self.solver.step(bodies, frame_number=frame), 0.0
-        return self._yielded(step, raised, frame)
+            step, retraction = self.solver.step(bodies, frame_number=frame), 0.0
+        return self._bone_step(step, retraction, frame)
 
-    def lift(self, bodies: Sequence[ContactBody], frame: float) -> float:
-        """Return how far the force limit would lift the bone in the next frame [m], without taking it."""
+    def retraction(self, bodies: Sequence[ContactBody], frame: float) -> float:
+        """Return how far the force limit would retract the bone in the next frame [m], without taking it."""
         if not np.isfinite(self.force_limit):
             return 0.0
         before, found = self.solver.save(), self._notes.copy()
-        _, raised = self._limited(bodies, frame)
+        _, retraction = self._limited(bodies, frame)
         self.solver.restore(before)
         self._notes = found
-        return raised
+        return retraction
 
     def adopt(
-        self, force: Array, displacement: Array, gaps: ContactFrame, residual: float, raised: float, frame: float
-    ) -> Yielded:
-        """Take over a frame that was solved together with other fingers, the bone lifted by `raised` [m]."""
+        self, force: Array, displacement: Array, gaps: ContactFrame, residual: float, retraction: float, frame: float
+    ) -> BoneStep:
+        """Take over a frame that was solved together with other fingers, the bone retracted by `retraction` [m]."""
         step = self.solver.adopt(force, displacement, gaps, residual, frame_number=frame)
-        return self._yielded(step, raised, frame)
+        return self._bone_step(step, retraction, frame)
 
-    def _yielded(self, step: PathStep, raised: float, frame: float) -> Yielded:
+    def _bone_step(self, step: PathStep, retraction: float, frame: float) -> BoneStep:
         spring = self._spring(step)
         depth = -float(step.frame.gap.min()) if step.frame is not None else 0.0
         depth = max(depth - spring, 0.0)
@@ -140,24 +156,24 @@ class Yielding:
                 limit=f"<= {1e3 * DEPTH_LIMIT:g} mm",
                 remedy="Raise the finger, or use a softer spring",
             )
-        return Yielded(step, raised + spring, depth)
+        return BoneStep(step, retraction + spring, depth)
 
     def _limited(self, bodies: Sequence[ContactBody], frame: float) -> tuple[PathStep, float]:
-        """Lift the bone until the force is at its limit, or the lift is zero."""
+        """Retract the bone until the force is at its limit, or the retraction is zero."""
         before = self.solver.save()
-        low, high = 0.0, np.inf  # lifts that press too much, and not enough
-        raised, step = self._raised, self._try(bodies, self._raised, frame)
+        low, high = 0.0, np.inf  # retractions that press too much, and not enough
+        retraction, step = self._retraction, self._try(bodies, self._retraction, frame)
         for _ in range(MAX_TRIALS):
             excess = self._force(step) - self.force_limit
-            if abs(excess) <= LIMIT_TOLERANCE * self.force_limit or (excess < 0 and raised == 0.0):
+            if abs(excess) <= LIMIT_TOLERANCE * self.force_limit or (excess < 0 and retraction == 0.0):
                 break
-            low, high = (raised, high) if excess > 0 else (low, raised)
-            trial = self._next(raised, excess, low, high, step)
+            low, high = (retraction, high) if excess > 0 else (low, retraction)
+            trial = self._next(retraction, excess, low, high, step)
             self.solver.restore(before)
             following = self._try(bodies, trial, frame)
-            if trial != raised:
-                self._slope = (excess + self.force_limit - self._force(following)) / (trial - raised)
-            raised, step = trial, following
+            if trial != retraction:
+                self._slope = (excess + self.force_limit - self._force(following)) / (trial - retraction)
+            retraction, step = trial, following
         else:
             what = "the bone could not give way enough to keep its force limit"
             self._notes.warn(
@@ -168,24 +184,24 @@ class Yielding:
                 limit=f"{self.force_limit:g} N",
                 remedy="Use smaller steps, or a softer spring",
             )
-        self._raised = raised
-        return step, raised
+        self._retraction = retraction
+        return step, retraction
 
-    def _try(self, bodies: Sequence[ContactBody], raised: float, frame: float) -> PathStep:
-        if raised > 0.0:
-            down = np.array([0.0, 0.0, -raised])  # the finger goes up, so all else goes down in its frame
+    def _try(self, bodies: Sequence[ContactBody], retraction: float, frame: float) -> PathStep:
+        if retraction > 0.0:
+            down = np.array([0.0, 0.0, -retraction])  # the finger goes up, so all else goes down in its frame
             bodies = [replace(body, translation=body.translation + down) for body in bodies]
         return self.solver.step(bodies, frame_number=frame)
 
-    def _next(self, raised: float, excess: float, low: float, high: float, step: PathStep) -> float:
-        """Return the next lift: along the last slope, kept within the bracket, which is halved where it fails."""
+    def _next(self, retraction: float, excess: float, low: float, high: float, step: PathStep) -> float:
+        """Return the next retraction: along the last slope, kept within the bracket, which is halved where it fails."""
         slope = self._slope
         if not slope > 0.0:
             depth = -float(step.frame.gap.min()) if step.frame is not None else 0.0
             slope = self._force(step) / max(depth, 1e-5)
-        trial = max(raised + excess / max(slope, 1e-6), 0.0)
+        trial = max(retraction + excess / max(slope, 1e-6), 0.0)
         if not low < trial < high and trial != 0.0:
-            trial = (low + high) / 2 if np.isfinite(high) else 2 * raised + 1e-4
+            trial = (low + high) / 2 if np.isfinite(high) else 2 * retraction + 1e-4
         return trial
 
     def _force(self, step: PathStep) -> float:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..motion import MotionSamples
 from ..motion.vectors import cross, dot, scaled, turn, turn_back
-from .sampled import PairTouch, SampledTouch
+from .pad_contact import PadContact, PairContact
 
 Array = NDArray[np.float64]
 Which = slice | NDArray[np.intp]
@@ -38,11 +38,11 @@ class Encounter:
         distance: the pad touches at or below this gap [m], one number or shape (m,).
     """
 
-    def __init__(self, touch: SampledTouch, finger: int, body: int, times: Array, distance: float | Array) -> None:
+    def __init__(self, touch: PadContact, finger: int, body: int, times: Array, distance: float | Array) -> None:
         self.times = times
         self.finger, self.body, self.distance = finger, body, distance
         self._touch = touch
-        self._pair: PairTouch = touch.pairs[finger, body]
+        self._pair: PairContact = touch.pairs[finger, body]
 
     @cached_property
     def gap(self) -> Array:
@@ -218,7 +218,7 @@ class Encounter:
         return rise.T
 
 
-def encounter(touch: SampledTouch, finger: int, body: int, times: Array, distance: float | Array) -> Encounter | None:
+def encounter(touch: PadContact, finger: int, body: int, times: Array, distance: float | Array) -> Encounter | None:
     """Return the encounter of a pair, computed once per set of times, or None if they never touch."""
     if (finger, body) not in touch.pairs:
         return None

@@ -1,7 +1,7 @@
 """HeldBody: a body of a scene while fingers hold it: when, by whom, how heavy, and how it moves.
 
-When it is held says `held.held`, the switch that weight and content of a shear tactor follow too. It is balanced only
-where the skin of every finger that holds it is simulated: what an unseen finger carries is not known.
+When it is held says `holding_times`, the switch that weight and content of a shear tactor follow too. It is balanced
+only where the skin of every finger that holds it is simulated: what an unseen finger carries is not known.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from ..errors import Finding
 from ..scene.tactile_scene import Body, Chunk, TactileScene
 from ..surface.gap import Surface
 from ..surface.triangles import Array
-from .held import MODES, held
-from .held_object import HeldObject, HeldStep, HoldingFinger, Reach
-from .sampled import SampledTouch
+from .holding_times import MODES, holding_times
+from .pad_contact import PadContact
 from .solver.bodies import ContactBody
+from .solver.grip_solver import GripSolver, GripStep, HoldContext, HoldingFinger
 
 # Angular acceleration is the difference of angular velocity over this share of a sample to either side.
 SHARE = 1e-3
@@ -33,7 +33,7 @@ def may_be_held(scene: TactileScene, b: int, chunk: Chunk) -> bool:
     if mode == "keyed":
         switch = chunk.channels.get(f"body/{b}/held")
         return bool(float(given.get("held", 0.0)) > 0.5 if switch is None else (switch > 0.5).any())
-    # an unknown mode is refused by `held` itself
+    # an unknown mode is refused by `holding_times` itself
     return mode == "auto" and len(scene.fingers) > 1 or mode not in MODES
 
 
@@ -46,19 +46,19 @@ class HeldBody:
         skins: finger index -> what is known of its skin, for the fingers that are simulated.
     """
 
-    def __init__(self, scene: TactileScene, touch: SampledTouch, b: int, skins: Mapping[int, HoldingFinger]) -> None:
+    def __init__(self, scene: TactileScene, touch: PadContact, b: int, skins: Mapping[int, HoldingFinger]) -> None:
         self.index = b
         self._body: Body = scene.bodies[b]
         self._gravity = np.asarray(scene.gravity, dtype=np.float64)
         self.order = tuple(sorted(skins))
         self._fingers = [skins[f] for f in self.order]
-        self._object: HeldObject | None = None
+        self._object: GripSolver | None = None
         self._shared: tuple[float, int] | None = None
         times = touch.times
         nobody = np.zeros(len(times), dtype=bool)
         whole, unseen = nobody.copy(), nobody.copy()
         for f in range(len(scene.fingers)):
-            holds = held(touch, scene, f, b, times)
+            holds = holding_times(touch, scene, f, b, times)
             if holds is not None:
                 whole |= holds
                 unseen |= holds & (f not in skins)
@@ -117,22 +117,28 @@ class HeldBody:
             self._object.let_go()
 
     def step(
-        self, sample: int, surface: Surface, turn: Array, origin: Array, reaches: Sequence[Reach | None], frame: float
-    ) -> HeldStep | None:
+        self,
+        sample: int,
+        surface: Surface,
+        turn: Array,
+        origin: Array,
+        contexts: Sequence[HoldContext | None],
+        frame: float,
+    ) -> GripStep | None:
         """Balance it at a sample; None where opposed fingers do not press it yet.
 
         Args:
             surface: its own, carried by rotation `turn` and translation `origin` [m] to the world.
-            reaches: of the fingers in `order`.
+            contexts: of the fingers in `order`.
         """
         held_object = self._at(surface, turn.T @ (self._centre[sample] - origin))
-        mine = next((r.bodies[r.own] for r in reaches if r is not None), None)
+        mine = next((r.bodies[r.own] for r in contexts if r is not None), None)
         if mine is not None:
             held_object.friction, held_object.softness, held_object.deforms = mine.friction, mine.softness, mine.deforms
             held_object.carry = mine.carry
         return held_object.step_among(
             rigid(turn, origin),
-            reaches,
+            contexts,
             self._acceleration[sample],
             self._spin[sample],
             self._spin_rate[sample],
@@ -145,11 +151,11 @@ class HeldBody:
         held_object = self._at(surface, turn.T @ (self._centre[sample] - origin))
         return held_object.body(finger_pose, *held_object.placed(rigid(turn, origin)))
 
-    def _at(self, surface: Surface, centre: Array) -> HeldObject:
+    def _at(self, surface: Surface, centre: Array) -> GripSolver:
         """Return the balance, made at its first sample; a surface that changes takes its inertia along."""
         known = self._object
         if known is None:
-            known = self._object = HeldObject(
+            known = self._object = GripSolver(
                 surface,
                 _mass(self._body.parameters),
                 self._fingers,

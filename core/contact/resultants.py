@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..files import atomic
-from .skin_touch import SkinTouch
+from .skin_contact import SkinContact
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ COLUMNS = {
 }
 
 
-def resultants(touch: SkinTouch) -> dict[str, Array]:
+def resultants(touch: SkinContact) -> dict[str, Array]:
     """Return series by the names of `COLUMNS`, in SI and in the finger's frame, shape (n,) each.
 
     `force` is the sum on the skin; `centre` is the mean of the undeformed pad nodes weighted by the force into the
@@ -58,7 +58,7 @@ def resultants(touch: SkinTouch) -> dict[str, Array]:
     return {name: np.asarray(known.get(name, getattr(touch, name, None)), np.float64) for name in COLUMNS}
 
 
-def dumps(touch: SkinTouch, meta: Mapping[str, str] | None = None) -> str:
+def dumps(touch: SkinContact, meta: Mapping[str, str] | None = None) -> str:
     """Return the resultants as CSV text: comments with what they are of, names with units, one row a sample."""
     out = io.StringIO()
     out.write(f"# dermis-resultants {VERSION}\n")
@@ -71,7 +71,7 @@ def dumps(touch: SkinTouch, meta: Mapping[str, str] | None = None) -> str:
     return out.getvalue()
 
 
-def write(touch: SkinTouch, path: Path, meta: Mapping[str, str] | None = None) -> None:
+def write(touch: SkinContact, path: Path, meta: Mapping[str, str] | None = None) -> None:
     """Write the resultants as CSV, whole or not at all.
 
     Raises:

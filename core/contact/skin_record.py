@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 from ..errors import Finding
 from ..skin.model import SkinModel
 from ..surface.triangles import Array
-from .compliant_bone import Yielded
-from .felt import SkinTouch
-from .solver.cone import SLIP, STICK
+from .skin_contact import SkinContact, SkinStep
 
 _NOTHING = (0.0, 0.0, 0.0, 0.0, 0, 0)
 
@@ -29,33 +27,21 @@ class SkinRecord:
         """Take samples in which nothing is near."""
         self._scalars.extend([_NOTHING] * count)
 
-    def keep(self, yielded: Yielded) -> None:
+    def keep(self, step: SkinStep) -> None:
         """Take a sample."""
-        solution = yielded.step.solution
-        if not solution.force.any():
-            self._scalars.append((0.0, 0.0, 0.0, yielded.lift, 0, 0))
-            return
-        normal = solution.normal_force
-        across = solution.force - normal[:, None] * solution.normals
-        self._contact.append(len(self._scalars))
-        self._force.append(solution.force.astype(np.float32))
+        if step.force.any():
+            self._contact.append(len(self._scalars))
+            self._force.append(step.force.astype(np.float32))
         self._scalars.append(
-            (
-                float(normal.sum()),
-                float(np.linalg.norm(across.sum(axis=0))),
-                yielded.depth,
-                yielded.lift,
-                int((solution.status == STICK).sum()),
-                int((solution.status == SLIP).sum()),
-            )
+            (step.normal_force, step.tangential_force, step.depth, step.lift, step.sticking, step.slipping)
         )
 
     def touch(
         self, model: SkinModel, times: Array, frames: Array, findings: tuple[Finding, ...], skipped: Mapping[str, int]
-    ) -> SkinTouch:
+    ) -> SkinContact:
         """Return the whole, at the sweep's times [s] and frames, shape (n,)."""
         scalars = np.array(self._scalars, dtype=np.float64).reshape(-1, 6)
-        return SkinTouch(
+        return SkinContact(
             model=model,
             times=times,
             frames=frames,

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.skin_touch import SkinSampler, SkinTouch
+from ..contact.skin_contact import SkinContact
+from ..contact.skin_sampler import SkinSampler
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..files import write_bytes
@@ -64,7 +65,7 @@ def sense_scene(
     return sense_touch(sampler.finish()[finger], noise=noise, seed=seed)
 
 
-def sense_touch(touch: SkinTouch, *, noise: float = NOISE, seed: int = 0) -> NDArray[np.uint16]:
+def sense_touch(touch: SkinContact, *, noise: float = NOISE, seed: int = 0) -> NDArray[np.uint16]:
     """Return what the virtual sensor reads along what a skin felt, such as a bake's, at 100 Hz."""
     sensed = sense(touch, noise, seed)
     if len(touch.times) < 2 or np.abs(np.diff(touch.times) * RATE - 1.0).max() < 1e-6:

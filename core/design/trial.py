@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.skin_touch import SkinSampler, SkinTouch
+from ..contact.skin_contact import SkinContact
+from ..contact.skin_sampler import SkinSampler
 from ..matching.readings import Counts, quantised, readings_of
 from ..matching.table import SkinTable
 from ..skin.model import SkinModel
@@ -40,7 +41,7 @@ class Verdict:
     error: float
 
 
-def felt(skin: SkinModel, name: str, seed: int, wobble: Wobble = WOBBLE) -> SkinTouch:
+def felt(skin: SkinModel, name: str, seed: int, wobble: Wobble = WOBBLE) -> SkinContact:
     """Return what the skin feels in one of the six interactions."""
     scene = interaction(name, skin.positions, seed=seed, wobble=wobble)
     sampler = SkinSampler(scene, {0: skin})
@@ -49,7 +50,7 @@ def felt(skin: SkinModel, name: str, seed: int, wobble: Wobble = WOBBLE) -> Skin
     return sampler.finish()[0]
 
 
-def sense(touch: SkinTouch, noise: float = NOISE, seed: int = 0) -> Counts:
+def sense(touch: SkinContact, noise: float = NOISE, seed: int = 0) -> Counts:
     """Return what the virtual sensor reads along a touch, sample by sample, shape (n, 20), with seeded noise."""
     sensor = readings_of(touch.model)
     exact = np.tile(sensor.rest, (len(touch.times), 1))

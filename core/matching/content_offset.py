@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.sampled import SampledTouch
+from ..contact.pad_contact import PadContact
 from ..effects import content
 from ..effects.defaults import BODY
 from ..errors import DermisError, Finding
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 def content_offset(
-    touch: SampledTouch, scene: TactileScene, b: int, times: Array, acceleration: Array
+    touch: PadContact, scene: TactileScene, b: int, times: Array, acceleration: Array
 ) -> tuple[Array, tuple[Finding, ...]]:
     """Return oc of body b, from its centre of gravity to its content's, in world axes [m], shape (n, 3), and findings.
 
@@ -51,7 +51,7 @@ def content_offset(
         ) from error
 
 
-def _of_children(touch: SampledTouch, scene: TactileScene, b: int, times: Array) -> tuple[Array, tuple[Finding, ...]]:
+def _of_children(touch: PadContact, scene: TactileScene, b: int, times: Array) -> tuple[Array, tuple[Finding, ...]]:
     """From the body's centre of gravity to that of its contents, weighted by their masses."""
     body = scene.bodies[b]
     names = [other.name for other in scene.bodies]
@@ -90,6 +90,6 @@ def _walls(name: str, limited: int) -> tuple[Finding, ...]:
     )
 
 
-def _constant(touch: SampledTouch, scene: TactileScene, b: int, name: str, times: Array) -> float:
+def _constant(touch: PadContact, scene: TactileScene, b: int, name: str, times: Array) -> float:
     """A quantity that must not change while something is integrated: its first value."""
     return float(np.ravel(touch.series(f"body/{b}/{name}", scene.bodies[b].parameters, BODY[name], times))[0])

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contact.encounter import Encounter, turned, turned_back
-from ..contact.held import held, meet
-from ..contact.sampled import SampledTouch
+from ..contact.holding_times import holding_times, meet
+from ..contact.pad_contact import PadContact
 from ..devices.shear_tactor import ShearTactor
 from ..effects import content, patterns, texture, transient, weight
 from ..effects.defaults import BODY, FINGER
@@ -40,7 +40,7 @@ class EffectSum:
         contact, held: whether the finger touches, and holds, something, shape (n,).
     """
 
-    touch: SampledTouch
+    touch: PadContact
     scene: TactileScene
     finger: int
     use: DeviceUse
@@ -81,7 +81,7 @@ class EffectSum:
             self._skip("effects_off")
         if not (wants_weight or wants_content):
             return
-        holds = held(self.touch, self.scene, self.finger, b, self.times)
+        holds = holding_times(self.touch, self.scene, self.finger, b, self.times)
         if holds is None:
             self._skip("bodies_never_held")
             return
@@ -218,7 +218,7 @@ class EffectSum:
                 for b in range(len(self.scene.bodies)):
                     if not other._wants_weight(b):
                         continue
-                    holds = held(self.touch, self.scene, f, b, self.times)
+                    holds = holding_times(self.touch, self.scene, f, b, self.times)
                     if holds is not None:
                         index = np.flatnonzero(holds)
                         there = self.touch.finger_at(f, self.times)

@@ -24,7 +24,7 @@ from .screen_map import ScreenMap, height_range, steepest_of_all
 from .screen_path import DIRECTION_WINDOW, Settings, driven_values, scale_findings, screen_path, screens_of
 
 if TYPE_CHECKING:
-    from ..contact.touch import SampledTouch
+    from ..contact.pad_contact import PadContact
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ RELIEFS = ("map", "mesh")
 THRESHOLD = 0.5
 
 
-def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
+def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
     """Return the voltage of a friction screen along a finger's path.
 
     `DeviceUse.screen` names the screen; empty, the finger feels every screen, at each moment the one it is nearest

@@ -34,8 +34,8 @@ from .rendered import Rendered
 from .table import SkinTable, belongs, build
 
 if TYPE_CHECKING:
-    from ..contact.sampled import SampledTouch
-    from ..contact.skin_touch import SkinTouch
+    from ..contact.pad_contact import PadContact
+    from ..contact.skin_contact import SkinContact
     from .nearest import Neighbours
 
 Array = NDArray[np.float64]
@@ -119,7 +119,7 @@ def _weighted(squared: Array, values: Array) -> Array:
 
 
 def render(
-    touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinTouch
+    touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
 ) -> Rendered:
     """Render one finger's platform: what the virtual sensor reads at every sample, looked up.
 

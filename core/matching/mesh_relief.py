@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contact.encounter import Encounter, turned, turned_back
-from ..contact.held import meet
+from ..contact.holding_times import meet
 from ..devices.friction_screen import FrictionScreen
 from ..devices.spec import DeviceSpec
 from ..effects.slide import (
@@ -35,14 +35,14 @@ from .rendered import Rendered
 from .screen_path import DIRECTION_WINDOW, Settings, driven_values, scale_findings, screen_path, screens_of
 
 if TYPE_CHECKING:
-    from ..contact.sampled import SampledTouch
+    from ..contact.pad_contact import PadContact
 
 Array = NDArray[np.float64]
 
 FORMULAS = ("slope", "printed")
 
 
-def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
+def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
     """Return the voltage of a friction screen from the normals under a finger's path.
 
     The pad touches an object at the finger's `touch_distance`; with screens in the scene it must be over one of them
@@ -181,7 +181,7 @@ def _scale(settings: Settings, mode: str, felt: Array, contact: NDArray[np.bool_
     return manual[contact]
 
 
-def _relief(touch: SampledTouch, finger: int, body: int) -> Array:
+def _relief(touch: PadContact, finger: int, body: int) -> Array:
     """Return the normals at the samples in world axes, shape (n, 3)."""
     relief = touch.pairs[finger, body].relief
     if relief is None:
@@ -189,7 +189,7 @@ def _relief(touch: SampledTouch, finger: int, body: int) -> Array:
     return relief
 
 
-def _velocity(touch: SampledTouch, finger: int, met: Encounter) -> Array:
+def _velocity(touch: PadContact, finger: int, met: Encounter) -> Array:
     """Return the pad's velocity over the material in the finger's axes at the touching times [m/s], shape (k, 3)."""
     world = turned(touch.body_at(met.body, met.times), met.which, met.velocity)
     return turned_back(touch.finger_at(finger, met.times), met.which, world)

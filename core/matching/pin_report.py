@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cache import Cache
-from ..contact.skin_touch import SkinSampler, SkinTouch
-from ..contact.touch import TouchSampler
+from ..contact.pad_sampler import PadSampler
+from ..contact.skin_contact import SkinContact
+from ..contact.skin_sampler import SkinSampler
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..presets import Library
@@ -76,13 +77,13 @@ class SceneReports(NamedTuple):
 
 
 def compare(
-    skin: SkinTouch,
+    skin: SkinContact,
     spec: DeviceSpec,
     *,
     methods: Sequence[Method] = METHODS,
     weighting: Weighting = "all",
     bounded: bool = True,
-    finer: SkinTouch | None = None,
+    finer: SkinContact | None = None,
     where: str = "",
 ) -> tuple[MethodReport, ...]:
     """Return one report per method for what a finger's skin felt.
@@ -169,7 +170,9 @@ def compare_scene(
     return SceneReports(reports, tuple(findings))
 
 
-def doubts(skin: SkinTouch, spec: DeviceSpec, *, weighting: Weighting = "all", where: str = "") -> tuple[Finding, ...]:
+def doubts(
+    skin: SkinContact, spec: DeviceSpec, *, weighting: Weighting = "all", where: str = ""
+) -> tuple[Finding, ...]:
     """Return what is to be doubted about a comparison of all methods: a mesh that is coarser than the pins."""
     ready = setup(skin.model, spec, weighting)
     return pin_resolution.doubts(ready.matcher, ready.spread, METHODS, where or spec.name)
@@ -212,16 +215,16 @@ def _skins(
     return skins
 
 
-def _felt(scene: TactileScene, skins: Mapping[int, SkinModel]) -> dict[int, SkinTouch]:
+def _felt(scene: TactileScene, skins: Mapping[int, SkinModel]) -> dict[int, SkinContact]:
     """Return what skins feel; the pads' touch tells what is held, and how it is accelerated."""
-    pads, sampler = TouchSampler(scene), SkinSampler(scene, skins)
+    pads, sampler = PadSampler(scene), SkinSampler(scene, skins)
     for chunk in scene.chunks:
         pads.add(chunk)
         sampler.add(chunk)
     return sampler.finish(pads.finish())
 
 
-def error_on(ready: PinSetup, skin: SkinTouch, matched: Matched) -> Array:
+def error_on(ready: PinSetup, skin: SkinContact, matched: Matched) -> Array:
     """Return u_err of commands on another mesh than theirs, against that mesh's own target [m], shape (n,)."""
     matcher = ready.matcher
     result = np.zeros(len(skin.times))
@@ -249,7 +252,7 @@ def table(reports: Sequence[MethodReport]) -> str:
 
 
 def _report(
-    method: Method, matched: Matched, ready: PinSetup, skin: SkinTouch, size: float, fine: float, fine_share: float
+    method: Method, matched: Matched, ready: PinSetup, skin: SkinContact, size: float, fine: float, fine_share: float
 ) -> MethodReport:
     frames = skin.contact
     u, f = matched.displacement_error[frames], matched.force_error[frames]
@@ -280,7 +283,7 @@ def _ratio(forces: Array) -> tuple[float, float]:
     return _rms(np.hypot(forces[:, 0], forces[:, 1])) / max(normal, 1e-300), normal
 
 
-def _target_size(ready: PinSetup, skin: SkinTouch) -> float:
+def _target_size(ready: PinSetup, skin: SkinContact) -> float:
     """Return the RMS of the target's displacement in the norm of u_err [m]."""
     targets = skin.force.reshape(len(skin.contact), -1).astype(np.float64)
     nothing = np.zeros((len(targets), len(ready.matcher.active)))

@@ -12,8 +12,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.sampled import SampledTouch
-from ..contact.skin_touch import SkinTouch
+from ..contact.pad_contact import PadContact
+from ..contact.skin_contact import SkinContact
 from ..devices import pin_array
 from ..devices.pin_array import PinContacts, PinLayout
 from ..devices.spec import DeviceSpec
@@ -104,7 +104,7 @@ def node_weights(skin: SkinModel, weighting: Weighting) -> Array:
 
 
 def render(
-    touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinTouch
+    touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
 ) -> Rendered:
     """Render one finger's pin array.
 
@@ -180,7 +180,7 @@ def make_solver(ready: PinSetup, spec: DeviceSpec, method: Method, times: Array,
     )
 
 
-def match(solver: PinSolver, skin: SkinTouch) -> Matched:
+def match(solver: PinSolver, skin: SkinContact) -> Matched:
     """Match every frame in which the skin touches; errors are computed many frames at once."""
     matcher, count = solver.matcher, len(skin.times)
     forces = np.zeros((count, matcher.pins))
@@ -213,7 +213,7 @@ def rendered_force(ready: PinSetup, forces: Array) -> Array:
     return (ready.spread @ forces).reshape(-1, 3)
 
 
-def _series(matched: Matched, ready: PinSetup, skin: SkinTouch) -> dict[str, Array]:
+def _series(matched: Matched, ready: PinSetup, skin: SkinContact) -> dict[str, Array]:
     count = len(skin.times)
     series = {name: np.zeros(count) for name in _SIGNALS}
     total = skin.force.astype(np.float64).sum(axis=1)

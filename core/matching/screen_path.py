@@ -18,7 +18,7 @@ from ..scene.tactile_scene import DeviceUse, TactileScene
 from .shear_tactor import device_times
 
 if TYPE_CHECKING:
-    from ..contact.touch import SampledTouch
+    from ..contact.pad_contact import PadContact
 
 Array = NDArray[np.float64]
 
@@ -71,7 +71,7 @@ def screens_of(scene: TactileScene, use: DeviceUse) -> Sequence[int]:
     return [names.index(use.screen)]
 
 
-def screen_path(touch: SampledTouch, scene: TactileScene, finger: int, index: int, settings: Settings) -> ScreenPath:
+def screen_path(touch: PadContact, scene: TactileScene, finger: int, index: int, settings: Settings) -> ScreenPath:
     """Interpolate the pad's path in the screen's axes: a finger that rides on a moving screen is at rest there.
 
     Raises:
@@ -119,7 +119,7 @@ class Settings:
     """The settings of one use: animated where a channel says so, else constant."""
 
     def __init__(
-        self, touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, rate: float, where: str
+        self, touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, rate: float, where: str
     ) -> None:
         # Those of every other device: the sweep's last sample may lie before the end of the range.
         self.times: Array = touch.keep(("device times", rate), lambda: device_times(scene, rate))

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.sampled import SampledTouch
+from ..contact.pad_contact import PadContact
 from ..devices.shear_tactor import ShearTactor, within_speed
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError
@@ -27,7 +27,7 @@ PROJECTIONS = ("magnitude", "printed")
 SLACK = 1e-9
 
 
-def render(touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
+def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
     """Render one finger's shear tactor.
 
     Signals: 'contact' and 'held' (0 or 1), 'magnitude' (asked for, as a fraction of the range).

@@ -29,8 +29,8 @@ from .thimble_sequence import ThimbleSequence, collect, finish
 from .thimble_use import FRICTION, HOVER, LEARNED, METHODS, ThimbleUse, prepare
 
 if TYPE_CHECKING:
-    from ..contact.skin_touch import SkinTouch
-    from ..contact.touch import SampledTouch
+    from ..contact.pad_contact import PadContact
+    from ..contact.skin_contact import SkinContact
 
 Array = NDArray[np.float64]
 
@@ -195,7 +195,7 @@ def _through(following: Follower, forces: Array) -> Generator[tuple[int, int], N
 
 
 def render(
-    touch: SampledTouch, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinTouch
+    touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
 ) -> Rendered:
     """Render one finger's thimble.
 
@@ -238,7 +238,7 @@ def render(
     return Rendered(track, signals, tuple(findings), {"thimble frames without touch": int((~found.wanted).sum())})
 
 
-def forces_at(skin: SkinTouch, times: Array) -> Array:
+def forces_at(skin: SkinContact, times: Array) -> Array:
     """Forces of the virtual touch at the device's times, linear between samples [N], shape (n, m, 3)."""
     out = np.zeros((len(times), skin.model.pad_count, 3))
     place = np.interp(times, skin.times, np.arange(len(skin.times)))

@@ -10,7 +10,7 @@ from ..errors import Finding
 from ..track.command_track import Array, CommandTrack
 
 if TYPE_CHECKING:
-    from ..contact.skin_touch import SkinTouch
+    from ..contact.skin_contact import SkinContact
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Bake:
     skipped: Mapping[str, int]
     content_hash: str
     stage_seconds: Mapping[str, float] = field(default_factory=dict)
-    skins: Mapping[str, SkinTouch] = field(default_factory=dict)
+    skins: Mapping[str, SkinContact] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         names = ", ".join(f"{output.finger}: {output.device}" for output in self.outputs)

@@ -29,8 +29,8 @@ from .bake import Bake, Output, Progress
 
 if TYPE_CHECKING:
     from ..cache import Cache
-    from ..contact.skin_touch import SkinTouch
-    from ..contact.touch import SampledTouch
+    from ..contact.pad_contact import PadContact
+    from ..contact.skin_contact import SkinContact
     from ..matching.rendered import Rendered
     from ..skin.model import SkinModel
 
@@ -183,13 +183,13 @@ def _skins(
 
 def _sample(
     scene: TactileScene, skins: Mapping[int, SkinModel], content: ContentHash, clock: _Stages
-) -> Generator[Progress, None, tuple[SampledTouch, dict[int, SkinTouch]]]:
+) -> Generator[Progress, None, tuple[PadContact, dict[int, SkinContact]]]:
     """Draw the chunks through the contact of the pads' centres and, where somebody needs it, of the whole skin."""
-    from ..contact.touch import TouchSampler
+    from ..contact.pad_sampler import PadSampler
 
-    pads, skin = TouchSampler(scene), None
+    pads, skin = PadSampler(scene), None
     if skins:
-        from ..contact.skin_touch import SkinSampler
+        from ..contact.skin_sampler import SkinSampler
 
         skin = SkinSampler(scene, skins)
     done = 0

@@ -114,7 +114,7 @@ def idle_finger() -> Result:
     """
     from fractions import Fraction
 
-    from core.contact.skin_touch import SkinSampler
+    from core.contact.skin_sampler import SkinSampler
     from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
     from tests.benchmarks.bench_gap import even_sphere
 

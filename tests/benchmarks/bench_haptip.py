@@ -80,9 +80,9 @@ def scene() -> tuple[Any, Any]:
 
 def sampled(header: Any, chunks: Any) -> Any:
     """The gaps of all pads to all bodies, with nothing derived from them yet."""
-    from core.contact.touch import TouchSampler
+    from core.contact.pad_sampler import PadSampler
 
-    sampler = TouchSampler(header)
+    sampler = PadSampler(header)
     for chunk in chunks:
         sampler.add(chunk)
     return sampler.finish()
@@ -92,7 +92,7 @@ def sampled(header: Any, chunks: Any) -> Any:
 def haptip_10s_5fingers() -> Result:
     """Motion, onsets, effects, projection, kinematics and limits of 5 x 10,000 commands, from sampled gaps.
 
-    Nothing is kept from run to run: each starts from a fresh `SampledTouch`. The gaps themselves are
+    Nothing is kept from run to run: each starts from a fresh `PadContact`. The gaps themselves are
     `haptip_10s_5fingers_gaps_ms`, and part of `bake_own_us`.
     """
     from core.matching.shear_tactor import render

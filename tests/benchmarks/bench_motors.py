@@ -121,7 +121,7 @@ def collect_rows() -> Result:
 @benchmark("design_scene_s", limit=2.0)
 def design_scene() -> Result:
     """From a baked scene of 10 s, the table given, to number, couplings, picture and preset."""
-    from core.contact.skin_touch import SkinSampler
+    from core.contact.skin_sampler import SkinSampler
     from core.design import task
     from core.design.interactions import NOISE, interaction
     from core.design.trial import sense

@@ -259,8 +259,8 @@ def surrogate_network() -> Result:
 @benchmark("bake_ffps")
 def bake() -> Result:
     """Finger-frames a second of five thimble fingers, from chunks of poses to servo angles."""
-    from core.contact.skin_touch import SkinSampler
-    from core.contact.touch import TouchSampler
+    from core.contact.pad_sampler import PadSampler
+    from core.contact.skin_sampler import SkinSampler
     from core.devices.spec import from_preset
     from core.matching.thimble import describe, render
     from core.presets import Library
@@ -304,7 +304,7 @@ def bake() -> Result:
     ]
 
     def once() -> None:
-        touch, felt = TouchSampler(scene), SkinSampler(scene, dict.fromkeys(range(fingers), model))
+        touch, felt = PadSampler(scene), SkinSampler(scene, dict.fromkeys(range(fingers), model))
         for chunk in chunks:
             touch.add(chunk)
             felt.add(chunk)

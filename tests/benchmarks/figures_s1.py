@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from core.contact.skin_touch import SkinSampler, SkinTouch
+from core.contact.skin_contact import SkinContact
+from core.contact.skin_sampler import SkinSampler
 from core.devices.spec import DeviceSpec, from_preset
 from core.files import write_bytes
 from core.matching import pin_report, pins
@@ -51,7 +52,7 @@ class Rig:
     fine: SkinModel
 
 
-def feel(skin: SkinModel, **conditions: Any) -> SkinTouch:
+def feel(skin: SkinModel, **conditions: Any) -> SkinContact:
     """Return what a skin feels of the sliding plane."""
     scene = sliding_plane(**conditions)
     sampler = SkinSampler(scene, {0: skin})
@@ -60,7 +61,7 @@ def feel(skin: SkinModel, **conditions: Any) -> SkinTouch:
     return sampler.finish()[0]
 
 
-def matched(rig: Rig, felt: SkinTouch, method: Method, bounded: bool = True) -> pins.Matched:
+def matched(rig: Rig, felt: SkinContact, method: Method, bounded: bool = True) -> pins.Matched:
     """Return the pins' forces by a method."""
     ready = pins.setup(rig.skin, rig.spec)
     return pins.match(pins.make_solver(ready, rig.spec, method, felt.times, bounded=bounded), felt)

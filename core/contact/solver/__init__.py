@@ -1,1 +1,15 @@
-"""How contact is solved: one problem on any compliance, frame after frame along a path."""
+"""How contact is solved: a compliance and the gaps of nodes -> forces, whatever the scene.
+
+bodies           what is near a finger, and the gaps to it
+cone             Coulomb's law and the residual that proves an answer
+admm, newton, gauss_seidel   three ways to solve one problem
+solve            one problem, the best way for it
+compliance, halfspace        of a skin, and of an endless block
+candidates       the nodes that may touch, and their inverse
+history          what friction remembers
+notes            findings, each kind once
+path, path_step  frame after frame along a path
+grip             what fingers bring to what they hold
+balance          forces that also carry it
+grip_solver      what is held, frame after frame
+"""

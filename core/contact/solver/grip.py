@@ -1,4 +1,4 @@
-"""What holding consists of: the fingers, what each can reach in a frame, its grip, and one frame's answer."""
+"""What holding consists of: the fingers, what each brings to it, its grip, and one frame's answer."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class HoldingFinger:
 
 
 @dataclass(frozen=True, eq=False)
-class Reach:
-    """What one finger can reach in a frame, besides the held object.
+class HoldContext:
+    """What one finger brings to a frame: where it is, and what it touches besides the held object.
 
     Attributes:
         pose: finger-to-world matrix, rigid, shape (4, 4).
@@ -50,7 +50,7 @@ class Reach:
 
 
 @dataclass(frozen=True)
-class HeldStep:
+class GripStep:
     """One frame of a held object.
 
     Attributes:

@@ -9,7 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from core.contact.touch import TouchSampler
+from core.contact.pad_sampler import PadSampler
 from core.errors import DermisError
 from core.matching.friction_screen import render, screen_maps
 from core.matching.screen_map import ScreenMap
@@ -93,7 +93,7 @@ def offset(matrices, along_x):
 
 
 def sampled(scene):
-    sampler = TouchSampler(scene)
+    sampler = PadSampler(scene)
     for chunk in scene.chunks:
         sampler.add(chunk)
     return sampler.finish()

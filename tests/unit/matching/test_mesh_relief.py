@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from core.contact.touch import TouchSampler
+from core.contact.pad_sampler import PadSampler
 from core.errors import DermisError
 from core.matching.friction_screen import render
 from core.presets import Library
@@ -81,7 +81,7 @@ def sample(way, *, device, bodies=STILL, surfaces=None, screens=True, world=None
     )
     last = 1 + math.ceil((n - 1) * 24 / RATE)
     scene = TactileScene("t", Fraction(24), (1, last), RATE, (Finger("Index", (use,)),), tuple(bodies), screen, [chunk])
-    sampler = TouchSampler(scene)
+    sampler = PadSampler(scene)
     sampler.add(chunk)
     return render(sampler.finish(), scene, 0, use, SPEC)
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from core.__main__ import main
-from core.contact.skin_touch import SkinSampler
-from core.contact.touch import TouchSampler
+from core.contact.pad_sampler import PadSampler
+from core.contact.skin_sampler import SkinSampler
 from core.errors import DermisError
 from core.matching import pin_report
 from core.presets import Library
@@ -63,7 +63,7 @@ def test_what_is_held_is_compared_as_it_is_baked(second):
     """The contacts carry the block's weight, also where the other finger's skin is only shown."""
     scene = pinched((PINS, second), skin_shown=True)
     skins = {f: fingertip_skin(level="draft") for f in range(2)}
-    pads, sampler = TouchSampler(scene), SkinSampler(scene, skins)
+    pads, sampler = PadSampler(scene), SkinSampler(scene, skins)
     for chunk in scene.chunks:
         pads.add(chunk)
         sampler.add(chunk)

@@ -7,7 +7,7 @@ import functools
 import numpy as np
 import pytest
 
-from core.contact.skin_touch import SkinSampler
+from core.contact.skin_sampler import SkinSampler
 from core.devices import pin_array
 from core.devices.pin_array import PinContacts, PinLayout
 from core.matching import pin_resolution, pins

@@ -10,7 +10,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from core.contact.skin_touch import SkinSampler, SkinTouch
+from core.contact.skin_contact import SkinContact
+from core.contact.skin_sampler import SkinSampler
 from core.devices.spec import from_preset
 from core.errors import DermisError
 from core.matching import pin_report, pins
@@ -288,6 +289,6 @@ def test_pins_beside_the_pad_are_switched_off_and_named():
 
 def test_a_finer_skin_of_another_scene_is_refused():
     other = felt("standard")
-    shorter = SkinTouch(**{**other.__dict__, "times": other.times[:-1]})
+    shorter = SkinContact(**{**other.__dict__, "times": other.times[:-1]})
     with pytest.raises(DermisError, match="another scene"):
         pin_report.compare(felt(), spec(), finer=shorter)

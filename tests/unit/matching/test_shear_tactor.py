@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core.contact.touch import TouchSampler
+from core.contact.pad_sampler import PadSampler
 from core.devices.shear_tactor import ShearTactor
 from core.errors import DermisError
 from core.matching.rendered import Rendered
@@ -71,7 +71,7 @@ def baked(
         (),
         (chunk,),
     )
-    sampler = TouchSampler(scene)
+    sampler = PadSampler(scene)
     sampler.add(chunk)
     return render(sampler.finish(), scene, which, device, spec)
 

@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from core.contact.skin_touch import SkinTouch
+from core.contact.skin_contact import SkinContact
 from core.devices.disc_pose import FrictionState, placed
 from core.devices.thimble import mechanism
 from core.errors import DermisError
@@ -197,7 +197,7 @@ def test_rendering_fills_the_track_at_the_devices_rate(skin):
     contact = np.flatnonzero(forces.any(axis=(1, 2)))
     n, zero = len(forces), np.zeros(31)
     times = np.arange(n) / 30.0
-    felt = SkinTouch(
+    felt = SkinContact(
         skin,
         times,
         times * 30,

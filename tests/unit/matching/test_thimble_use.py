@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from core.contact.skin_touch import SkinTouch
+from core.contact.skin_contact import SkinContact
 from core.devices.disc_pose import FrictionState, placed
 from core.devices.first_contact import first_contact
 from core.devices.spec import from_preset
@@ -248,7 +248,7 @@ def felt_of(skin, forces, rate=30.0):
     """Return what a skin felt, from forces."""
     n, zero = len(forces), np.zeros(len(forces))
     contact, times = np.flatnonzero(forces.any(axis=(1, 2))), np.arange(n) / rate
-    return SkinTouch(
+    return SkinContact(
         skin,
         times,
         times * rate,

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core.contact.held import held
-from core.contact.sampled import SampledTouch
-from core.contact.touch import TouchSampler
+from core.contact.holding_times import holding_times
+from core.contact.pad_contact import PadContact
+from core.contact.pad_sampler import PadSampler
 from core.errors import DermisError
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene, sample_frames
 
@@ -42,13 +42,13 @@ def grasp(places: list[Any], channels: dict[str, np.ndarray] | None = None, **pa
         (),
         (chunk,),
     )
-    sampler = TouchSampler(scene)
+    sampler = PadSampler(scene)
     sampler.add(chunk)
     return sampler.finish(), scene
 
 
-def holding(grasped: tuple[SampledTouch, TactileScene], finger: int) -> np.ndarray:
-    found = held(*grasped, finger, 0, TIMES)
+def holding(grasped: tuple[PadContact, TactileScene], finger: int) -> np.ndarray:
+    found = holding_times(*grasped, finger, 0, TIMES)
     return np.zeros(len(TIMES), dtype=bool) if found is None else found
 
 
@@ -90,6 +90,6 @@ def test_keyed_holds_while_the_switch_is_on_for_fingers_that_touch() -> None:
 
 
 def test_never_and_unknown() -> None:
-    assert held(*grasp([(0.02, 0, 0), (-0.02, 0, 0)], held_mode="never"), 0, 0, TIMES) is None
+    assert holding_times(*grasp([(0.02, 0, 0), (-0.02, 0, 0)], held_mode="never"), 0, 0, TIMES) is None
     with pytest.raises(DermisError, match="way of holding"):
-        held(*grasp([(0.02, 0, 0)], held_mode="glue"), 0, 0, TIMES)
+        holding_times(*grasp([(0.02, 0, 0)], held_mode="glue"), 0, 0, TIMES)

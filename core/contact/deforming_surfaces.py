@@ -1,4 +1,4 @@
-"""Deforming: the surfaces of objects that change their shape, chunk after chunk.
+"""DeformingSurfaces: the surfaces of objects that change their shape, chunk after chunk.
 
 Each sample brings a surface of its own. One with vertices that are no numbers would silently be nowhere, so the last
 good one stands in for it; what is doubtful about a surface depends on its triangles and is asked once for each set.
@@ -23,7 +23,7 @@ from .surfaces import box_of
 AWAY = Mesh(np.array([[1e6, 1e6, 1e6], [1e6 + 1.0, 1e6, 1e6], [1e6, 1e6 + 1.0, 1e6]]), np.array([[0, 1, 2]], np.int32))
 
 
-class Deforming:
+class DeformingSurfaces:
     """Follows deforming surfaces over the chunks of a scene.
 
     Args:

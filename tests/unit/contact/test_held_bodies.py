@@ -8,10 +8,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from core.contact.held import held
 from core.contact.held_body import inertia_of
-from core.contact.skin_touch import SkinSampler
-from core.contact.touch import TouchSampler
+from core.contact.holding_times import holding_times
+from core.contact.pad_sampler import PadSampler
+from core.contact.skin_sampler import SkinSampler
 from core.errors import DermisError
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 from core.skin.model import fingertip_skin
@@ -58,7 +58,7 @@ def make(mass=0.03, mode="auto", **more):
 
 
 def run(scene, skins, block, fingers, cuts=(), channels=None, surfaces=None):
-    pads, sampler = TouchSampler(scene), SkinSampler(scene, skins)
+    pads, sampler = PadSampler(scene), SkinSampler(scene, skins)
     for i, j in zip((0, *cuts), (*cuts, COUNT), strict=True):
         screens = np.zeros((0, j - i, 4, 4))
         chunk = Chunk(
@@ -142,12 +142,12 @@ def test_it_slips_at_the_mass_that_friction_cannot_carry(skin):
 
 @pytest.mark.parametrize("mode", ["auto", "keyed"])
 def test_it_is_the_switch_of_weight_and_content(skin, mode):
-    """The samples in which contacts balance are those of `held.held`, which the shear tactor's effects ask."""
+    """The samples in which contacts balance are those of `holding_times`, which the shear tactor's effects ask."""
     block, fingers = carried(np.zeros((COUNT, 3)))
     switch = (np.arange(COUNT) >= 18).astype(float)
     scene = make(0.03, mode)
     felt, touch = run(scene, {0: skin, 1: skin}, block, fingers, channels={"body/0/held": switch})
-    holds = held(touch, scene, 0, 0, touch.times)
+    holds = holding_times(touch, scene, 0, 0, touch.times)
     assert holds[20:].all() and (mode == "auto" or not holds[:18].any())
     balanced = [np.allclose(on_block(felt, fingers, i), -0.03 * GRAVITY, atol=1e-6) for i in range(CLOSED, COUNT)]
     np.testing.assert_array_equal(balanced, holds[CLOSED:])

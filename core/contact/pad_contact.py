@@ -1,4 +1,4 @@
-"""SampledTouch: who touches what, how near and where, at every sample of the sweep."""
+"""PadContact: who touches what, how near and where, at every sample of the sweep."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class PairTouch:
+class PairContact:
     """One pad and one body that come within reach of each other.
 
     Attributes:
@@ -39,8 +39,8 @@ class PairTouch:
 
 
 @dataclass(frozen=True, eq=False)
-class SampledTouch:
-    """The touch of a whole range.
+class PadContact:
+    """The contact of all pads over a whole range.
 
     Only pairs that ever come within reach are kept, in `pairs`; `gap`, `normal` and `local_point` spread them over
     all fingers and bodies for those who want dense arrays.
@@ -61,7 +61,7 @@ class SampledTouch:
     fingers: Array
     bodies: Array
     screens: Array
-    pairs: Mapping[tuple[int, int], PairTouch] = field(default_factory=dict)
+    pairs: Mapping[tuple[int, int], PairContact] = field(default_factory=dict)
     centres: Mapping[int, Array] = field(default_factory=dict)
     channels: Mapping[str, Array] = field(default_factory=dict)
     skipped: Mapping[str, int] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""An object held by fingers: its six degrees of freedom balance contact, gravity and inertia.
+"""GripSolver: an object held by fingers; its six degrees of freedom balance contact, gravity and inertia.
 
 The object follows its animated pose up to a small displacement d (translation and turn) that is found with the contact
 forces: w = C f + b - G' d at the nodes, G f = h on the object, where G sums forces and torques and h is what gravity
@@ -13,25 +13,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import DermisError, Finding
-from ..surface.gap import Surface
-from ..surface.plane import Plane
-from ..surface.triangles import Array
-from .solver.balance import TOLERANCE, balance
-from .solver.bodies import ContactBody, contact_frame
-from .solver.cone import STICK, along
-from .solver.grip import Grip, HeldStep, HoldingFinger, Reach
-from .solver.history import ContactHistory
-from .solver.notes import Notes
-from .solver.solve import solve, status_of
+from ...errors import DermisError, Finding
+from ...surface.gap import Surface
+from ...surface.plane import Plane
+from ...surface.triangles import Array
+from .balance import TOLERANCE, balance
+from .bodies import ContactBody, contact_frame
+from .cone import STICK, along
+from .grip import Grip, GripStep, HoldContext, HoldingFinger
+from .history import ContactHistory
+from .notes import Notes
+from .solve import solve, status_of
 
-__all__ = ["HeldObject", "HeldStep", "HoldingFinger", "Reach"]
-
-REACH = 3e-3
+SEARCH_RADIUS = 3e-3
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
-class HeldObject:
+class GripSolver:
     """Solves the grip on one object, frame after frame.
 
     Args:
@@ -112,7 +110,7 @@ class HeldObject:
         angular_acceleration: Array | None = None,
         *,
         frame_number: float | None = None,
-    ) -> HeldStep:
+    ) -> GripStep:
         """Solve the next frame of fingers that touch nothing else.
 
         Args:
@@ -122,35 +120,35 @@ class HeldObject:
             angular_velocity, angular_acceleration: in world space [rad/s], [rad/s^2].
         """
         nothing = ContactBody(self.surface)
-        reaches = [
-            Reach(np.asarray(p, dtype=np.float64), (nothing,), 0, h)
+        contexts = [
+            HoldContext(np.asarray(p, dtype=np.float64), (nothing,), 0, h)
             for p, h in zip(finger_poses, self._histories, strict=True)
         ]
         rates = acceleration, angular_velocity, angular_acceleration
-        step = self.step_among(pose, reaches, *rates, frame_number=frame_number)
+        step = self.step_among(pose, contexts, *rates, frame_number=frame_number)
         assert step is not None
         return step
 
     def step_among(
         self,
         pose: Array,
-        reaches: Sequence[Reach | None],
+        contexts: Sequence[HoldContext | None],
         acceleration: Array | None = None,
         angular_velocity: Array | None = None,
         angular_acceleration: Array | None = None,
         *,
         frame_number: float | None = None,
         only_if_pressed: bool = False,
-    ) -> HeldStep | None:
+    ) -> GripStep | None:
         """Solve the next frame of fingers that may touch other bodies too.
 
         Args:
-            reaches: of each finger; None for one that is nowhere near.
+            contexts: of each finger; None for one that is nowhere near.
             only_if_pressed: return None, and change nothing, where no finger presses the object.
         """
         rotation, middle = self.placed(pose)
         wanted = self._wanted(rotation, acceleration, angular_velocity, angular_acceleration)
-        grips = [None if r is None else self._grip(i, r, rotation, middle) for i, r in enumerate(reaches)]
+        grips = [None if r is None else self._grip(i, r, rotation, middle) for i, r in enumerate(contexts)]
         there = [g for g in grips if g is not None]
         if only_if_pressed and not any(g.pressing for g in there):
             return None
@@ -170,7 +168,7 @@ class HeldObject:
             self._shift = self._shift + step[1][:3]
             self._turn = _rotation(step[1][3:]) @ self._turn
             holds = True
-        return self._finish(grips, step, reaches, wanted, pose, holds)
+        return self._finish(grips, step, contexts, wanted, pose, holds)
 
     # -- one frame -----------------------------------------------------------------------------------------------
 
@@ -194,20 +192,20 @@ class HeldObject:
         place = finger_pose[:3, :3].T @ (origin - finger_pose[:3, 3])
         return ContactBody(self.surface, turn, place, self.friction, self.softness, self.deforms, carry=self.carry)
 
-    def _grip(self, index: int, reach: Reach, rotation: Array, middle: Array) -> Grip:
-        finger, pose = self.fingers[index], reach.pose
+    def _grip(self, index: int, context: HoldContext, rotation: Array, middle: Array) -> Grip:
+        finger, pose = self.fingers[index], context.pose
         body = self.body(pose, rotation, middle)
-        bodies = (*reach.bodies[: reach.own], body, *reach.bodies[reach.own + 1 :])
-        frame = contact_frame(finger.points, bodies, REACH, finger.bone)
+        bodies = (*context.bodies[: context.own], body, *context.bodies[context.own + 1 :])
+        frame = contact_frame(finger.points, bodies, SEARCH_RADIUS, finger.bone)
         near = np.flatnonzero(frame.body >= 0)
-        offset = reach.history.offset(frame, finger.points)[near]
+        offset = context.history.offset(frame, finger.points)[near]
         turn = pose[:3, :3]
         arm = finger.points[near] @ turn.T + pose[:3, 3] - middle
         wrench = np.zeros((6, near.size, 3))
         wrench[:3] = turn[:, None, :]
         for axis in range(3):
             wrench[3:, :, axis] = np.cross(arm, turn[:, axis]).T
-        wrench[:, frame.body[near] != reach.own] = 0.0  # what presses on another body does not carry this one
+        wrench[:, frame.body[near] != context.own] = 0.0  # what presses on another body does not carry this one
         soft = frame.compliance(finger.areas, finger.name)[near]
         key = near.tobytes() + soft.tobytes()
         kept = self._inverses.get(index)
@@ -216,7 +214,7 @@ class HeldObject:
             matrix = finger.compliance[rows[:, None], rows] + np.diag(np.repeat(soft, 3))
             inverse: Array = np.asarray(np.linalg.inv(matrix + self._rho * np.eye(rows.size)), dtype=np.float64)
             kept = self._inverses[index] = (key, matrix, inverse)
-        return Grip(frame, near, kept[1], kept[2], offset, wrench.reshape(6, -1), reach.history, reach.own)
+        return Grip(frame, near, kept[1], kept[2], offset, wrench.reshape(6, -1), context.history, context.own)
 
     def _balanced(
         self, everybody: Sequence[Grip | None], wanted: Array
@@ -253,21 +251,21 @@ class HeldObject:
         self,
         grips: Sequence[Grip | None],
         step: tuple[list[Array], Array, float, int],
-        reaches: Sequence[Reach | None],
+        contexts: Sequence[HoldContext | None],
         wanted: Array,
         pose: Array,
         holds: bool,
-    ) -> HeldStep:
+    ) -> GripStep:
         """Sum the forces up and move the anchors to where the nodes are now."""
         forces, _, residual, iterations = step
         on_object = np.zeros(6)
         status, frames, slips = [], [], []
         rotation, middle = self.placed(pose)
         rest = iter(forces)
-        for i, (grip, reach) in enumerate(zip(grips, reaches, strict=True)):
+        for i, (grip, context) in enumerate(zip(grips, contexts, strict=True)):
             finger = self.fingers[i]
             whole, w = np.zeros_like(finger.points), np.zeros_like(finger.points)
-            if grip is None or reach is None:
+            if grip is None or context is None:
                 self._forces[i] = whole
                 continue
             force = next(rest)
@@ -275,7 +273,7 @@ class HeldObject:
             self._forces[i] = whole
             on_object -= grip.wrench @ force.reshape(-1)
             w[grip.near] = (grip.matrix @ force.reshape(-1)).reshape(-1, 3) + grip.offset
-            body = self.body(reach.pose, rotation, middle)
+            body = self.body(context.pose, rotation, middle)
             bodies = (*grip.frame.bodies[: grip.own], body, *grip.frame.bodies[grip.own + 1 :])
             moved = replace(grip.frame, bodies=bodies)
             found = status_of(whole, w, grip.frame.normal, grip.frame.friction)
@@ -289,7 +287,7 @@ class HeldObject:
             slips.append(w)
         displacement = np.concatenate([self._shift, _vector(self._turn)])
         here = tuple(self._forces[i] for i, g in enumerate(grips) if g is not None)
-        return HeldStep(
+        return GripStep(
             here,
             tuple(status),
             on_object,

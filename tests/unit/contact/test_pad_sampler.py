@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from core.contact.encounter import Encounter
-from core.contact.sampled import SampledTouch
-from core.contact.touch import TouchSampler
+from core.contact.pad_contact import PadContact
+from core.contact.pad_sampler import PadSampler
 from core.errors import DermisError
 from core.motion import matrices
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene, sample_frames
@@ -50,7 +50,7 @@ def sampled(
     size: int = 97,
     surfaces: dict[int, tuple[Mesh, ...]] | None = None,
     channels: dict[str, np.ndarray] | None = None,
-) -> SampledTouch:
+) -> PadContact:
     count = len(fingers[0])
     t = np.arange(count) / RATE
     frames = 1 + 24 * t
@@ -64,7 +64,7 @@ def sampled(
         (),
         (),
     )
-    sampler = TouchSampler(scene)
+    sampler = PadSampler(scene)
     for i in range(0, count, size):
         k = slice(i, i + size)
         sampler.add(
@@ -274,9 +274,9 @@ def test_chunks_that_do_not_fit_are_refused() -> None:
     scene = TactileScene("s", Fraction(24), (1, 25), RATE, (Finger("f"),), (Body("b", cuboid(1, 1, 1)),), (), ())
     empty: Any = np.zeros((0, 2, 4, 4))
     with pytest.raises(DermisError, match="fingers do not fit"):
-        TouchSampler(scene).add(Chunk(np.zeros(2), np.zeros(2), empty, empty, empty))
+        PadSampler(scene).add(Chunk(np.zeros(2), np.zeros(2), empty, empty, empty))
     with pytest.raises(DermisError, match="no samples"):
-        TouchSampler(scene).finish()
+        PadSampler(scene).finish()
 
 
 def test_centre_of_gravity() -> None:

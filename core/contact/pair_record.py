@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..surface.triangles import Array
-from .sampled import PairTouch
+from .pad_contact import PairContact
 
 
 @dataclass
@@ -17,7 +17,7 @@ class PairRecord:
 
     Attributes:
         start: samples at which the gap is known, rising.
-        gap, normal, point, surface_velocity, relief: there, as in `PairTouch`; relief only where a device asks.
+        gap, normal, point, surface_velocity, relief: there, as in `PairContact`; relief only where a device asks.
         last: the last such sample. side: of an open surface, on which the finger is, +1 or -1.
     """
 
@@ -30,7 +30,7 @@ class PairRecord:
     last: int = -2
     side: int = 1
 
-    def assembled(self, count: int) -> PairTouch:
+    def assembled(self, count: int) -> PairContact:
         """Spread what is known over all samples, `count` of them."""
         index = np.concatenate(self.start)
         gap = np.full(count, np.inf)
@@ -43,4 +43,4 @@ class PairRecord:
         relief = np.zeros((count, 3)) if self.relief else None
         if relief is not None:
             relief[index] = np.concatenate(self.relief)
-        return PairTouch(gap, arrays[0], arrays[1], arrays[2] if arrays[2].any() else None, relief)
+        return PairContact(gap, arrays[0], arrays[1], arrays[2] if arrays[2].any() else None, relief)

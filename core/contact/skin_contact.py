@@ -1,4 +1,4 @@
-"""What one finger's skin felt over a scene."""
+"""What one finger's skin feels: at one sample, and over a scene."""
 
 from __future__ import annotations
 
@@ -14,7 +14,31 @@ from ..surface.triangles import Array
 
 
 @dataclass(frozen=True, eq=False)
-class SkinTouch:
+class SkinStep:
+    """What one finger's skin feels at one sample.
+
+    Attributes:
+        force: on the pad nodes in the finger's frame [N], shape (m, 3).
+        normal_force, tangential_force: total over the pad [N].
+        depth: how deep the undeformed skin is in an object, 0 without contact [m].
+        lift: how far the bone gave way (compliant touch depth) [m].
+        sticking, slipping: number of nodes.
+        work: what the solver did, see `PathStep`, or 'baked'. converged: whether the sample passed its check.
+    """
+
+    force: Array
+    normal_force: float = 0.0
+    tangential_force: float = 0.0
+    depth: float = 0.0
+    lift: float = 0.0
+    sticking: int = 0
+    slipping: int = 0
+    work: str = "idle"
+    converged: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class SkinContact:
     """What one finger's skin felt over a scene.
 
     Attributes:
@@ -53,3 +77,17 @@ class SkinTouch:
         if at < len(self.contact) and self.contact[at] == sample:
             return self.force[at].astype(np.float64)
         return np.zeros((self.model.pad_count, 3))
+
+    def at(self, sample: int) -> SkinStep:
+        """Return what was felt at one sample; it converged where no sample failed to."""
+        return SkinStep(
+            self.force_at(sample),
+            float(self.normal_force[sample]),
+            float(self.tangential_force[sample]),
+            float(self.depth[sample]),
+            float(self.lift[sample]),
+            int(self.sticking[sample]),
+            int(self.slipping[sample]),
+            "baked",
+            not any(f.code == "not-converged" for f in self.findings),
+        )

@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from core.contact.skin_touch import SkinSampler
+from core.contact.skin_sampler import SkinSampler
 from core.errors import DermisError
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 from core.skin.model import fingertip_skin

@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from core.contact.held_object import HeldObject, HoldingFinger
 from core.contact.solver.cone import SLIP
+from core.contact.solver.grip_solver import GripSolver, HoldingFinger
 from core.errors import DermisError
 from core.skin.model import fingertip_skin
 from core.surface.gap import Surface
@@ -36,7 +36,7 @@ def setup(skin, mass, *, squeeze=1e-3, friction=MU, gravity=GRAVITY):
     height = HALF[2] - skin.positions[:, 2].min() - squeeze
     above, below = np.eye(4), np.diag([-1.0, 1.0, -1.0, 1.0])
     above[2, 3], below[2, 3] = height, -height
-    return HeldObject(block, mass, fingers, friction, gravity=gravity), [above, below]
+    return GripSolver(block, mass, fingers, friction, gravity=gravity), [above, below]
 
 
 def grip(skin, squeeze=1e-3):
@@ -131,4 +131,4 @@ def test_what_cannot_be_held_is_refused(skin):
     block = setup(skin, 0.05)[0].surface
     for surface, mass, fingers in ((block, 0.0, [finger]), (block, 0.1, []), (plane, 0.1, [finger])):
         with pytest.raises(DermisError):
-            HeldObject(surface, mass, fingers, MU)
+            GripSolver(surface, mass, fingers, MU)

@@ -1,4 +1,4 @@
-"""Deforming surfaces: what is no number is held and told, what is doubtful is told once, animated gaps are not cut."""
+"""Surfaces that deform: what is no number is held and told, what is doubtful told once, animated gaps are not cut."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from core.contact.reach import FASTEST_APPROACH
-from core.contact.sampled import SampledTouch
-from core.contact.touch import TouchSampler
+from core.contact.pad_contact import PadContact
+from core.contact.pad_sampler import PadSampler
+from core.contact.search_radius import FASTEST_APPROACH
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 
 RATE, COUNT = 240.0, 60
@@ -36,13 +36,13 @@ def broken(meshes: list[Mesh], at: range) -> list[Mesh]:
 
 def touch(
     height: float, meshes: list[Mesh] | None = None, *, size: int = COUNT, distance: np.ndarray | None = None
-) -> SampledTouch:
+) -> PadContact:
     """One pad that stands still above the middle of one box."""
     body = Body("box", None if meshes else Mesh(CORNERS, FACES))
     scene = TactileScene(
         "s", Fraction(24), (1, 25), RATE, (Finger("f", (), {"touch_distance": 0.0005}),), (body,), (), ()
     )
-    sampler = TouchSampler(scene)
+    sampler = PadSampler(scene)
     pad, still = np.tile(np.eye(4), (2, 1, COUNT, 1, 1))
     pad[0, :, 2, 3] = height
     for start in range(0, COUNT, size):
@@ -108,7 +108,7 @@ def test_the_chunk_comes_back_mended_for_the_skin() -> None:
     pad[0, 40, 0, 0] = np.nan
     good, bad = growing(), broken(growing(), range(20, 30))
     none = np.zeros((0, COUNT, 4, 4))
-    mended = TouchSampler(scene).add(Chunk(1 + 24 * T, T, pad, still, none, {0: tuple(bad)}))
+    mended = PadSampler(scene).add(Chunk(1 + 24 * T, T, pad, still, none, {0: tuple(bad)}))
     assert np.isfinite(mended.fingers).all()
     expected = [good[19] if 20 <= i < 30 else good[i] for i in range(COUNT)]
     for mesh, want in zip(mended.surfaces[0], expected, strict=True):

@@ -1,4 +1,4 @@
-"""Reach: how near a surface must be to a pad to be worth measuring."""
+"""SearchRadius: within which distance of a pad a surface must be to be worth measuring."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 FASTEST_APPROACH = 12.0
 
 
-class Reach:
+class SearchRadius:
     """The distances at which pads count as touching, and a margin for their approach between two samples.
 
     Args:
@@ -29,7 +29,7 @@ class Reach:
         self.longest = max(self._distances, default=0.0) + self._margin
 
     def over(self, chunk: Chunk) -> Array | None:
-        """Return each finger's reach at each sample [m], shape (F, n), or None where no touch distance is animated."""
+        """Return each finger's radius at each sample [m], shape (F, n), or None where no touch distance is animated."""
         keys = [f"finger/{f}/touch_distance" for f in range(len(self._distances))]
         if not any(key in chunk.channels for key in keys):
             return None
@@ -37,6 +37,6 @@ class Reach:
         for f, key in enumerate(keys):
             own[f] = chunk.channels.get(key, self._distances[f])
         # What is no number is held later, at a value that this chunk or an earlier one has.
-        reach = np.where(np.isfinite(own), own + self._margin, self.longest)
-        self.longest = max(self.longest, float(reach.max()))
-        return reach
+        radius = np.where(np.isfinite(own), own + self._margin, self.longest)
+        self.longest = max(self.longest, float(radius.max()))
+        return radius

@@ -1,4 +1,4 @@
-"""TouchSampler: from chunks of poses to the gap between every pad and every body, sample by sample.
+"""PadSampler: from chunks of poses to the gap between every pad and every body, sample by sample.
 
 The broad phase compares boxes over a whole chunk, then per sample; what is farther apart than the reach costs nothing
 more and is counted. The narrow phase asks a body's `Surface` for its gap to the pads' centres, in the body's *carried*
@@ -22,10 +22,10 @@ from ..scene.tactile_scene import Chunk, TactileScene
 from ..surface.centre import centre_of
 from ..surface.gap import GapQuery, Surface
 from ..surface.repairs import Repairs
-from .deforming import Deforming
-from .pair import PairRecord
-from .reach import Reach
-from .sampled import SampledTouch
+from .deforming_surfaces import DeformingSurfaces
+from .pad_contact import PadContact
+from .pair_record import PairRecord
+from .search_radius import SearchRadius
 from .stretch_rates import StretchRates
 from .surfaces import SAME_STRETCH, box_of, carried, surface_of
 
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 BONE_HEIGHT = 0.006
 
 
-class TouchSampler:
+class PadSampler:
     """Collects the touch of a scene, one chunk after the other.
 
     Args:
@@ -44,7 +44,7 @@ class TouchSampler:
 
     def __init__(self, scene: TactileScene) -> None:
         self._scene = scene
-        self._reach = Reach(scene)
+        self._radius = SearchRadius(scene)
         # fingers with a device that follows the surface's own normals
         self._relief = {
             i for i, f in enumerate(scene.fingers) if any(d.parameters.get("relief") == "mesh" for d in f.devices)
@@ -58,7 +58,7 @@ class TouchSampler:
         self._rates = StretchRates()
         self._skipped = {"pair_samples_far": 0, "surfaces_far": 0}
         self._noted: dict[int, tuple[Finding, ...]] = {}
-        self._deforming = Deforming([body.name for body in scene.bodies], self._repairs)
+        self._deforming = DeformingSurfaces([body.name for body in scene.bodies], self._repairs)
 
     def add(self, chunk: Chunk) -> Chunk:
         """Take in the next samples; return them as they were taken, with poses and surfaces mended.
@@ -91,13 +91,13 @@ class TouchSampler:
                     remedy="Give the finger a scale other than 0",
                 )
         self._chunks.append(Chunk(chunk.frames, chunk.times, fingers, bodies, screens, {}, chunk.channels))
-        own = self._reach.over(chunk)
+        own = self._radius.over(chunk)
         chunk, boxes = self._deforming.take(chunk)
         self._sweep(chunk, fingers, bodies, own, boxes)
         self._count += count
         return replace(chunk, fingers=fingers, bodies=bodies, screens=screens)
 
-    def finish(self) -> SampledTouch:
+    def finish(self) -> PadContact:
         """Return everything that was taken in.
 
         Raises:
@@ -112,7 +112,7 @@ class TouchSampler:
         channels = self._repairs.channels(self._chunks, frames)
         pairs = {key: pair.assembled(self._count) for key, pair in sorted(self._pairs.items()) if pair.start}
         noted = {**self._noted, **self._deforming.noted}
-        return SampledTouch(
+        return PadContact(
             frames=frames,
             times=times,
             fingers=np.concatenate([c.fingers for c in self._chunks], axis=1),
@@ -133,11 +133,11 @@ class TouchSampler:
         pads = fingers[:, :, :3, 3]
         total = len(fingers) * len(chunk.times)
         for b, middle, half in self._boxes(chunk, bodies, boxes):
-            low = (middle - half).min(axis=0) - self._reach.longest
-            high = (middle + half).max(axis=0) + self._reach.longest
+            low = (middle - half).min(axis=0) - self._radius.longest
+            high = (middle + half).max(axis=0) + self._radius.longest
             close = np.flatnonzero(((pads.min(axis=1) <= high) & (pads.max(axis=1) >= low)).all(axis=1))
             near = [
-                (int(f), np.flatnonzero((np.abs(pads[f] - middle) <= half + self._reach.longest).all(axis=1)))
+                (int(f), np.flatnonzero((np.abs(pads[f] - middle) <= half + self._radius.longest).all(axis=1)))
                 for f in close
             ]
             near = [(f, index) for f, index in near if index.size]
@@ -254,11 +254,11 @@ class TouchSampler:
         turn: Array,
         fingers: Array,
         velocity: Array | None,
-        own_reach: Array | None,
+        own_radius: Array | None,
         rates: Array | None,
     ) -> None:
         """Ask the surface about all pads at once, and keep the samples at which it is within reach."""
-        low, high = surface.box[0] - self._reach.longest, surface.box[1] + self._reach.longest
+        low, high = surface.box[0] - self._radius.longest, surface.box[1] + self._radius.longest
         samples = np.concatenate([index for _, index in near])
         who = np.repeat([f for f, _ in near], [index.size for _, index in near])
         points = np.concatenate([local[f] for f, _ in near])
@@ -267,10 +267,10 @@ class TouchSampler:
         if not inside.any():
             return
         points, samples, who = points[inside], samples[inside], who[inside]
-        found = surface.query(points, self._reach.longest)
+        found = surface.query(points, self._radius.longest)
         known = np.isfinite(found.gap)
-        if own_reach is not None:  # a chunk's longest reach must not lend others what they would not know alone
-            known &= (found.gap if surface.closed else np.abs(found.gap)) <= own_reach[who, samples]
+        if own_radius is not None:  # a chunk's longest radius must not lend others what they would not know alone
+            known &= (found.gap if surface.closed else np.abs(found.gap)) <= own_radius[who, samples]
         moving = np.zeros((len(points), 3))
         if velocity is not None and known.any():
             moving[known] = _interpolated(surface, found, known, velocity)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..errors import DermisError
 from ..scene.tactile_scene import TactileScene
 from .encounter import Encounter, encounter
-from .sampled import SampledTouch
+from .pad_contact import PadContact
 
 if TYPE_CHECKING:
     Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ TOUCH_DISTANCE = 0.0005  # [m], where a finger does not say
 OPPOSED = -0.5
 
 
-def meet(touch: SampledTouch, scene: TactileScene, finger: int, body: int, times: Array) -> Encounter | None:
+def meet(touch: PadContact, scene: TactileScene, finger: int, body: int, times: Array) -> Encounter | None:
     """Return the encounter of a finger and a body at the finger's touch distance, or None if they never touch."""
     if (finger, body) not in touch.pairs:
         return None
@@ -36,7 +36,9 @@ def meet(touch: SampledTouch, scene: TactileScene, finger: int, body: int, times
     return encounter(touch, finger, body, times, distance)
 
 
-def held(touch: SampledTouch, scene: TactileScene, finger: int, body: int, times: Array) -> NDArray[np.bool_] | None:
+def holding_times(
+    touch: PadContact, scene: TactileScene, finger: int, body: int, times: Array
+) -> NDArray[np.bool_] | None:
     """Return when a finger holds a body, shape (m,), or None if it never does.
 
     Args:
@@ -68,7 +70,7 @@ def held(touch: SampledTouch, scene: TactileScene, finger: int, body: int, times
     return holds if holds.any() else None
 
 
-def _opposed(touch: SampledTouch, finger: int, other: int, body: int, times: Array) -> NDArray[np.bool_]:
+def _opposed(touch: PadContact, finger: int, other: int, body: int, times: Array) -> NDArray[np.bool_]:
     """Whether two fingers' normals oppose, from the nearest sample of the sweep, shape (m,)."""
     first, second = sorted((finger, other))
 

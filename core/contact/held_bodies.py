@@ -1,0 +1,99 @@
+"""HeldBodies: what fingers hold together, balanced with the contacts of all of them, sample after sample."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import Finding
+from ..scene.tactile_scene import TactileScene
+from .held_body import HeldBody, rigid
+from .pad_contact import PadContact
+from .posed_scene import PosedScene
+from .sample_window import SampleWindow
+from .skin_contact import SkinStep
+from .skin_stepper import SkinStepper
+from .solver.grip_solver import GripStep, HoldContext, HoldingFinger
+
+
+class HeldBodies:
+    """The bodies of a scene that may be held.
+
+    Args:
+        touch: of the whole range: it knows when a body is held, and how it is accelerated.
+        candidates: their indices.
+        posed: the scene, at the chunk of each window.
+        steppers: of the fingers that are solved.
+    """
+
+    def __init__(
+        self,
+        scene: TactileScene,
+        touch: PadContact,
+        candidates: Iterable[int],
+        posed: PosedScene,
+        steppers: Mapping[int, SkinStepper],
+    ) -> None:
+        self._posed, self._steppers = posed, steppers
+        skins = {f: _holding_finger(stepper) for f, stepper in steppers.items()}
+        self._held = [HeldBody(scene, touch, b, skins) for b in sorted(candidates)]
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What slipped, and what is held by fingers that are not solved."""
+        return tuple(finding for body in self._held for finding in body.findings)
+
+    def step(self, window: SampleWindow, i: int, sample: int) -> dict[int, SkinStep]:
+        """Balance what is held at sample `i` of a window; return the steps of the fingers that hold something.
+
+        Args:
+            sample: the same, counted over the whole range.
+        """
+        steps: dict[int, SkinStep] = {}
+        frame = float(window.chunk.frames[i])
+        for body in self._held:
+            near = (f for f in body.order if body.index in window.fingers[f].near)
+            fingers = [f for f in near if window.fingers[f].near[body.index][i]]
+            if not body.held[sample] or not fingers or not steps.keys().isdisjoint(fingers):
+                if body.held[sample] and fingers:
+                    body.shared(frame)
+                body.let_go()
+                continue
+            step, retractions = self._balance(body, fingers, window, i, sample)
+            if step is None:
+                body.let_go()
+                continue
+            for k, f in enumerate(fingers):
+                steps[f] = self._steppers[f].adopt(step, k, retractions[k], frame)
+        return steps
+
+    def _balance(
+        self, body: HeldBody, fingers: Sequence[int], window: SampleWindow, i: int, sample: int
+    ) -> tuple[GripStep | None, list[float]]:
+        """Balance one body; also return how far the force limits retract the bones."""
+        b, frame = body.index, float(window.chunk.frames[i])
+        surface, turn, origin, _, _ = self._posed.at(b, i)
+        contexts: dict[int, HoldContext] = {}
+        retractions = []
+        for f in fingers:
+            stepper, approach = self._steppers[f], window.fingers[f]
+            own, around = stepper.place_of(b), stepper.around(approach, i)
+            pose = rigid(approach.turn[i], approach.place[i])
+            displaced = body.body(pose, surface, turn, origin, sample)
+            tried = replace(around[own], rotation=displaced.rotation, translation=displaced.translation)
+            retraction = stepper.bone.retraction([*around[:own], tried, *around[own + 1 :]], frame)
+            if retraction > 0.0:
+                down = np.array([0.0, 0.0, -retraction])
+                around = [replace(a, translation=a.translation + down) for a in around]
+                pose[:3, 3] -= pose[:3, :3] @ down
+            retractions.append(retraction)
+            contexts[f] = HoldContext(pose, tuple(around), own, stepper.bone.solver.history)
+        step = body.step(sample, surface, turn, origin, [contexts.get(f) for f in body.order], frame)
+        return step, retractions
+
+
+def _holding_finger(stepper: SkinStepper) -> HoldingFinger:
+    solver, skin = stepper.bone.solver, stepper.skin
+    return HoldingFinger(solver.operator.compliance, skin.positions, stepper.name, skin.areas, solver.bone)

@@ -1,0 +1,148 @@
+"""PosedBody: the surface of a scene's body at a sample, in the space it is carried in.
+
+That space is the object's after scale and shear and before rotation and translation, so lengths there are metres and
+a body that keeps its scale keeps its surface.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from ..motion import rotations
+from ..scene.tactile_scene import Body, Chunk, Mesh
+from ..surface.gap import Surface
+from .surfaces import SAME_STRETCH, box_of, carried, surface_of
+
+Array = NDArray[np.float64]
+
+
+class Posed(NamedTuple):
+    """A body at a sample.
+
+    Attributes:
+        surface: after scale and shear.
+        turn: rotation to the world, shape (3, 3). origin: in the world [m], shape (3,).
+        deforms: its surface is another at every sample.
+        carry: as in `ContactBody`: how its scale changed since it was first asked for; None where it did not.
+    """
+
+    surface: Surface
+    turn: Array
+    origin: Array
+    deforms: bool
+    carry: Array | None
+
+
+class _Kept(NamedTuple):
+    """A surface, and what it was made of."""
+
+    mesh: Mesh
+    stretch: Array
+    surface: Surface
+    carry: Array | None
+
+
+class PosedBody:
+    """One body of a scene.
+
+    Args:
+        body: its header.
+        deforms: whether its surface may be another at another sample, where all surfaces come with the chunks, as in
+            a preview; None where only those that deform do.
+    """
+
+    def __init__(self, body: Body, deforms: bool | None = None) -> None:
+        self._body, self._deforms = body, deforms
+        self._poses = np.zeros((0, 4, 4))
+        self._meshes: tuple[Mesh, ...] | None = None
+        self._kept: _Kept | None = None
+        self._first: Array | None = None  # its stretch when it was first asked for
+        self._turned: tuple[Array, Array] | None = None  # linear maps, and their rotations
+        self._known = False  # that those are this chunk's
+        self._box: tuple[Mesh, Array] | None = None  # of a mesh, in its object's space
+
+    def take(self, b: int, chunk: Chunk) -> None:
+        """Go on to a chunk, in which it is body `b`."""
+        self._poses, self._meshes, self._known = chunk.bodies[b], chunk.surfaces.get(b), False
+
+    def boxes(self) -> Array:
+        """Return the box in the object's space at every sample [m], shape (n, 2, 3), or (1, 2, 3) of a rigid body.
+
+        Raises:
+            DermisError: the object has no surface.
+        """
+        if self._meshes is not None:
+            return np.array([self._box_of(mesh) for mesh in self._meshes])
+        if self._body.mesh is None:
+            raise DermisError(
+                "a deforming object has no surface",
+                where=f"object '{self._body.name}'",
+                remedy="Give it faces, or stop it being touchable",
+            )
+        return self._box_of(self._body.mesh)[None]
+
+    def at(self, i: int) -> Posed:
+        """Return the body at a sample.
+
+        Raises:
+            DermisError: the object has scale 0.
+        """
+        turn, pose = self._turns()[i], self._poses[i]
+        mesh = self._body.mesh if self._meshes is None else self._meshes[i]
+        assert mesh is not None  # `boxes` refused it
+        anew = self._meshes is not None and self._deforms is None
+        kept = self._surface(mesh, turn.T @ pose[:3, :3], anew)
+        deforms = anew if self._deforms is None else self._deforms
+        return Posed(kept.surface, turn, pose[:3, 3], deforms, kept.carry)
+
+    def _surface(self, mesh: Mesh, stretch: Array, anew: bool) -> _Kept:
+        """Return the surface after scale and shear, made again where one of the two is another.
+
+        Args:
+            anew: it deforms, and is therefore made for each stretch exactly.
+        """
+        kept = self._kept if self._kept is not None and self._kept.mesh is mesh else None
+        if kept is not None and (np.array_equal if anew else _alike)(stretch, kept.stretch):
+            return kept
+        if anew:
+            self._kept = _Kept(mesh, stretch, carried(mesh, stretch), None)
+            return self._kept
+        plain = _alike(stretch, np.eye(3))
+        stretch = np.eye(3) if plain else stretch
+        # kept with the mesh only once: an animated scale has another surface at every sample
+        surface = surface_of(mesh) if plain else carried(mesh, stretch) if kept else surface_of(mesh, stretch)
+        # the material is told by its place at the first stretch, so that it is the same before and after
+        carry = None if self._first is None else stretch @ np.linalg.inv(self._first)
+        if self._first is None:
+            self._first = stretch
+        self._kept = _Kept(mesh, stretch, surface, carry)
+        return self._kept
+
+    def _turns(self) -> Array:
+        """Return the rotations of all samples, shape (n, 3, 3); most objects stand still from chunk to chunk."""
+        linear = self._poses[:, :3, :3]
+        if self._turned is None or not (self._known or np.array_equal(linear, self._turned[0])):
+            try:
+                self._turned = linear.copy(), rotations(linear)
+            except DermisError as error:
+                raise DermisError(
+                    error.what,
+                    where=f"object '{self._body.name}'",
+                    limit=error.limit,
+                    remedy="Scale its vertices instead",
+                ) from error
+        self._known = True
+        return self._turned[1]
+
+    def _box_of(self, mesh: Mesh) -> Array:
+        if self._box is None or self._box[0] is not mesh:
+            self._box = mesh, box_of(mesh)
+        return self._box[1]
+
+
+def _alike(stretch: Array, reference: Array) -> bool:
+    return bool(np.abs(stretch - reference).max() <= SAME_STRETCH * np.abs(reference).max())

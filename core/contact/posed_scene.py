@@ -1,0 +1,105 @@
+"""PosedScene: the fingers of a scene and all that they may touch, chunk after chunk; every finger asks the same one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..motion import rotations
+from ..scene.tactile_scene import Body, Chunk
+from .posed_body import Posed, PosedBody
+from .solver.bodies import ContactBody
+
+Array = NDArray[np.float64]
+
+FRICTION = 0.6  # of a body that does not say
+
+
+class PosedScene:
+    """A scene's fingers and bodies in one chunk at a time.
+
+    Args:
+        bodies: headers of what may be touched.
+        deforms: as in `PosedBody`, of each; None where only the surfaces that deform come with the chunks.
+
+    Attributes:
+        chunk: the one that was taken last.
+    """
+
+    chunk: Chunk
+
+    def __init__(self, bodies: Sequence[Body], deforms: Sequence[bool] | None = None) -> None:
+        self._headers = tuple(bodies)
+        told = [None] * len(bodies) if deforms is None else deforms
+        self._bodies = [PosedBody(body, d) for body, d in zip(bodies, told, strict=True)]
+        self._turns: Array | None = None
+        self._boxes: tuple[Array, Array] | None = None
+
+    def take(self, chunk: Chunk, bodies: Sequence[Body] | None = None) -> None:
+        """Go on to a chunk.
+
+        Args:
+            bodies: their headers, where parameters may have been edited since.
+        """
+        self.chunk, self._turns, self._boxes = chunk, None, None
+        self._headers = self._headers if bodies is None else tuple(bodies)
+        for b, body in enumerate(self._bodies):
+            body.take(b, chunk)
+
+    def turns(self) -> Array:
+        """Return the fingers' rotations to the world, shape (F, n, 3, 3)."""
+        if self._turns is None:
+            linear = self.chunk.fingers[:, :, :3, :3]
+            turns = rotations(linear.reshape(-1, 3, 3)).reshape(linear.shape)
+            # how matrices lie in memory decides the last digit of their products: a lone sample's lie as they ever did
+            self._turns = np.ascontiguousarray(turns) if linear.shape[1] == 1 else turns
+        return self._turns
+
+    def boxes(self) -> tuple[Array, Array]:
+        """Return middle and half size of the bodies' boxes in the world at every sample [m], shape (B, n, 3) each.
+
+        Raises:
+            DermisError: a deforming object has no surface.
+        """
+        if self._boxes is None:
+            boxes = np.zeros((*self.chunk.bodies.shape[:2], 2, 3))
+            for b, body in enumerate(self._bodies):
+                boxes[b] = body.boxes()
+            linear = self.chunk.bodies[:, :, :3, :3]
+            centre, size = (boxes[:, :, 0] + boxes[:, :, 1]) / 2, (boxes[:, :, 1] - boxes[:, :, 0]) / 2
+            middle = (linear @ centre[..., None])[..., 0] + self.chunk.bodies[:, :, :3, 3]
+            self._boxes = middle, (np.abs(linear) @ size[..., None])[..., 0]
+        return self._boxes
+
+    def at(self, b: int, i: int) -> Posed:
+        """Return a body at a sample, in the world.
+
+        Raises:
+            DermisError: the object has scale 0.
+        """
+        return self._bodies[b].at(i)
+
+    def seen_from(self, turn: Array, place: Array, b: int, i: int) -> ContactBody:
+        """Return a body at a sample, in the frame of a finger with this rotation (3, 3) and place [m] in the world.
+
+        Raises:
+            DermisError: the object has scale 0.
+        """
+        posed = self._bodies[b].at(i)
+        stiffness = self._value(b, i, "surface_stiffness", 0.0)
+        return ContactBody(
+            posed.surface,
+            turn.T @ posed.turn,
+            turn.T @ (posed.origin - place),
+            friction=self._value(b, i, "friction", FRICTION),
+            softness=1.0 / stiffness if stiffness > 0 else 0.0,
+            deforms=posed.deforms,
+            carry=posed.carry,
+        )
+
+    def _value(self, b: int, i: int, name: str, default: float) -> float:
+        """Return a body's parameter at a sample: animated, constant, or the default."""
+        channel = self.chunk.channels.get(f"body/{b}/{name}")
+        return float(self._headers[b].parameters.get(name, default) if channel is None else channel[i])

@@ -1,0 +1,146 @@
+"""SkinSampler: from chunks of poses to the contact forces on every finger's skin, frame after frame.
+
+It is the same broad phase as the pads' (`PadSampler`), about the whole fingertip instead of its centre: a finger and
+a body whose boxes never come together in a chunk cost nothing more. Where they do, a `SkinStepper` takes one step a
+sample. Kept are the forces of the frames in contact, in single precision; all else (displacement, stress) follows from
+them when somebody asks.
+
+What fingers hold together is solved together: the contacts on it sum to m (a - g). Its acceleration is known only when
+the whole path is, so from the chunk on in which a finger comes near such a body the poses are kept, and `solve_held`
+goes through them at the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError, Finding
+from ..scene.tactile_scene import Chunk, TactileScene
+from ..skin.model import SkinModel
+from .held_bodies import HeldBodies
+from .held_body import may_be_held
+from .pad_contact import PadContact
+from .posed_scene import PosedScene
+from .sample_window import SampleWindow
+from .skin_contact import SkinContact
+from .skin_record import SkinRecord
+from .skin_stepper import SkinStepper
+from .solver.path import PathSolver
+
+__all__ = ["SkinSampler", "SkinContact"]
+
+Array = NDArray[np.float64]
+
+
+class SkinSampler:
+    """Solves the contact of the fingers that need it, one chunk after the other.
+
+    Args:
+        scene: its header; the chunks are handed to `add`.
+        skins: finger index -> its skin. Other fingers are left alone.
+        tolerance: of the contact solver.
+
+    Raises:
+        DermisError: a touch depth that is unknown, or a spring or force limit that is not above zero.
+    """
+
+    def __init__(self, scene: TactileScene, skins: Mapping[int, SkinModel], *, tolerance: float | None = None) -> None:
+        self._scene = scene
+        self._posed = PosedScene(scene.bodies)
+        self._steppers = {
+            f: SkinStepper(skin, f, scene.fingers[f], self._posed, tolerance=tolerance) for f, skin in skins.items()
+        }
+        self._records = {f: SkinRecord() for f in skins}
+        self._frames: list[Array] = []
+        self._times: list[Array] = []
+        self._waits = False
+        self._kept: list[SampleWindow] = []
+        self._held_findings: tuple[Finding, ...] = ()
+
+    def solver(self, finger: int) -> PathSolver:
+        """Return the path solver of a finger, for what it counted and remembers."""
+        return self._steppers[finger].bone.solver
+
+    def add(self, chunk: Chunk) -> None:
+        """Take in the next samples."""
+        if not len(chunk.times):
+            return
+        self._posed.take(chunk)
+        window = SampleWindow(chunk, {f: stepper.approach() for f, stepper in self._steppers.items()})
+        self._frames.append(chunk.frames)
+        self._times.append(chunk.times)
+        self._waits = self._waits or self._near_what_may_be_held(window)
+        if self._waits:
+            self._kept.append(window.lighter())
+            return
+        for f, approach in window.fingers.items():
+            if not approach.near:
+                self._steppers[f].idle(len(chunk.times))
+                self._records[f].nothing(len(chunk.times))
+                continue
+            for i in range(len(chunk.times)):
+                self._records[f].keep(self._steppers[f].step(approach, i))
+
+    def solve_held(self, touch: PadContact) -> Iterator[int]:
+        """Solve the samples that were kept because something may be held in them; yield their number now and then.
+
+        Args:
+            touch: of the whole range: it knows when a body is held, and how it is accelerated.
+        """
+        done = sum(len(t) for t in self._times) - sum(len(s.chunk.times) for s in self._kept)
+        scene = self._scene
+        every = range(len(scene.bodies))
+        candidates = {b for s in self._kept for b in every if may_be_held(scene, b, s.chunk)}
+        held = HeldBodies(scene, touch, candidates, self._posed, self._steppers)
+        while self._kept:
+            window = self._kept.pop(0)
+            self._posed.take(window.chunk)
+            for i in range(len(window.chunk.times)):
+                steps = held.step(window, i, done)
+                for f, stepper in self._steppers.items():
+                    self._records[f].keep(steps[f] if f in steps else stepper.step(window.fingers[f], i))
+                done += 1
+                if done % 10 == 0:
+                    yield done
+        self._held_findings = held.findings
+        self._waits = False
+
+    def finish(self, touch: PadContact | None = None) -> dict[int, SkinContact]:
+        """Return what every finger felt.
+
+        Args:
+            touch: needed where something may be held and `solve_held` was not drained.
+
+        Raises:
+            DermisError: something may be held, and there is no touch to tell whether it is.
+        """
+        if self._kept:
+            if touch is None:
+                raise DermisError(
+                    "what is held can only be balanced with the touch of the whole range",
+                    where=f"scene '{self._scene.name}'",
+                )
+            for _ in self.solve_held(touch):
+                pass
+        times = np.concatenate(self._times) if self._times else np.zeros(0)
+        frames = np.concatenate(self._frames) if self._frames else np.zeros(0)
+        return {f: self._touch(f, times, frames) for f in self._steppers}
+
+    def _near_what_may_be_held(self, window: SampleWindow) -> bool:
+        close = {b for approach in window.fingers.values() for b in approach.near}
+        return any(may_be_held(self._scene, b, window.chunk) for b in close)
+
+    def _touch(self, f: int, times: Array, frames: Array) -> SkinContact:
+        stepper, counters = self._steppers[f], self._steppers[f].counters
+        skipped = {
+            "skin_pairs_far": stepper.far,
+            "skin_frames_idle": counters["idle"],
+            "skin_frames_same": counters["same"] + counters["unchanged"],
+        }
+        findings = stepper.findings
+        if f == min(self._steppers):  # what is said of a held object is said once
+            findings += self._held_findings
+        return self._records[f].touch(stepper.skin, times, frames, findings, skipped)

@@ -1,0 +1,145 @@
+"""SkinStepper: one finger's skin contact, advanced by one sample at a time, for a bake and for a preview alike.
+
+It is the broad phase about the whole fingertip, the bodies posed in the finger's frame, one step of the path solver
+behind the touch depth, and what that comes to. A sweep steps it through its chunks; a preview steps it through the
+frames that somebody visits, and takes a step back where a frame is solved anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Finding
+from ..scene.tactile_scene import Finger
+from ..skin.model import SkinModel
+from .compliant_bone import BoneStep, CompliantBone
+from .posed_scene import PosedScene
+from .sample_window import Approach
+from .skin_contact import SkinStep
+from .solver.bodies import AWAY, ContactBody
+from .solver.cone import SLIP, STICK
+from .solver.grip import GripStep
+
+Array = NDArray[np.float64]
+
+
+class SkinStepper:
+    """One finger's contact with the bodies of a scene.
+
+    Args:
+        skin: of the finger.
+        index: of the finger in the chunks.
+        finger: its header: name and touch depth.
+        scene: whose chunk is the one that is stepped through.
+        tolerance: of the contact solver.
+
+    Attributes:
+        far: pairs of a body and a sample that the broad phase skipped.
+
+    Raises:
+        DermisError: a touch depth that is unknown, or a spring or force limit that is not above zero.
+    """
+
+    def __init__(
+        self, skin: SkinModel, index: int, finger: Finger, scene: PosedScene, *, tolerance: float | None = None
+    ) -> None:
+        self.skin, self.index, self.name = skin, index, f"finger '{finger.name}'"
+        self.bone = CompliantBone.of(skin, finger.parameters, self.name, tolerance)
+        self.far = 0
+        self._scene = scene
+        self._low, self._high = skin.positions.min(axis=0), skin.positions.max(axis=0)
+        self._order: list[int] = []  # bodies it has ever been near; only ever grows
+
+    def approach(self) -> Approach:
+        """Find the bodies whose boxes come within reach of the fingertip's in the chunk, and in which samples.
+
+        Raises:
+            DermisError: a deforming object has no surface.
+        """
+        turn, place = self._scene.turns()[self.index], self._scene.chunk.fingers[self.index, :, :3, 3]
+        middle = place + turn @ ((self._low + self._high) / 2)
+        half = np.abs(turn) @ ((self._high - self._low) / 2) + self.bone.solver.reach
+        box_middle, box_half = self._scene.boxes()
+        inside = (np.abs(middle - box_middle) <= half + box_half).all(axis=2)
+        self.far += int((~inside).sum())
+        near = {int(b): inside[b] for b in np.flatnonzero(inside.any(axis=1))}
+        # so that a body keeps its index in the solver's memory
+        self._order += [b for b in near if b not in self._order]
+        return Approach(near, turn, place)
+
+    def step(self, approach: Approach, i: int) -> SkinStep:
+        """Solve sample `i` of the chunk.
+
+        Raises:
+            DermisError: an object nearby has scale 0.
+        """
+        if not approach.close(i):
+            return self.idle()
+        return _skin_step(self.bone.step(self.around(approach, i), float(self._scene.chunk.frames[i])))
+
+    def idle(self, count: int = 1) -> SkinStep:
+        """Take samples in which nothing is near; history ends there."""
+        self.bone.idle(count)
+        return SkinStep(np.zeros((self.skin.pad_count, 3)))
+
+    def around(self, approach: Approach, i: int) -> list[ContactBody]:
+        """Return the bodies that the finger has ever been near at a sample, in an order that never changes."""
+        close, turn, place = approach.close(i), approach.turn[i], approach.place[i]
+        return [self._scene.seen_from(turn, place, b, i) if b in close else AWAY for b in self._order]
+
+    def place_of(self, b: int) -> int:
+        """Return which of the bodies `around` the finger is body `b`."""
+        return self._order.index(b)
+
+    def adopt(self, held: GripStep, k: int, retraction: float, frame: float) -> SkinStep:
+        """Take over a sample that was solved together with other fingers.
+
+        Args:
+            held: the answer, in which this finger is number `k`. retraction: of its bone [m].
+        """
+        return _skin_step(
+            self.bone.adopt(held.forces[k], held.slips[k], held.frames[k], held.residual, retraction, frame)
+        )
+
+    def save(self) -> Mapping[str, Any]:
+        """Return the state between two samples, for `restore`: a sample may then be solved anew."""
+        return {"bone": self.bone.save(), "far": self.far}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go back to a saved state."""
+        self.bone.restore(state["bone"])
+        self.far = state["far"]
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What did not converge, what went too deep, and where a force limit was not kept."""
+        return self.bone.solver.findings + self.bone.findings
+
+    @property
+    def counters(self) -> Mapping[str, int]:
+        """How often what was done, see `PathSolver`."""
+        return self.bone.solver.counters
+
+
+def _skin_step(bone: BoneStep) -> SkinStep:
+    """Sum up a sample of the solver."""
+    solution, work = bone.step.solution, bone.step.work
+    if not solution.force.any():
+        return SkinStep(solution.force, lift=bone.lift, work=work, converged=solution.converged)
+    normal = solution.normal_force
+    across = (solution.force - normal[:, None] * solution.normals).sum(axis=0)
+    return SkinStep(
+        solution.force,
+        float(normal.sum()),
+        float(np.linalg.norm(across)),
+        bone.depth,
+        bone.lift,
+        int((solution.status == STICK).sum()),
+        int((solution.status == SLIP).sum()),
+        work,
+        bool(solution.converged),
+    )

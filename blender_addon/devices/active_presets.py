@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from .. import handlers
+from .. import changes
 from .._core import DermisError
 from ..preferences import library
 
@@ -17,7 +17,7 @@ _specs: dict[tuple[str, int], Any] = {}
 
 def spec_of(preset: str, kinds: Collection[str]) -> Any | None:
     """Return a preset of one of these kinds; None for others and for presets that cannot be read."""
-    key = (preset, handlers.edits())
+    key = (preset, changes.edits())
     if key not in _specs:
         if len(_specs) >= MOST:
             _specs.clear()

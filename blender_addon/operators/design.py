@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
-from .. import handlers, jobs, reporting
+from .. import changes, jobs, reporting
 from .._core import DermisError
 from ..demos import demo_motors
 from ..design import design_results
@@ -41,7 +41,7 @@ class DERMIS_OT_make_table(jobs.Job, bpy.types.Operator):
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Say how large it is."""
-        handlers.mark_dirty(context.object.name)
+        changes.mark_dirty(context.object.name)
         platform_preview.reset()
         device_preview.reset()
         asked = result.meta.get("asked", len(result.commands))

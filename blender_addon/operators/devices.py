@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from .. import animation_paths, handlers, reporting
+from .. import animation_paths, changes, reporting
 from .._core import DermisError
 from ..preferences import library
 from ..properties import scene_properties
@@ -63,7 +63,7 @@ class DERMIS_OT_add_device(bpy.types.Operator):
         obj.dermis.finger.devices.add().preset = self.preset
         obj.dermis.finger.active_device = len(obj.dermis.finger.devices) - 1
         scene_properties.stamp(context.scene)
-        handlers.mark_dirty(obj.name)
+        changes.mark_dirty(obj.name)
         return {"FINISHED"}
 
 
@@ -90,7 +90,7 @@ class DERMIS_OT_remove_device(bpy.types.Operator):
             self.report({"WARNING"}, f"Drivers muted, because what they read is gone: {', '.join(lost)}")
         context.object.update_tag()  # the evaluated copy would keep the device, and with it the numbers
         finger.active_device = max(0, min(index, len(finger.devices) - 1))
-        handlers.mark_dirty(context.object.name)
+        changes.mark_dirty(context.object.name)
         return {"FINISHED"}
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import FloatProperty
 
-from .. import handlers, reporting
+from .. import changes, reporting
 from .._core import DermisError, core
 from ..devices import skin_models
 from ..properties import skin_properties
@@ -78,7 +78,7 @@ class DERMIS_OT_press_test(bpy.types.Operator):
         except DermisError as error:
             return reporting.report_error(self, error, self.bl_label)
         skin.alpha = fit.alpha
-        handlers.mark_dirty(context.object.name)
+        changes.mark_dirty(context.object.name)
         pin_reports.calibrated[context.object.name] = fit
         low, high = calibration.PAPER_RANGE
         spread = f" ± {fit.standard_error:.3f}" if fit.standard_error == fit.standard_error else ""

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from .. import handlers, reporting
+from .. import changes, reporting
 from .._core import DermisError
 from ..preferences import library
 from ..properties import scene_properties
@@ -123,7 +123,7 @@ class DERMIS_OT_set_role(bpy.types.Operator):
         """Set it."""
         context.object.dermis.role = self.role
         scene_properties.stamp(context.scene)
-        handlers.mark_dirty(context.object.name)
+        changes.mark_dirty(context.object.name)
         return {"FINISHED"}
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from .. import handlers, reporting
+from .. import changes, reporting
 from .._core import DermisError
 from ..devices import skin_models
 from ..preferences import library
@@ -72,7 +72,7 @@ class DERMIS_OT_apply_skin(bpy.types.Operator):
         for obj in _fingers(context):
             skin_properties.apply_preset(obj.dermis.finger.skin, values)
             obj.dermis.finger.skin.preset = self.preset
-            handlers.mark_dirty(obj.name)
+            changes.mark_dirty(obj.name)
         scene_properties.stamp(context.scene)
         return {"FINISHED"}
 

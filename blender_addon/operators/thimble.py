@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from .. import handlers, jobs, reporting
+from .. import changes, jobs, reporting
 from ..demos import demo_thimble
 from ..devices import thimble_adaptation, thimble_devices
 from ..results import thimble_plot
@@ -39,7 +39,7 @@ class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Say how good it is."""
         thimble_devices.forget()
-        handlers.mark_dirty(context.object.name)
+        changes.mark_dirty(context.object.name)
         ridge, network = result["errors"].tolist()
         self.report(
             {"INFO"},

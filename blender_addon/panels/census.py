@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from .. import handlers
+from .. import changes
 
 MOVERS = frozenset({"ARMATURE", "CLOTH", "HOOK", "LATTICE", "MESH_CACHE", "MESH_DEFORM", "NODES", "SOFT_BODY", "WAVE"})
 
@@ -27,7 +27,7 @@ _memo: dict[str, Any] = {}
 
 def of(scene: bpy.types.Scene) -> Census:
     """Return the scene's census."""
-    key = (scene.session_uid, handlers.ticks(), len(scene.objects))
+    key = (scene.session_uid, changes.ticks(), len(scene.objects))
     if _memo.get("key") != key:
         _memo["key"], _memo["census"] = key, _count(scene)
     census: Census = _memo["census"]

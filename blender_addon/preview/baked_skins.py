@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import handlers
+from .. import changes
 from .skin_state import SkinState
 
 _baked: tuple[Any, tuple[SkinState, ...]] = ((), ())
@@ -16,7 +16,7 @@ _baked: tuple[Any, tuple[SkinState, ...]] = ((), ())
 def states(scene: bpy.types.Scene, result: Any, frame: float, state: str) -> tuple[SkinState, ...]:
     """Return the skins that are shown, from a bake that is 'fresh', 'stale' or 'earlier'."""
     global _baked
-    memo = (id(result), frame, state, handlers.edits())
+    memo = (id(result), frame, state, changes.edits())
     if _baked[0] != memo:
         _baked = (
             memo,

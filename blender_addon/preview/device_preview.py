@@ -16,7 +16,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import handlers
+from .. import changes
 from .._core import DermisError, core
 from ..devices import platform_devices, skin_models, thimble_devices
 from ..preferences import library, setting
@@ -73,7 +73,7 @@ class _Trail:
     generation: int = -1
     scene: int = 0
     samples: list[Any] = field(default_factory=list)  # `TactileScene`s of one sample each
-    edits: int = -1  # of `handlers`, when `scene_sweep` last forgot its surfaces and reliefs
+    edits: int = -1  # of `changes`, when `scene_sweep` last forgot its surfaces and reliefs
     preview: Preview | None = None
     failure: Exception | None = None
     taken: Any = None  # the last sample, until `take_sample` hands it on
@@ -136,9 +136,9 @@ def step(context: bpy.types.Context) -> Preview:
 
     scene = context.scene
     frame = frame_of(scene)
-    if _trail.edits != handlers.edits():
+    if _trail.edits != changes.edits():
         scene_sweep.forget()
-        _trail.edits = handlers.edits()
+        _trail.edits = changes.edits()
     _trail.taken = None
     try:
         sample = _trail.taken = scene_sweep.sample_now(scene, context.evaluated_depsgraph_get())
@@ -146,7 +146,7 @@ def step(context: bpy.types.Context) -> Preview:
             _trail.samples = []
         _trail.samples.append(sample)
         del _trail.samples[: -int(setting("live_trail"))]
-        _trail.generation, _trail.scene = handlers.generation(), scene.session_uid
+        _trail.generation, _trail.scene = changes.generation(), scene.session_uid
         _trail.preview = _render(frame)
     except DermisError as error:
         return _note(scene, str(scene_header.reason(_trail.taken, error) if _trail.taken else error))
@@ -155,7 +155,7 @@ def step(context: bpy.types.Context) -> Preview:
 
 def _note(scene: bpy.types.Scene, text: str) -> Preview:
     """Show a sentence in place of devices; the trail ends here."""
-    _trail.samples, _trail.scene, _trail.generation = [], scene.session_uid, handlers.generation()
+    _trail.samples, _trail.scene, _trail.generation = [], scene.session_uid, changes.generation()
     _trail.preview = Preview(frame_of(scene), "live", text, ())
     return _trail.preview
 
@@ -175,12 +175,12 @@ def reset() -> None:
 
 def _trail_ends_at(scene: bpy.types.Scene, frame: float) -> bool:
     shown = _trail.preview
-    same = _trail.scene == scene.session_uid and _trail.generation == handlers.generation()
+    same = _trail.scene == scene.session_uid and _trail.generation == changes.generation()
     return same and shown is not None and abs(shown.frame - frame) < 1e-6
 
 
 def _continues(scene: bpy.types.Scene, sample: Any, frame: float) -> bool:
-    if not _trail.samples or _trail.scene != scene.session_uid or _trail.generation != handlers.generation():
+    if not _trail.samples or _trail.scene != scene.session_uid or _trail.generation != changes.generation():
         return False
     before = _trail.samples[-1]
     gap = (frame - _frame(before)) / float(sample.fps)

@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import handlers
+from .. import changes
 from .._core import DermisError, core
 from ..devices import skin_models
 from ..results import store
@@ -68,7 +68,7 @@ _wanted: tuple[Any, ...] = ()
 def any_shown(scene: bpy.types.Scene) -> bool:
     """Tell whether any finger shows its skin; looked up once after each change."""
     global _shown
-    key = (scene.session_uid, handlers.edits(), len(scene.objects))
+    key = (scene.session_uid, changes.edits(), len(scene.objects))
     if not _shown or _shown[0] != key:
         _shown = (key, any(o.dermis.role == "FINGER" and o.dermis.finger.skin.shown for o in scene.objects))
     return bool(_shown[1])
@@ -77,7 +77,7 @@ def any_shown(scene: bpy.types.Scene) -> bool:
 def any_needed(scene: bpy.types.Scene) -> bool:
     """Tell whether any finger shows its skin or wears a thimble, which follows it; looked up once after each change."""
     global _wanted
-    key = (scene.session_uid, handlers.edits(), len(scene.objects))
+    key = (scene.session_uid, changes.edits(), len(scene.objects))
     if not _wanted or _wanted[0] != key:
         fingers = (o.dermis.finger for o in scene.objects if o.dermis.role == "FINGER")
         _wanted = (key, any(f.skin.shown or _followed(d.preset for d in f.devices if d.enabled) for f in fingers))
@@ -140,11 +140,11 @@ def step(context: bpy.types.Context, sample: Any = None) -> tuple[SkinState, ...
 
     scene = context.scene
     frame = float(scene.frame_current_final)
-    if frame == _live.frame and handlers.edits() == _live.edits and _holds(scene, frame) and not _pending():
+    if frame == _live.frame and changes.edits() == _live.edits and _holds(scene, frame) and not _pending():
         return _live.states
     try:
         if sample is None:
-            if _live.edits != handlers.edits():
+            if _live.edits != changes.edits():
                 scene_sweep.forget()
             sample = scene_sweep.sample_now(scene, context.evaluated_depsgraph_get())
         again = _prepare(scene, sample, frame)
@@ -158,7 +158,7 @@ def step(context: bpy.types.Context, sample: Any = None) -> tuple[SkinState, ...
     except DermisError as error:
         _live.states, _live.failure = (), str(error)
         _live.tracks.clear()
-    _live.frame, _live.edits = frame, handlers.edits()
+    _live.frame, _live.edits = frame, changes.edits()
     return _live.states
 
 
@@ -205,7 +205,7 @@ def _pending() -> bool:
 
 def _holds(scene: bpy.types.Scene, frame: float) -> bool:
     return (
-        _live.generation == handlers.generation()
+        _live.generation == changes.generation()
         and _live.scene == scene.session_uid
         and _live.frame == frame
         and bool(_live.states)
@@ -217,14 +217,14 @@ def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> bool:
     names = tuple(b.name for b in sample.bodies)
     cast = (tuple(f.name for f in sample.fingers), names, sample.fps)
     gap = (frame - _live.frame) / float(sample.fps)
-    same = _live.generation == handlers.generation() and _live.scene == scene.session_uid and _live.cast == cast
+    same = _live.generation == changes.generation() and _live.scene == scene.session_uid and _live.cast == cast
     again = same and frame == _live.frame and bool(_live.tracks)
     if not again and not (same and 1e-9 < gap <= STEP_SECONDS):
         _live.tracks.clear()
         _live.first = frame
     if _live.cast != cast or not same:
         _live.shapes = {name: Shape(may_deform(name)) for name in names}
-    _live.generation, _live.scene, _live.cast = handlers.generation(), scene.session_uid, cast
+    _live.generation, _live.scene, _live.cast = changes.generation(), scene.session_uid, cast
     for b, name in enumerate(names):
         _live.shapes[name].see(sample.chunks[0].surfaces[b][0])
     shapes = list(_live.shapes.values())

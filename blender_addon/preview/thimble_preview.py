@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import handlers
+from .. import changes
 from .._core import DermisError, core
 from ..devices import skin_models, thimble_devices
 from ..results import store
@@ -125,7 +125,7 @@ def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _Track:
     settings = tuple(
         sorted((k, v) for k, v in thimble_devices.parameters_of(device).items() if k.startswith("thimble_"))
     )
-    key = (device.preset, settings, target.model.key, repr(target.model.material), handlers.generation())
+    key = (device.preset, settings, target.model.key, repr(target.model.material), changes.generation())
     track = _tracks.get(target.finger)
     if track is None or track.key != key:
         track = _tracks[target.finger] = _Track(key)

@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from .. import handlers
+from .. import changes
 from .._core import DermisError, core
 from ..compat import BLEND_RELATIVE
 
@@ -36,13 +36,13 @@ TETRAHEDRA = {"draft": "1.6k", "standard": "6.4k", "fine": "26k"}
 
 
 def _changed(_self: Any, _context: Any) -> None:
-    handlers.mark_dirty()
+    changes.mark_dirty()
 
 
 def _resized(self: Any, context: Any) -> None:
     from .. import fingertip_mesh
 
-    handlers.mark_dirty()
+    changes.mark_dirty()
     obj = self.id_data
     if isinstance(obj, bpy.types.Object):
         fingertip_mesh.fit(obj, context.scene)

@@ -16,7 +16,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import handlers
+from .. import changes
 from .._core import DermisError, Finding, core
 from ..preferences import setting, user_folder
 from ..properties import skin_properties
@@ -32,7 +32,7 @@ class Result:
     Attributes:
         bake: the engine's `Bake`.
         fps, first: frames a second, and the frame at which the tracks start.
-        generation: of `handlers` when it was made; -1 for one from an earlier session.
+        generation: of `changes` when it was made; -1 for one from an earlier session.
         fingerprint: the scene settings that no change handler reports.
         skins: size, material and accuracy of every skin of the bake, from which its model is made again.
     """
@@ -76,9 +76,9 @@ def keep(scene: bpy.types.Scene, bake: Any) -> Result:
 
     fps, first = float(frames_per_second(scene)), float(frame_range(scene)[0])
     skins = {name: _skin_of(scene.objects[name]) for name in bake.skins if name in scene.objects}
-    kept = Result(bake, fps, first, handlers.generation(), fingerprint(scene), skins)
+    kept = Result(bake, fps, first, changes.generation(), fingerprint(scene), skins)
     _results[scene.session_uid] = kept
-    handlers.clear_dirty()
+    changes.clear_dirty()
     return kept
 
 
@@ -94,7 +94,7 @@ def state(scene: bpy.types.Scene) -> str:
         return "none"
     if result.generation < 0:
         return "earlier"
-    same = result.generation == handlers.generation() and not handlers.dirty()
+    same = result.generation == changes.generation() and not changes.dirty()
     return "fresh" if same and result.fingerprint == fingerprint(scene) else "stale"
 
 

@@ -17,7 +17,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import handlers
+from .. import changes
 from .._core import DermisError, core
 from . import height_maps, participants, prepass, scene_header, simulated_motion
 from .meshes import MeshReader
@@ -67,7 +67,7 @@ def sweep_frames(fps: Fraction, span: tuple[int, int], rate: float) -> tuple[Arr
 def undisturbed(scene: bpy.types.Scene) -> Iterator[None]:
     """Mute our handlers and put the scene back to its frame at the end, whatever happens."""
     name, frame, subframe = scene.name_full, scene.frame_current, scene.frame_subframe
-    with handlers.muted():
+    with changes.muted():
         try:
             yield
         finally:
@@ -197,8 +197,8 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Any:
     key = (
         scene.session_uid,
         depsgraph.view_layer.name,
-        handlers.ticks(),
-        handlers.edits(),
+        changes.ticks(),
+        changes.edits(),
         len(bpy.data.objects),
         participants.metres_per_unit(scene),
     )

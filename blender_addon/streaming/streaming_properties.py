@@ -13,9 +13,9 @@ from ..compat import BLEND_RELATIVE
 
 
 def _quiet(self: Any, _context: Any) -> None:
-    from .. import handlers
+    from .. import changes
 
-    handlers.expect(self.id_data.name)  # no bake depends on how it is streamed
+    changes.expect(self.id_data.name)  # no bake depends on how it is streamed
 
 
 def _changed(self: Any, context: Any) -> None:

@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import handlers
+from .. import changes
 from .._core import DermisError, core
 from ..devices import active_presets, skin_models
 from ..preferences import library
@@ -61,7 +61,7 @@ _states: dict[str, tuple[SkinState, tuple[Any, ...], tuple[SkinState, Array]]] =
 def pins_of(obj: bpy.types.Object, device: str) -> Pins | None:
     """Return the pins of a device on a finger; None while the skin is being made or where the layout cannot be used."""
     skin = skin_properties.parameters(obj.dermis.finger.skin)
-    key = json.dumps([skin["skin"], skin["skin_level"], device, handlers.generation()], sort_keys=True)
+    key = json.dumps([skin["skin"], skin["skin_level"], device, changes.generation()], sort_keys=True)
     if key not in _pins:
         while len(_pins) >= MOST:
             _pins.pop(next(iter(_pins)))
@@ -171,7 +171,7 @@ def live_rows(scene: bpy.types.Scene) -> tuple[device_preview.Row, ...]:
 
 def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Array]:
     """Return the skin as the pins render it, and the pins' forces [N]; kept while skin and settings stay."""
-    key = (device.preset, device.pin_method, device.pin_nodes, device.pin_bounded, handlers.generation())
+    key = (device.preset, device.pin_method, device.pin_nodes, device.pin_bounded, changes.generation())
     known = _states.get(target.finger)
     if known is not None and known[0] is target and known[1] == key:
         return known[2]

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from .. import handlers
+from .. import changes
 from ..devices import skin_models
 from ..preview import skin_preview
 from ..preview.skin_preview import SkinState
@@ -73,7 +73,7 @@ def _range(scene: bpy.types.Scene, drawn: list[Drawn]) -> tuple[float, float]:
     else:
         now = max((max(d.high, -d.low) for d in drawn), default=0.0)
         if view.range_mode == "auto":
-            key = (scene.session_uid, view.quantity, handlers.generation())
+            key = (scene.session_uid, view.quantity, changes.generation())
             now = _largest[key] = max(now, _largest.get(key, 0.0))
         factor = QUANTITIES[view.quantity].factor
         top = skin_field.nice(now / factor) * factor

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import handlers, jobs, reporting
+from blender_addon import changes, jobs, reporting
 from core.errors import DermisError, Finding
 from core.presets import Library
 from tests.blender import build
@@ -49,9 +49,9 @@ def test_closing_in_the_middle_restores_everything(scene):
     assert scene.frame_current != 9
     steps.close()
     assert (scene.frame_current, scene.frame_subframe) == (9, 0.5)
-    handlers.clear_dirty()
-    handlers.mark_dirty("probe")
-    assert handlers.dirty() == {"probe"}
+    changes.clear_dirty()
+    changes.mark_dirty("probe")
+    assert changes.dirty() == {"probe"}
 
 
 def test_findings_of_the_sweep_reach_the_bake(scene):

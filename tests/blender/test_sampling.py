@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import handlers
+from blender_addon import changes
 from blender_addon.sampling import participants, scene_sweep
 from core.errors import DermisError
 from tests.blender import build
@@ -250,9 +250,9 @@ def test_frame_selection_and_handlers_come_back_after_an_error_and_after_closing
     assert scene.frame_current_final == pytest.approx(1.4)
     sweep.close()
     assert now() == before
-    handlers.clear_dirty()
-    handlers.mark_dirty("probe")  # not muted any more
-    assert handlers.dirty() == {"probe"}
+    changes.clear_dirty()
+    changes.mark_dirty("probe")  # not muted any more
+    assert changes.dirty() == {"probe"}
 
     build.keys(tip, "location", [1, 20, 21], [(0, 0, 0), (0, 0, 0), (math.nan, 0, 0)])
     scene.frame_set(7, subframe=0.25)

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import handlers
+from blender_addon import changes
 from blender_addon.preview import skin_preview
 from blender_addon.results import store
 from blender_addon.viewport import skin_field, skin_view
@@ -125,7 +125,7 @@ def test_a_jump_starts_from_rest_and_says_so(pressing: bpy.types.Scene) -> None:
 def test_a_change_within_a_frame_does_not_advance_the_history(pressing: bpy.types.Scene) -> None:
     for frame in range(1, 9):
         state = at(pressing, frame)
-    handlers.mark_dirty("nothing really")
+    changes.mark_dirty("nothing really")
     (again,) = skin_preview.step(bpy.context)
     assert again is not state
     assert again.force == pytest.approx(state.force, abs=1e-4 * np.abs(state.force).max())
@@ -136,7 +136,7 @@ def test_a_change_within_a_frame_does_not_advance_the_history(pressing: bpy.type
 def test_undo_resets_the_history(pressing: bpy.types.Scene) -> None:
     for frame in range(1, 9):
         at(pressing, frame)
-    handlers._on_history()
+    changes.note_history()
     assert skin_preview.states(pressing) == ()
     assert "from rest at frame 9" in at(pressing, 9).note
 

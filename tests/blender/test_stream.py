@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import blender_addon
-from blender_addon import handlers
+from blender_addon import changes
 from blender_addon._core import core
 from blender_addon.preview import device_preview
 from blender_addon.results import export_parts, store
@@ -272,7 +272,7 @@ def test_markers_end_where_the_next_begins(scene: Any) -> None:
 def test_how_it_is_streamed_changes_no_bake(scene: Any) -> None:
     """Settings of a scene arrive as changes of the scene: these are none of those that a bake depends on."""
     bpy.context.view_layer.update()
-    handlers.clear_dirty()
+    changes.clear_dirty()
     settings = scene.dermis_stream
     session.connect(scene)
     for name, value in (
@@ -285,14 +285,14 @@ def test_how_it_is_streamed_changes_no_bake(scene: Any) -> None:
     ):
         setattr(settings, name, value)
         bpy.context.view_layer.update()
-        assert not handlers.dirty(), name
+        assert not changes.dirty(), name
     settings.channels[0].jog = 0.1
     bpy.context.view_layer.update()
-    assert not handlers.dirty()
+    assert not changes.dirty()
     finger_object = bpy.data.objects["Finger"]
     settings.ramp, finger_object.location.x = 0.7, 0.5
     bpy.context.view_layer.update()
-    assert handlers.dirty() == {"Finger"}, "another change at the same time still counts"
+    assert changes.dirty() == {"Finger"}, "another change at the same time still counts"
 
 
 def test_only_boards_without_a_watchdog_are_warned_of() -> None:

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import handlers
+from blender_addon import changes
 from blender_addon._core import core
 from blender_addon.preview import device_preview
 from blender_addon.results import store
@@ -176,8 +176,8 @@ def test_streaming_a_loaded_track_shows_the_device_in_the_twin(tmp_path: Path) -
 
 def test_nothing_of_this_makes_a_bake_out_of_date(scene: Any) -> None:
     session.connect(scene)
-    handlers.clear_dirty()
+    changes.clear_dirty()
     scene.dermis_stream.output = "Finger: haptip"
     session.beat()
     bpy.context.view_layer.update()
-    assert not handlers.dirty() and store.state(scene) == "fresh"
+    assert not changes.dirty() and store.state(scene) == "fresh"

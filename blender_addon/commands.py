@@ -18,7 +18,7 @@ import bpy
 
 from . import jobs
 from ._core import DermisError, core, worst
-from .sampling import scene_sweep
+from .sampling import frames, scene_sweep
 
 COMMAND = "dermis"
 LAST_FRAME = 1048574  # Blender's; its first is the same below zero
@@ -80,8 +80,8 @@ def _parts(
 ) -> tuple[list[Path], list[Any]]:
     from .results import export_parts, store
 
-    span = _span(options) or scene_sweep.frame_range(scene)
-    result = store.Result(made, float(scene_sweep.frames_per_second(scene)), float(span[0]), -1, ())
+    span = _span(options) or frames.frame_range(scene)
+    result = store.Result(made, float(frames.frames_per_second(scene)), float(span[0]), -1, ())
     active = scene.objects.get(options.finger) if options.finger else scene.view_layers[0].objects.active
     if options.finger and active is None:
         raise DermisError(

@@ -11,6 +11,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import changes, reporting
+from .devices import skin_models
 from .preview import device_preview, skin_preview
 from .properties.scene_properties import stamp
 from .results import store
@@ -71,6 +72,7 @@ def register() -> None:
     for handlers, function in table():
         if function not in handlers:
             handlers.append(function)
+    skin_models.on_made = skin_preview.request
 
 
 def unregister() -> None:
@@ -78,4 +80,5 @@ def unregister() -> None:
     for handlers, function in table():
         if function in handlers:
             handlers.remove(function)
+    skin_models.on_made = None
     changes.clear_dirty()

@@ -17,6 +17,7 @@ from .._core import DermisError
 from ..fingertip_mesh import fit
 from ..fingertip_mesh import mesh as fingertip_mesh
 from ..properties import scene_properties, skin_properties
+from ..quantities import metres_per_unit
 from .demo_scene import ribbed_plate
 
 FPS = 24
@@ -213,7 +214,7 @@ def _finger(scene: bpy.types.Scene, name: str, preset: str, level: str) -> bpy.t
         skin.preset = preset
     except DermisError:
         pass  # removed by the user: the defaults do
-    fit(obj, scene)  # the window's scene may have another unit
+    fit(obj, skin_properties.lengths(skin), metres_per_unit(scene))  # the window's scene may have another unit
     skin.level, skin.shown = level, True
     return obj
 

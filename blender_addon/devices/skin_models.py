@@ -7,7 +7,7 @@ takes seconds: in a window a child process makes it, and whoever asked gets None
 from __future__ import annotations
 
 import json
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, Literal, overload
 
@@ -20,6 +20,10 @@ LIMIT_BYTES = 4_000_000_000
 MOST = 8
 SLOW = ("fine",)
 POLL = 0.1
+
+
+on_made: Callable[[], None] | None = None
+"""Called whenever a skin that is being made has come further: `handlers` hooks the preview in."""
 
 _threads: list[Any] = []
 _models: dict[str, core.skin.model.SkinModel] = {}
@@ -152,8 +156,6 @@ def _begin(key: str, skin: Mapping[str, float], level: str) -> None:
 
 def _tick() -> float | None:
     """Take in what the child processes say."""
-    from ..preview import skin_preview
-
     for key, (worker, steps) in list(_making.items()):
         try:
             done, total = next(steps)
@@ -168,5 +170,6 @@ def _tick() -> float | None:
             _progress.pop(key, None)
             del _making[key]
             worker.close()
-    skin_preview.refresh()  # whoever waits says how far it is, or begins
+    if on_made is not None:
+        on_made()  # whoever waits says how far it is, or begins
     return POLL if _making else None

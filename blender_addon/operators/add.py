@@ -6,12 +6,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 from mathutils import Euler, Matrix
 
 from ..properties import scene_properties
-
-
-def _unit(scene: bpy.types.Scene) -> float:
-    from ..sampling.participants import metres_per_unit
-
-    return metres_per_unit(scene)
+from ..quantities import metres_per_unit
 
 
 def _place(context: bpy.types.Context, obj: bpy.types.Object) -> None:
@@ -56,7 +51,7 @@ class DERMIS_OT_add_finger(bpy.types.Operator):
         """Add it."""
         from ..fingertip_mesh import mesh
 
-        obj = bpy.data.objects.new("Finger", mesh(_unit(context.scene)))
+        obj = bpy.data.objects.new("Finger", mesh(metres_per_unit(context.scene)))
         _place(context, obj)
         obj.dermis.role = "FINGER"
         if self.device:
@@ -94,7 +89,7 @@ class DERMIS_OT_add_screen(bpy.types.Operator):
 
         size = (self.width * 1e-3, self.depth * 1e-3)
         image = demo_scene.bumps_image(size) if self.relief == "BUMPS" else None
-        obj = demo_scene.screen_object(size, image, _unit(context.scene))
+        obj = demo_scene.screen_object(size, image, metres_per_unit(context.scene))
         _place(context, obj)
         if self.frame_view:
             _zoom(context)

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from .. import changes, reporting
+from .. import changes, redraw, reporting
 from .._core import DermisError
 from ..devices import skin_models
 from ..preferences import library
@@ -85,10 +85,8 @@ class DERMIS_OT_reset_skin_range(bpy.types.Operator):
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         """Forget the largest value."""
-        from ..preview import skin_preview
-
         skin_view.forget_range()
-        skin_preview.redraw()
+        redraw.request()
         return {"FINISHED"}
 
 

@@ -9,7 +9,7 @@ from bpy.props import BoolProperty, StringProperty
 
 from .. import reporting
 from .._core import DermisError, core
-from ..panels.text import words
+from ..layouts import words
 from ..streaming import agreed_paths, board_identity, session
 
 

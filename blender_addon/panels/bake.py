@@ -5,9 +5,9 @@ from typing import Any
 import bpy
 
 from .. import changes, reporting
+from ..layouts import paragraph
 from ..results import store
 from .main import DermisPanel
-from .text import paragraph
 
 SEVERITY_ICONS = {"error": "CANCEL", "warning": "ERROR", "info": "INFO"}
 MOST_FINDINGS = 12

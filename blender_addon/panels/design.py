@@ -9,9 +9,9 @@ from .._core import DermisError
 from ..demos import demo_motors
 from ..design import design_results
 from ..devices import platform_devices
+from ..layouts import paragraph, properties
 from ..results import store
 from .main import DermisPanel
-from .text import paragraph, properties
 
 
 def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:

@@ -2,9 +2,9 @@
 
 import bpy
 
+from ..layouts import paragraph
 from ..results import pin_reports
 from .main import DermisPanel
-from .text import paragraph
 
 
 class DERMIS_PT_pins(DermisPanel, bpy.types.Panel):

@@ -2,10 +2,11 @@
 
 import bpy
 
+from ..layouts import paragraph
 from ..preview import device_preview
+from ..quantities import quantity
 from . import census
 from .main import DermisPanel
-from .text import paragraph, quantity
 
 
 class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):

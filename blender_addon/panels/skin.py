@@ -5,12 +5,12 @@ from typing import Any
 import bpy
 
 from .. import choices
+from ..layouts import paragraph
 from ..preview import skin_preview
 from ..properties import skin_properties
 from ..viewport import skin_cards, skin_field, skin_view
 from . import census
 from .main import DermisPanel
-from .text import paragraph
 
 
 def _finger(context: bpy.types.Context) -> Any:

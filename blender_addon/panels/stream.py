@@ -4,9 +4,10 @@ from typing import Any
 
 import bpy
 
+from ..layouts import paragraph
+from ..quantities import quantity
 from ..streaming import board_identity, calibration_offers, session, streamed_track
 from .main import DermisPanel
-from .text import paragraph, quantity
 
 ICONS = {
     "disconnected": "UNLINKED",

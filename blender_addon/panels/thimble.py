@@ -6,10 +6,10 @@ import bpy
 
 from .._core import DermisError
 from ..devices import skin_models, thimble_adaptation, thimble_devices
+from ..layouts import paragraph, properties
 from ..preview import device_preview, thimble_preview
 from ..properties import skin_properties
 from .main import DermisPanel
-from .text import paragraph, properties
 
 
 def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:

@@ -21,6 +21,7 @@ from .._core import DermisError, core
 from ..devices import platform_devices, skin_models, thimble_devices
 from ..preferences import library, setting
 from ..results import store
+from ..sampling import scene_header, scene_sweep
 from ..viewport import pin_view
 from . import platform_preview, thimble_preview
 
@@ -132,8 +133,6 @@ def on_frame(scene: bpy.types.Scene) -> None:
 
 def step(context: bpy.types.Context) -> Preview:
     """Extend the trail by the scene as it is now, or start a new one, and render it."""
-    from ..sampling import scene_header, scene_sweep
-
     scene = context.scene
     frame = frame_of(scene)
     if _trail.edits != changes.edits():

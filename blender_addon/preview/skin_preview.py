@@ -16,10 +16,11 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import changes
+from .. import changes, redraw
 from .._core import DermisError, core
-from ..devices import skin_models
+from ..devices import skin_models, thimble_devices
 from ..results import store
+from ..sampling import scene_sweep
 from . import baked_skins
 from .preview_surfaces import Shape, may_deform
 from .skin_state import SkinState
@@ -29,7 +30,6 @@ __all__ = ["SkinState", "any_shown", "failure", "own", "states", "step"]
 Array = NDArray[np.float64]
 
 STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
-SETTLE = 0.05  # [s] after a change of the scene until the frame is solved anew
 
 
 @dataclass
@@ -56,6 +56,7 @@ class _Live:
     shapes: dict[str, Shape] = field(default_factory=dict)
     states: tuple[SkinState, ...] = ()
     failure: str = ""
+    requested: bool = False  # the frame shall be solved anew, without a change of the frame
     middles: Array = field(default_factory=lambda: np.zeros((0, 3)))  # of the bodies' boxes in the world, this frame
     halves: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
@@ -136,8 +137,6 @@ def step(context: bpy.types.Context, sample: Any = None) -> tuple[SkinState, ...
     Args:
         sample: the scene as `scene_sweep.sample_now` gives it, where somebody has just taken it.
     """
-    from ..sampling import scene_sweep
-
     scene = context.scene
     frame = float(scene.frame_current_final)
     if frame == _live.frame and changes.edits() == _live.edits and _holds(scene, frame) and not _pending():
@@ -169,33 +168,21 @@ def reset() -> None:
     _live.states, _live.failure, _live.generation = (), "", -1
 
 
-def refresh() -> float | None:
-    """Solve the current frame anew, because something changed that no frame change told; a timer may call it."""
-    scene = bpy.context.scene
-    if scene is not None and any_needed(scene) and not bpy.app.background:
-        on_frame(scene)
-        redraw()
-    return None
-
-
 def request() -> None:
-    """Ask for a refresh once the scene has settled; many requests give one."""
-    if not bpy.app.background and not bpy.app.timers.is_registered(refresh):
-        bpy.app.timers.register(refresh, first_interval=SETTLE)
+    """Ask for the current frame to be solved anew: something changed that no frame change told."""
+    _live.requested = True
+    redraw.request()
 
 
-def redraw() -> None:
-    """Draw the views again."""
-    if not bpy.app.background:
-        from ..viewport import overlay
-
-        overlay.redraw()
+def refresh() -> None:
+    """Solve the current frame anew, if somebody has asked for it."""
+    requested, _live.requested = _live.requested, False
+    if requested and bpy.context.scene is not None:
+        on_frame(bpy.context.scene)
 
 
 def _followed(presets: Iterable[str]) -> bool:
     """Tell whether a skin is solved even where it is hidden: a thimble has a path to go on, and a trail is slow."""
-    from ..devices import thimble_devices
-
     return any(thimble_devices.spec_of(preset) is not None for preset in presets)
 
 
@@ -352,5 +339,3 @@ def unregister() -> None:
     """Forget everything, and end what still runs."""
     reset()
     skin_models.forget()
-    if bpy.app.timers.is_registered(refresh):
-        bpy.app.timers.unregister(refresh)

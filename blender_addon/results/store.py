@@ -20,6 +20,7 @@ from .. import changes
 from .._core import DermisError, Finding, core
 from ..preferences import setting, user_folder
 from ..properties import skin_properties
+from ..sampling.frames import frame_range, frames_per_second
 from . import stored_skins
 
 RESULT_VERSION = 1
@@ -72,8 +73,6 @@ def fingerprint(scene: bpy.types.Scene) -> tuple[Any, ...]:
 
 def keep(scene: bpy.types.Scene, bake: Any) -> Result:
     """Take over the result of a bake that has just ended: from here on changes make it out of date."""
-    from ..sampling.scene_sweep import frame_range, frames_per_second
-
     fps, first = float(frames_per_second(scene)), float(frame_range(scene)[0])
     skins = {name: _skin_of(scene.objects[name]) for name in bake.skins if name in scene.objects}
     kept = Result(bake, fps, first, changes.generation(), fingerprint(scene), skins)

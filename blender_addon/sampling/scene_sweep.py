@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 
 from .. import changes
 from .._core import DermisError, core
+from ..quantities import metres_per_unit
 from . import height_maps, participants, prepass, scene_header, simulated_motion
+from .frames import frame_range, frames_per_second, sweep_frames
 from .meshes import MeshReader
 from .participants import Entry, InstanceKey, Roster
 from .recorder import Recorder
@@ -33,34 +35,6 @@ CHUNK = 64
 
 
 _live_reader = MeshReader()
-
-
-def frames_per_second(scene: bpy.types.Scene) -> Fraction:
-    """Return fps / fps_base as the simplest fraction that Blender's single precision stands for (30000/1001)."""
-    base = scene.render.fps_base
-    denominator = 1
-    while True:
-        fraction = Fraction(base).limit_denominator(denominator)
-        if fraction > 0 and np.float32(float(fraction)) == np.float32(base):
-            return Fraction(scene.render.fps) / fraction
-        denominator *= 10
-
-
-def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
-    """Return the range to bake: Dermis' own, else the preview range where it is on, else the scene's."""
-    settings = scene.dermis
-    if settings.use_range:
-        return settings.frame_start, settings.frame_end
-    if scene.use_preview_range:
-        return scene.frame_preview_start, scene.frame_preview_end
-    return scene.frame_start, scene.frame_end
-
-
-def sweep_frames(fps: Fraction, span: tuple[int, int], rate: float) -> tuple[Array, Array]:
-    """Return the frames that Blender can evaluate nearest to a steady rate, and their times [s] from the first."""
-    frames, _ = _scene.sample_frames(fps, span, rate)
-    frames = frames.astype(np.float32).astype(np.float64)
-    return frames, (frames - span[0]) * fps.denominator / fps.numerator
 
 
 @contextmanager
@@ -200,7 +174,7 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Any:
         changes.ticks(),
         changes.edits(),
         len(bpy.data.objects),
-        participants.metres_per_unit(scene),
+        metres_per_unit(scene),
     )
     if _live_cast is None or _live_cast.key != key:
         _live_cast = _cast(scene, depsgraph, span, key)

@@ -12,6 +12,7 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
+from .. import redraw
 from .._core import DermisError, core
 from ..preferences import library
 from . import (
@@ -292,15 +293,8 @@ def _on_timer() -> float | None:
     _beats += 1
     ended = _client is None and not _leaving
     if ended or _beats % REDRAW == 0 or before != (_status.get("state"), _leaving):
-        _redraw()
+        redraw.request()
     return None if ended else BEAT
-
-
-def _redraw() -> None:
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
 
 
 @persistent

@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ..quantities import metres_per_unit
 from . import tactor_twin
 
 if TYPE_CHECKING:
@@ -58,8 +59,6 @@ def finger_matrix(scene: bpy.types.Scene, name: str) -> Matrix | None:
 def in_finger(frame: Matrix) -> Iterator[None]:
     """Draw in metres in a finger's frame, with transparency; leave the state as it was found."""
     import gpu
-
-    from ..sampling.participants import metres_per_unit
 
     with gpu.matrix.push_pop():
         gpu.matrix.multiply_matrix(frame @ Matrix.Scale(1.0 / metres_per_unit(bpy.context.scene), 4))

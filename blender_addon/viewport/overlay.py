@@ -198,14 +198,6 @@ def _line2d(points: np.ndarray, colour: Any, width: float) -> None:
     paint.line(np.column_stack([points, np.zeros(len(points))]), colour, width)
 
 
-def redraw() -> None:
-    """Ask every 3D view to draw again."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
-
-
 def register() -> None:
     """Draw devices from now on."""
     _handlers.add(_draw_view)

@@ -9,8 +9,8 @@ import numpy as np
 
 from .._core import DermisError
 from ..devices import platform_devices
-from ..panels.text import quantity
 from ..preview import platform_preview
+from ..quantities import quantity
 from . import drawing, paint, platform_twin
 from .drawing import finger_matrix
 

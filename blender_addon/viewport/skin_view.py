@@ -10,6 +10,7 @@ from __future__ import annotations
 import bpy
 from mathutils import Matrix
 
+from ..quantities import metres_per_unit
 from . import paint, skin_cards, skin_shader, skin_shown
 from .drawing import Handlers, finger_matrix
 from .skin_cards import force
@@ -35,8 +36,6 @@ def _draw_view() -> None:
     if not now.states:
         return
     import gpu
-
-    from ..sampling.participants import metres_per_unit
 
     unit, view = 1.0 / metres_per_unit(scene), scene.dermis.skin_view
     for state, drawn in zip(now.states, now.drawn, strict=True):

@@ -1,4 +1,4 @@
-"""Words in panels: wrapped to the sidebar's width, numbers with their unit."""
+"""What layouts of panels and dialogs have in common: words wrapped to their width, and columns of properties."""
 
 import textwrap
 from typing import Any
@@ -23,19 +23,6 @@ def words(layout: Any, text: str, width: float, icon: str = "NONE") -> None:
             column.label(text=line)
         else:
             column.label(text=line, icon=icon if i == 0 else "BLANK1")
-
-
-def quantity(value: float, unit: str) -> str:
-    """Return a number for people: millimetres below a metre, degrees for radians."""
-    if unit == "m":
-        return f"{value * 1e3:+.3f} mm"
-    if unit == "rad":
-        return f"{value * 57.29577951308232:+.2f}°"
-    if unit == "V":
-        return f"{value:.1f} V"
-    if unit == "Hz":
-        return f"{value:.0f} Hz"
-    return f"{value:.4g} {unit}" if unit != "1" else f"{value:.4g}"
 
 
 def role(context: bpy.types.Context) -> str:

@@ -16,6 +16,7 @@ from .preview import device_preview, skin_preview
 from .properties.scene_properties import stamp
 from .results import store
 from .streaming import finger_ids
+from .viewport import shown
 
 
 @persistent
@@ -31,6 +32,7 @@ def _on_frame(scene: bpy.types.Scene, depsgraph: Any = None) -> None:
         return
     device_preview.on_frame(scene)
     skin_preview.on_frame(scene, device_preview.take_sample())
+    shown.renew(scene)
 
 
 @persistent
@@ -42,6 +44,7 @@ def _on_history(*_: Any) -> None:
 def _on_load(*_: Any) -> None:
     changes.note_file()
     store.forget()
+    shown.forget()
     reporting.clear()
     finger_ids.note()
 

@@ -8,7 +8,7 @@ from bpy.props import FloatProperty
 
 from .. import changes, reporting
 from .._core import DermisError, core
-from ..devices import skin_models
+from ..devices import pin_devices, skin_models
 from ..properties import skin_properties
 from ..results import pin_reports
 
@@ -96,7 +96,7 @@ class DERMIS_OT_compare_pins(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         """Need a finger with a pin array."""
         cls.poll_message_set("Select a finger with a pin array")
-        return _is_finger(context) and pin_reports.device_of(context.object) is not None
+        return _is_finger(context) and pin_devices.device_of(context.object) is not None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Compare."""

@@ -11,7 +11,7 @@ from .._core import DermisError
 from ..devices import skin_models
 from ..preferences import library
 from ..properties import scene_properties, skin_properties
-from ..viewport import skin_view
+from ..viewport import skin_shown
 
 
 def _fingers(context: bpy.types.Context) -> list[bpy.types.Object]:
@@ -85,7 +85,7 @@ class DERMIS_OT_reset_skin_range(bpy.types.Operator):
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         """Forget the largest value."""
-        skin_view.forget_range()
+        skin_shown.forget_range()
         redraw.request()
         return {"FINISHED"}
 

@@ -6,6 +6,7 @@ from typing import Any
 import bpy
 
 from .. import changes
+from ..properties.scene_properties import FILE_VERSION
 
 MOVERS = frozenset({"ARMATURE", "CLOTH", "HOOK", "LATTICE", "MESH_CACHE", "MESH_DEFORM", "NODES", "SOFT_BODY", "WAVE"})
 
@@ -35,8 +36,6 @@ def of(scene: bpy.types.Scene) -> Census:
 
 
 def _count(scene: bpy.types.Scene) -> Census:
-    from ..properties.scene_properties import FILE_VERSION
-
     named: dict[str, list[str]] = {"FINGER": [], "TOUCHABLE": [], "SCREEN": [], "NONE": []}
     idle = []
     moving = False

@@ -5,12 +5,12 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .._core import DermisError
 from ..demos import demo_motors
 from ..design import design_results
 from ..devices import platform_devices
 from ..layouts import paragraph, properties
 from ..results import store
+from ..viewport import shown
 from .main import DermisPanel
 
 
@@ -37,12 +37,11 @@ class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the table's state, and the way to make it."""
         layout, obj = self.layout, context.object
-        device = platform_devices.device_of(obj)
-        try:
-            table = platform_devices.table(obj, device)
-        except DermisError as error:
-            paragraph(layout, context, str(error), "ERROR")
+        device, ready = platform_devices.device_of(obj), shown.ready(context.scene, obj, "platform")
+        if ready is not None and ready.trouble:
+            paragraph(layout, context, ready.trouble, "ERROR")
             return
+        table = ready.found if ready is not None else None
         if table is not None:
             touching = len(table.commands) - 1
             layout.label(text=f"Table: {touching:,} configurations that touch", icon="CHECKMARK")

@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..devices import pin_devices
 from ..layouts import paragraph
 from ..results import pin_reports
 from .main import DermisPanel
@@ -18,7 +19,7 @@ class DERMIS_PT_pins(DermisPanel, bpy.types.Panel):
     def poll(cls, context: bpy.types.Context) -> bool:
         """Need a finger with a pin array."""
         obj = context.object
-        return obj is not None and obj.dermis.role == "FINGER" and pin_reports.device_of(obj) is not None
+        return obj is not None and obj.dermis.role == "FINGER" and pin_devices.device_of(obj) is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the personal factor and the table."""

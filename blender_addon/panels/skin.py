@@ -7,8 +7,9 @@ import bpy
 from .. import choices
 from ..layouts import paragraph
 from ..preview import skin_preview
+from ..preview.skin_state import SkinState
 from ..properties import skin_properties
-from ..viewport import skin_cards, skin_field, skin_view
+from ..viewport import shown, skin_cards, skin_field, skin_shown
 from . import census
 from .main import DermisPanel
 
@@ -121,7 +122,8 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
             column.prop(view, "maximum", text=f"Maximum [{skin_field.QUANTITIES[view.quantity].unit}]")
         if skin_preview.failure():
             paragraph(layout, context, skin_preview.failure(), "ERROR")
-        states = skin_preview.states(scene)
+        now = shown.now(scene)
+        states = now.skins.states if now is not None else ()
         if not states and not skin_preview.failure():
             paragraph(layout, context, "Move along the timeline to see what the skin feels.")
         for state in states:
@@ -160,17 +162,18 @@ class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
         """Draw the counters of each finger."""
         column = self.layout.column(align=True)
         column.scale_y = 0.85
-        for state in skin_preview.states(context.scene):
+        now = shown.now(context.scene)
+        for state in now.skins.states if now is not None else ():
             column.label(text=state.finger)
             for name, count in state.counters.items():
                 if count:
                     bad = name in ("not converged", "solved by the fallback")
                     _pair(column, name, f"{count:,}", "ERROR" if bad else "BLANK1")
-        for name, count in skin_view.counters().items():
+        for name, count in skin_shown.counters().items():
             _pair(column, f"stress {name}", f"{count:,}", "BLANK1")
 
 
-def _figures(column: Any, context: bpy.types.Context, state: skin_preview.SkinState) -> None:
+def _figures(column: Any, context: bpy.types.Context, state: SkinState) -> None:
     column.scale_y = 0.85
     icon = {"bake": "CHECKMARK", "live": "PLAY", "none": "TIME"}.get(state.source, "ERROR")
     column.label(text=state.finger, icon=icon)
@@ -178,8 +181,8 @@ def _figures(column: Any, context: bpy.types.Context, state: skin_preview.SkinSt
         paragraph(column, context, state.note[:1].upper() + state.note[1:], inset=20.0)
     if not state.touching:
         return
-    _pair(column, "normal force", skin_view.force(state.normal_force))
-    _pair(column, "tangential force", skin_view.force(state.tangential_force))
+    _pair(column, "normal force", skin_cards.force(state.normal_force))
+    _pair(column, "tangential force", skin_cards.force(state.tangential_force))
     deep = state.depth > 2e-3
     _pair(column, "touch depth", f"{1e3 * state.depth:.2f} mm", "ERROR" if deep else "NONE")
     if state.lift > 0.0:

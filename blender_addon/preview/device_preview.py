@@ -8,7 +8,6 @@ renders that trail exactly as it renders a bake; only the sampling is coarser, o
 from __future__ import annotations
 
 import traceback
-from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -18,55 +17,15 @@ import numpy as np
 
 from .. import changes
 from .._core import DermisError, core
-from ..devices import platform_devices, skin_models, thimble_devices
+from ..devices import pin_devices, platform_devices, skin_models, thimble_devices
 from ..preferences import library, setting
 from ..results import store
 from ..sampling import scene_header, scene_sweep
-from ..viewport import pin_view
-from . import platform_preview, thimble_preview
+from . import pin_preview, platform_preview, thimble_preview
+from .rows import NO_PATH, Preview, Row, by_channel, row_of
 
 STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
 TRAIL_SECONDS = 0.12  # how much of a tactor's path the view shows
-
-
-@dataclass(frozen=True)
-class Row:
-    """One device on one finger, now.
-
-    Attributes:
-        finger, device: the finger object's name and the preset's key.
-        title, kind: the device's name for people, and what it is.
-        values, low, high, units: by channel name, in SI; limits are None where there are none.
-        path: the tactor's positions over the last moments [m], oldest first, shape (n, 2); empty for screens.
-        contact: 1 while the finger touches, 0 while not, None where unknown.
-        signals: diagnostic values by name, such as 'mismatch'.
-    """
-
-    finger: str
-    device: str
-    title: str
-    kind: str
-    values: Mapping[str, float]
-    low: Mapping[str, float | None]
-    high: Mapping[str, float | None]
-    units: Mapping[str, str]
-    path: np.ndarray
-    contact: float | None
-    signals: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Preview:
-    """All devices at one frame.
-
-    Attributes:
-        source: 'bake', 'stale', 'earlier' or 'live'. note: what a reader should know about it.
-    """
-
-    frame: float
-    source: str
-    note: str
-    rows: tuple[Row, ...]
 
 
 @dataclass
@@ -88,14 +47,6 @@ _memo_preview: Preview | None = None
 def frame_of(scene: bpy.types.Scene) -> float:
     """Return the scene's frame with its sub-frame."""
     return float(scene.frame_current_final)
-
-
-def preview(scene: bpy.types.Scene) -> Preview | None:
-    """Return what to show at the current frame: what a device reports, a loaded track, or what is computed."""
-    from ..streaming import reported_values
-
-    shown: Preview | None = reported_values.preview(scene)
-    return shown if shown is not None else computed(scene)
 
 
 def computed(scene: bpy.types.Scene) -> Preview | None:
@@ -206,7 +157,7 @@ def _render(frame: float) -> Preview:
     first = _frame(samples[0])
     result = store.Result(bake, float(samples[0].fps), first - 1.0, -1, ())
     note = f"live, from rest at frame {first:g}" + (": play or step forward" if len(samples) == 1 else "")
-    rows = tuple(row_of(result, output, frame) for output in bake.outputs)
+    rows = tuple(baked_row(result, output, frame) for output in bake.outputs)
     return Preview(frame, "live", note, rows)
 
 
@@ -265,12 +216,12 @@ def _solved(finger: Any) -> bool:
 
 
 def _follows_skin(preset: str) -> bool:
-    return any(kind.spec_of(preset) is not None for kind in (pin_view, thimble_devices, platform_devices))
+    return any(kind.spec_of(preset) is not None for kind in (pin_devices, thimble_devices, platform_devices))
 
 
 def _with_followers(scene: bpy.types.Scene, shown: Preview | None) -> Preview | None:
     """Add pin arrays, thimbles and platforms: they follow the skin that `skin_preview` solves."""
-    followers = (pin_view, thimble_preview, platform_preview)
+    followers = (pin_preview, thimble_preview, platform_preview)
     rows = tuple(row for kind in followers for row in kind.live_rows(scene)) if shown is not None else ()
     return replace(shown, rows=(*shown.rows, *rows)) if shown is not None and rows else shown
 
@@ -281,32 +232,21 @@ def _from_bake(result: store.Result, frame: float, state: str) -> Preview:
         "stale": "from a bake that is out of date",
         "earlier": "from an earlier session's bake",
     }
-    rows = tuple(row_of(result, output, frame) for output in result.bake.outputs)
+    rows = tuple(baked_row(result, output, frame) for output in result.bake.outputs)
     return Preview(frame, "bake" if state == "fresh" else state, notes[state], rows)
 
 
-def row_of(result: store.Result, output: Any, frame: float) -> Row:
-    """Return one output at a frame."""
+def baked_row(result: store.Result, output: core.pipeline.bake.Output, frame: float) -> Row:
+    """Return one output of a bake at a frame."""
     track, spec = output.track, output.track.spec
     values = store.values_at(result, output, frame)
     if values is None:  # outside the range: the device rests
         values = np.array([c.rest for c in spec.channels])
-    names = [c.name for c in spec.channels]
-    path = np.empty((0, 2))
-    if "tactor_x" in names and "tactor_y" in names and len(track.times):
+    path = NO_PATH
+    if {"tactor_x", "tactor_y"} <= {c.name for c in spec.channels} and len(track.times):
         now = (frame - result.first) / result.fps
         times = np.linspace(now - TRAIL_SECONDS, now, 61)
         path = np.stack([np.interp(times, track.times, track.column(n)) for n in ("tactor_x", "tactor_y")], axis=1)
-    return Row(
-        finger=output.finger,
-        device=output.device,
-        title=spec.name,
-        kind=spec.kind,
-        values=dict(zip(names, values.tolist(), strict=True)),
-        low={c.name: c.low for c in spec.channels},
-        high={c.name: c.high for c in spec.channels},
-        units={c.name: c.unit for c in spec.channels},
-        path=path,
-        contact=store.signal_at(result, output, "contact", frame),
-        signals={n: v for n in ("mismatch",) if (v := store.signal_at(result, output, n, frame)) is not None},
-    )
+    contact, mismatch = (store.signal_at(result, output, name, frame) for name in ("contact", "mismatch"))
+    signals = {} if mismatch is None else {"mismatch": mismatch}
+    return row_of(output.finger, output.device, spec, by_channel(spec, values), contact, path=path, signals=signals)

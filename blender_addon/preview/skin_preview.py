@@ -25,8 +25,6 @@ from . import baked_skins
 from .preview_surfaces import Shape, may_deform
 from .skin_state import SkinState
 
-__all__ = ["SkinState", "any_shown", "failure", "own", "states", "step"]
-
 Array = NDArray[np.float64]
 
 STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
@@ -83,16 +81,6 @@ def any_needed(scene: bpy.types.Scene) -> bool:
         fingers = (o.dermis.finger for o in scene.objects if o.dermis.role == "FINGER")
         _wanted = (key, any(f.skin.shown or _followed(d.preset for d in f.devices if d.enabled) for f in fingers))
     return bool(_wanted[1])
-
-
-def states(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
-    """Return the skins to show at the current frame, and as pins and thimbles render them; empty if unknown."""
-    from ..viewport import pin_view
-    from . import thimble_preview
-
-    fingers = ((s, scene.objects.get(s.finger)) for s in own(scene))
-    targets = tuple(s for s, obj in fingers if obj is not None and obj.dermis.finger.skin.shown)
-    return (*targets, *pin_view.rendered(scene, targets), *thimble_preview.rendered(scene, targets)) if targets else ()
 
 
 def own(scene: bpy.types.Scene) -> tuple[SkinState, ...]:

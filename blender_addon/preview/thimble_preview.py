@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import bpy
 import numpy as np
@@ -19,10 +19,9 @@ from .. import changes
 from .._core import DermisError, core
 from ..devices import skin_models, thimble_devices
 from ..results import store
-
-if TYPE_CHECKING:
-    from . import device_preview
-    from .skin_preview import SkinState
+from . import skin_preview
+from .rows import Row, row_of
+from .skin_state import SkinState
 
 Array = NDArray[np.float64]
 
@@ -79,10 +78,8 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
     return tuple(out)
 
 
-def live_rows(scene: bpy.types.Scene) -> tuple[device_preview.Row, ...]:
+def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
     """Return what the thimbles of fingers whose skin is shown do at the current frame, without a bake."""
-    from . import device_preview, skin_preview
-
     rows = []
     for target in skin_preview.own(scene):
         obj = scene.objects.get(target.finger)
@@ -92,23 +89,9 @@ def live_rows(scene: bpy.types.Scene) -> tuple[device_preview.Row, ...]:
         track, spec = follow(scene, target, device), thimble_devices.spec_of(device.preset)
         if track.found is None or spec is None:
             continue
-        values = values_of(track.found.angles, track.found.x)
-        names = [c.name for c in spec.channels if c.name in values]
-        rows.append(
-            device_preview.Row(
-                finger=target.finger,
-                device=device.preset,
-                title=spec.name,
-                kind=spec.kind,
-                values={n: values[n] for n in names},
-                low={c.name: c.low for c in spec.channels},
-                high={c.name: c.high for c in spec.channels},
-                units={c.name: c.unit for c in spec.channels},
-                path=np.empty((0, 2)),
-                contact=float(track.found.minimum is not None),
-                signals={"mismatch": track.found.mismatch},
-            )
-        )
+        values, touching = values_of(track.found.angles, track.found.x), float(track.found.minimum is not None)
+        signals = {"mismatch": track.found.mismatch}
+        rows.append(row_of(target.finger, device.preset, spec, values, touching, signals=signals))
     return tuple(rows)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import core
+from ..preview.rows import Row
 from . import tactor_twin
 from .tactor_twin import Colour, Part
 
@@ -97,6 +98,20 @@ def loops(device: Any, around: float) -> list[Array]:
         tips = np.array([pointer(device.in_finger(device.pose(x)))[1] for x in found.configurations(level)])
         out.append(np.vstack([tips, tips[:1]]))
     return out
+
+
+def servo_angles(row: Row) -> Array:
+    """Return a row's servo angles from neutral [rad], shape (3,)."""
+    return np.array([row.values[f"servo_{i}"] for i in (1, 2, 3)])
+
+
+def shares(row: Row) -> Array:
+    """Return how much of its range each servo uses, 0 to 1, shape (3,)."""
+    angles, out = servo_angles(row), []
+    for i, angle in enumerate(angles.tolist()):
+        limit = row.high.get(f"servo_{i + 1}") if angle >= 0 else row.low.get(f"servo_{i + 1}")
+        out.append(abs(angle / limit) if limit else 0.0)
+    return np.array(out)
 
 
 def joined(pieces: list[Part]) -> Part:

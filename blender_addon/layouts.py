@@ -6,11 +6,15 @@ from typing import Any
 import bpy
 
 
+def ui_scale() -> float:
+    """Return how many times as large as at scale 1 everything is drawn; 1 without a window, where Blender says 0."""
+    return bpy.context.preferences.system.ui_scale or 1.0
+
+
 def paragraph(layout: Any, context: bpy.types.Context, text: str, icon: str = "NONE", *, inset: float = 0.0) -> None:
     """Write a text over as many lines as the sidebar's width needs, less an inset [px at scale 1]."""
-    scale = context.preferences.system.ui_scale
     width = context.region.width if context.region else 300
-    words(layout, text, width / scale - inset, icon)
+    words(layout, text, width / ui_scale() - inset, icon)
 
 
 def words(layout: Any, text: str, width: float, icon: str = "NONE") -> None:

@@ -1,14 +1,18 @@
-"""Whether what a finger's device needs is at hand: a thimble's adaptation, a platform's table."""
+"""Which kinds of devices the fingers wear, and whether what these need is at hand: an adaptation, a table."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import bpy
 
 from .. import changes
 from .._core import DermisError
-from . import platform_devices, thimble_adaptation, thimble_devices
+from . import active_presets, pin_devices, platform_devices, thimble_adaptation, thimble_devices
+
+KINDS = {"pins": pin_devices.KINDS, "thimble": thimble_devices.KINDS, "platform": platform_devices.KINDS}
+Worn = Mapping[str, Mapping[str, int]]
 
 
 class Ready(NamedTuple):
@@ -18,10 +22,21 @@ class Ready(NamedTuple):
     trouble: str = ""
 
 
-_kept: tuple[tuple[int, int], dict[str, Ready]] = ((-1, -1), {})  # the object and the edits it was looked up for
+_worn: tuple[tuple[int, int], Worn] = ((-1, -1), {})  # the scene and the edits that it was looked up for
+_kept: tuple[tuple[int, int], Mapping[str, Ready]] = ((-1, -1), {})  # the finger and the edits
 
 
-def of(obj: bpy.types.Object) -> dict[str, Ready]:
+def worn(scene: bpy.types.Scene) -> Worn:
+    """Return for each finger's name and each of `KINDS` which of its devices is the one that counts."""
+    global _worn
+    key = (scene.session_uid, changes.edits())
+    if _worn[0] != key:
+        found = {o.name: _devices(o.dermis.finger.devices) for o in scene.objects if o.dermis.role == "FINGER"}
+        _worn = (key, found)
+    return _worn[1]
+
+
+def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
     """Return what a finger's 'thimble' and 'platform' have, looked up once after each change.
 
     What the finger does not wear is left out, and everything while its skin is being made.
@@ -35,13 +50,28 @@ def of(obj: bpy.types.Object) -> dict[str, Ready]:
     try:
         model = platform_devices.model_of(obj) if thimble is not None or platform is not None else None
     except DermisError as error:
-        return {kind: Ready(trouble=str(error)) for kind in ("thimble", "platform")}
+        return {kind: Ready(trouble=str(error)) for kind in KINDS}
     if model is not None and thimble is not None:
         found["thimble"] = _looked_up(thimble_adaptation.status, thimble, model)
     if model is not None and platform is not None:
         found["platform"] = _looked_up(platform_devices.table, obj, platform)
     if model is not None:
         _kept = (key, found)
+    return found
+
+
+def forget() -> None:
+    """Look everything up anew."""
+    global _worn, _kept
+    _worn, _kept = ((-1, -1), {}), ((-1, -1), {})
+
+
+def _devices(devices: Any) -> dict[str, int]:
+    found: dict[str, int] = {}
+    for i, device in enumerate(devices):
+        for name, kinds in KINDS.items():
+            if device.enabled and name not in found and active_presets.spec_of(device.preset, kinds) is not None:
+                found[name] = i
     return found
 
 

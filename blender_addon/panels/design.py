@@ -7,7 +7,6 @@ import numpy as np
 
 from ..demos import demo_motors
 from ..design import design_results
-from ..devices import platform_devices
 from ..layouts import paragraph, properties
 from ..results import store
 from ..viewport import shown
@@ -31,13 +30,13 @@ class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Need a finger with a platform."""
-        obj = context.object
-        return obj is not None and obj.dermis.role == "FINGER" and platform_devices.device_of(obj) is not None
+        return shown.worn(context.scene, context.object, "platform") is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the table's state, and the way to make it."""
         layout, obj = self.layout, context.object
-        device, ready = platform_devices.device_of(obj), shown.ready(context.scene, obj, "platform")
+        device = shown.worn(context.scene, obj, "platform")
+        ready = shown.ready(context.scene, obj, "platform")
         if ready is not None and ready.trouble:
             paragraph(layout, context, ready.trouble, "ERROR")
             return

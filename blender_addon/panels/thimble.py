@@ -36,13 +36,12 @@ class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Need a finger with a thimble."""
-        obj = context.object
-        return obj is not None and obj.dermis.role == "FINGER" and thimble_devices.device_of(obj) is not None
+        return shown.worn(context.scene, context.object, "thimble") is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the adaptation's state, the mismatch of this frame and the view's switches."""
         layout, obj = self.layout, context.object
-        device, view = thimble_devices.device_of(obj), context.scene.dermis.thimble_view
+        device, view = shown.worn(context.scene, obj, "thimble"), context.scene.dermis.thimble_view
         column = layout.column()
         column.use_property_split = True
         column.prop(device, "thimble_method")

@@ -157,6 +157,7 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
         )
     if scene.dermis_stream.mode == "jog":
         device_calibration.retract(scene)
+        changed()
     _client.set(**_wish(scene))
     beat()
     if status()["state"] not in READY:

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from ..devices import platform_devices
+from ..layouts import ui_scale
 from ..preview.rows import Row
 from . import paint, pin_view, platform_view, shown, tactor_twin, thimble_view
 from .drawing import Handlers, finger_matrix, in_finger, rows_of
@@ -81,7 +82,7 @@ def _draw_pixels() -> None:
         return  # fingers without devices: the skin's legend says where it comes from
     import gpu
 
-    scale = context.preferences.system.ui_scale
+    scale = ui_scale()
     gpu.state.blend_set("ALPHA")
     left = MARGIN * scale + _width_of(context.area, "TOOLS")
     bottom = MARGIN * scale

@@ -34,7 +34,7 @@ class State:
 
     Attributes:
         base, joints: ends of cables or legs in the finger's frame [m], shape (n, 3).
-        pose: of the disc, its face towards +Z, shape (4, 4).
+        pose: of the disc, its face towards +Z, shape (4, 4). radius: of the disc [m].
         share: of the limit that each cable or leg uses, 0 to 1, shape (n,).
         tension: of the cables [N], shape (n,); None for legs.
     """
@@ -42,6 +42,7 @@ class State:
     base: Array
     joints: Array
     pose: Array
+    radius: float
     share: Array
     tension: Array | None
 
@@ -65,18 +66,18 @@ def state(spec: Any, commands: Array, skin: Any | None, touching: bool) -> State
         poses = device.carry(original, device.rest_poses(1))
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = poses.rotation[0], poses.centre[0]
-    joints = device.joints @ pose[:3, :3].T + pose[:3, 3]
+    joints, radius = device.joints @ pose[:3, :3].T + pose[:3, 3], float(spec.parameters["disc_radius"])
     if isinstance(device, core.devices.cable_platform.CablePlatform):
         tension = device.tensions(poses, original)[0]
-        return State(device.base, joints, pose, np.clip(tension / device.tension_limit, 0.0, 1.0), tension)
+        return State(device.base, joints, pose, radius, np.clip(tension / device.tension_limit, 0.0, 1.0), tension)
     channels = platforms.original_channels(spec)
     low, high = np.array([(c.low, c.high) for c in channels]).T
-    return State(device.base, joints, pose, np.clip((original[0] - low) / (high - low), 0.0, 1.0), None)
+    return State(device.base, joints, pose, radius, np.clip((original[0] - low) / (high - low), 0.0, 1.0), None)
 
 
-def parts(at: State, radius: float) -> Part:
-    """Return the whole twin; `radius` is the disc's [m]."""
-    pieces = [_rim(at.base), _rim(at.joints), _placed(_disc(radius), at.pose)]
+def parts(at: State) -> Part:
+    """Return the whole twin."""
+    pieces = [_rim(at.base), _rim(at.joints), _placed(_disc(at.radius), at.pose)]
     for start, end, share in zip(at.base, at.joints, at.share.tolist(), strict=True):
         pieces.append(bar(start, end, CABLE if at.tension is not None else LEG, tactor_twin.heat(share)))
         if at.tension is not None:

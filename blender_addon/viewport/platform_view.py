@@ -50,11 +50,11 @@ def card(row: Row, state: platform_twin.State | None, left: float, bottom: float
 
 def _draw() -> None:
     for row, state in drawing.rows_of(platform_devices.KINDS):
-        frame, spec = finger_matrix(bpy.context.scene, row.finger), platform_devices.spec_of(row.device)
-        if frame is None or state is None or spec is None:
+        frame = finger_matrix(bpy.context.scene, row.finger)
+        if frame is None or state is None:
             continue
         with drawing.in_finger(frame):
-            drawing.solid(platform_twin.parts(state, float(spec.parameters["disc_radius"])))
+            drawing.solid(platform_twin.parts(state))
 
 
 def register() -> None:

@@ -7,13 +7,14 @@ be done anew.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import bpy
 
 from .. import changes, redraw
-from ..devices import active_presets, readiness, thimble_devices
+from ..devices import readiness, thimble_devices
 from ..preview import device_preview, pin_preview, platform_preview, skin_preview, thimble_preview
 from ..preview.rows import Preview
 from ..preview.skin_state import SkinState
@@ -29,15 +30,17 @@ class Frame:
     Attributes:
         devices: what the devices do; None where nothing is known. twins: where each row's parts are.
         skins: with their values, and the range of the colours.
-        active, ready: the active object's name, and what its devices need, see `readiness`.
+        worn: which device of each kind the fingers wear.
+        active, ready: a finger's name, and what its devices need, see `readiness`.
     """
 
     frame: float
     devices: Preview | None
     twins: tuple[twins.Twin | None, ...]
     skins: skin_shown.Shown
+    worn: readiness.Worn
     active: str
-    ready: dict[str, readiness.Ready]
+    ready: Mapping[str, readiness.Ready]
 
 
 _frames: dict[int, Frame] = {}  # by the scene's session uid
@@ -70,6 +73,7 @@ def renew(scene: bpy.types.Scene) -> Frame:
         shown,
         tuple(twins.twin_of(scene, row) for row in shown.rows) if shown is not None else (),
         skin_shown.shown(scene, skins(scene)),
+        readiness.worn(scene),
         active.name if active is not None else "",
         ready,
     )
@@ -79,16 +83,23 @@ def renew(scene: bpy.types.Scene) -> Frame:
 
 def now(scene: bpy.types.Scene) -> Frame | None:
     """Return what is shown at the current frame, None where it has not been worked out. Reads; for drawing."""
-    if not changes.sweeping() and _keys.get(scene.session_uid) != _key(scene):
-        redraw.request()
-    found = _frames.get(scene.session_uid)
+    found = _read(scene)
     return found if found is not None and found.frame == device_preview.frame_of(scene) else None
+
+
+def worn(scene: bpy.types.Scene, obj: bpy.types.Object | None, kind: str) -> Any | None:
+    """Return the settings of the device of a kind that a finger wears, see `readiness.KINDS`. Reads; for drawing."""
+    kept = _read(scene)  # at whatever frame: panels shall not come and go while a bake sweeps
+    if kept is None or obj is None or obj.dermis.role != "FINGER":
+        return None
+    index = kept.worn.get(obj.name, {}).get(kind, -1)
+    return obj.dermis.finger.devices[index] if 0 <= index < len(obj.dermis.finger.devices) else None
 
 
 def ready(scene: bpy.types.Scene, obj: bpy.types.Object, kind: str) -> readiness.Ready | None:
     """Return what the active finger's 'thimble' or 'platform' has; None while that is not known. Reads; for drawing."""
-    found = now(scene)
-    return found.ready.get(kind) if found is not None and found.active == obj.name else None
+    kept = _read(scene)
+    return kept.ready.get(kind) if kept is not None and kept.active == obj.name else None
 
 
 def work() -> None:
@@ -121,9 +132,16 @@ def unregister() -> None:
     redraw.cancel()
     for kept in (pin_preview, platform_preview, thimble_preview):
         kept.reset()
-    for cache in (twins, skin_shown, thimble_devices, active_presets):
+    for cache in (twins, skin_shown, readiness, thimble_devices):
         cache.forget()
     forget()
+
+
+def _read(scene: bpy.types.Scene) -> Frame | None:
+    """Return what was worked out last; ask for the work where something has happened since."""
+    if not changes.sweeping() and _keys.get(scene.session_uid) != _key(scene):
+        redraw.request()
+    return _frames.get(scene.session_uid)
 
 
 def _active(scene: bpy.types.Scene) -> bpy.types.Object | None:

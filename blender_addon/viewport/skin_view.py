@@ -9,6 +9,7 @@ from __future__ import annotations
 import bpy
 from mathutils import Matrix
 
+from ..layouts import ui_scale
 from ..quantities import metres_per_unit
 from . import paint, shown, skin_cards, skin_shader
 from .drawing import Handlers, finger_matrix
@@ -69,7 +70,7 @@ def _draw_pixels() -> None:
     now = kept.skins
     import gpu
 
-    scale = context.preferences.system.ui_scale
+    scale = ui_scale()
     gpu.state.blend_set("ALPHA")
     right = context.region.width - skin_cards.MARGIN * scale - paint.width_of(context.area, "UI")
     bottom = skin_cards.MARGIN * scale

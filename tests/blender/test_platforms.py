@@ -184,7 +184,7 @@ def test_the_cable_twin_is_in_balance_with_the_skin(demo) -> None:
     assert np.linalg.norm(load) > 0.2 and np.abs(left).max() < 0.02
     assert at.tension.min() >= 0.0
     np.testing.assert_allclose(at.share, at.tension / device.tension_limit)
-    colours = [platform_twin.parts(at, device.disc_radius).colours]
+    colours = [platform_twin.parts(at).colours]
     assert np.isfinite(colours[0]).all()
 
 
@@ -196,7 +196,7 @@ def test_the_six_leg_twin_closes_its_legs(own_folders) -> None:
         np.linalg.norm(at.joints - at.base, axis=1) - rest, 1e-3 * np.array([1, -1, 2, 0, 1, -2]), atol=1e-8
     )
     assert at.tension is None
-    part = platform_twin.parts(at, 0.012)
+    part = platform_twin.parts(at)
     assert part.triangles.max() == len(part.positions) - 1
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import bpy
 
+from .. import choices
 from .._core import DermisError, core
 from ..devices import platform_devices, skin_models
 from ..preferences import library, presets_folder, user_folder
@@ -117,8 +118,6 @@ def make_preset(scene: bpy.types.Scene, found: Any) -> str:
     key = f"{found.spec.key}_{count}_motor{'s' if count > 1 else ''}_{names}"
     report.write_preset(made, presets_folder() / "devices" / f"{key}.json")
     library().device(key)  # what cannot be read again must be told now
-    from .. import choices
-
     platform_devices.forget()
     choices.refresh()
     return key

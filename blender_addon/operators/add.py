@@ -5,6 +5,9 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 from mathutils import Euler, Matrix
 
+from .. import choices
+from ..demos import demo_scene
+from ..fingertip_mesh import mesh
 from ..properties import scene_properties
 from ..quantities import metres_per_unit
 
@@ -49,8 +52,6 @@ class DERMIS_OT_add_finger(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
-        from ..fingertip_mesh import mesh
-
         obj = bpy.data.objects.new("Finger", mesh(metres_per_unit(context.scene)))
         _place(context, obj)
         obj.dermis.role = "FINGER"
@@ -85,8 +86,6 @@ class DERMIS_OT_add_screen(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
-        from ..demos import demo_scene
-
         size = (self.width * 1e-3, self.depth * 1e-3)
         image = demo_scene.bumps_image(size) if self.relief == "BUMPS" else None
         obj = demo_scene.screen_object(size, image, metres_per_unit(context.scene))
@@ -105,9 +104,6 @@ class DERMIS_OT_demo_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
-        from .. import choices
-        from ..demos import demo_scene
-
         choices.refresh()
         scene = demo_scene.build(choices.first_of_kind("shear_tactor"), choices.first_of_kind("friction_screen"))
         if context.window is None:

@@ -7,12 +7,13 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
-from .. import changes, jobs, reporting
+from .. import changes, choices, jobs, reporting
 from .._core import DermisError
-from ..demos import demo_motors
+from ..demos import demo_motors, demo_skin
 from ..design import design_results
 from ..devices import platform_devices
 from ..preview import device_preview, platform_preview
+from ..results import store
 
 
 def _worn(context: bpy.types.Context) -> Any:
@@ -76,8 +77,6 @@ class DERMIS_OT_add_design_touch(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
-        from ..results import store
-
         settings = context.scene.dermis_design
         if self.kind == "FILE":
             settings.touches.add().filepath = self.filepath
@@ -236,9 +235,6 @@ class DERMIS_OT_demo_motors_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
-        from .. import choices
-        from ..demos import demo_skin
-
         choices.refresh()
         scene = demo_motors.build(self.touch, self.device, self.seed)
         if context.window is None:

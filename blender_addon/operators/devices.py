@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from .. import animation_paths, changes, reporting
+from .. import animation_paths, changes, choices, reporting
 from .._core import DermisError
 from ..preferences import library
 from ..properties import scene_properties
@@ -31,8 +31,6 @@ class DERMIS_OT_choose_device(bpy.types.Operator):
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         """Read the presets, then open the menu."""
-        from .. import choices
-
         choices.refresh()
         choices.aim(self.finger)
         bpy.ops.wm.call_menu(name="DERMIS_MT_devices")

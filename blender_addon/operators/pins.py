@@ -8,6 +8,7 @@ from bpy.props import FloatProperty
 
 from .. import changes, reporting
 from .._core import DermisError, core
+from ..demos import demo_pins, demo_skin
 from ..devices import pin_devices, skin_models
 from ..properties import skin_properties
 from ..results import pin_reports
@@ -130,8 +131,6 @@ class DERMIS_OT_demo_pins_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
-        from ..demos import demo_pins, demo_skin
-
         scene = demo_pins.build(1e-3 * self.depth, self.friction, self.direction)
         if context.window is None:
             self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")

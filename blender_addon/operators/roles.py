@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from .. import changes, reporting
+from .. import changes, choices, reporting
 from .._core import DermisError
 from ..preferences import library
 from ..properties import scene_properties
@@ -80,8 +80,6 @@ class DERMIS_OT_choose_material(bpy.types.Operator):
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         """Read the presets, then open the menu."""
-        from .. import choices
-
         choices.refresh()
         bpy.ops.wm.call_menu(name="DERMIS_MT_materials")
         return {"FINISHED"}

@@ -6,8 +6,9 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from .. import changes, redraw, reporting
+from .. import changes, choices, redraw, reporting
 from .._core import DermisError
+from ..demos import demo_skin
 from ..devices import skin_models
 from ..preferences import library
 from ..properties import scene_properties, skin_properties
@@ -41,8 +42,6 @@ class DERMIS_OT_choose_skin(bpy.types.Operator):
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         """Read the presets, then open the menu."""
-        from .. import choices
-
         choices.refresh()
         bpy.ops.wm.call_menu(name="DERMIS_MT_skins")
         return {"FINISHED"}
@@ -121,8 +120,6 @@ class DERMIS_OT_demo_skin_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
-        from ..demos import demo_skin
-
         scene: Any = demo_skin.build(5 if self.fingers == "FIVE" else 1)
         if context.window is None:
             self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")

@@ -7,8 +7,8 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from .. import changes, jobs, reporting
-from ..demos import demo_thimble
+from .. import changes, choices, jobs, reporting
+from ..demos import demo_skin, demo_thimble
 from ..devices import thimble_adaptation, thimble_devices
 from ..results import thimble_plot
 
@@ -98,9 +98,6 @@ class DERMIS_OT_demo_thimble_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
-        from .. import choices
-        from ..demos import demo_skin
-
         choices.refresh()
         scene = demo_thimble.build(self.touch)
         if context.window is None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from blender_addon import changes, jobs, reporting
+from blender_addon._core import core
 from core.errors import DermisError, Finding
 from core.presets import Library
 from tests.blender import build
@@ -71,7 +72,7 @@ class DERMIS_TEST_OT_job(jobs.Job, bpy.types.Operator):
     def steps(self, context):
         """Yield three times."""
         for i in range(3):
-            yield jobs.import_module("core.pipeline.render").Progress("counting", i, 3)
+            yield core.pipeline.render.Progress("counting", i, 3)
         if type(self).fail:
             raise DermisError("it will not", where="here", remedy="Do not")
         return 42

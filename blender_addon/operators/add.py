@@ -1,6 +1,8 @@
 # mypy: disable-error-code="valid-type"
 """Add > Dermis: a finger, a touch screen, the demo scene."""
 
+from collections.abc import Callable
+
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 from mathutils import Euler, Matrix
@@ -10,6 +12,20 @@ from ..demos import demo_scene
 from ..fingertip_mesh import mesh
 from ..properties import scene_properties
 from ..quantities import metres_per_unit
+
+
+def open_scene(
+    operator: bpy.types.Operator, scene: bpy.types.Scene, look: Callable[[bpy.types.Context], None], next_step: str
+) -> set[str]:
+    """Show a scene that was just built in the window, look at it and say what to do next."""
+    context = bpy.context
+    if context.window is None:
+        operator.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")
+        return {"FINISHED"}
+    context.window.scene = scene
+    look(context)
+    operator.report({"INFO"}, next_step)
+    return {"FINISHED"}
 
 
 def _place(context: bpy.types.Context, obj: bpy.types.Object) -> None:
@@ -106,13 +122,7 @@ class DERMIS_OT_demo_scene(bpy.types.Operator):
         """Build it and look at it."""
         choices.refresh()
         scene = demo_scene.build(choices.first_of_kind("shear_tactor"), choices.first_of_kind("friction_screen"))
-        if context.window is None:
-            self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")
-            return {"FINISHED"}
-        context.window.scene = scene
-        demo_scene.look(context)
-        self.report({"INFO"}, "Play the animation, then press Bake in the Dermis tab")
-        return {"FINISHED"}
+        return open_scene(self, scene, demo_scene.look, "Play the animation, then press Bake in the Dermis tab")
 
 
 CLASSES: tuple[type, ...] = (DERMIS_OT_add_finger, DERMIS_OT_add_screen, DERMIS_OT_demo_scene)

@@ -14,6 +14,7 @@ from ..design import design_results
 from ..devices import platform_devices
 from ..preview import device_preview, platform_preview
 from ..results import store
+from .add import open_scene
 
 
 def _worn(context: bpy.types.Context) -> Any:
@@ -237,13 +238,7 @@ class DERMIS_OT_demo_motors_scene(bpy.types.Operator):
         """Build it and look at it."""
         choices.refresh()
         scene = demo_motors.build(self.touch, self.device, self.seed)
-        if context.window is None:
-            self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")
-            return {"FINISHED"}
-        context.window.scene = scene
-        demo_skin.look(context)
-        self.report({"INFO"}, "Bake in the Dermis tab, then ask How Many Motors? there")
-        return {"FINISHED"}
+        return open_scene(self, scene, demo_skin.look, "Bake in the Dermis tab, then ask How Many Motors? there")
 
 
 CLASSES: tuple[type, ...] = (

@@ -10,6 +10,7 @@ from .. import animation_paths, changes, choices, reporting
 from .._core import DermisError
 from ..preferences import library
 from ..properties import scene_properties
+from .roles import Chooser
 
 
 def _finger(context: bpy.types.Context, name: str) -> Any:
@@ -17,24 +18,19 @@ def _finger(context: bpy.types.Context, name: str) -> Any:
     return obj if obj is not None and obj.dermis.role == "FINGER" else None
 
 
-class DERMIS_OT_choose_device(bpy.types.Operator):
+class DERMIS_OT_choose_device(Chooser, bpy.types.Operator):
     """Choose a device for a finger from the presets"""
 
     bl_idname = "dermis.choose_device"
     bl_label = "Add Device"
+    menu = "DERMIS_MT_devices"
 
     finger: StringProperty(name="Finger", description="Object name; empty for the active object")
 
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Read the presets, then open the menu."""
-        return self.execute(context)
-
-    def execute(self, _context: bpy.types.Context) -> set[str]:
-        """Read the presets, then open the menu."""
-        choices.refresh()
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Note the finger, then open the menu."""
         choices.aim(self.finger)
-        bpy.ops.wm.call_menu(name="DERMIS_MT_devices")
-        return {"FINISHED"}
+        return super().execute(context)
 
 
 class DERMIS_OT_add_device(bpy.types.Operator):

@@ -12,6 +12,7 @@ from ..demos import demo_pins, demo_skin
 from ..devices import pin_devices, skin_models
 from ..properties import skin_properties
 from ..results import pin_reports
+from .add import open_scene
 
 DEPTHS_MM = (0.5, 1.0, 1.5, 2.0)  # Source: [S1] section IV.D
 
@@ -132,13 +133,9 @@ class DERMIS_OT_demo_pins_scene(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
         scene = demo_pins.build(1e-3 * self.depth, self.friction, self.direction)
-        if context.window is None:
-            self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")
-            return {"FINISHED"}
-        context.window.scene = scene
-        demo_skin.look(context)
-        self.report({"INFO"}, "Bake in the Dermis tab, then play: pins, target and rendered skin")
-        return {"FINISHED"}
+        return open_scene(
+            self, scene, demo_skin.look, "Bake in the Dermis tab, then play: pins, target and rendered skin"
+        )
 
 
 CLASSES: tuple[type, ...] = (DERMIS_OT_press_test, DERMIS_OT_compare_pins, DERMIS_OT_demo_pins_scene)

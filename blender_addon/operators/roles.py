@@ -19,6 +19,18 @@ def _meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
     return [o for o in chosen if o.type == "MESH"]
 
 
+class Chooser:
+    """Opens a menu of presets, which draws what was read just before."""
+
+    menu = ""
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        """Read the presets, then open the menu."""
+        choices.refresh()
+        bpy.ops.wm.call_menu(name=self.menu)
+        return {"FINISHED"}
+
+
 class DERMIS_OT_make_touchable(bpy.types.Operator):
     """Let fingers feel the selected mesh objects, with a haptic material from a preset or by hand"""
 
@@ -57,11 +69,12 @@ class DERMIS_OT_make_touchable(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class DERMIS_OT_choose_material(bpy.types.Operator):
+class DERMIS_OT_choose_material(Chooser, bpy.types.Operator):
     """Choose a haptic material for the selected mesh objects"""
 
     bl_idname = "dermis.choose_material"
     bl_label = "Choose Haptic Material"
+    menu = "DERMIS_MT_materials"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -73,16 +86,6 @@ class DERMIS_OT_choose_material(bpy.types.Operator):
             and context.mode == "OBJECT"
             and (context.object.dermis.role in ("NONE", "TOUCHABLE"))
         )
-
-    def invoke(self, _context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Read the presets, then open the menu."""
-        return self.execute(_context)
-
-    def execute(self, _context: bpy.types.Context) -> set[str]:
-        """Read the presets, then open the menu."""
-        choices.refresh()
-        bpy.ops.wm.call_menu(name="DERMIS_MT_materials")
-        return {"FINISHED"}
 
 
 class DERMIS_OT_set_role(bpy.types.Operator):

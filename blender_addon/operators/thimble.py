@@ -11,6 +11,7 @@ from .. import changes, choices, jobs, reporting
 from ..demos import demo_skin, demo_thimble
 from ..devices import thimble_adaptation, thimble_devices
 from ..results import thimble_plot
+from .add import open_scene
 
 
 def _worn(context: bpy.types.Context) -> Any:
@@ -100,13 +101,12 @@ class DERMIS_OT_demo_thimble_scene(bpy.types.Operator):
         """Build it and look at it."""
         choices.refresh()
         scene = demo_thimble.build(self.touch)
-        if context.window is None:
-            self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")
-            return {"FINISHED"}
-        context.window.scene = scene
-        demo_skin.look(context)
-        self.report({"INFO"}, "Play the animation: twin, target and rendered skin. Bake keeps the servo angles")
-        return {"FINISHED"}
+        return open_scene(
+            self,
+            scene,
+            demo_skin.look,
+            "Play the animation: twin, target and rendered skin. Bake keeps the servo angles",
+        )
 
 
 CLASSES: tuple[type, ...] = (DERMIS_OT_adapt_thimble, DERMIS_OT_plot_thimble, DERMIS_OT_demo_thimble_scene)

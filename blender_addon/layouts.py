@@ -34,11 +34,10 @@ def role(context: bpy.types.Context) -> str:
     return context.object.dermis.role if context.object is not None else ""
 
 
-def properties(layout: Any, group: Any, *names: str) -> Any:
-    """Draw properties one below the other, with dots for keyframes; return their column."""
+def properties(layout: Any, group: Any, *names: str, keys: bool = True) -> Any:
+    """Draw properties one below the other, with dots for keyframes where there may be keys; return their column."""
     column = layout.column()
-    column.use_property_split = True
-    column.use_property_decorate = True
+    column.use_property_split, column.use_property_decorate = True, keys
     for name in names:
         column.prop(group, name)
     return column

@@ -13,9 +13,6 @@ import bpy
 from . import redraw
 from ._core import DermisError, Finding, core, worst
 
-LEVELS = {"info": "INFO", "warning": "WARNING", "error": "ERROR"}
-"""Severity of a finding -> type of Blender's report."""
-
 _findings: tuple[Any, ...] = ()
 _source = ""
 

@@ -186,8 +186,3 @@ def _baked(scene: bpy.types.Scene, settings: Any, number: int) -> tuple[dict[str
     sensed = core.design.task.sense_touch(skins[name], noise=settings.noise, seed=number)
     title = scene.name.split(":")[-1].strip()
     return {"skin": dict(kept["skin"]), "level": str(kept["level"])}, {title: sensed}
-
-
-def _told(steps: Any) -> Generator[Any, None, Any]:
-    """Pass the engine's progress on, which has the window's form already."""
-    return (yield from steps)

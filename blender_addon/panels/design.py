@@ -102,10 +102,7 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         row = layout.row(align=True)
         for kind, text in (("SCENE", "This Scene"), ("BAKED", "All Baked"), ("FILE", "Recording")):
             row.operator("dermis.add_design_touch", text=text).kind = kind
-        column = layout.column()
-        column.use_property_split, column.use_property_decorate = True, False
-        column.prop(own, "device")
-        column.prop(own, "table")
+        column = properties(layout, own, "device", "table", keys=False)
         if not own.table:
             column.prop(own, "table_rows")
         column.prop(own, "noise")
@@ -139,10 +136,7 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         count = min(own.motors or reduction.motors, n)
         self._couplings(box, found, reduction, count)
         layout.operator("dermis.show_design", icon="IMAGE_DATA")
-        column = layout.column()
-        column.use_property_split, column.use_property_decorate = True, False
-        column.prop(own, "choice")
-        column.prop(own, "motors")
+        properties(layout, own, "choice", "motors", keys=False)
         row = layout.row(align=True)
         row.operator("dermis.design_preset", icon="PRESET_NEW")
         row.operator("dermis.save_design", icon="EXPORT")

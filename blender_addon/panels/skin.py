@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 
 from .. import choices
-from ..layouts import paragraph
+from ..layouts import paragraph, properties
 from ..preview import skin_preview
 from ..preview.skin_state import SkinState
 from ..properties import skin_properties
@@ -17,15 +17,6 @@ from .main import DermisPanel
 def _finger(context: bpy.types.Context) -> Any:
     obj = context.object
     return obj.dermis.finger if obj is not None and obj.dermis.role == "FINGER" else None
-
-
-def _column(layout: Any, group: Any, *names: str) -> Any:
-    column = layout.column()
-    column.use_property_split = True
-    column.use_property_decorate = False
-    for name in names:
-        column.prop(group, name)
-    return column
 
 
 class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
@@ -51,15 +42,15 @@ class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
         title = next((e.name for e in choices.skins() if e.key == skin.preset), skin.preset.replace("_", " ").title())
         layout.operator("dermis.choose_skin", text=title or "From Preset", icon="PRESET")
         if skin.mesh_file:
-            _column(layout, skin, "mesh_file")
+            properties(layout, skin, "mesh_file", keys=False)
         else:
-            column = _column(layout, skin, "level")
+            column = properties(layout, skin, "level", keys=False)
             row = column.row()
             row.active = False
             row.alignment = "RIGHT"
             row.label(text=f"about {skin_properties.TETRAHEDRA[skin.level]} tetrahedra")
-        _column(layout, skin, "young_kpa", "alpha")
-        column = _column(layout, skin, "depth_mode")
+        properties(layout, skin, "young_kpa", "alpha", keys=False)
+        column = properties(layout, skin, "depth_mode", keys=False)
         if skin.depth_mode == "compliant":
             column.prop(skin, "bone_stiffness")
             column.prop(skin, "force_limit")
@@ -87,7 +78,7 @@ class DERMIS_PT_skin_size(DermisPanel, bpy.types.Panel):
             ("bone_width_mm", "bone_thickness_mm", "bone_bed_mm", "bone_margin_mm"),
             ("poisson", "mesh_file"),
         ):
-            _column(self.layout, skin, *names)
+            properties(self.layout, skin, *names, keys=False)
 
 
 class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
@@ -112,7 +103,7 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, "No finger shows its skin: switch Skin on in a finger's Object panel.", "INFO")
             return
         view = scene.dermis.skin_view
-        column = _column(layout, view, "quantity")
+        column = properties(layout, view, "quantity", keys=False)
         column.active = view.show
         row = column.row(align=True)
         row.prop(view, "range_mode")
@@ -145,7 +136,9 @@ class DERMIS_PT_skin_style(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the settings."""
         view = context.scene.dermis.skin_view
-        column = _column(self.layout, view, "colours", "xray", "fill", "exaggeration", "contours", "legend", "maps")
+        column = properties(
+            self.layout, view, "colours", "xray", "fill", "exaggeration", "contours", "legend", "maps", keys=False
+        )
         if view.maps:
             column.prop(view, "map_size")
 

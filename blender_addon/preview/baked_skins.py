@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from .. import changes
+from ..results import store
 from .skin_state import SkinState
 
 _baked: tuple[Any, tuple[SkinState, ...]] = ((), ())
@@ -30,11 +31,6 @@ def states(scene: bpy.types.Scene, result: Any, frame: float, state: str) -> tup
 
 
 def _baked_state(name: str, touch: Any, frame: float, state: str) -> SkinState:
-    notes = {
-        "fresh": "from the bake",
-        "stale": "from a bake that is out of date",
-        "earlier": "from an earlier session's bake",
-    }
     source = "bake" if state == "fresh" else state
     counters = {k.removeprefix("skin_").replace("_", " "): int(v) for k, v in touch.skipped.items()}
     frames = touch.frames
@@ -61,7 +57,7 @@ def _baked_state(name: str, touch: Any, frame: float, state: str) -> SkinState:
         int(touch.sticking[i]),
         int(touch.slipping[i]),
         source,
-        notes[state],
+        store.NOTES[state],
         "baked",
         not unconverged,
         counters,

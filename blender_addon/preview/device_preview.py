@@ -227,13 +227,8 @@ def _with_followers(scene: bpy.types.Scene, shown: Preview | None) -> Preview | 
 
 
 def _from_bake(result: store.Result, frame: float, state: str) -> Preview:
-    notes = {
-        "fresh": "from the bake",
-        "stale": "from a bake that is out of date",
-        "earlier": "from an earlier session's bake",
-    }
     rows = tuple(baked_row(result, output, frame) for output in result.bake.outputs)
-    return Preview(frame, "bake" if state == "fresh" else state, notes[state], rows)
+    return Preview(frame, "bake" if state == "fresh" else state, store.NOTES[state], rows)
 
 
 def baked_row(result: store.Result, output: core.pipeline.bake.Output, frame: float) -> Row:

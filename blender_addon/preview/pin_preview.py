@@ -20,7 +20,7 @@ from .._core import DermisError, core
 from ..devices import pin_devices, skin_models
 from ..preferences import library
 from ..properties import skin_properties
-from . import skin_preview
+from . import followers, skin_preview
 from .rows import Row, by_channel, row_of
 from .skin_state import SkinState
 
@@ -80,9 +80,8 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
     Fades and lead, which belong to the track, are left out: shown is the best that the method can do for the target.
     """
     found = []
-    for target in targets:
-        device, spec = _worn(scene, target)
-        if spec is not None and target.touching:
+    for target, _, device, spec in followers.of(scene, targets, pin_devices.KINDS):
+        if target.touching:
             found.append(_matched(target, device, spec)[0])
     for gone in set(_states) - {t.finger for t in targets}:
         del _states[gone]
@@ -92,9 +91,8 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
 def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
     """Return what the pin arrays of fingers whose skin is solved press at the current frame, without a bake."""
     rows = []
-    for target in skin_preview.own(scene):
-        device, spec = _worn(scene, target)
-        if spec is None or target.source != "live":
+    for target, _, device, spec in followers.of(scene, skin_preview.own(scene), pin_devices.KINDS):
+        if target.source != "live":
             continue
         low = np.array([-np.inf if c.low is None else c.low for c in spec.channels])
         high = np.array([np.inf if c.high is None else c.high for c in spec.channels])
@@ -108,13 +106,6 @@ def reset() -> None:
     """Forget what was computed."""
     _pins.clear()
     _states.clear()
-
-
-def _worn(scene: bpy.types.Scene, target: SkinState) -> tuple[Any, Any]:
-    """Return the settings and the preset of the pin array that follows a skin; None twice where none does."""
-    obj = scene.objects.get(target.finger)
-    device = pin_devices.device_of(obj) if obj is not None and target.model is not None else None
-    return device, None if device is None else pin_devices.spec_of(device.preset)
 
 
 def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Array]:

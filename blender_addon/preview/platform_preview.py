@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .._core import DermisError, core
 from ..devices import platform_devices, skin_models
-from . import skin_preview
+from . import followers, skin_preview
 from .rows import Row, by_channel, row_of
 from .skin_state import SkinState
 
@@ -20,16 +20,10 @@ _found: dict[str, tuple[SkinState, tuple[Any, ...], NDArray[np.float64] | None]]
 def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
     """Return what the platforms of fingers whose skin is shown do at the current frame; none without a table."""
     rows = []
-    for target in skin_preview.own(scene):
-        obj = scene.objects.get(target.finger)
-        device = platform_devices.device_of(obj) if obj is not None else None
-        spec = platform_devices.spec_of(device.preset) if device is not None else None
-        if obj is None or device is None or spec is None or target.model is None or target.source != "live":
-            continue
-        values = commands(obj, device, spec, target)
-        if values is None:
-            continue
-        rows.append(row_of(target.finger, device.preset, spec, by_channel(spec, values), float(target.touching)))
+    for target, obj, device, spec in followers.of(scene, skin_preview.own(scene), platform_devices.KINDS):
+        values = commands(obj, device, spec, target) if target.source == "live" else None
+        if values is not None:
+            rows.append(row_of(target.finger, device.preset, spec, by_channel(spec, values), float(target.touching)))
     return tuple(rows)
 
 

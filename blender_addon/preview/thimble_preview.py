@@ -19,7 +19,7 @@ from .. import changes
 from .._core import DermisError, core
 from ..devices import skin_models, thimble_devices
 from ..results import store
-from . import skin_preview
+from . import followers, skin_preview
 from .rows import Row, row_of
 from .skin_state import SkinState
 
@@ -62,17 +62,10 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
     if not scene.dermis.thimble_view.split:
         return ()
     out = []
-    for target in targets:
-        obj = scene.objects.get(target.finger)
-        device = thimble_devices.device_of(obj) if obj is not None else None
-        if device is None or target.model is None or not target.touching:
-            continue
-        if target.source == "live":
-            state = _live_state(scene, target, device)
-        else:
-            state = _baked_state(scene, target, device)
-        if state is not None:
-            out.append(state)
+    for target, _, device, _ in followers.of(scene, targets, thimble_devices.KINDS):
+        if target.touching:
+            state = (_live_state if target.source == "live" else _baked_state)(scene, target, device)
+            out += [state] if state is not None else []
     for gone in set(_made) - {t.finger for t in targets}:
         del _made[gone]
     return tuple(out)
@@ -81,13 +74,8 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
 def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
     """Return what the thimbles of fingers whose skin is shown do at the current frame, without a bake."""
     rows = []
-    for target in skin_preview.own(scene):
-        obj = scene.objects.get(target.finger)
-        device = thimble_devices.device_of(obj) if obj is not None else None
-        if device is None or target.model is None or target.source != "live":
-            continue
-        track, spec = follow(scene, target, device), thimble_devices.spec_of(device.preset)
-        if track.found is None or spec is None:
+    for target, _, device, spec in followers.of(scene, skin_preview.own(scene), thimble_devices.KINDS):
+        if target.source != "live" or (track := follow(scene, target, device)).found is None:
             continue
         values, touching = values_of(track.found.angles, track.found.x), float(track.found.minimum is not None)
         signals = {"mismatch": track.found.mismatch}

@@ -24,6 +24,12 @@ from ..sampling.frames import frame_range, frames_per_second
 from . import stored_skins
 
 RESULT_VERSION = 1
+NOTES = {
+    "fresh": "from the bake",
+    "stale": "from a bake that is out of date",
+    "earlier": "from an earlier session's bake",
+}
+"""What a reader should know about a result, by its `state`."""
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,7 @@ def _draw_pixels() -> None:
 
     scale = ui_scale()
     gpu.state.blend_set("ALPHA")
-    left = MARGIN * scale + _width_of(context.area, "TOOLS")
+    left = MARGIN * scale + paint.width_of(context.area, "TOOLS")
     bottom = MARGIN * scale
     height = context.region.height
     rows = now.devices.rows
@@ -98,10 +98,6 @@ def _draw_pixels() -> None:
         bottom += needed + 6 * scale
     paint.text(now.devices.note, left + 2 * scale, bottom + 3 * scale, SOURCE_COLOURS[now.devices.source], scale)
     gpu.state.blend_set("NONE")
-
-
-def _width_of(area: bpy.types.Area, kind: str) -> float:
-    return float(next((r.width for r in area.regions if r.type == kind and r.width > 1), 0))
 
 
 def _card_height(row: Row) -> float:

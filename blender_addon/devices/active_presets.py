@@ -8,14 +8,14 @@ from typing import Any
 import bpy
 
 from .. import changes
-from .._core import DermisError
+from .._core import DermisError, core
 from ..preferences import library
 
 MOST = 16
-_specs: dict[tuple[str, int], Any] = {}
+_specs: dict[tuple[str, int], core.devices.spec.DeviceSpec | None] = {}
 
 
-def spec_of(preset: str, kinds: Collection[str]) -> Any | None:
+def spec_of(preset: str, kinds: Collection[str]) -> core.devices.spec.DeviceSpec | None:
     """Return a preset of one of these kinds; None for others and for presets that cannot be read."""
     key = (preset, changes.edits())
     if key not in _specs:

@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from .._core import core
 from . import active_presets
 
 KINDS = ("pin_array",)
@@ -16,6 +17,6 @@ def device_of(obj: bpy.types.Object) -> Any | None:
     return active_presets.device_of(obj, KINDS)
 
 
-def spec_of(preset: str) -> Any | None:
+def spec_of(preset: str) -> core.devices.spec.DeviceSpec | None:
     """Return a pin array's preset; None for other devices and for presets that cannot be read."""
     return active_presets.spec_of(preset, KINDS)

@@ -32,7 +32,7 @@ _progress: dict[str, float] = {}
 _failed: dict[str, Exception] = {}
 
 
-def cache() -> Any:
+def cache() -> core.cache.Cache:
     """Return the size-capped folder of condensed skins."""
     return core.cache.Cache(user_folder("skins", create=True), LIMIT_BYTES)
 
@@ -57,7 +57,7 @@ def one_thread() -> Iterator[None]:
             put(count)
 
 
-def wanted(tactile: Any, presets: Any) -> bool:
+def wanted(tactile: core.scene.tactile_scene.TactileScene, presets: core.presets.Library) -> bool:
     """Tell whether a sampled scene's rendering solves skins: because they are shown, or a device is driven by them."""
     kinds = core.matching.SKIN_KINDS
     if any(f.parameters.get("skin_shown") for f in tactile.fingers):

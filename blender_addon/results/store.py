@@ -44,7 +44,7 @@ class Result:
         skins: size, material and accuracy of every skin of the bake, from which its model is made again.
     """
 
-    bake: Any
+    bake: core.pipeline.bake.Bake
     fps: float
     first: float
     generation: int
@@ -77,7 +77,7 @@ def fingerprint(scene: bpy.types.Scene) -> tuple[Any, ...]:
     )
 
 
-def keep(scene: bpy.types.Scene, bake: Any) -> Result:
+def keep(scene: bpy.types.Scene, bake: core.pipeline.bake.Bake) -> Result:
     """Take over the result of a bake that has just ended: from here on changes make it out of date."""
     fps, first = float(frames_per_second(scene)), float(frame_range(scene)[0])
     skins = {name: _skin_of(scene.objects[name]) for name in bake.skins if name in scene.objects}
@@ -108,7 +108,7 @@ def forget() -> None:
     _results.clear()
 
 
-def values_at(result: Result, output: Any, frame: float) -> np.ndarray | None:
+def values_at(result: Result, output: core.pipeline.bake.Output, frame: float) -> np.ndarray | None:
     """Return the values of a track at a frame, linearly between samples; None outside the range."""
     track = output.track
     t = (frame - result.first) / result.fps
@@ -117,7 +117,7 @@ def values_at(result: Result, output: Any, frame: float) -> np.ndarray | None:
     return np.array([np.interp(t, track.times, column) for column in track.values.T])
 
 
-def signal_at(result: Result, output: Any, name: str, frame: float) -> float | None:
+def signal_at(result: Result, output: core.pipeline.bake.Output, name: str, frame: float) -> float | None:
     """Return a diagnostic signal at a frame, or None where the bake has none of that name."""
     if name not in output.signals:
         return None
@@ -125,7 +125,7 @@ def signal_at(result: Result, output: Any, name: str, frame: float) -> float | N
     return float(np.interp(t, output.track.times, output.signals[name]))
 
 
-def cache() -> Any:
+def cache() -> core.cache.Cache:
     """Return the size-capped folder of stored results."""
     return core.cache.Cache(user_folder("results", create=True), int(setting("cache_megabytes")) * 1_000_000)
 

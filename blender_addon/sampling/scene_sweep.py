@@ -156,7 +156,7 @@ def sample(
     return replace(made, chunks=Sweep(steps, len(frames) + len(whole), noticed))
 
 
-def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Any:
+def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> core.scene.tactile_scene.TactileScene:
     """Return the scene as it is evaluated now, as a `TactileScene` of one chunk with one sample; no frame changes.
 
     Every surface comes with the chunk, as the same object while it does not change, so the engine's search structures

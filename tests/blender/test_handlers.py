@@ -6,7 +6,10 @@ import bpy
 import pytest
 
 import blender_addon
-from blender_addon import changes, handlers
+from blender_addon import changes, handlers, redraw
+from blender_addon.devices import skin_models
+from blender_addon.preview import skin_preview
+from blender_addon.viewport import shown
 
 from .build import cube, finger, span
 
@@ -26,6 +29,14 @@ def test_one_of_each_after_three_times_off_and_on() -> None:
         assert counts() == [0] * 6
         blender_addon.register()
     assert counts() == [1] * 6
+
+
+def test_what_lies_below_is_hooked_in_and_let_go() -> None:
+    assert redraw.work is shown.work and skin_models.on_made is skin_preview.request
+    blender_addon.unregister()
+    assert redraw.work is None and skin_models.on_made is None
+    blender_addon.register()
+    assert redraw.work is shown.work and skin_models.on_made is skin_preview.request
 
 
 def test_they_survive_file_open(tmp_path) -> None:

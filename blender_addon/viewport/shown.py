@@ -19,7 +19,7 @@ from ..preview import device_preview, pin_preview, platform_preview, skin_previe
 from ..preview.rows import Preview
 from ..preview.skin_state import SkinState
 from ..results import store
-from ..streaming import reported_values
+from ..streaming import reported_values, streamed_track
 from . import skin_shown, twins
 
 
@@ -32,6 +32,7 @@ class Frame:
         skins: with their values, and the range of the colours.
         worn: which device of each kind the fingers wear.
         active, ready: a finger's name, and what its devices need, see `readiness`.
+        doubts: where the track that would be streamed and its preset disagree, in words.
     """
 
     frame: float
@@ -41,6 +42,7 @@ class Frame:
     worn: readiness.Worn
     active: str
     ready: Mapping[str, readiness.Ready]
+    doubts: str
 
 
 _frames: dict[int, Frame] = {}  # by the scene's session uid
@@ -76,6 +78,7 @@ def renew(scene: bpy.types.Scene) -> Frame:
         readiness.worn(scene),
         active.name if active is not None else "",
         ready,
+        streamed_track.doubts(scene),
     )
     _frames[uid] = frame
     return frame
@@ -100,6 +103,12 @@ def ready(scene: bpy.types.Scene, obj: bpy.types.Object, kind: str) -> readiness
     """Return what the active finger's 'thimble' or 'platform' has; None while that is not known. Reads; for drawing."""
     kept = _read(scene)
     return kept.ready.get(kind) if kept is not None and kept.active == obj.name else None
+
+
+def doubts(scene: bpy.types.Scene) -> str:
+    """Return where the track that would be streamed and its preset disagree, '' for nowhere. Reads; for drawing."""
+    kept = _read(scene)
+    return kept.doubts if kept is not None else ""
 
 
 def work() -> None:

@@ -40,6 +40,7 @@ WORK = (
     (core.presets.Library, "device"),
     (core.skin.model, "skin_from_parameters"),
     (core.skin.stimulus, "Stimulus"),
+    (core.track.check, "preset_findings"),
     (device_preview, "baked_row"),
     (pin_preview, "pins_of"),
     (platform_devices, "table"),
@@ -52,7 +53,7 @@ WORK = (
     (thimble_twin, "joints"),
     (thimble_twin, "loops"),
 )
-FRAME = {"thimble": 30, "pins": 15, "platform": 38, "tactor": 20}
+FRAME = {"thimble": 30, "pins": 15, "platform": 38, "tactor": 20, "baked": 15}
 
 
 class Anything:
@@ -146,6 +147,9 @@ def build(which: str) -> bpy.types.Scene:
     scene.dermis.thimble_view.workspace = True
     if which == "platform":
         assert bpy.ops.dermis.make_table() == {"FINISHED"}
+    if which == "baked":
+        scene.frame_start, scene.frame_end = 1, 24
+        assert bpy.ops.dermis.bake() == {"FINISHED"}
     scene.frame_set(FRAME[which])
     device_preview.step(bpy.context)
     skin_preview.step(bpy.context)

@@ -5,7 +5,7 @@ from .design import design_properties
 from .preview import skin_preview
 from .properties import scene_properties, skin_properties, thimble_view_properties
 from .streaming import session, streaming_properties
-from .viewport import overlay, pin_view, platform_view, skin_view, thimble_view
+from .viewport import overlay, pin_view, platform_view, shown, skin_view, thimble_view
 
 MODULES = (
     preferences,
@@ -22,6 +22,7 @@ MODULES = (
     thimble_view,
     platform_view,
     skin_preview,
+    shown,
     skin_view,
     handlers,
     session,

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     import core.matching.thimble_use
     import core.motion
     import core.npz
+    import core.pipeline.bake
     import core.pipeline.outputs
     import core.pipeline.render
     import core.plot.stimuli

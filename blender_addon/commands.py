@@ -16,9 +16,10 @@ from typing import Any
 
 import bpy
 
-from . import jobs
+from . import jobs, preferences
 from ._core import DermisError, core, worst
-from .sampling import scene_sweep
+from .results import export_parts, store
+from .sampling import frames, scene_sweep
 
 COMMAND = "dermis"
 LAST_FRAME = 1048574  # Blender's; its first is the same below zero
@@ -78,10 +79,8 @@ def _render(options: argparse.Namespace, scene: bpy.types.Scene, folder: Path) -
 def _parts(
     options: argparse.Namespace, scene: bpy.types.Scene, made: Any, folder: Path
 ) -> tuple[list[Path], list[Any]]:
-    from .results import export_parts, store
-
-    span = _span(options) or scene_sweep.frame_range(scene)
-    result = store.Result(made, float(scene_sweep.frames_per_second(scene)), float(span[0]), -1, ())
+    span = _span(options) or frames.frame_range(scene)
+    result = store.Result(made, float(frames.frames_per_second(scene)), float(span[0]), -1, ())
     active = scene.objects.get(options.finger) if options.finger else scene.view_layers[0].objects.active
     if options.finger and active is None:
         raise DermisError(
@@ -217,8 +216,6 @@ def _span(options: argparse.Namespace) -> tuple[int, int] | None:
 def _library(options: argparse.Namespace) -> Any:
     if options.presets:
         return core.presets.Library(options.presets)
-    from . import preferences
-
     return preferences.library()
 
 

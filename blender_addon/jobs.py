@@ -12,6 +12,7 @@ import bpy
 
 from . import reporting
 from ._core import DermisError, core
+from .devices import platform_devices, skin_models
 from .sampling import scene_sweep
 from .streaming import session
 
@@ -33,8 +34,6 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
     Raises:
         DermisError: the scene cannot be sampled or rendered.
     """
-    from .devices import platform_devices, skin_models
-
     pipeline = core.pipeline.render
     yield pipeline.Progress("preparing", 0, 1)
     yield from platform_devices.make_missing(scene)

@@ -10,10 +10,8 @@ from typing import Any
 
 import bpy
 
+from . import redraw
 from ._core import DermisError, Finding, core, worst
-
-LEVELS = {"info": "INFO", "warning": "WARNING", "error": "ERROR"}
-"""Severity of a finding -> type of Blender's report."""
 
 _findings: tuple[Any, ...] = ()
 _source = ""
@@ -36,7 +34,7 @@ def show(found: Iterable[Any], what: str = "") -> None:
     unique = {str(f): f for f in found}
     _findings = tuple(sorted(unique.values(), key=lambda f: order[f.severity]))
     _source = what
-    _redraw()
+    redraw.request()
 
 
 def clear() -> None:
@@ -69,12 +67,3 @@ def report_findings(operator: bpy.types.Operator, found: Sequence[Any], what: st
     bad = [f for f in _findings if f.severity != "info"]
     more = f" and {len(bad) - 1} more" if len(bad) > 1 else ""
     operator.report({"WARNING"}, f"{done} {bad[0]}{more}")
-
-
-def _redraw() -> None:
-    if bpy.app.background:
-        return
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()

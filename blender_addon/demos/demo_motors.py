@@ -11,7 +11,8 @@ from mathutils import Matrix, Vector
 from .. import compat, fingertip_mesh
 from .._core import core
 from ..devices import skin_models
-from ..properties import scene_properties
+from ..properties import scene_properties, skin_properties
+from ..quantities import metres_per_unit
 
 NAME = "Dermis Motors"
 DEVICE = "cable_platform"
@@ -46,7 +47,7 @@ def build(which: str, device: str = DEVICE, seed: int = 0) -> bpy.types.Scene:
     finger.dermis.role = "FINGER"
     finger.dermis.finger.devices.add().preset = device
     finger.dermis.finger.skin.shown, finger.dermis.finger.skin.level = True, "draft"
-    fingertip_mesh.fit(finger, scene)
+    fingertip_mesh.fit(finger, skin_properties.lengths(finger.dermis.finger.skin), metres_per_unit(scene))
     model: Any = skin_models.get({}, "draft", wait=True)
     touch = interactions.interaction(which, model.positions, seed=seed)
     scene.frame_start, scene.frame_end = touch.frame_range

@@ -8,7 +8,8 @@ from mathutils import Vector
 
 from .. import compat, fingertip_mesh
 from .._core import core
-from ..properties import scene_properties
+from ..properties import scene_properties, skin_properties
+from ..quantities import metres_per_unit
 from . import demo_skin
 
 NAME = "Dermis Pin Array Demo"
@@ -36,7 +37,7 @@ def build(depth: float = 2e-3, friction: float = 0.6, direction: float = 0.0) ->
     finger.dermis.role = "FINGER"
     finger.dermis.finger.devices.add().preset = DEVICE
     finger.dermis.finger.skin.shown = True
-    fingertip_mesh.fit(finger, scene)
+    fingertip_mesh.fit(finger, skin_properties.lengths(finger.dermis.finger.skin), metres_per_unit(scene))
     plane = bpy.data.objects.new("Plane", demo_skin.block(*SIZE))
     scene.collection.objects.link(plane)
     plane.dermis.role = "TOUCHABLE"

@@ -15,6 +15,7 @@ from mathutils import Euler, Vector
 from .. import compat
 from .._core import DermisError
 from ..fingertip_mesh import mesh as fingertip_mesh
+from ..preferences import library
 from ..properties import scene_properties
 
 FPS, LAST = 24, 97  # four seconds
@@ -221,8 +222,6 @@ def _finger(scene: bpy.types.Scene, name: str, device: str) -> bpy.types.Object:
 
 def _touchable(obj: bpy.types.Object, preset: str, **values: Any) -> None:
     """Take a material preset where there is one, and set what the demo needs whatever it says (SI)."""
-    from ..preferences import library
-
     obj.dermis.role = "TOUCHABLE"
     try:
         scene_properties.apply_parameters(obj.dermis.material, library().material(preset))

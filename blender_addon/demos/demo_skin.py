@@ -16,7 +16,9 @@ from .. import compat
 from .._core import DermisError
 from ..fingertip_mesh import fit
 from ..fingertip_mesh import mesh as fingertip_mesh
+from ..preferences import library
 from ..properties import scene_properties, skin_properties
+from ..quantities import metres_per_unit
 from .demo_scene import ribbed_plate
 
 FPS = 24
@@ -202,8 +204,6 @@ def _touchable(obj: bpy.types.Object, friction: float, soft: float = 0.0) -> Non
 
 
 def _finger(scene: bpy.types.Scene, name: str, preset: str, level: str) -> bpy.types.Object:
-    from ..preferences import library
-
     obj = bpy.data.objects.new(name, fingertip_mesh(1.0))
     scene.collection.objects.link(obj)
     obj.dermis.role = "FINGER"
@@ -213,7 +213,7 @@ def _finger(scene: bpy.types.Scene, name: str, preset: str, level: str) -> bpy.t
         skin.preset = preset
     except DermisError:
         pass  # removed by the user: the defaults do
-    fit(obj, scene)  # the window's scene may have another unit
+    fit(obj, skin_properties.lengths(skin), metres_per_unit(scene))  # the window's scene may have another unit
     skin.level, skin.shown = level, True
     return obj
 

@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 from mathutils import Euler, Matrix, Vector
 
-from .. import compat, fingertip_mesh
+from .. import compat
 from ..properties import scene_properties
 from . import demo_skin
 
@@ -159,7 +159,6 @@ def _finger(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
     obj = demo_skin._finger(scene, name, "index_medium", "draft")
     obj.dermis.finger.devices.add().preset = DEVICE
     obj.rotation_mode = "XYZ"
-    fingertip_mesh.fit(obj, scene)
     return obj
 
 

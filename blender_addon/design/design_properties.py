@@ -8,13 +8,13 @@ from typing import Any
 import bpy
 from bpy.props import CollectionProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from .. import choices
 from ..compat import BLEND_RELATIVE
+from ..devices import platform_devices
+from . import design_results
 
 
 def _platforms(_self: Any, _context: Any, text: str) -> list[str]:
-    from .. import choices
-    from ..devices import platform_devices
-
     found = [e for e in choices.devices() if choices.kind_of(e.key) in platform_devices.KINDS]
     return [e.key for e in found if text.lower() in f"{e.key} {e.name}".lower()]
 
@@ -106,8 +106,6 @@ def register() -> None:
 
 def unregister() -> None:
     """Undo `register`, and forget what was found."""
-    from . import design_results
-
     design_results.forget()
     del bpy.types.Scene.dermis_design
     for cls in reversed(CLASSES):

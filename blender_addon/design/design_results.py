@@ -10,6 +10,7 @@ from typing import Any
 
 import bpy
 
+from .. import choices
 from .._core import DermisError, core
 from ..devices import platform_devices, skin_models
 from ..preferences import library, presets_folder, user_folder
@@ -117,8 +118,6 @@ def make_preset(scene: bpy.types.Scene, found: Any) -> str:
     key = f"{found.spec.key}_{count}_motor{'s' if count > 1 else ''}_{names}"
     report.write_preset(made, presets_folder() / "devices" / f"{key}.json")
     library().device(key)  # what cannot be read again must be told now
-    from .. import choices
-
     platform_devices.forget()
     choices.refresh()
     return key
@@ -187,8 +186,3 @@ def _baked(scene: bpy.types.Scene, settings: Any, number: int) -> tuple[dict[str
     sensed = core.design.task.sense_touch(skins[name], noise=settings.noise, seed=number)
     title = scene.name.split(":")[-1].strip()
     return {"skin": dict(kept["skin"]), "level": str(kept["level"])}, {title: sensed}
-
-
-def _told(steps: Any) -> Generator[Any, None, Any]:
-    """Pass the engine's progress on, which has the window's form already."""
-    return (yield from steps)

@@ -7,23 +7,23 @@ from typing import Any
 
 import bpy
 
-from .. import handlers
+from .. import changes
 from .._core import DermisError, core
 from ..preferences import library
 
-_specs: core.recent.Recent[tuple[str, int], Any] = core.recent.Recent(16)
+_specs: core.recent.Recent[tuple[str, int], core.devices.spec.DeviceSpec | None] = core.recent.Recent(16)
 
 
-def spec_of(preset: str, kinds: Collection[str]) -> Any | None:
+def spec_of(preset: str, kinds: Collection[str]) -> core.devices.spec.DeviceSpec | None:
     """Return a preset of one of these kinds; None for others and for presets that cannot be read."""
 
-    def read() -> Any | None:
+    def read() -> core.devices.spec.DeviceSpec | None:
         try:
             return library().device(preset)
         except DermisError:
             return None
 
-    spec = _specs.make((preset, handlers.edits()), read)
+    spec = _specs.make((preset, changes.edits()), read)
     return spec if spec is not None and spec.kind in kinds else None
 
 

@@ -28,7 +28,7 @@ def device_of(obj: bpy.types.Object) -> Any | None:
     return active_presets.device_of(obj, KINDS)
 
 
-def spec_of(preset: str) -> Any | None:
+def spec_of(preset: str) -> core.devices.spec.DeviceSpec | None:
     """Return a platform's preset; None for other devices and for presets that cannot be read."""
     return active_presets.spec_of(preset, KINDS)
 
@@ -39,7 +39,7 @@ def absolute(values: dict[str, Any]) -> dict[str, Any]:
     return {**values, "table": bpy.path.abspath(table)} if table else values
 
 
-def model_of(obj: bpy.types.Object, *, wait: bool = False) -> Any | None:
+def model_of(obj: bpy.types.Object, *, wait: bool = False) -> core.skin.model.SkinModel | None:
     """Return a finger's skin; None while it is being made.
 
     Raises:
@@ -49,7 +49,7 @@ def model_of(obj: bpy.types.Object, *, wait: bool = False) -> Any | None:
     return skin_models.get(skin["skin"], skin["skin_level"], where=f"finger '{obj.name}', skin", wait=wait)
 
 
-def table(obj: bpy.types.Object, device: Any) -> Any | None:
+def table(obj: bpy.types.Object, device: Any) -> core.matching.table.SkinTable | None:
     """Return the table that a finger's platform is looked up in; None where it must be made first.
 
     Raises:

@@ -7,7 +7,7 @@ takes seconds: in a window a child process makes it, and whoever asked gets None
 from __future__ import annotations
 
 import json
-from collections.abc import Generator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from contextlib import AbstractContextManager
 from typing import Any, Literal, overload
 
@@ -20,13 +20,16 @@ LIMIT_BYTES = 4_000_000_000
 SLOW = ("fine",)
 POLL = 0.1
 
+on_made: Callable[[], None] | None = None
+"""Called whenever a skin that is being made has come further: `handlers` hooks the preview in."""
+
 _models: core.recent.Recent[str, core.skin.model.SkinModel] = core.recent.Recent(8)
 _making: dict[str, tuple[Any, Generator[tuple[int, int], None, Any]]] = {}
 _progress: dict[str, float] = {}
 _failed: dict[str, Exception] = {}
 
 
-def cache() -> Any:
+def cache() -> core.cache.Cache:
     """Return the size-capped folder of condensed skins."""
     return core.cache.Cache(user_folder("skins", create=True), LIMIT_BYTES)
 
@@ -36,7 +39,7 @@ def one_thread() -> AbstractContextManager[Any]:
     return core.skin.blas.one_thread()
 
 
-def wanted(tactile: Any, presets: Any) -> bool:
+def wanted(tactile: core.scene.tactile_scene.TactileScene, presets: core.presets.Library) -> bool:
     """Tell whether a sampled scene's rendering solves skins: because they are shown, or a device is driven by them."""
     kinds = core.matching.SKIN_KINDS
     if any(f.parameters.get("skin_shown") for f in tactile.fingers):
@@ -129,8 +132,6 @@ def _begin(key: str, skin: Mapping[str, float], level: str) -> None:
 
 def _tick() -> float | None:
     """Take in what the child processes say."""
-    from ..preview import skin_preview
-
     for key, (worker, steps) in list(_making.items()):
         try:
             done, total = next(steps)
@@ -145,5 +146,6 @@ def _tick() -> float | None:
             _progress.pop(key, None)
             del _making[key]
             worker.close()
-    skin_preview.refresh()  # whoever waits says how far it is, or begins
+    if on_made is not None:
+        on_made()  # whoever waits says how far it is, or begins
     return POLL if _making else None

@@ -28,7 +28,7 @@ def device_of(obj: bpy.types.Object) -> Any | None:
     return active_presets.device_of(obj, KINDS)
 
 
-def spec_of(preset: str) -> Any | None:
+def spec_of(preset: str) -> core.devices.spec.DeviceSpec | None:
     """Return a thimble's preset; None for other devices and for presets that cannot be read."""
     return active_presets.spec_of(preset, KINDS)
 

@@ -1,17 +1,31 @@
 # mypy: disable-error-code="valid-type"
 """Add > Dermis: a finger, a touch screen, the demo scene."""
 
+from collections.abc import Callable
+
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 from mathutils import Euler, Matrix
 
+from .. import choices
+from ..demos import demo_scene
+from ..fingertip_mesh import mesh
 from ..properties import scene_properties
+from ..quantities import metres_per_unit
 
 
-def _unit(scene: bpy.types.Scene) -> float:
-    from ..sampling.participants import metres_per_unit
-
-    return metres_per_unit(scene)
+def open_scene(
+    operator: bpy.types.Operator, scene: bpy.types.Scene, look: Callable[[bpy.types.Context], None], next_step: str
+) -> set[str]:
+    """Show a scene that was just built in the window, look at it and say what to do next."""
+    context = bpy.context
+    if context.window is None:
+        operator.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")
+        return {"FINISHED"}
+    context.window.scene = scene
+    look(context)
+    operator.report({"INFO"}, next_step)
+    return {"FINISHED"}
 
 
 def _place(context: bpy.types.Context, obj: bpy.types.Object) -> None:
@@ -54,9 +68,7 @@ class DERMIS_OT_add_finger(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
-        from ..fingertip_mesh import mesh
-
-        obj = bpy.data.objects.new("Finger", mesh(_unit(context.scene)))
+        obj = bpy.data.objects.new("Finger", mesh(metres_per_unit(context.scene)))
         _place(context, obj)
         obj.dermis.role = "FINGER"
         if self.device:
@@ -90,11 +102,9 @@ class DERMIS_OT_add_screen(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
-        from ..demos import demo_scene
-
         size = (self.width * 1e-3, self.depth * 1e-3)
         image = demo_scene.bumps_image(size) if self.relief == "BUMPS" else None
-        obj = demo_scene.screen_object(size, image, _unit(context.scene))
+        obj = demo_scene.screen_object(size, image, metres_per_unit(context.scene))
         _place(context, obj)
         if self.frame_view:
             _zoom(context)
@@ -110,18 +120,9 @@ class DERMIS_OT_demo_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
-        from .. import choices
-        from ..demos import demo_scene
-
         choices.refresh()
         scene = demo_scene.build(choices.first_of_kind("shear_tactor"), choices.first_of_kind("friction_screen"))
-        if context.window is None:
-            self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")
-            return {"FINISHED"}
-        context.window.scene = scene
-        demo_scene.look(context)
-        self.report({"INFO"}, "Play the animation, then press Bake in the Dermis tab")
-        return {"FINISHED"}
+        return open_scene(self, scene, demo_scene.look, "Play the animation, then press Bake in the Dermis tab")
 
 
 CLASSES: tuple[type, ...] = (DERMIS_OT_add_finger, DERMIS_OT_add_screen, DERMIS_OT_demo_scene)

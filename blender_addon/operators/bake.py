@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from .. import jobs, reporting
+from .. import choices, jobs, reporting
 from ..preferences import library
 from ..preview import device_preview
 from ..results import store
@@ -26,8 +26,6 @@ class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return sampling and rendering as one generator."""
-        from .. import choices
-
         choices.refresh()  # the list of devices shall say what this bake sees
         return jobs.bake(context.scene, library())
 

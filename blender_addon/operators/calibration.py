@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import bpy
@@ -12,7 +11,7 @@ from bpy.props import EnumProperty, IntProperty, StringProperty
 from .. import reporting
 from .._core import DermisError
 from ..preferences import user_folder
-from ..streaming import board_identity, built_devices, calibration_offers, device_calibration
+from ..streaming import board_identity, built_devices, calibration_offers, device_calibration, session
 from .stream import File, Streaming
 
 
@@ -33,6 +32,7 @@ class DERMIS_OT_stream_calibrate(Streaming, bpy.types.Operator):
             device_calibration.cancel_calibration(scene)
         else:
             device_calibration.retract(scene)
+        session.changed()
         return None
 
 
@@ -48,13 +48,23 @@ class DERMIS_OT_calibration_use(Streaming, bpy.types.Operator):
     def work(self, context: bpy.types.Context) -> str | None:
         """Put it on."""
         device_calibration.use(context.scene, self.file)
+        session.changed()
         return board_identity.advice(context.scene)
 
 
 class Named(Streaming):
+    fields = {"name": "left thimble, red tape"}  # with an example each
     name: StringProperty(
         name="Name", description="As the device is marked: 'left thimble, red tape'", options={"SKIP_SAVE"}
     )
+
+    def draw(self: Any, _context: bpy.types.Context) -> None:
+        """Draw the fields."""
+        column = self.layout.column()
+        column.use_property_split = True
+        column.activate_init = True
+        for field, example in self.fields.items():
+            column.prop(self, field, placeholder=example)
 
     def ask(self: Any, context: bpy.types.Context, title: str) -> set[str]:
         """Ask for name and serial number."""
@@ -67,6 +77,7 @@ class DERMIS_OT_calibration_keep(Named, bpy.types.Operator):
 
     bl_idname = "dermis.calibration_keep"
     bl_label = "Save Built Device"
+    fields = {**Named.fields, "serial": "None: the name alone"}
 
     serial: StringProperty(
         name="Serial Number",
@@ -85,14 +96,6 @@ class DERMIS_OT_calibration_keep(Named, bpy.types.Operator):
         self.serial = (one.made.serial if one is not None else "") or next(iter(answered), "")
         return self.ask(context, "Save Built Device")
 
-    def draw(self, _context: bpy.types.Context) -> None:
-        """Draw both fields."""
-        column = self.layout.column()
-        column.use_property_split = True
-        column.activate_init = True
-        column.prop(self, "name", placeholder="left thimble, red tape")
-        column.prop(self, "serial", placeholder="None: the name alone")
-
     def work(self, context: bpy.types.Context) -> str | None:
         """Write the file."""
         saved = device_calibration.keep(context.scene, self.name, self.serial)
@@ -110,11 +113,6 @@ class DERMIS_OT_calibration_keep_found(Named, bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Ask for a name."""
         return self.ask(context, "Save as a Device")
-
-    def draw(self, _context: bpy.types.Context) -> None:
-        """Draw the field."""
-        self.layout.activate_init = True
-        self.layout.prop(self, "name", placeholder="left thimble, red tape")
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Write the file."""
@@ -158,7 +156,7 @@ class DERMIS_OT_calibration_save(File, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Write the file."""
-        path = Path(bpy.path.abspath(self.filepath))
+        path = self.path()
         if not path.name:
             raise DermisError("no name for the file", value=self.filepath)
         if path.suffix.lower() != ".json":  # appended: what follows the last dot of a name may be a part of it
@@ -176,7 +174,8 @@ class DERMIS_OT_calibration_load(File, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Read the file."""
-        found = device_calibration.load(context.scene, Path(bpy.path.abspath(self.filepath)))
+        found = device_calibration.load(context.scene, self.path())
+        session.changed()
         reporting.show(found, "Calibration")
         return str(found[0]) if found else "Calibration read"
 

@@ -7,12 +7,14 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
-from .. import handlers, jobs, reporting
+from .. import changes, choices, jobs, reporting
 from .._core import DermisError
-from ..demos import demo_motors
+from ..demos import demo_motors, demo_skin
 from ..design import design_results
 from ..devices import platform_devices
 from ..preview import device_preview, platform_preview
+from ..results import store
+from .add import open_scene
 
 
 def _worn(context: bpy.types.Context) -> Any:
@@ -41,7 +43,7 @@ class DERMIS_OT_make_table(jobs.Job, bpy.types.Operator):
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Say how large it is."""
-        handlers.mark_dirty(context.object.name)
+        changes.mark_dirty(context.object.name)
         platform_preview.reset()
         device_preview.reset()
         asked = result.meta.get("asked", len(result.commands))
@@ -76,8 +78,6 @@ class DERMIS_OT_add_design_touch(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
-        from ..results import store
-
         settings = context.scene.dermis_design
         if self.kind == "FILE":
             settings.touches.add().filepath = self.filepath
@@ -236,18 +236,9 @@ class DERMIS_OT_demo_motors_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
-        from .. import choices
-        from ..demos import demo_skin
-
         choices.refresh()
         scene = demo_motors.build(self.touch, self.device, self.seed)
-        if context.window is None:
-            self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")
-            return {"FINISHED"}
-        context.window.scene = scene
-        demo_skin.look(context)
-        self.report({"INFO"}, "Bake in the Dermis tab, then ask How Many Motors? there")
-        return {"FINISHED"}
+        return open_scene(self, scene, demo_skin.look, "Bake in the Dermis tab, then ask How Many Motors? there")
 
 
 CLASSES: tuple[type, ...] = (

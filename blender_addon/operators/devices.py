@@ -6,10 +6,11 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from .. import animation_paths, handlers, reporting
+from .. import animation_paths, changes, choices, reporting
 from .._core import DermisError
 from ..preferences import library
 from ..properties import scene_properties
+from .roles import Chooser
 
 
 def _finger(context: bpy.types.Context, name: str) -> Any:
@@ -17,26 +18,19 @@ def _finger(context: bpy.types.Context, name: str) -> Any:
     return obj if obj is not None and obj.dermis.role == "FINGER" else None
 
 
-class DERMIS_OT_choose_device(bpy.types.Operator):
+class DERMIS_OT_choose_device(Chooser, bpy.types.Operator):
     """Choose a device for a finger from the presets"""
 
     bl_idname = "dermis.choose_device"
     bl_label = "Add Device"
+    menu = "DERMIS_MT_devices"
 
     finger: StringProperty(name="Finger", description="Object name; empty for the active object")
 
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Read the presets, then open the menu."""
-        return self.execute(context)
-
-    def execute(self, _context: bpy.types.Context) -> set[str]:
-        """Read the presets, then open the menu."""
-        from .. import choices
-
-        choices.refresh()
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Note the finger, then open the menu."""
         choices.aim(self.finger)
-        bpy.ops.wm.call_menu(name="DERMIS_MT_devices")
-        return {"FINISHED"}
+        return super().execute(context)
 
 
 class DERMIS_OT_add_device(bpy.types.Operator):
@@ -63,7 +57,7 @@ class DERMIS_OT_add_device(bpy.types.Operator):
         obj.dermis.finger.devices.add().preset = self.preset
         obj.dermis.finger.active_device = len(obj.dermis.finger.devices) - 1
         scene_properties.stamp(context.scene)
-        handlers.mark_dirty(obj.name)
+        changes.mark_dirty(obj.name)
         return {"FINISHED"}
 
 
@@ -90,7 +84,7 @@ class DERMIS_OT_remove_device(bpy.types.Operator):
             self.report({"WARNING"}, f"Drivers muted, because what they read is gone: {', '.join(lost)}")
         context.object.update_tag()  # the evaluated copy would keep the device, and with it the numbers
         finger.active_device = max(0, min(index, len(finger.devices) - 1))
-        handlers.mark_dirty(context.object.name)
+        changes.mark_dirty(context.object.name)
         return {"FINISHED"}
 
 

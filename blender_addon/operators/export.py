@@ -12,6 +12,7 @@ from .._core import DermisError, core
 from ..preferences import library
 from ..properties import scene_properties
 from ..results import store, stored_skins
+from ..sampling import scene_sweep
 
 
 class DERMIS_OT_export_tracks(bpy.types.Operator):
@@ -95,8 +96,6 @@ class DERMIS_OT_export_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Sample and write."""
-        from ..sampling import scene_sweep
-
         path = Path(bpy.path.abspath(self.filepath))
         if not path.suffix:
             path = path.with_suffix(".npz")
@@ -138,8 +137,6 @@ class DERMIS_OT_export_screen_maps(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Write the files."""
-        from ..sampling import scene_sweep
-
         outputs = core.pipeline.outputs
         folder = Path(bpy.path.abspath(self.directory or context.scene.dermis.output_dir))
         try:

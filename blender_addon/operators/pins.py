@@ -6,11 +6,13 @@ from typing import Any
 import bpy
 from bpy.props import FloatProperty
 
-from .. import handlers, reporting
+from .. import changes, reporting
 from .._core import DermisError, core
-from ..devices import skin_models
+from ..demos import demo_pins, demo_skin
+from ..devices import pin_devices, skin_models
 from ..properties import skin_properties
 from ..results import pin_reports
+from .add import open_scene
 
 DEPTHS_MM = (0.5, 1.0, 1.5, 2.0)  # Source: [S1] section IV.D
 
@@ -78,7 +80,7 @@ class DERMIS_OT_press_test(bpy.types.Operator):
         except DermisError as error:
             return reporting.report_error(self, error, self.bl_label)
         skin.alpha = fit.alpha
-        handlers.mark_dirty(context.object.name)
+        changes.mark_dirty(context.object.name)
         pin_reports.calibrated[context.object.name] = fit
         low, high = calibration.PAPER_RANGE
         spread = f" ± {fit.standard_error:.3f}" if fit.standard_error == fit.standard_error else ""
@@ -96,7 +98,7 @@ class DERMIS_OT_compare_pins(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         """Need a finger with a pin array."""
         cls.poll_message_set("Select a finger with a pin array")
-        return _is_finger(context) and pin_reports.device_of(context.object) is not None
+        return _is_finger(context) and pin_devices.device_of(context.object) is not None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Compare."""
@@ -130,16 +132,10 @@ class DERMIS_OT_demo_pins_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
-        from ..demos import demo_pins, demo_skin
-
         scene = demo_pins.build(1e-3 * self.depth, self.friction, self.direction)
-        if context.window is None:
-            self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")
-            return {"FINISHED"}
-        context.window.scene = scene
-        demo_skin.look(context)
-        self.report({"INFO"}, "Bake in the Dermis tab, then play: pins, target and rendered skin")
-        return {"FINISHED"}
+        return open_scene(
+            self, scene, demo_skin.look, "Bake in the Dermis tab, then play: pins, target and rendered skin"
+        )
 
 
 CLASSES: tuple[type, ...] = (DERMIS_OT_press_test, DERMIS_OT_compare_pins, DERMIS_OT_demo_pins_scene)

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from .. import handlers, reporting
+from .. import changes, choices, reporting
 from .._core import DermisError
 from ..preferences import library
 from ..properties import scene_properties
@@ -17,6 +17,18 @@ def _meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
     if context.object is not None and context.object not in chosen:
         chosen.append(context.object)
     return [o for o in chosen if o.type == "MESH"]
+
+
+class Chooser:
+    """Opens a menu of presets, which draws what was read just before."""
+
+    menu = ""
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        """Read the presets, then open the menu."""
+        choices.refresh()
+        bpy.ops.wm.call_menu(name=self.menu)
+        return {"FINISHED"}
 
 
 class DERMIS_OT_make_touchable(bpy.types.Operator):
@@ -57,11 +69,12 @@ class DERMIS_OT_make_touchable(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class DERMIS_OT_choose_material(bpy.types.Operator):
+class DERMIS_OT_choose_material(Chooser, bpy.types.Operator):
     """Choose a haptic material for the selected mesh objects"""
 
     bl_idname = "dermis.choose_material"
     bl_label = "Choose Haptic Material"
+    menu = "DERMIS_MT_materials"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -73,18 +86,6 @@ class DERMIS_OT_choose_material(bpy.types.Operator):
             and context.mode == "OBJECT"
             and (context.object.dermis.role in ("NONE", "TOUCHABLE"))
         )
-
-    def invoke(self, _context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Read the presets, then open the menu."""
-        return self.execute(_context)
-
-    def execute(self, _context: bpy.types.Context) -> set[str]:
-        """Read the presets, then open the menu."""
-        from .. import choices
-
-        choices.refresh()
-        bpy.ops.wm.call_menu(name="DERMIS_MT_materials")
-        return {"FINISHED"}
 
 
 class DERMIS_OT_set_role(bpy.types.Operator):
@@ -123,7 +124,7 @@ class DERMIS_OT_set_role(bpy.types.Operator):
         """Set it."""
         context.object.dermis.role = self.role
         scene_properties.stamp(context.scene)
-        handlers.mark_dirty(context.object.name)
+        changes.mark_dirty(context.object.name)
         return {"FINISHED"}
 
 

@@ -6,12 +6,15 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from .. import handlers, reporting
+from .. import changes, redraw, reporting
 from .._core import DermisError
+from ..demos import demo_skin
 from ..devices import skin_models
 from ..preferences import library
 from ..properties import scene_properties, skin_properties
-from ..viewport import skin_view
+from ..viewport import skin_shown
+from .add import open_scene
+from .roles import Chooser
 
 
 def _fingers(context: bpy.types.Context) -> list[bpy.types.Object]:
@@ -23,29 +26,18 @@ def _fingers(context: bpy.types.Context) -> list[bpy.types.Object]:
     return chosen
 
 
-class DERMIS_OT_choose_skin(bpy.types.Operator):
+class DERMIS_OT_choose_skin(Chooser, bpy.types.Operator):
     """Choose size and stiffness of the selected fingers from the presets"""
 
     bl_idname = "dermis.choose_skin"
     bl_label = "Choose Fingertip"
+    menu = "DERMIS_MT_skins"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Need a finger."""
         cls.poll_message_set("Select a finger")
         return bool(_fingers(context))
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Read the presets, then open the menu."""
-        return self.execute(context)
-
-    def execute(self, _context: bpy.types.Context) -> set[str]:
-        """Read the presets, then open the menu."""
-        from .. import choices
-
-        choices.refresh()
-        bpy.ops.wm.call_menu(name="DERMIS_MT_skins")
-        return {"FINISHED"}
 
 
 class DERMIS_OT_apply_skin(bpy.types.Operator):
@@ -72,7 +64,7 @@ class DERMIS_OT_apply_skin(bpy.types.Operator):
         for obj in _fingers(context):
             skin_properties.apply_preset(obj.dermis.finger.skin, values)
             obj.dermis.finger.skin.preset = self.preset
-            handlers.mark_dirty(obj.name)
+            changes.mark_dirty(obj.name)
         scene_properties.stamp(context.scene)
         return {"FINISHED"}
 
@@ -85,10 +77,8 @@ class DERMIS_OT_reset_skin_range(bpy.types.Operator):
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         """Forget the largest value."""
-        from ..preview import skin_preview
-
-        skin_view.forget_range()
-        skin_preview.redraw()
+        skin_shown.forget_range()
+        redraw.request()
         return {"FINISHED"}
 
 
@@ -123,16 +113,10 @@ class DERMIS_OT_demo_skin_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
-        from ..demos import demo_skin
-
         scene: Any = demo_skin.build(5 if self.fingers == "FIVE" else 1)
-        if context.window is None:
-            self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")
-            return {"FINISHED"}
-        context.window.scene = scene
-        demo_skin.look(context)
-        self.report({"INFO"}, "Play the animation to see the skin; Bake in the Dermis tab keeps its forces")
-        return {"FINISHED"}
+        return open_scene(
+            self, scene, demo_skin.look, "Play the animation to see the skin; Bake in the Dermis tab keeps its forces"
+        )
 
 
 CLASSES: tuple[type, ...] = (

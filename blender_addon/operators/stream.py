@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -9,7 +10,7 @@ from bpy.props import BoolProperty, StringProperty
 
 from .. import reporting
 from .._core import DermisError, core
-from ..panels.text import words
+from ..layouts import words
 from ..streaming import agreed_paths, board_identity, session
 
 
@@ -179,6 +180,10 @@ class File(Streaming):
         """Ask for the file."""
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
+
+    def path(self) -> Path:
+        """Return the file that was chosen."""
+        return Path(bpy.path.abspath(self.filepath))
 
 
 CLASSES: tuple[type, ...] = (

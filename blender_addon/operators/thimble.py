@@ -7,10 +7,11 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from .. import handlers, jobs, reporting
-from ..demos import demo_thimble
+from .. import changes, choices, jobs, reporting
+from ..demos import demo_skin, demo_thimble
 from ..devices import thimble_adaptation, thimble_devices
 from ..results import thimble_plot
+from .add import open_scene
 
 
 def _worn(context: bpy.types.Context) -> Any:
@@ -39,7 +40,7 @@ class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Say how good it is."""
         thimble_devices.forget()
-        handlers.mark_dirty(context.object.name)
+        changes.mark_dirty(context.object.name)
         ridge, network = result["errors"].tolist()
         self.report(
             {"INFO"},
@@ -98,18 +99,14 @@ class DERMIS_OT_demo_thimble_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it and look at it."""
-        from .. import choices
-        from ..demos import demo_skin
-
         choices.refresh()
         scene = demo_thimble.build(self.touch)
-        if context.window is None:
-            self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")
-            return {"FINISHED"}
-        context.window.scene = scene
-        demo_skin.look(context)
-        self.report({"INFO"}, "Play the animation: twin, target and rendered skin. Bake keeps the servo angles")
-        return {"FINISHED"}
+        return open_scene(
+            self,
+            scene,
+            demo_skin.look,
+            "Play the animation: twin, target and rendered skin. Bake keeps the servo angles",
+        )
 
 
 CLASSES: tuple[type, ...] = (DERMIS_OT_adapt_thimble, DERMIS_OT_plot_thimble, DERMIS_OT_demo_thimble_scene)

@@ -4,10 +4,10 @@ from typing import Any
 
 import bpy
 
-from .. import handlers, reporting
+from .. import changes, reporting
+from ..layouts import paragraph
 from ..results import store
 from .main import DermisPanel
-from .text import paragraph
 
 SEVERITY_ICONS = {"error": "CANCEL", "warning": "ERROR", "info": "INFO"}
 MOST_FINDINGS = 12
@@ -64,7 +64,7 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
             return
         if state == "stale":
             box = layout.box()
-            changed = sorted(handlers.dirty())
+            changed = sorted(changes.dirty())
             cause = f" ({', '.join(changed[:3])}{', ...' if len(changed) > 3 else ''})" if changed else ""
             paragraph(box, context, f"Out of date: the scene changed since{cause}. Bake again.", "ERROR")
         elif state == "earlier":

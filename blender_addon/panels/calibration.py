@@ -4,9 +4,9 @@ from typing import Any
 
 import bpy
 
+from ..layouts import paragraph
 from ..streaming import board_identity, built_devices, calibration_offers, device_calibration
 from .main import DermisPanel
-from .text import paragraph
 
 MOST_OFFERS = 4  # a file may hold any number
 

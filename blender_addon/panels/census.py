@@ -5,7 +5,8 @@ from typing import Any
 
 import bpy
 
-from .. import handlers
+from .. import changes
+from ..properties.scene_properties import FILE_VERSION
 
 MOVERS = frozenset({"ARMATURE", "CLOTH", "HOOK", "LATTICE", "MESH_CACHE", "MESH_DEFORM", "NODES", "SOFT_BODY", "WAVE"})
 
@@ -27,7 +28,7 @@ _memo: dict[str, Any] = {}
 
 def of(scene: bpy.types.Scene) -> Census:
     """Return the scene's census."""
-    key = (scene.session_uid, handlers.ticks(), len(scene.objects))
+    key = (scene.session_uid, changes.ticks(), len(scene.objects))
     if _memo.get("key") != key:
         _memo["key"], _memo["census"] = key, _count(scene)
     census: Census = _memo["census"]
@@ -35,8 +36,6 @@ def of(scene: bpy.types.Scene) -> Census:
 
 
 def _count(scene: bpy.types.Scene) -> Census:
-    from ..properties.scene_properties import FILE_VERSION
-
     named: dict[str, list[str]] = {"FINGER": [], "TOUCHABLE": [], "SCREEN": [], "NONE": []}
     idle = []
     moving = False

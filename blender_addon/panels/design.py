@@ -5,13 +5,12 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .._core import DermisError
 from ..demos import demo_motors
 from ..design import design_results
-from ..devices import platform_devices
+from ..layouts import paragraph, properties
 from ..results import store
+from ..viewport import shown
 from .main import DermisPanel
-from .text import paragraph, properties
 
 
 def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
@@ -31,18 +30,17 @@ class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Need a finger with a platform."""
-        obj = context.object
-        return obj is not None and obj.dermis.role == "FINGER" and platform_devices.device_of(obj) is not None
+        return shown.worn(context.scene, context.object, "platform") is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the table's state, and the way to make it."""
         layout, obj = self.layout, context.object
-        device = platform_devices.device_of(obj)
-        try:
-            table = platform_devices.table(obj, device)
-        except DermisError as error:
-            paragraph(layout, context, str(error), "ERROR")
+        device = shown.worn(context.scene, obj, "platform")
+        ready = shown.ready(context.scene, obj, "platform")
+        if ready is not None and ready.trouble:
+            paragraph(layout, context, ready.trouble, "ERROR")
             return
+        table = ready.found if ready is not None else None
         if table is not None:
             touching = len(table.commands) - 1
             layout.label(text=f"Table: {touching:,} configurations that touch", icon="CHECKMARK")
@@ -104,10 +102,7 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         row = layout.row(align=True)
         for kind, text in (("SCENE", "This Scene"), ("BAKED", "All Baked"), ("FILE", "Recording")):
             row.operator("dermis.add_design_touch", text=text).kind = kind
-        column = layout.column()
-        column.use_property_split, column.use_property_decorate = True, False
-        column.prop(own, "device")
-        column.prop(own, "table")
+        column = properties(layout, own, "device", "table", keys=False)
         if not own.table:
             column.prop(own, "table_rows")
         column.prop(own, "noise")
@@ -141,10 +136,7 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         count = min(own.motors or reduction.motors, n)
         self._couplings(box, found, reduction, count)
         layout.operator("dermis.show_design", icon="IMAGE_DATA")
-        column = layout.column()
-        column.use_property_split, column.use_property_decorate = True, False
-        column.prop(own, "choice")
-        column.prop(own, "motors")
+        properties(layout, own, "choice", "motors", keys=False)
         row = layout.row(align=True)
         row.operator("dermis.design_preset", icon="PRESET_NEW")
         row.operator("dermis.save_design", icon="EXPORT")

@@ -2,9 +2,9 @@
 
 import bpy
 
+from ..layouts import paragraph
 from ..results import store
 from . import census
-from .text import paragraph
 
 
 class DermisPanel:

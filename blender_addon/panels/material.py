@@ -5,8 +5,8 @@ from typing import Any
 import bpy
 
 from .. import choices
+from ..layouts import properties, role
 from .main import DermisPanel
-from .text import properties, role
 
 
 class DERMIS_PT_material(DermisPanel, bpy.types.Panel):

@@ -5,9 +5,9 @@ from typing import Any
 import bpy
 
 from .. import choices
+from ..layouts import paragraph, properties, role
 from . import design, thimble
 from .main import DermisPanel
-from .text import paragraph, properties, role
 
 DEVICE_ICONS = {"friction_screen": "DESKTOP", "pin_array": "LIGHTPROBE_VOLUME"}
 ICONS = {"FINGER": "VIEW_PAN", "TOUCHABLE": "MATERIAL", "SCREEN": "DESKTOP", "NONE": "OBJECT_DATA"}

@@ -2,9 +2,10 @@
 
 import bpy
 
+from ..layouts import paragraph
 from ..results import pin_reports
+from ..viewport import shown
 from .main import DermisPanel
-from .text import paragraph
 
 
 class DERMIS_PT_pins(DermisPanel, bpy.types.Panel):
@@ -17,8 +18,7 @@ class DERMIS_PT_pins(DermisPanel, bpy.types.Panel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Need a finger with a pin array."""
-        obj = context.object
-        return obj is not None and obj.dermis.role == "FINGER" and pin_reports.device_of(obj) is not None
+        return shown.worn(context.scene, context.object, "pins") is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the personal factor and the table."""

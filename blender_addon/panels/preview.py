@@ -2,10 +2,11 @@
 
 import bpy
 
-from ..preview import device_preview
+from ..layouts import paragraph
+from ..quantities import quantity
+from ..viewport import shown
 from . import census
 from .main import DermisPanel
-from .text import paragraph, quantity
 
 
 class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
@@ -28,13 +29,14 @@ class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
         row.prop(settings, "show_readout", toggle=True, icon="INFO", text="Readout")
         if settings.show_twin:
             layout.prop(settings, "twin_exaggeration", slider=True)
-        shown = device_preview.preview(context.scene)
-        if shown is None:
+        now = shown.now(context.scene)
+        preview = now.devices if now is not None else None
+        if preview is None:
             paragraph(layout, context, "Move along the timeline to see the devices at work.")
             return
-        icon = {"bake": "CHECKMARK", "live": "PLAY", "device": "LINKED", "file": "FILE"}.get(shown.source, "ERROR")
-        paragraph(layout, context, shown.note[:1].upper() + shown.note[1:], icon)
-        for row_of in shown.rows:
+        icon = {"bake": "CHECKMARK", "live": "PLAY", "device": "LINKED", "file": "FILE"}.get(preview.source, "ERROR")
+        paragraph(layout, context, preview.note[:1].upper() + preview.note[1:], icon)
+        for row_of in preview.rows:
             box = layout.box().column(align=True)
             box.scale_y = 0.85
             box.label(text=f"{row_of.finger}: {row_of.title}")

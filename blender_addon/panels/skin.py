@@ -5,26 +5,18 @@ from typing import Any
 import bpy
 
 from .. import choices
+from ..layouts import paragraph, properties
 from ..preview import skin_preview
+from ..preview.skin_state import SkinState
 from ..properties import skin_properties
-from ..viewport import skin_cards, skin_field, skin_view
+from ..viewport import shown, skin_cards, skin_field, skin_shown
 from . import census
 from .main import DermisPanel
-from .text import paragraph
 
 
 def _finger(context: bpy.types.Context) -> Any:
     obj = context.object
     return obj.dermis.finger if obj is not None and obj.dermis.role == "FINGER" else None
-
-
-def _column(layout: Any, group: Any, *names: str) -> Any:
-    column = layout.column()
-    column.use_property_split = True
-    column.use_property_decorate = False
-    for name in names:
-        column.prop(group, name)
-    return column
 
 
 class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
@@ -50,15 +42,15 @@ class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
         title = next((e.name for e in choices.skins() if e.key == skin.preset), skin.preset.replace("_", " ").title())
         layout.operator("dermis.choose_skin", text=title or "From Preset", icon="PRESET")
         if skin.mesh_file:
-            _column(layout, skin, "mesh_file")
+            properties(layout, skin, "mesh_file", keys=False)
         else:
-            column = _column(layout, skin, "level")
+            column = properties(layout, skin, "level", keys=False)
             row = column.row()
             row.active = False
             row.alignment = "RIGHT"
             row.label(text=f"about {skin_properties.TETRAHEDRA[skin.level]} tetrahedra")
-        _column(layout, skin, "young_kpa", "alpha")
-        column = _column(layout, skin, "depth_mode")
+        properties(layout, skin, "young_kpa", "alpha", keys=False)
+        column = properties(layout, skin, "depth_mode", keys=False)
         if skin.depth_mode == "compliant":
             column.prop(skin, "bone_stiffness")
             column.prop(skin, "force_limit")
@@ -86,7 +78,7 @@ class DERMIS_PT_skin_size(DermisPanel, bpy.types.Panel):
             ("bone_width_mm", "bone_thickness_mm", "bone_bed_mm", "bone_margin_mm"),
             ("poisson", "mesh_file"),
         ):
-            _column(self.layout, skin, *names)
+            properties(self.layout, skin, *names, keys=False)
 
 
 class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
@@ -111,7 +103,7 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, "No finger shows its skin: switch Skin on in a finger's Object panel.", "INFO")
             return
         view = scene.dermis.skin_view
-        column = _column(layout, view, "quantity")
+        column = properties(layout, view, "quantity", keys=False)
         column.active = view.show
         row = column.row(align=True)
         row.prop(view, "range_mode")
@@ -121,7 +113,8 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
             column.prop(view, "maximum", text=f"Maximum [{skin_field.QUANTITIES[view.quantity].unit}]")
         if skin_preview.failure():
             paragraph(layout, context, skin_preview.failure(), "ERROR")
-        states = skin_preview.states(scene)
+        now = shown.now(scene)
+        states = now.skins.states if now is not None else ()
         if not states and not skin_preview.failure():
             paragraph(layout, context, "Move along the timeline to see what the skin feels.")
         for state in states:
@@ -143,7 +136,9 @@ class DERMIS_PT_skin_style(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the settings."""
         view = context.scene.dermis.skin_view
-        column = _column(self.layout, view, "colours", "xray", "fill", "exaggeration", "contours", "legend", "maps")
+        column = properties(
+            self.layout, view, "colours", "xray", "fill", "exaggeration", "contours", "legend", "maps", keys=False
+        )
         if view.maps:
             column.prop(view, "map_size")
 
@@ -160,17 +155,18 @@ class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
         """Draw the counters of each finger."""
         column = self.layout.column(align=True)
         column.scale_y = 0.85
-        for state in skin_preview.states(context.scene):
+        now = shown.now(context.scene)
+        for state in now.skins.states if now is not None else ():
             column.label(text=state.finger)
             for name, count in state.counters.items():
                 if count:
                     bad = name in ("not converged", "solved by the fallback")
                     _pair(column, name, f"{count:,}", "ERROR" if bad else "BLANK1")
-        for name, count in skin_view.counters().items():
+        for name, count in skin_shown.counters().items():
             _pair(column, f"stress {name}", f"{count:,}", "BLANK1")
 
 
-def _figures(column: Any, context: bpy.types.Context, state: skin_preview.SkinState) -> None:
+def _figures(column: Any, context: bpy.types.Context, state: SkinState) -> None:
     column.scale_y = 0.85
     icon = {"bake": "CHECKMARK", "live": "PLAY", "none": "TIME"}.get(state.source, "ERROR")
     column.label(text=state.finger, icon=icon)
@@ -178,8 +174,8 @@ def _figures(column: Any, context: bpy.types.Context, state: skin_preview.SkinSt
         paragraph(column, context, state.note[:1].upper() + state.note[1:], inset=20.0)
     if not state.touching:
         return
-    _pair(column, "normal force", skin_view.force(state.normal_force))
-    _pair(column, "tangential force", skin_view.force(state.tangential_force))
+    _pair(column, "normal force", skin_cards.force(state.normal_force))
+    _pair(column, "tangential force", skin_cards.force(state.tangential_force))
     deep = state.depth > 2e-3
     _pair(column, "touch depth", f"{1e3 * state.depth:.2f} mm", "ERROR" if deep else "NONE")
     if state.lift > 0.0:

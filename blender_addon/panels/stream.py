@@ -4,9 +4,11 @@ from typing import Any
 
 import bpy
 
-from ..streaming import board_identity, calibration_offers, session, streamed_track
+from ..layouts import paragraph
+from ..quantities import quantity
+from ..streaming import board_identity, calibration_offers, session
+from ..viewport import shown
 from .main import DermisPanel
-from .text import paragraph, quantity
 
 ICONS = {
     "disconnected": "UNLINKED",
@@ -57,7 +59,7 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
             layout.label(text=bpy.path.basename(settings.track_file), icon="FILE")
         else:
             layout.prop(settings, "output", text="", icon="ANIM", placeholder="First device of the bake")
-        if settings.mode == "play" and (doubts := streamed_track.doubts(context.scene)):
+        if settings.mode == "play" and (doubts := shown.doubts(context.scene)):
             paragraph(layout, context, doubts, "ERROR")
         if settings.mode == "jog":
             ours = calibration_offers.is_ours(settings) and len(settings.channels) > 0

@@ -4,12 +4,12 @@ from typing import Any
 
 import bpy
 
-from .._core import DermisError
-from ..devices import skin_models, thimble_adaptation, thimble_devices
-from ..preview import device_preview, thimble_preview
-from ..properties import skin_properties
+from ..demos import demo_thimble
+from ..devices import thimble_devices
+from ..layouts import paragraph, properties
+from ..preview import thimble_preview
+from ..viewport import shown
 from .main import DermisPanel
-from .text import paragraph, properties
 
 
 def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
@@ -36,13 +36,12 @@ class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Need a finger with a thimble."""
-        obj = context.object
-        return obj is not None and obj.dermis.role == "FINGER" and thimble_devices.device_of(obj) is not None
+        return shown.worn(context.scene, context.object, "thimble") is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the adaptation's state, the mismatch of this frame and the view's switches."""
         layout, obj = self.layout, context.object
-        device, view = thimble_devices.device_of(obj), context.scene.dermis.thimble_view
+        device, view = shown.worn(context.scene, obj, "thimble"), context.scene.dermis.thimble_view
         column = layout.column()
         column.use_property_split = True
         column.prop(device, "thimble_method")
@@ -54,8 +53,8 @@ class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
             column = layout.column(align=True)
             paragraph(column, context, "Show the finger's skin to see target and rendered skin side by side.", "INFO")
             column.prop(obj.dermis.finger.skin, "shown", text="Show Skin", toggle=True)
-        shown = device_preview.preview(context.scene)
-        rows = shown.rows if shown is not None else ()
+        now = shown.now(context.scene)
+        rows = now.devices.rows if now is not None and now.devices is not None else ()
         mine = next((r for r in rows if r.finger == obj.name and r.kind == "thimble"), None)
         trouble = thimble_preview.failure(obj.name)
         if trouble:
@@ -68,13 +67,11 @@ class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
 
     def _adaptation(self, context: bpy.types.Context, obj: bpy.types.Object, device: Any) -> None:
         layout = self.layout
-        skin = skin_properties.parameters(obj.dermis.finger.skin)
-        try:
-            model = skin_models.get(skin["skin"], skin["skin_level"])
-            found = thimble_adaptation.status(device, model) if model is not None else None
-        except DermisError as error:
-            paragraph(layout, context, str(error), "ERROR")
+        ready = shown.ready(context.scene, obj, "thimble")
+        if ready is not None and ready.trouble:
+            paragraph(layout, context, ready.trouble, "ERROR")
             return
+        found = ready.found if ready is not None else None
         if found is not None:
             words = "Adapted to this finger"
             if "network_error" in found:
@@ -100,9 +97,7 @@ class DERMIS_MT_thimble_demos(bpy.types.Menu):
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw one entry a scene."""
-        from ..demos.demo_thimble import SCENES
-
-        for key, scene in SCENES.items():
+        for key, scene in demo_thimble.SCENES.items():
             self.layout.operator("dermis.demo_thimble_scene", text=scene.title, icon="SCENE_DATA").touch = key
 
 

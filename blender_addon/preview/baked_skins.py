@@ -7,7 +7,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import handlers
+from .. import changes
+from ..results import store
 from .skin_state import SkinState
 
 _baked: tuple[Any, tuple[SkinState, ...]] = ((), ())
@@ -16,7 +17,7 @@ _baked: tuple[Any, tuple[SkinState, ...]] = ((), ())
 def states(scene: bpy.types.Scene, result: Any, frame: float, state: str) -> tuple[SkinState, ...]:
     """Return the skins that are shown, from a bake that is 'fresh', 'stale' or 'earlier'."""
     global _baked
-    memo = (id(result), frame, state, handlers.edits())
+    memo = (id(result), frame, state, changes.edits())
     if _baked[0] != memo:
         _baked = (
             memo,
@@ -30,11 +31,6 @@ def states(scene: bpy.types.Scene, result: Any, frame: float, state: str) -> tup
 
 
 def _baked_state(name: str, touch: Any, frame: float, state: str) -> SkinState:
-    notes = {
-        "fresh": "from the bake",
-        "stale": "from a bake that is out of date",
-        "earlier": "from an earlier session's bake",
-    }
     source = "bake" if state == "fresh" else state
     counters = {k.removeprefix("skin_").replace("_", " "): int(v) for k, v in touch.skipped.items()}
     frames = touch.frames
@@ -49,4 +45,4 @@ def _baked_state(name: str, touch: Any, frame: float, state: str) -> SkinState:
         )
     after = min(int(np.searchsorted(frames, frame)), len(frames) - 1)
     i = after - 1 if after > 0 and frame - frames[after - 1] < frames[after] - frame else after
-    return SkinState.of(name, touch.model, touch.at(i), source, notes[state], counters)
+    return SkinState.of(name, touch.model, touch.at(i), source, store.NOTES[state], counters)

@@ -8,7 +8,6 @@ renders that trail exactly as it renders a bake; only the sampling is coarser, o
 from __future__ import annotations
 
 import traceback
-from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -16,67 +15,30 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import handlers
+from .. import changes
 from .._core import DermisError, core
-from ..devices import platform_devices, skin_models, thimble_devices
+from ..devices import pin_devices, platform_devices, skin_models, thimble_devices
 from ..preferences import library, setting
 from ..results import store
-from ..viewport import pin_view
-from . import platform_preview, thimble_preview
+from ..sampling import scene_header, scene_sweep
+from . import pin_preview, platform_preview, thimble_preview
+from .rows import NO_PATH, Preview, Row, by_channel, row_of
+
+TactileScene = core.scene.tactile_scene.TactileScene
 
 STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
 TRAIL_SECONDS = 0.12  # how much of a tactor's path the view shows
-
-
-@dataclass(frozen=True)
-class Row:
-    """One device on one finger, now.
-
-    Attributes:
-        finger, device: the finger object's name and the preset's key.
-        title, kind: the device's name for people, and what it is.
-        values, low, high, units: by channel name, in SI; limits are None where there are none.
-        path: the tactor's positions over the last moments [m], oldest first, shape (n, 2); empty for screens.
-        contact: 1 while the finger touches, 0 while not, None where unknown.
-        signals: diagnostic values by name, such as 'mismatch'.
-    """
-
-    finger: str
-    device: str
-    title: str
-    kind: str
-    values: Mapping[str, float]
-    low: Mapping[str, float | None]
-    high: Mapping[str, float | None]
-    units: Mapping[str, str]
-    path: np.ndarray
-    contact: float | None
-    signals: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Preview:
-    """All devices at one frame.
-
-    Attributes:
-        source: 'bake', 'stale', 'earlier' or 'live'. note: what a reader should know about it.
-    """
-
-    frame: float
-    source: str
-    note: str
-    rows: tuple[Row, ...]
 
 
 @dataclass
 class _Trail:
     generation: int = -1
     scene: int = 0
-    samples: list[Any] = field(default_factory=list)  # `TactileScene`s of one sample each
-    edits: int = -1  # of `handlers`, when `scene_sweep` last forgot its surfaces and reliefs
+    samples: list[TactileScene] = field(default_factory=list)  # `TactileScene`s of one sample each
+    edits: int = -1  # of `changes`, when `scene_sweep` last forgot its surfaces and reliefs
     preview: Preview | None = None
     failure: Exception | None = None
-    taken: Any = None  # the last sample, until `take_sample` hands it on
+    taken: TactileScene | None = None  # the last sample, until `take_sample` hands it on
 
 
 _trail = _Trail()
@@ -87,14 +49,6 @@ _memo_preview: Preview | None = None
 def frame_of(scene: bpy.types.Scene) -> float:
     """Return the scene's frame with its sub-frame."""
     return float(scene.frame_current_final)
-
-
-def preview(scene: bpy.types.Scene) -> Preview | None:
-    """Return what to show at the current frame: what a device reports, a loaded track, or what is computed."""
-    from ..streaming import reported_values
-
-    shown: Preview | None = reported_values.preview(scene)
-    return shown if shown is not None else computed(scene)
 
 
 def computed(scene: bpy.types.Scene) -> Preview | None:
@@ -132,13 +86,11 @@ def on_frame(scene: bpy.types.Scene) -> None:
 
 def step(context: bpy.types.Context) -> Preview:
     """Extend the trail by the scene as it is now, or start a new one, and render it."""
-    from ..sampling import scene_header, scene_sweep
-
     scene = context.scene
     frame = frame_of(scene)
-    if _trail.edits != handlers.edits():
+    if _trail.edits != changes.edits():
         scene_sweep.forget()
-        _trail.edits = handlers.edits()
+        _trail.edits = changes.edits()
     _trail.taken = None
     try:
         sample = _trail.taken = scene_sweep.sample_now(scene, context.evaluated_depsgraph_get())
@@ -146,7 +98,7 @@ def step(context: bpy.types.Context) -> Preview:
             _trail.samples = []
         _trail.samples.append(sample)
         del _trail.samples[: -int(setting("live_trail"))]
-        _trail.generation, _trail.scene = handlers.generation(), scene.session_uid
+        _trail.generation, _trail.scene = changes.generation(), scene.session_uid
         _trail.preview = _render(frame)
     except DermisError as error:
         return _note(scene, str(scene_header.reason(_trail.taken, error) if _trail.taken else error))
@@ -155,12 +107,12 @@ def step(context: bpy.types.Context) -> Preview:
 
 def _note(scene: bpy.types.Scene, text: str) -> Preview:
     """Show a sentence in place of devices; the trail ends here."""
-    _trail.samples, _trail.scene, _trail.generation = [], scene.session_uid, handlers.generation()
+    _trail.samples, _trail.scene, _trail.generation = [], scene.session_uid, changes.generation()
     _trail.preview = Preview(frame_of(scene), "live", text, ())
     return _trail.preview
 
 
-def take_sample() -> Any | None:
+def take_sample() -> TactileScene | None:
     """Return the sample that this frame's preview was made from, once; None where none was taken."""
     sample, _trail.taken = _trail.taken, None
     return sample
@@ -175,23 +127,28 @@ def reset() -> None:
 
 def _trail_ends_at(scene: bpy.types.Scene, frame: float) -> bool:
     shown = _trail.preview
-    same = _trail.scene == scene.session_uid and _trail.generation == handlers.generation()
+    same = _trail.scene == scene.session_uid and _trail.generation == changes.generation()
     return same and shown is not None and abs(shown.frame - frame) < 1e-6
 
 
-def _continues(scene: bpy.types.Scene, sample: Any, frame: float) -> bool:
-    if not _trail.samples or _trail.scene != scene.session_uid or _trail.generation != handlers.generation():
+def _continues(scene: bpy.types.Scene, sample: TactileScene, frame: float) -> bool:
+    if not _trail.samples or _trail.scene != scene.session_uid or _trail.generation != changes.generation():
         return False
     before = _trail.samples[-1]
     gap = (frame - _frame(before)) / float(sample.fps)
     return 1e-9 < gap <= STEP_SECONDS and _cast(before) == _cast(sample)
 
 
-def _frame(sample: Any) -> float:
-    return float(sample.chunks[0].frames[0])
+def _frame(sample: TactileScene) -> float:
+    return float(_chunk(sample).frames[0])
 
 
-def _cast(sample: Any) -> tuple[Any, ...]:
+def _chunk(sample: TactileScene) -> core.scene.tactile_scene.Chunk:
+    """Return the only chunk of a sample."""
+    return next(iter(sample.chunks))
+
+
+def _cast(sample: TactileScene) -> tuple[Any, ...]:
     """Who takes part; a trail cannot go on where this changes."""
     return (
         tuple(f.name for f in sample.fingers),
@@ -207,14 +164,14 @@ def _render(frame: float) -> Preview:
     first = _frame(samples[0])
     result = store.Result(bake, float(samples[0].fps), first - 1.0, -1, ())
     note = f"live, from rest at frame {first:g}" + (": play or step forward" if len(samples) == 1 else "")
-    rows = tuple(row_of(result, output, frame) for output in bake.outputs)
+    rows = tuple(baked_row(result, output, frame) for output in bake.outputs)
     return Preview(frame, "live", note, rows)
 
 
-def _joined(samples: list[Any]) -> Any:
+def _joined(samples: list[TactileScene]) -> TactileScene:
     """Return the trail as a scene of its own; it starts one frame earlier, at rest in the first pose."""
     chunk = core.scene.tactile_scene.Chunk
-    parts = [samples[0].chunks[0], *(s.chunks[0] for s in samples)]
+    parts = [_chunk(s) for s in (samples[0], *samples)]
     frames = np.array([float(p.frames[0]) for p in parts])
     frames[0] -= 1.0
     keys = set.intersection(*(set(p.channels) for p in parts))
@@ -249,7 +206,7 @@ def _joined(samples: list[Any]) -> Any:
     return replace(last, fingers=fingers, frame_range=span, rate=float(last.fps), chunks=(joined,))
 
 
-def _run(tactile: Any) -> Any:
+def _run(tactile: TactileScene) -> core.pipeline.bake.Bake:
     presets = library()
     steps = core.pipeline.render.render(tactile, presets, cache=skin_models.cache())
     with skin_models.one_thread() if skin_models.wanted(tactile, presets) else nullcontext():
@@ -260,54 +217,38 @@ def _run(tactile: Any) -> Any:
                 return stop.value
 
 
-def _solved(finger: Any) -> bool:
+def _solved(finger: core.scene.tactile_scene.Finger) -> bool:
     """Tell whether `skin_preview` solves a finger's skin: because it is shown, or a thimble follows it."""
     return bool(finger.parameters.get("skin_shown")) or any(thimble_devices.spec_of(d.preset) for d in finger.devices)
 
 
 def _follows_skin(preset: str) -> bool:
-    return any(kind.spec_of(preset) is not None for kind in (pin_view, thimble_devices, platform_devices))
+    return any(kind.spec_of(preset) is not None for kind in (pin_devices, thimble_devices, platform_devices))
 
 
 def _with_followers(scene: bpy.types.Scene, shown: Preview | None) -> Preview | None:
     """Add pin arrays, thimbles and platforms: they follow the skin that `skin_preview` solves."""
-    followers = (pin_view, thimble_preview, platform_preview)
+    followers = (pin_preview, thimble_preview, platform_preview)
     rows = tuple(row for kind in followers for row in kind.live_rows(scene)) if shown is not None else ()
     return replace(shown, rows=(*shown.rows, *rows)) if shown is not None and rows else shown
 
 
 def _from_bake(result: store.Result, frame: float, state: str) -> Preview:
-    notes = {
-        "fresh": "from the bake",
-        "stale": "from a bake that is out of date",
-        "earlier": "from an earlier session's bake",
-    }
-    rows = tuple(row_of(result, output, frame) for output in result.bake.outputs)
-    return Preview(frame, "bake" if state == "fresh" else state, notes[state], rows)
+    rows = tuple(baked_row(result, output, frame) for output in result.bake.outputs)
+    return Preview(frame, "bake" if state == "fresh" else state, store.NOTES[state], rows)
 
 
-def row_of(result: store.Result, output: Any, frame: float) -> Row:
-    """Return one output at a frame."""
+def baked_row(result: store.Result, output: core.pipeline.bake.Output, frame: float) -> Row:
+    """Return one output of a bake at a frame."""
     track, spec = output.track, output.track.spec
     values = store.values_at(result, output, frame)
     if values is None:  # outside the range: the device rests
         values = np.array([c.rest for c in spec.channels])
-    names = [c.name for c in spec.channels]
-    path = np.empty((0, 2))
-    if "tactor_x" in names and "tactor_y" in names and len(track.times):
+    path = NO_PATH
+    if {"tactor_x", "tactor_y"} <= {c.name for c in spec.channels} and len(track.times):
         now = (frame - result.first) / result.fps
         times = np.linspace(now - TRAIL_SECONDS, now, 61)
         path = np.stack([np.interp(times, track.times, track.column(n)) for n in ("tactor_x", "tactor_y")], axis=1)
-    return Row(
-        finger=output.finger,
-        device=output.device,
-        title=spec.name,
-        kind=spec.kind,
-        values=dict(zip(names, values.tolist(), strict=True)),
-        low={c.name: c.low for c in spec.channels},
-        high={c.name: c.high for c in spec.channels},
-        units={c.name: c.unit for c in spec.channels},
-        path=path,
-        contact=store.signal_at(result, output, "contact", frame),
-        signals={n: v for n in ("mismatch",) if (v := store.signal_at(result, output, n, frame)) is not None},
-    )
+    contact, mismatch = (store.signal_at(result, output, name, frame) for name in ("contact", "mismatch"))
+    signals = {} if mismatch is None else {"mismatch": mismatch}
+    return row_of(output.finger, output.device, spec, by_channel(spec, values), contact, path=path, signals=signals)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import bpy
 import numpy as np
@@ -10,43 +10,20 @@ from numpy.typing import NDArray
 
 from .._core import DermisError, core
 from ..devices import platform_devices, skin_models
-
-if TYPE_CHECKING:
-    from . import device_preview
-    from .skin_preview import SkinState
+from . import followers, skin_preview
+from .rows import Row, by_channel, row_of
+from .skin_state import SkinState
 
 _found: dict[str, tuple[SkinState, tuple[Any, ...], NDArray[np.float64] | None]] = {}
 
 
-def live_rows(scene: bpy.types.Scene) -> tuple[device_preview.Row, ...]:
+def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
     """Return what the platforms of fingers whose skin is shown do at the current frame; none without a table."""
-    from . import device_preview, skin_preview
-
     rows = []
-    for target in skin_preview.own(scene):
-        obj = scene.objects.get(target.finger)
-        device = platform_devices.device_of(obj) if obj is not None else None
-        spec = platform_devices.spec_of(device.preset) if device is not None else None
-        if obj is None or device is None or spec is None or target.model is None or target.source != "live":
-            continue
-        values = commands(obj, device, spec, target)
-        if values is None:
-            continue
-        names = [c.name for c in spec.channels]
-        rows.append(
-            device_preview.Row(
-                finger=target.finger,
-                device=device.preset,
-                title=spec.name,
-                kind=spec.kind,
-                values=dict(zip(names, values.tolist(), strict=True)),
-                low={c.name: c.low for c in spec.channels},
-                high={c.name: c.high for c in spec.channels},
-                units={c.name: c.unit for c in spec.channels},
-                path=np.empty((0, 2)),
-                contact=float(target.touching),
-            )
-        )
+    for target, obj, device, spec in followers.of(scene, skin_preview.own(scene), platform_devices.KINDS):
+        values = commands(obj, device, spec, target) if target.source == "live" else None
+        if values is not None:
+            rows.append(row_of(target.finger, device.preset, spec, by_channel(spec, values), float(target.touching)))
     return tuple(rows)
 
 

@@ -15,17 +15,15 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import handlers
+from .. import changes, redraw
 from .._core import DermisError, core
-from ..devices import skin_models
+from ..devices import skin_models, thimble_devices
 from ..results import store
+from ..sampling import scene_sweep
 from . import baked_skins
 from .skin_state import SkinState
 
-__all__ = ["SkinState", "any_shown", "failure", "own", "states", "step"]
-
 STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
-SETTLE = 0.05  # [s] after a change of the scene until the frame is solved anew
 
 
 @dataclass
@@ -49,6 +47,7 @@ class _Live:
     posed: core.contact.posed_scene.PosedScene | None = None  # for all fingers
     states: tuple[SkinState, ...] = ()
     failure: str = ""
+    requested: bool = False  # the frame shall be solved anew, without a change of the frame
 
 
 _live = _Live()
@@ -59,7 +58,7 @@ _wanted: tuple[Any, ...] = ()
 def any_shown(scene: bpy.types.Scene) -> bool:
     """Tell whether any finger shows its skin; looked up once after each change."""
     global _shown
-    key = (scene.session_uid, handlers.edits(), len(scene.objects))
+    key = (scene.session_uid, changes.edits(), len(scene.objects))
     if not _shown or _shown[0] != key:
         _shown = (key, any(o.dermis.role == "FINGER" and o.dermis.finger.skin.shown for o in scene.objects))
     return bool(_shown[1])
@@ -68,21 +67,11 @@ def any_shown(scene: bpy.types.Scene) -> bool:
 def any_needed(scene: bpy.types.Scene) -> bool:
     """Tell whether any finger shows its skin or wears a thimble, which follows it; looked up once after each change."""
     global _wanted
-    key = (scene.session_uid, handlers.edits(), len(scene.objects))
+    key = (scene.session_uid, changes.edits(), len(scene.objects))
     if not _wanted or _wanted[0] != key:
         fingers = (o.dermis.finger for o in scene.objects if o.dermis.role == "FINGER")
         _wanted = (key, any(f.skin.shown or _followed(d.preset for d in f.devices if d.enabled) for f in fingers))
     return bool(_wanted[1])
-
-
-def states(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
-    """Return the skins to show at the current frame, and as pins and thimbles render them; empty if unknown."""
-    from ..viewport import pin_view
-    from . import thimble_preview
-
-    fingers = ((s, scene.objects.get(s.finger)) for s in own(scene))
-    targets = tuple(s for s, obj in fingers if obj is not None and obj.dermis.finger.skin.shown)
-    return (*targets, *pin_view.rendered(scene, targets), *thimble_preview.rendered(scene, targets)) if targets else ()
 
 
 def own(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
@@ -127,15 +116,13 @@ def step(context: bpy.types.Context, sample: Any = None) -> tuple[SkinState, ...
     Args:
         sample: the scene as `scene_sweep.sample_now` gives it, where somebody has just taken it.
     """
-    from ..sampling import scene_sweep
-
     scene = context.scene
     frame = float(scene.frame_current_final)
-    if frame == _live.frame and handlers.edits() == _live.edits and _holds(scene, frame) and not _pending():
+    if frame == _live.frame and changes.edits() == _live.edits and _holds(scene, frame) and not _pending():
         return _live.states
     try:
         if sample is None:
-            if _live.edits != handlers.edits():
+            if _live.edits != changes.edits():
                 scene_sweep.forget()
             sample = scene_sweep.sample_now(scene, context.evaluated_depsgraph_get())
         posed, again = _prepare(scene, sample, frame)
@@ -149,7 +136,7 @@ def step(context: bpy.types.Context, sample: Any = None) -> tuple[SkinState, ...
     except DermisError as error:
         _live.states, _live.failure = (), str(error)
         _live.tracks.clear()
-    _live.frame, _live.edits = frame, handlers.edits()
+    _live.frame, _live.edits = frame, changes.edits()
     return _live.states
 
 
@@ -160,33 +147,21 @@ def reset() -> None:
     _live.states, _live.failure, _live.generation = (), "", -1
 
 
-def refresh() -> float | None:
-    """Solve the current frame anew, because something changed that no frame change told; a timer may call it."""
-    scene = bpy.context.scene
-    if scene is not None and any_needed(scene) and not bpy.app.background:
-        on_frame(scene)
-        redraw()
-    return None
-
-
 def request() -> None:
-    """Ask for a refresh once the scene has settled; many requests give one."""
-    if not bpy.app.background and not bpy.app.timers.is_registered(refresh):
-        bpy.app.timers.register(refresh, first_interval=SETTLE)
+    """Ask for the current frame to be solved anew: something changed that no frame change told."""
+    _live.requested = True
+    redraw.request()
 
 
-def redraw() -> None:
-    """Draw the views again."""
-    if not bpy.app.background:
-        from ..viewport import overlay
-
-        overlay.redraw()
+def refresh() -> None:
+    """Solve the current frame anew, if somebody has asked for it."""
+    requested, _live.requested = _live.requested, False
+    if requested and bpy.context.scene is not None:
+        on_frame(bpy.context.scene)
 
 
 def _followed(presets: Iterable[str]) -> bool:
     """Tell whether a skin is solved even where it is hidden: a thimble has a path to go on, and a trail is slow."""
-    from ..devices import thimble_devices
-
     return any(thimble_devices.spec_of(preset) is not None for preset in presets)
 
 
@@ -196,7 +171,7 @@ def _pending() -> bool:
 
 def _holds(scene: bpy.types.Scene, frame: float) -> bool:
     return (
-        _live.generation == handlers.generation()
+        _live.generation == changes.generation()
         and _live.scene == scene.session_uid
         and _live.frame == frame
         and bool(_live.states)
@@ -208,7 +183,7 @@ def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> tuple[core.co
     names = tuple(b.name for b in sample.bodies)
     cast = (tuple(f.name for f in sample.fingers), names, sample.fps)
     gap = (frame - _live.frame) / float(sample.fps)
-    same = _live.generation == handlers.generation() and _live.scene == scene.session_uid and _live.cast == cast
+    same = _live.generation == changes.generation() and _live.scene == scene.session_uid and _live.cast == cast
     again = same and frame == _live.frame and bool(_live.tracks)
     if not again and not (same and 1e-9 < gap <= STEP_SECONDS):
         _live.tracks.clear()
@@ -216,7 +191,7 @@ def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> tuple[core.co
     posed = _live.posed
     if posed is None or not same:
         posed = core.contact.posed_scene.PosedScene(sample.bodies, [may_deform(name) for name in names])
-    _live.generation, _live.scene, _live.cast, _live.posed = handlers.generation(), scene.session_uid, cast, posed
+    _live.generation, _live.scene, _live.cast, _live.posed = changes.generation(), scene.session_uid, cast, posed
     posed.take(sample.chunks[0], sample.bodies)
     return posed, again
 
@@ -280,5 +255,3 @@ def unregister() -> None:
     """Forget everything, and end what still runs."""
     reset()
     skin_models.forget()
-    if bpy.app.timers.is_registered(refresh):
-        bpy.app.timers.unregister(refresh)

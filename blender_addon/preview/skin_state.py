@@ -31,7 +31,7 @@ class SkinState:
     """
 
     finger: str
-    model: Any
+    model: Any  # the engine's `SkinModel`: whoever has seen a touch need not ask whether it is there
     force: Array
     normal_force: float = 0.0
     tangential_force: float = 0.0

@@ -9,20 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import handlers
+from .. import changes
 from .._core import DermisError, core
 from ..devices import skin_models, thimble_devices
 from ..results import store
-
-if TYPE_CHECKING:
-    from . import device_preview
-    from .skin_preview import SkinState
+from . import followers, skin_preview
+from .rows import Row, row_of
+from .skin_state import SkinState
 
 Array = NDArray[np.float64]
 
@@ -63,52 +62,24 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
     if not scene.dermis.thimble_view.split:
         return ()
     out = []
-    for target in targets:
-        obj = scene.objects.get(target.finger)
-        device = thimble_devices.device_of(obj) if obj is not None else None
-        if device is None or target.model is None or not target.touching:
-            continue
-        if target.source == "live":
-            state = _live_state(scene, target, device)
-        else:
-            state = _baked_state(scene, target, device)
-        if state is not None:
-            out.append(state)
+    for target, _, device, _ in followers.of(scene, targets, thimble_devices.KINDS):
+        if target.touching:
+            state = (_live_state if target.source == "live" else _baked_state)(scene, target, device)
+            out += [state] if state is not None else []
     for gone in set(_made) - {t.finger for t in targets}:
         del _made[gone]
     return tuple(out)
 
 
-def live_rows(scene: bpy.types.Scene) -> tuple[device_preview.Row, ...]:
+def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
     """Return what the thimbles of fingers whose skin is shown do at the current frame, without a bake."""
-    from . import device_preview, skin_preview
-
     rows = []
-    for target in skin_preview.own(scene):
-        obj = scene.objects.get(target.finger)
-        device = thimble_devices.device_of(obj) if obj is not None else None
-        if device is None or target.model is None or target.source != "live":
+    for target, _, device, spec in followers.of(scene, skin_preview.own(scene), thimble_devices.KINDS):
+        if target.source != "live" or (track := follow(scene, target, device)).found is None:
             continue
-        track, spec = follow(scene, target, device), thimble_devices.spec_of(device.preset)
-        if track.found is None or spec is None:
-            continue
-        values = values_of(track.found.angles, track.found.x)
-        names = [c.name for c in spec.channels if c.name in values]
-        rows.append(
-            device_preview.Row(
-                finger=target.finger,
-                device=device.preset,
-                title=spec.name,
-                kind=spec.kind,
-                values={n: values[n] for n in names},
-                low={c.name: c.low for c in spec.channels},
-                high={c.name: c.high for c in spec.channels},
-                units={c.name: c.unit for c in spec.channels},
-                path=np.empty((0, 2)),
-                contact=float(track.found.minimum is not None),
-                signals={"mismatch": track.found.mismatch},
-            )
-        )
+        values, touching = values_of(track.found.angles, track.found.x), float(track.found.minimum is not None)
+        signals = {"mismatch": track.found.mismatch}
+        rows.append(row_of(target.finger, device.preset, spec, values, touching, signals=signals))
     return tuple(rows)
 
 
@@ -125,7 +96,7 @@ def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _Track:
     settings = tuple(
         sorted((k, v) for k, v in thimble_devices.parameters_of(device).items() if k.startswith("thimble_"))
     )
-    key = (device.preset, settings, target.model.key, repr(target.model.material), handlers.generation())
+    key = (device.preset, settings, target.model.key, repr(target.model.material), changes.generation())
     track = _tracks.get(target.finger)
     if track is None or track.key != key:
         track = _tracks[target.finger] = _Track(key)

@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, IntProperty, PointerProperty, StringProperty
 
+from .. import choices
 from ..compat import BLEND_RELATIVE
 from .fields import OVERRIDE, choice, millimetres, number, switch, touched
 
@@ -17,8 +18,6 @@ def _is_screen(_self: Any, obj: bpy.types.Object) -> bool:
 
 
 def _device_keys(_self: Any, _context: Any, text: str) -> list[str]:
-    from .. import choices
-
     return [entry.key for entry in choices.devices() if text.lower() in f"{entry.key} {entry.name}".lower()]
 
 

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
-from .. import handlers
+from .. import changes
 
 FACTORS = {"_mm_s": 1e-3, "_mpa_m": 1e6, "_mm": 1e-3}
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
@@ -20,7 +20,7 @@ class Attribute(NamedTuple):
 
 def touched(_self: Any, _context: Any) -> None:
     """Note that what is shown may be out of date."""
-    handlers.mark_dirty()
+    changes.mark_dirty()
 
 
 def number(name: str, text: str, default: float, low: float, high: float, **more: Any) -> Any:

@@ -8,12 +8,11 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
+from .. import choices
 from .fields import OVERRIDE, choice, millimetres, number, switch
 
 
 def _material_keys(_self: Any, _context: Any, text: str) -> list[str]:
-    from .. import choices
-
     return [entry.key for entry in choices.materials() if text.lower() in f"{entry.key} {entry.name}".lower()]
 
 

@@ -12,9 +12,10 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from .. import handlers
+from .. import changes, choices, fingertip_mesh, redraw
 from .._core import DermisError, core
 from ..compat import BLEND_RELATIVE
+from ..quantities import metres_per_unit
 
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
 FACTORS = {"_mm": 1e-3, "_kpa": 1e3}
@@ -36,22 +37,18 @@ TETRAHEDRA = {"draft": "1.6k", "standard": "6.4k", "fine": "26k"}
 
 
 def _changed(_self: Any, _context: Any) -> None:
-    handlers.mark_dirty()
+    changes.mark_dirty()
 
 
 def _resized(self: Any, context: Any) -> None:
-    from .. import fingertip_mesh
-
-    handlers.mark_dirty()
+    changes.mark_dirty()
     obj = self.id_data
     if isinstance(obj, bpy.types.Object):
-        fingertip_mesh.fit(obj, context.scene)
+        fingertip_mesh.fit(obj, lengths(self), metres_per_unit(context.scene))
 
 
 def _redraw(_self: Any, _context: Any) -> None:
-    from ..preview import skin_preview
-
-    skin_preview.redraw()
+    redraw.request()
 
 
 def _shown(self: Any, context: Any) -> None:
@@ -60,8 +57,6 @@ def _shown(self: Any, context: Any) -> None:
 
 
 def _skin_keys(_self: Any, _context: Any, text: str) -> list[str]:
-    from .. import choices
-
     return [e.key for e in choices.skins() if text.lower() in f"{e.key} {e.name}".lower()]
 
 

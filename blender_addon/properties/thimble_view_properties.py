@@ -8,11 +8,11 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty
 
+from .. import redraw
+
 
 def _redraw(_self: Any, _context: Any) -> None:
-    from ..preview import skin_preview
-
-    skin_preview.redraw()
+    redraw.request()
 
 
 class DermisThimbleView(bpy.types.PropertyGroup):

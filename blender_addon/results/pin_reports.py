@@ -7,9 +7,8 @@ from typing import Any
 import bpy
 
 from .._core import DermisError, core
-from ..devices import active_presets, skin_models
+from ..devices import pin_devices, skin_models
 from ..preferences import library
-from ..viewport import pin_view
 from . import store
 
 calibrated: dict[str, Any] = {}
@@ -18,18 +17,13 @@ calibrated: dict[str, Any] = {}
 _reports: dict[str, tuple[str, tuple[Any, ...], tuple[Any, ...]]] = {}
 
 
-def device_of(obj: bpy.types.Object) -> Any | None:
-    """Return the settings of the finger's first pin array that is switched on, or None."""
-    return active_presets.device_of(obj, pin_view.KINDS)
-
-
 def compare(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
     """Compare all methods for what a finger felt in the last bake, and remember it.
 
     Raises:
         DermisError: no bake, none with this finger's skin, or nothing touched.
     """
-    device, result = device_of(obj), store.current(scene)
+    device, result = pin_devices.device_of(obj), store.current(scene)
     felt = result.bake.skins.get(obj.name) if result is not None else None
     if device is None or result is None or felt is None:
         raise DermisError(

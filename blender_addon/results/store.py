@@ -16,13 +16,20 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import handlers
+from .. import changes
 from .._core import DermisError, Finding, core
 from ..preferences import setting, user_folder
 from ..properties import skin_properties
+from ..sampling.frames import frame_range, frames_per_second
 from . import stored_skins
 
 RESULT_VERSION = 1
+NOTES = {
+    "fresh": "from the bake",
+    "stale": "from a bake that is out of date",
+    "earlier": "from an earlier session's bake",
+}
+"""What a reader should know about a result, by its `state`."""
 
 
 @dataclass(frozen=True)
@@ -32,12 +39,12 @@ class Result:
     Attributes:
         bake: the engine's `Bake`.
         fps, first: frames a second, and the frame at which the tracks start.
-        generation: of `handlers` when it was made; -1 for one from an earlier session.
+        generation: of `changes` when it was made; -1 for one from an earlier session.
         fingerprint: the scene settings that no change handler reports.
         skins: size, material and accuracy of every skin of the bake, from which its model is made again.
     """
 
-    bake: Any
+    bake: core.pipeline.bake.Bake
     fps: float
     first: float
     generation: int
@@ -70,15 +77,13 @@ def fingerprint(scene: bpy.types.Scene) -> tuple[Any, ...]:
     )
 
 
-def keep(scene: bpy.types.Scene, bake: Any) -> Result:
+def keep(scene: bpy.types.Scene, bake: core.pipeline.bake.Bake) -> Result:
     """Take over the result of a bake that has just ended: from here on changes make it out of date."""
-    from ..sampling.scene_sweep import frame_range, frames_per_second
-
     fps, first = float(frames_per_second(scene)), float(frame_range(scene)[0])
     skins = {name: _skin_of(scene.objects[name]) for name in bake.skins if name in scene.objects}
-    kept = Result(bake, fps, first, handlers.generation(), fingerprint(scene), skins)
+    kept = Result(bake, fps, first, changes.generation(), fingerprint(scene), skins)
     _results[scene.session_uid] = kept
-    handlers.clear_dirty()
+    changes.clear_dirty()
     return kept
 
 
@@ -94,7 +99,7 @@ def state(scene: bpy.types.Scene) -> str:
         return "none"
     if result.generation < 0:
         return "earlier"
-    same = result.generation == handlers.generation() and not handlers.dirty()
+    same = result.generation == changes.generation() and not changes.dirty()
     return "fresh" if same and result.fingerprint == fingerprint(scene) else "stale"
 
 
@@ -103,7 +108,7 @@ def forget() -> None:
     _results.clear()
 
 
-def values_at(result: Result, output: Any, frame: float) -> np.ndarray | None:
+def values_at(result: Result, output: core.pipeline.bake.Output, frame: float) -> np.ndarray | None:
     """Return the values of a track at a frame, linearly between samples; None outside the range."""
     track = output.track
     t = (frame - result.first) / result.fps
@@ -112,7 +117,7 @@ def values_at(result: Result, output: Any, frame: float) -> np.ndarray | None:
     return np.array([np.interp(t, track.times, column) for column in track.values.T])
 
 
-def signal_at(result: Result, output: Any, name: str, frame: float) -> float | None:
+def signal_at(result: Result, output: core.pipeline.bake.Output, name: str, frame: float) -> float | None:
     """Return a diagnostic signal at a frame, or None where the bake has none of that name."""
     if name not in output.signals:
         return None
@@ -120,7 +125,7 @@ def signal_at(result: Result, output: Any, name: str, frame: float) -> float | N
     return float(np.interp(t, output.track.times, output.signals[name]))
 
 
-def cache() -> Any:
+def cache() -> core.cache.Cache:
     """Return the size-capped folder of stored results."""
     return core.cache.Cache(user_folder("results", create=True), int(setting("cache_megabytes")) * 1_000_000)
 

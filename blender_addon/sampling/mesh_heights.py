@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .._core import DermisError, Finding
 from . import meshes
+from .frames import frame_range
 
 LOOKS = 9
 """Frames of the range at which a moving mesh is compared with where it is at the first."""
@@ -135,9 +136,7 @@ def _changes(screen: bpy.types.Object, target: bpy.types.Object, scene: bpy.type
         return False
     if target.rigid_body is not None and target.rigid_body.type == "ACTIVE":
         return True  # where it will be is known only once it was simulated
-    from . import scene_sweep
-
-    last = max(scene_sweep.frame_range(scene)[1], first + 1)
+    last = max(frame_range(scene)[1], first + 1)
     still = _relative(screen, target)
     tolerance = 1e-5 * float(np.abs(still).max())
     try:

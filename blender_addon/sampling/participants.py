@@ -69,15 +69,6 @@ class Roster:
         return self.fingers + self.bodies + self.screens
 
 
-def metres_per_unit(scene: bpy.types.Scene) -> float:
-    """Return what one scene unit stands for; without a unit system that is one metre, whatever the scale says.
-
-    Where a scene has units, its scale is a float32; 0.001 is meant, not 0.0010000000474974513.
-    """
-    settings = scene.unit_settings
-    return 1.0 if settings.system == "NONE" else float(f"{settings.scale_length:.7g}")
-
-
 def role_of(obj: bpy.types.Object) -> str:
     """Return 'NONE', 'FINGER', 'TOUCHABLE' or 'SCREEN'."""
     return str(obj.dermis.role)

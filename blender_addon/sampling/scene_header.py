@@ -12,6 +12,7 @@ import numpy as np
 from .._core import DermisError, Finding, core
 from ..devices import platform_devices, thimble_devices
 from ..properties import scene_properties, skin_properties
+from ..quantities import metres_per_unit
 from . import height_maps, participants
 from .meshes import MeshReader, zero_area_finding
 from .participants import Entry, InstanceKey, Roster
@@ -84,7 +85,7 @@ def gravity(scene: bpy.types.Scene, findings: list[Any]) -> tuple[float, float, 
     """
     if not scene.use_gravity:
         return (0.0, 0.0, 0.0)
-    unit = participants.metres_per_unit(scene)
+    unit = metres_per_unit(scene)
     g = tuple(float(f"{c:.7g}") for c in scene.gravity)
     if unit != 1.0 and g == STANDARD_GRAVITY:
         findings.append(
@@ -114,7 +115,7 @@ def roster(
         deforming: session uids of objects whose surface depends on time; None if every surface may.
         presence: the instances of the range, see `prepass.instances`.
     """
-    out = Roster(scene.name_full, view_layer.name, participants.metres_per_unit(scene))
+    out = Roster(scene.name_full, view_layer.name, metres_per_unit(scene))
     fingers, bodies, screens = [], [], []
     for obj in participants.taking_part(scene, view_layer, out.findings):
         matrix = np.array(obj.evaluated_get(depsgraph).matrix_world, np.float64)

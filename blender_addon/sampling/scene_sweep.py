@@ -17,9 +17,11 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import handlers
+from .. import changes
 from .._core import DermisError, core
+from ..quantities import metres_per_unit
 from . import height_maps, participants, prepass, scene_header, simulated_motion
+from .frames import frame_range, frames_per_second, sweep_frames
 from .meshes import MeshReader
 from .participants import Entry, InstanceKey, Roster
 from .recorder import Recorder
@@ -35,39 +37,11 @@ CHUNK = 64
 _live_reader = MeshReader()
 
 
-def frames_per_second(scene: bpy.types.Scene) -> Fraction:
-    """Return fps / fps_base as the simplest fraction that Blender's single precision stands for (30000/1001)."""
-    base = scene.render.fps_base
-    denominator = 1
-    while True:
-        fraction = Fraction(base).limit_denominator(denominator)
-        if fraction > 0 and np.float32(float(fraction)) == np.float32(base):
-            return Fraction(scene.render.fps) / fraction
-        denominator *= 10
-
-
-def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
-    """Return the range to bake: Dermis' own, else the preview range where it is on, else the scene's."""
-    settings = scene.dermis
-    if settings.use_range:
-        return settings.frame_start, settings.frame_end
-    if scene.use_preview_range:
-        return scene.frame_preview_start, scene.frame_preview_end
-    return scene.frame_start, scene.frame_end
-
-
-def sweep_frames(fps: Fraction, span: tuple[int, int], rate: float) -> tuple[Array, Array]:
-    """Return the frames that Blender can evaluate nearest to a steady rate, and their times [s] from the first."""
-    frames, _ = _scene.sample_frames(fps, span, rate)
-    frames = frames.astype(np.float32).astype(np.float64)
-    return frames, (frames - span[0]) * fps.denominator / fps.numerator
-
-
 @contextmanager
 def undisturbed(scene: bpy.types.Scene) -> Iterator[None]:
     """Mute our handlers and put the scene back to its frame at the end, whatever happens."""
     name, frame, subframe = scene.name_full, scene.frame_current, scene.frame_subframe
-    with handlers.muted():
+    with changes.muted():
         try:
             yield
         finally:
@@ -182,7 +156,7 @@ def sample(
     return replace(made, chunks=Sweep(steps, len(frames) + len(whole), noticed))
 
 
-def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Any:
+def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> core.scene.tactile_scene.TactileScene:
     """Return the scene as it is evaluated now, as a `TactileScene` of one chunk with one sample; no frame changes.
 
     Every surface comes with the chunk, as the same object while it does not change, so the engine's search structures
@@ -197,10 +171,10 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Any:
     key = (
         scene.session_uid,
         depsgraph.view_layer.name,
-        handlers.ticks(),
-        handlers.edits(),
+        changes.ticks(),
+        changes.edits(),
         len(bpy.data.objects),
-        participants.metres_per_unit(scene),
+        metres_per_unit(scene),
     )
     if _live_cast is None or _live_cast.key != key:
         _live_cast = _cast(scene, depsgraph, span, key)

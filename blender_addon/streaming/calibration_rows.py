@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import handlers
+from .. import changes
 from .._core import core
 from ..preferences import library
 
@@ -116,7 +116,7 @@ def same(rows: Rows, made: Any) -> bool:
 def quietly(scene: bpy.types.Scene) -> Iterator[None]:
     """Change settings that belong together without passing half of them on."""
     global _restoring
-    handlers.expect(scene.name)
+    changes.expect(scene.name)
     before, _restoring = _restoring, True
     try:
         yield

@@ -2,6 +2,7 @@
 
 The list in the panel is a working copy of one built device's file (`built_devices`), kept in the scene so that undo
 knows it. What another session left in a .blend is nobody's: it is put by in `calibration_offers`, and drives nothing.
+Nothing here knows of a link: whoever changes the list under way passes it on with `session.changed`.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import bpy
 
 from .._core import DermisError, core
 from ..preferences import library
-from . import built_devices, calibration_offers, finger_ids, session, streamed_track
+from . import built_devices, calibration_offers, finger_ids, streamed_track
 from .calibration_offers import Shelved, shelve, shelved
 from .calibration_rows import Rows, calibrated, calibration, fill, quietly, rows_for, rows_of, safe_pose, same
 
@@ -124,7 +125,6 @@ def use(scene: bpy.types.Scene, file: str) -> None:
     with quietly(scene):
         _put_by(scene, owner)
         _list(scene, owner, name, file, _by_hand(scene, rows_for(key, made)))
-    session.changed()
 
 
 def unsaved(scene: bpy.types.Scene) -> bool:
@@ -188,7 +188,6 @@ def cancel_calibration(scene: bpy.types.Scene) -> None:
         settings.mode = before.mode
         if before.owner and choice(before.owner) != before.choice:
             _remember(before.owner, before.of, before.choice)
-    session.changed()
 
 
 def forget() -> None:
@@ -236,7 +235,6 @@ def retract(scene: bpy.types.Scene) -> None:
     with quietly(scene):
         for channel in settings.channels:
             channel.jog = safe[channel.name]
-    session.changed()
 
 
 def _subject(scene: bpy.types.Scene, *, give: bool = True) -> tuple[str, str, str]:
@@ -290,4 +288,3 @@ def _list(scene: bpy.types.Scene, owner: str, name: str, file: str, rows: Rows) 
 def _restore(scene: bpy.types.Scene, plain: Rows) -> None:
     with quietly(scene):
         fill(scene.dermis_stream.channels, plain)
-    session.changed()

@@ -1,6 +1,6 @@
 """Whether the scene is at a frame to which a person has put it. While it is not, a device on a finger holds still.
 
-Baking, exporting and sampling step through the frames under `handlers.muted`; rendering and Blender's own bakes step
+Baking, exporting and sampling step through the frames under `changes.muted`; rendering and Blender's own bakes step
 through them in jobs and modal operators of their own.
 """
 
@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from .. import handlers
+from .. import changes
 
 # Modal operators of Blender that step through the frames, since Python can ask for few of their jobs. They end with the
 # first event after their work; until then the last frame holds, which is the one that they came back to.
@@ -38,7 +38,7 @@ _rendering = False
 
 def held() -> bool:
     """Tell whether something steps through the frames."""
-    return handlers.sweeping() or _rendering or bpy.app.is_job_running("RENDER") or _stepping()
+    return changes.sweeping() or _rendering or bpy.app.is_job_running("RENDER") or _stepping()
 
 
 def _stepping() -> bool:

@@ -10,11 +10,13 @@ import numpy as np
 
 from .._core import core
 from ..preferences import library
+from ..preview import device_preview
+from ..preview.rows import Preview, Row
 from ..results import store
 from . import session, streamed_track
 
 
-def preview(scene: bpy.types.Scene) -> Any:
+def preview(scene: bpy.types.Scene) -> Preview | None:
     """Return what the twin shall show instead of bake and live preview, or None.
 
     What the device reports comes first; then a track that was loaded from a file.
@@ -29,8 +31,6 @@ def preview(scene: bpy.types.Scene) -> Any:
     track = streamed_track.loaded()
     loaded = _preview_of_file(scene, track) if settings.track_file and track is not None else None
     if session.streams(scene) and settings.show_received and reported:
-        from ..preview import device_preview
-
         found = _reported_in(loaded, reported, "")  # the file's one row is its own, whichever output is chosen
         if found is None:
             found = _reported_in(device_preview.computed(scene), reported, settings.output)
@@ -39,26 +39,11 @@ def preview(scene: bpy.types.Scene) -> Any:
     return loaded
 
 
-def shown_values(scene: bpy.types.Scene) -> tuple[float, ...]:
-    """Return what the preview shows for the channels on the wire, in their order."""
-    from ..preview import device_preview
-
-    names = session.status().get("names") or ()
-    shown = device_preview.computed(scene)
-    output = scene.dermis_stream.output
-    for row in shown.rows if shown is not None else ():
-        if (not output or output == f"{row.finger}: {row.device}") and all(n in row.values for n in names):
-            return tuple(float(row.values[n]) for n in names)
-    return ()
-
-
-def _reported_in(shown: Any, reported: dict[str, float], wanted: str) -> Any:
+def _reported_in(shown: Preview | None, reported: dict[str, float], wanted: str) -> Preview | None:
     """Return a preview with reported values in place of its own; None where they fit no row of it."""
-    from ..preview import device_preview
-
     if shown is None:
         return None
-    rows = []
+    rows: list[Row] = []
     replaced = False
     for row in shown.rows:
         fits = set(reported) <= set(row.values) and (not wanted or wanted == f"{row.finger}: {row.device}")
@@ -73,13 +58,11 @@ def _reported_in(shown: Any, reported: dict[str, float], wanted: str) -> Any:
             place = tactor.forward(np.array([values["pulley_1"], values["pulley_2"]]))
             values["tactor_x"], values["tactor_y"] = (float(v) for v in place)
         rows.append(replace(row, values=values))
-    return device_preview.Preview(shown.frame, "device", "what the device reports", tuple(rows)) if replaced else None
+    return Preview(shown.frame, "device", "what the device reports", tuple(rows)) if replaced else None
 
 
-def _preview_of_file(scene: bpy.types.Scene, track: Any) -> Any:
+def _preview_of_file(scene: bpy.types.Scene, track: Any) -> Preview | None:
     """Return the preview of a loaded track: on the finger that it names, or on the first one."""
-    from ..preview import device_preview
-
     fingers = [o.name for o in scene.objects if o.dermis.role == "FINGER"]
     named = track.meta.get("finger", "")
     if not fingers:
@@ -89,4 +72,4 @@ def _preview_of_file(scene: bpy.types.Scene, track: Any) -> Any:
     first, fps = streamed_track.origin(scene)
     result = store.Result(pipeline.Bake((output,), (), {}, ""), fps, first, -1, ())
     frame = device_preview.frame_of(scene)
-    return device_preview.Preview(frame, "file", "from a track file", (device_preview.row_of(result, output, frame),))
+    return Preview(frame, "file", "from a track file", (device_preview.baked_row(result, output, frame),))

@@ -12,8 +12,10 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
+from .. import redraw
 from .._core import DermisError, core
 from ..preferences import library
+from ..preview import device_preview
 from . import (
     agreed_paths,
     board_identity,
@@ -155,6 +157,7 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
         )
     if scene.dermis_stream.mode == "jog":
         device_calibration.retract(scene)
+        changed()
     _client.set(**_wish(scene))
     beat()
     if status()["state"] not in READY:
@@ -221,7 +224,10 @@ def beat() -> None:
     moment, values = _published
     _client.beat(playing=playing, time=moment, values=values)
     _status = _client.status()
+    file = scene.dermis_stream.channels_file
     met = board_identity.meet(scene, _status)
+    if scene.dermis_stream.channels_file != file:
+        changed()  # who answered was recognised, and is calibrated as that
     if _status["armed"] and board_identity.is_another(scene):
         _client.disarm()
     said = (_note, met, _status.get("words"), (_status.get("received") or {}).get("record"))
@@ -249,9 +255,17 @@ def _shown(scene: bpy.types.Scene) -> tuple[float, tuple[float, ...]]:
     moment = (float(scene.frame_current_final) - first) / fps
     if scene.dermis_stream.mode != "follow":
         return moment, ()
-    from . import reported_values
+    return moment, _values_shown(scene)
 
-    return moment, reported_values.shown_values(scene)
+
+def _values_shown(scene: bpy.types.Scene) -> tuple[float, ...]:
+    """Return what the preview shows for the channels on the wire, in their order."""
+    names = status().get("names") or ()
+    shown, output = device_preview.computed(scene), scene.dermis_stream.output
+    for row in shown.rows if shown is not None else ():
+        if (not output or output == f"{row.finger}: {row.device}") and all(n in row.values for n in names):
+            return tuple(float(row.values[n]) for n in names)
+    return ()
 
 
 def _wish(scene: bpy.types.Scene) -> dict[str, Any]:
@@ -292,15 +306,8 @@ def _on_timer() -> float | None:
     _beats += 1
     ended = _client is None and not _leaving
     if ended or _beats % REDRAW == 0 or before != (_status.get("state"), _leaving):
-        _redraw()
+        redraw.request()
     return None if ended else BEAT
-
-
-def _redraw() -> None:
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
 
 
 @persistent

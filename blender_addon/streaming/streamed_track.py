@@ -11,6 +11,7 @@ import bpy
 from .._core import DermisError, core
 from ..preferences import library
 from ..results import store
+from ..sampling.frames import frame_range, frames_per_second
 from . import agreed_paths, built_devices, finger_ids
 
 
@@ -157,8 +158,6 @@ def outdated(scene: bpy.types.Scene) -> bool:
 
 def origin(scene: bpy.types.Scene) -> tuple[float, float]:
     """Return the frame at which the track starts that is played, and frames a second."""
-    from ..sampling.scene_sweep import frame_range, frames_per_second
-
     if not scene.dermis_stream.track_file:
         started = _sent if _sent is not None and _sent.scene == scene.session_uid else store.current(scene)
         if started is not None:

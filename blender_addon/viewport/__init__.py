@@ -1,1 +1,1 @@
-"""What the 3D view shows; only reads and draws."""
+"""What the 3D view shows: `shown` has it worked out and keeps it; what draws only reads."""

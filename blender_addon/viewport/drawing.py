@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import bpy
 import numpy as np
 from mathutils import Matrix
 
-from . import tactor_twin
-
-if TYPE_CHECKING:
-    from ..preview import device_preview
+from ..preview.rows import Row
+from ..quantities import metres_per_unit
+from . import shown, tactor_twin
 
 HIDDEN = 0.45  # opacity of what an object hides: where a finger touches, one always does
 
@@ -34,15 +33,15 @@ class Handlers:
             bpy.types.SpaceView3D.draw_handler_remove(*self._handles.pop())
 
 
-def rows_of(kinds: Collection[str]) -> tuple[device_preview.Row, ...]:
-    """Return the devices of these kinds to draw in the current view, none where twins are not shown."""
+def rows_of(kinds: Collection[str]) -> list[tuple[Row, Any]]:
+    """Return the devices of these kinds to draw in the current view with their twins; none where those are hidden."""
     scene, space = bpy.context.scene, bpy.context.space_data
     if not scene.dermis.show_twin or not getattr(space.overlay, "show_overlays", True):
-        return ()
-    from ..preview.device_preview import preview
-
-    shown = preview(scene)
-    return tuple(row for row in shown.rows if row.kind in kinds) if shown is not None else ()
+        return []
+    now = shown.now(scene)
+    if now is None or now.devices is None:
+        return []
+    return [(row, twin) for row, twin in zip(now.devices.rows, now.twins, strict=True) if row.kind in kinds]
 
 
 def finger_matrix(scene: bpy.types.Scene, name: str) -> Matrix | None:
@@ -58,8 +57,6 @@ def finger_matrix(scene: bpy.types.Scene, name: str) -> Matrix | None:
 def in_finger(frame: Matrix) -> Iterator[None]:
     """Draw in metres in a finger's frame, with transparency; leave the state as it was found."""
     import gpu
-
-    from ..sampling.participants import metres_per_unit
 
     with gpu.matrix.push_pop():
         gpu.matrix.multiply_matrix(frame @ Matrix.Scale(1.0 / metres_per_unit(bpy.context.scene), 4))

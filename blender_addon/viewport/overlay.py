@@ -1,6 +1,6 @@
 """What the viewport shows: the device's twin on each finger, and its values in the corner.
 
-Two draw handlers, one in the scene and one in pixels. They read `device_preview.preview`, draw, and change nothing.
+Two draw handlers, one in the scene and one in pixels. They read what `shown` has kept, draw, and change nothing.
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ import bpy
 import numpy as np
 
 from ..devices import platform_devices
-from ..preview import device_preview, skin_preview
-from . import paint, pin_view, platform_view, tactor_twin, thimble_view
+from ..layouts import ui_scale
+from ..preview.rows import Row
+from . import paint, pin_view, platform_view, shown, tactor_twin, thimble_view
 from .drawing import Handlers, finger_matrix, in_finger, rows_of
 from .paint import BLUE, GREEN, INK, ORANGE, PANEL
 
@@ -24,7 +25,7 @@ SOURCE_COLOURS = {"bake": GREEN, "live": BLUE, "stale": ORANGE, "earlier": ORANG
 
 def _draw_view() -> None:
     scene = bpy.context.scene
-    for row in rows_of(("shear_tactor", "friction_screen")):
+    for row, _ in rows_of(("shear_tactor", "friction_screen")):
         frame = finger_matrix(scene, row.finger)
         if frame is None:
             continue
@@ -35,7 +36,7 @@ def _draw_view() -> None:
                 _field(row)
 
 
-def _tactor(row: device_preview.Row, exaggeration: float) -> None:
+def _tactor(row: Row, exaggeration: float) -> None:
     import gpu
 
     x, y = row.values["tactor_x"] * exaggeration, row.values["tactor_y"] * exaggeration
@@ -55,7 +56,7 @@ def _tactor(row: device_preview.Row, exaggeration: float) -> None:
         paint.line(np.array([[0.0, 0.0, 0.35e-3], [x, y, 0.35e-3]], np.float32), INK, 2.5)
 
 
-def _field(row: device_preview.Row) -> None:
+def _field(row: Row) -> None:
     import gpu
 
     level = _level(row, "amplitude")
@@ -74,42 +75,39 @@ def _draw_pixels() -> None:
     scene, space = context.scene, context.space_data
     if not scene.dermis.show_readout or not getattr(space.overlay, "show_overlays", True):
         return
-    shown = device_preview.preview(scene)
-    if shown is None or not (shown.rows or shown.source == "live"):
+    now = shown.now(scene)
+    if now is None or now.devices is None or not (now.devices.rows or now.devices.source == "live"):
         return
-    if not shown.rows and skin_preview.states(scene):
+    if not now.devices.rows and now.skins.states:
         return  # fingers without devices: the skin's legend says where it comes from
     import gpu
 
-    scale = context.preferences.system.ui_scale
+    scale = ui_scale()
     gpu.state.blend_set("ALPHA")
-    left = MARGIN * scale + _width_of(context.area, "TOOLS")
+    left = MARGIN * scale + paint.width_of(context.area, "TOOLS")
     bottom = MARGIN * scale
     height = context.region.height
-    for row in reversed(shown.rows):
+    rows = now.devices.rows
+    for row, twin in zip(reversed(rows), reversed(now.twins), strict=True):
         needed = _card_height(row) * scale
         if bottom + needed > height - 60 * scale:
-            paint.text(f"and {len(shown.rows)} devices in all", left, bottom, FAINT, scale)
+            paint.text(f"and {len(rows)} devices in all", left, bottom, FAINT, scale)
             bottom += LINE * scale
             break
-        _card(row, left, bottom, scale)
+        _card(row, twin, left, bottom, scale)
         bottom += needed + 6 * scale
-    paint.text(shown.note, left + 2 * scale, bottom + 3 * scale, SOURCE_COLOURS[shown.source], scale)
+    paint.text(now.devices.note, left + 2 * scale, bottom + 3 * scale, SOURCE_COLOURS[now.devices.source], scale)
     gpu.state.blend_set("NONE")
 
 
-def _width_of(area: bpy.types.Area, kind: str) -> float:
-    return float(next((r.width for r in area.regions if r.type == kind and r.width > 1), 0))
-
-
-def _card_height(row: device_preview.Row) -> float:
+def _card_height(row: Row) -> float:
     if row.kind in platform_devices.KINDS:
         return platform_view.height(row) + 2.0 * MARGIN
     tall = "tactor_x" in row.values or row.kind in ("pin_array", "thimble")
     return DIAL + 3.0 * MARGIN + LINE if tall else 3 * LINE + 2 * MARGIN
 
 
-def _card(row: device_preview.Row, left: float, bottom: float, scale: float) -> None:
+def _card(row: Row, twin: Any, left: float, bottom: float, scale: float) -> None:
     height = _card_height(row) * scale
     paint.rectangle(left, bottom, CARD_WIDTH * scale, height, PANEL)
     top = bottom + height - (MARGIN + 6) * scale
@@ -118,16 +116,16 @@ def _card(row: device_preview.Row, left: float, bottom: float, scale: float) -> 
     if "tactor_x" in row.values:
         _dial(row, x, bottom + MARGIN * scale, scale)
     elif row.kind == "pin_array":
-        pin_view.card(row, x, bottom + MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, DIAL * scale, scale)
+        pin_view.card(row, twin, x, bottom + MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, DIAL * scale, scale)
     elif row.kind == "thimble" and "servo_1" in row.values:
         thimble_view.card(row, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
     elif row.kind in platform_devices.KINDS:
-        platform_view.card(row, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
+        platform_view.card(row, twin, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
     elif "amplitude" in row.values:
         _bar(row, x, top - 1.6 * LINE * scale, scale)
 
 
-def _dial(row: device_preview.Row, left: float, bottom: float, scale: float) -> None:
+def _dial(row: Row, left: float, bottom: float, scale: float) -> None:
     """Draw the tactor's plane as the finger's owner would see it through the nail: tip up."""
     radius = 0.5 * DIAL * scale
     centre = np.array([left + radius, bottom + radius])
@@ -157,7 +155,7 @@ def _dial(row: device_preview.Row, left: float, bottom: float, scale: float) -> 
         y -= LINE * scale
 
 
-def _bar(row: device_preview.Row, left: float, bottom: float, scale: float) -> None:
+def _bar(row: Row, left: float, bottom: float, scale: float) -> None:
     level, width = _level(row, "amplitude"), (CARD_WIDTH - 2 * MARGIN) * scale
     paint.rectangle(left, bottom, width, 12 * scale, (*FAINT[:3], 0.12))
     if level > 0.0:
@@ -180,7 +178,7 @@ def _bar(row: device_preview.Row, left: float, bottom: float, scale: float) -> N
         )
 
 
-def _level(row: device_preview.Row, name: str) -> float:
+def _level(row: Row, name: str) -> float:
     return float(np.clip(row.values[name] / (row.high.get(name) or 1.0), 0.0, 1.0))
 
 
@@ -196,14 +194,6 @@ def _triangles(part: tactor_twin.Part) -> None:
 
 def _line2d(points: np.ndarray, colour: Any, width: float) -> None:
     paint.line(np.column_stack([points, np.zeros(len(points))]), colour, width)
-
-
-def redraw() -> None:
-    """Ask every 3D view to draw again."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
 
 
 def register() -> None:

@@ -9,6 +9,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..layouts import ui_scale
+
 Colour = tuple[float, float, float, float]
 
 INK: Colour = (0.92, 0.93, 0.95, 1.0)
@@ -80,7 +82,7 @@ def line(points: NDArray[Any], colour: tuple[float, ...], width: float) -> None:
 
     shader = gpu.shader.from_builtin("POLYLINE_SMOOTH_COLOR")
     shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
-    shader.uniform_float("lineWidth", width * bpy.context.preferences.system.ui_scale)
+    shader.uniform_float("lineWidth", width * ui_scale())
     gpu.state.blend_set("ALPHA")  # text drawing leaves it off
     colours = np.broadcast_to(np.asarray(colour, np.float32), (len(points), 4)).copy()
     batch_for_shader(shader, "LINE_STRIP", {"pos": points.astype(np.float32), "color": colours}).draw(shader)

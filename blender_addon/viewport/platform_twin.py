@@ -19,7 +19,7 @@ from .._core import core
 from ..devices import skin_models
 from . import tactor_twin
 from .tactor_twin import Colour, Part
-from .thimble_twin import BASE, DISC, DISC_HEIGHT, LINK, joined
+from .thimble_twin import BASE, DISC, DISC_HEIGHT, LINK, bar, joined, placed
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ class State:
 
     Attributes:
         base, joints: ends of cables or legs in the finger's frame [m], shape (n, 3).
-        pose: of the disc, its face towards +Z, shape (4, 4).
+        pose: of the disc, its face towards +Z, shape (4, 4). radius: of the disc [m].
         share: of the limit that each cable or leg uses, 0 to 1, shape (n,).
         tension: of the cables [N], shape (n,); None for legs.
     """
@@ -42,6 +42,7 @@ class State:
     base: Array
     joints: Array
     pose: Array
+    radius: float
     share: Array
     tension: Array | None
 
@@ -65,40 +66,24 @@ def state(spec: Any, commands: Array, skin: Any | None, touching: bool) -> State
         poses = device.carry(original, device.rest_poses(1))
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = poses.rotation[0], poses.centre[0]
-    joints = device.joints @ pose[:3, :3].T + pose[:3, 3]
+    joints, radius = device.joints @ pose[:3, :3].T + pose[:3, 3], float(spec.parameters["disc_radius"])
     if isinstance(device, core.devices.cable_platform.CablePlatform):
         tension = device.tensions(poses, original)[0]
-        return State(device.base, joints, pose, np.clip(tension / device.tension_limit, 0.0, 1.0), tension)
+        return State(device.base, joints, pose, radius, np.clip(tension / device.tension_limit, 0.0, 1.0), tension)
     channels = platforms.original_channels(spec)
     low, high = np.array([(c.low, c.high) for c in channels]).T
-    return State(device.base, joints, pose, np.clip((original[0] - low) / (high - low), 0.0, 1.0), None)
+    return State(device.base, joints, pose, radius, np.clip((original[0] - low) / (high - low), 0.0, 1.0), None)
 
 
-def parts(at: State, radius: float) -> Part:
-    """Return the whole twin; `radius` is the disc's [m]."""
-    pieces = [_rim(at.base), _rim(at.joints), _placed(_disc(radius), at.pose)]
+def parts(at: State) -> Part:
+    """Return the whole twin."""
+    pieces = [_rim(at.base), _rim(at.joints), placed(_disc(at.radius), at.pose)]
     for start, end, share in zip(at.base, at.joints, at.share.tolist(), strict=True):
-        pieces.append(bar(start, end, CABLE if at.tension is not None else LEG, tactor_twin.heat(share)))
+        pieces.append(bar(start, end, CABLE if at.tension is not None else LEG, tactor_twin.heat(share), sides=4))
         if at.tension is not None:
             pieces.append(_spring(start, end))
-        pieces.append(bar(end, at.pose[:3, 3] + 0.55 * (end - at.pose[:3, 3]), RIM, LINK))
+        pieces.append(bar(end, at.pose[:3, 3] + 0.55 * (end - at.pose[:3, 3]), RIM, LINK, sides=4))
     return joined(pieces)
-
-
-def bar(start: Array, end: Array, half: float, colour: Colour) -> Part:
-    """Return a bar with four sides between two points [m]."""
-    along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-12)
-    side = np.cross(along, [0.0, 1.0, 0.0] if abs(along[1]) < 0.9 else [1.0, 0.0, 0.0])
-    side /= np.linalg.norm(side)
-    up = np.cross(along, side)
-    round_it = np.array([side, up, -side, -up])
-    positions = np.vstack([start + half * round_it, end + half * round_it]).astype(np.float32)
-    shade = np.array([1.0, 0.8, 0.6, 0.8])
-    colours = np.tile(np.column_stack([shade[:, None] * np.array(colour[:3]), np.full(4, colour[3])]), (2, 1))
-    i = np.arange(4)
-    j = (i + 1) % 4
-    triangles = np.vstack([np.stack([i, j, 4 + j], axis=1), np.stack([i, 4 + j, 4 + i], axis=1)])
-    return Part(positions, colours.astype(np.float32), triangles.astype(np.int32))
 
 
 def _spring(start: Array, end: Array) -> Part:
@@ -124,13 +109,9 @@ def _rim(points: Array) -> Part:
     middle = points.mean(axis=0)
     order = np.argsort(np.arctan2(points[:, 1] - middle[1], points[:, 0] - middle[0]))
     ring = points[order]
-    return joined([bar(a, b, RIM, BASE) for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True)])
+    return joined([bar(a, b, RIM, BASE, sides=4) for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True)])
 
 
 @cache
 def _disc(radius: float) -> Part:
     return tactor_twin._lathe([(0.0, -DISC_HEIGHT), (radius, -DISC_HEIGHT), (radius, 0.0), (0.0, 0.0)], DISC)
-
-
-def _placed(part: Part, pose: Array) -> Part:
-    return part._replace(positions=(part.positions @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32))

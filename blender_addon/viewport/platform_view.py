@@ -2,45 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 import bpy
 import numpy as np
 
-from .._core import DermisError
 from ..devices import platform_devices
-from ..panels.text import quantity
-from ..preview import platform_preview
+from ..preview.rows import Row
+from ..quantities import quantity
 from . import drawing, paint, platform_twin
 from .drawing import finger_matrix
 
-if TYPE_CHECKING:
-    from ..preview import device_preview
-
 LINE = 17
 _handlers = drawing.Handlers()
-_states: dict[str, tuple[tuple[Any, ...], platform_twin.State | None]] = {}
 
 
-def state_of(scene: bpy.types.Scene, row: device_preview.Row) -> platform_twin.State | None:
-    """Return where a row's platform is; None where its preset or commands give no pose. Kept while nothing changes."""
-    spec, obj = platform_devices.spec_of(row.device), scene.objects.get(row.finger)
-    if spec is None or obj is None or len(row.values) != len(spec.channels):
-        return None
-    touching = row.contact is None or row.contact > 0.5
-    try:
-        skin = platform_devices.model_of(obj) if touching else None
-        key = (spec.hash, tuple(row.values.values()), touching, None if skin is None else (skin.key, skin.material))
-        known = _states.get(row.finger)
-        if known is None or known[0] != key:
-            values = np.array(list(row.values.values()))
-            known = _states[row.finger] = (key, platform_twin.state(spec, values, skin, touching))
-        return known[1]
-    except DermisError:
-        return None  # the bake says why
-
-
-def lines_of(row: device_preview.Row) -> list[tuple[str, float, str]]:
+def lines_of(row: Row) -> list[tuple[str, float, str]]:
     """Return name, share of the range and value for people, a line a motor."""
     out = []
     for name, value in row.values.items():
@@ -50,12 +25,12 @@ def lines_of(row: device_preview.Row) -> list[tuple[str, float, str]]:
     return out
 
 
-def height(row: device_preview.Row) -> float:
+def height(row: Row) -> float:
     """Return how tall a row's card is [px at scale 1]."""
     return LINE * (len(row.values) + 2.6)
 
 
-def card(row: device_preview.Row, left: float, bottom: float, width: float, scale: float) -> None:
+def card(row: Row, state: platform_twin.State | None, left: float, bottom: float, width: float, scale: float) -> None:
     """Draw the motors as gauges over their range, and the cables' tensions [px]."""
     line = LINE * scale
     y = bottom + (len(row.values) + 0.2) * line
@@ -67,21 +42,19 @@ def card(row: device_preview.Row, left: float, bottom: float, width: float, scal
         paint.rectangle(x, y, max(bar * share, 1.0), 8 * scale, paint.ORANGE if share in (0.0, 1.0) else paint.BLUE)
         paint.text(words, x + bar + 6 * scale, y, paint.INK, scale)
         y -= line
-    found = state_of(bpy.context.scene, row)
     if row.contact is not None and row.contact < 0.5:
         paint.text("in the air: at rest", left, y, paint.FAINT, scale)
-    elif found is not None and found.tension is not None:
-        paint.text("tension " + ", ".join(f"{t:.2f}" for t in found.tension.tolist()) + " N", left, y, paint.INK, scale)
+    elif state is not None and state.tension is not None:
+        paint.text("tension " + ", ".join(f"{t:.2f}" for t in state.tension.tolist()) + " N", left, y, paint.INK, scale)
 
 
 def _draw() -> None:
-    scene = bpy.context.scene
-    for row in drawing.rows_of(platform_devices.KINDS):
-        frame, at, spec = finger_matrix(scene, row.finger), state_of(scene, row), platform_devices.spec_of(row.device)
-        if frame is None or at is None or spec is None:
+    for row, state in drawing.rows_of(platform_devices.KINDS):
+        frame = finger_matrix(bpy.context.scene, row.finger)
+        if frame is None or state is None:
             continue
         with drawing.in_finger(frame):
-            drawing.solid(platform_twin.parts(at, float(spec.parameters["disc_radius"])))
+            drawing.solid(platform_twin.parts(state))
 
 
 def register() -> None:
@@ -90,8 +63,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Draw them no more, and forget what was computed for it."""
+    """Draw them no more."""
     _handlers.clear()
-    _states.clear()
-    platform_preview.reset()
-    platform_devices.forget()

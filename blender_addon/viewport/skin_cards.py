@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..preview.skin_preview import SkinState
+from ..preview.skin_state import SkinState
 from . import paint, skin_colours, skin_field, skin_shader
 from .skin_field import QUANTITIES, Drawn
 from .skin_shown import Shown, colour_table

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import core
-from ..preview.skin_preview import SkinState
+from ..preview.skin_state import SkinState
 from .skin_surface import DisplaySurface
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..preview.skin_preview import SkinState
+from ..preview.skin_state import SkinState
 from . import skin_colours
 from .skin_field import Drawn
 from .skin_shown import Shown, colour_table

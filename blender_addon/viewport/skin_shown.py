@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from .. import handlers
+from .. import changes
 from ..devices import skin_models
-from ..preview import skin_preview
-from ..preview.skin_preview import SkinState
+from ..preview.skin_state import SkinState
 from . import skin_field
 from .skin_field import QUANTITIES, SIGNED, Drawn
 
@@ -29,11 +28,12 @@ _largest: dict[tuple[Any, ...], float] = {}
 _stresses = {"computed": 0, "skipped": 0}
 
 
-def shown(scene: bpy.types.Scene) -> Shown:
-    """Return the skins of the current frame with their values, and the range of the colours."""
+def shown(scene: bpy.types.Scene, states: tuple[SkinState, ...]) -> Shown:
+    """Return skins with their values, and the range of the colours; no values where the heat map is off."""
     view = scene.dermis.skin_view
-    states = skin_preview.states(scene)
-    drawn = tuple(_values(s, view.quantity, view.exaggeration) if s.model is not None else None for s in states)
+    drawn = tuple(
+        _values(s, view.quantity, view.exaggeration) if s.model is not None and view.show else None for s in states
+    )
     for gone in set(_drawn) - {s.finger for s in states}:
         del _drawn[gone]
     low, high = _range(scene, [d for d in drawn if d is not None])
@@ -73,7 +73,7 @@ def _range(scene: bpy.types.Scene, drawn: list[Drawn]) -> tuple[float, float]:
     else:
         now = max((max(d.high, -d.low) for d in drawn), default=0.0)
         if view.range_mode == "auto":
-            key = (scene.session_uid, view.quantity, handlers.generation())
+            key = (scene.session_uid, view.quantity, changes.generation())
             now = _largest[key] = max(now, _largest.get(key, 0.0))
         factor = QUANTITIES[view.quantity].factor
         top = skin_field.nice(now / factor) * factor

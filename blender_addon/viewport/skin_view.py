@@ -1,8 +1,7 @@
 """The heat map in the 3D view: the deformed skin over the artist's finger, a map of each pad, and the legend.
 
 Where the skin touches, an object hides it from every side, so what is hidden is drawn once more, through whatever is
-in front. The draw handlers read `skin_preview.states`, work out the values that are shown and nothing else, and keep
-them until the frame, the quantity or the skin changes.
+in front. The draw handlers read what `shown` has kept.
 """
 
 from __future__ import annotations
@@ -10,12 +9,10 @@ from __future__ import annotations
 import bpy
 from mathutils import Matrix
 
-from . import paint, skin_cards, skin_shader, skin_shown
+from ..layouts import ui_scale
+from ..quantities import metres_per_unit
+from . import paint, shown, skin_cards, skin_shader
 from .drawing import Handlers, finger_matrix
-from .skin_cards import force
-from .skin_shown import Shown, counters, forget_range, shown
-
-__all__ = ["Shown", "counters", "force", "forget_range", "shown"]
 
 BIAS = 0.3e-3  # [m] by which the skin is brought forward, so that the artist's finger does not cover it
 _handlers = Handlers()
@@ -31,12 +28,11 @@ def _draw_view() -> None:
     if not _visible(context):
         return
     scene = context.scene
-    now = shown(scene)
-    if not now.states:
+    kept = shown.now(scene)
+    if kept is None or not kept.skins.states:
         return
+    now = kept.skins
     import gpu
-
-    from ..sampling.participants import metres_per_unit
 
     unit, view = 1.0 / metres_per_unit(scene), scene.dermis.skin_view
     for state, drawn in zip(now.states, now.drawn, strict=True):
@@ -68,12 +64,13 @@ def _draw_pixels() -> None:
     view = scene.dermis.skin_view
     if not (view.legend or view.maps):
         return
-    now = shown(scene)
-    if not now.states:
+    kept = shown.now(scene)
+    if kept is None or not kept.skins.states:
         return
+    now = kept.skins
     import gpu
 
-    scale = context.preferences.system.ui_scale
+    scale = ui_scale()
     gpu.state.blend_set("ALPHA")
     right = context.region.width - skin_cards.MARGIN * scale - paint.width_of(context.area, "UI")
     bottom = skin_cards.MARGIN * scale
@@ -94,4 +91,3 @@ def unregister() -> None:
     """Draw them no more, and take what belongs to them off the graphics card."""
     _handlers.clear()
     skin_shader.forget()
-    skin_shown.forget()

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import core
+from ..preview.rows import Row
 from . import tactor_twin
 from .tactor_twin import Colour, Part
 
@@ -26,7 +27,6 @@ WARNING: Colour = (1.0, 0.52, 0.10, 1.0)
 CRANK, ROD = 1.0e-3, 0.7e-3  # half widths [m]
 DISC_HEIGHT, RING = 1.2e-3, 1.2e-3
 POINTER = 8e-3  # [m] below the disc
-_SIDES = 36
 _LIGHT = np.array([0.35, -0.45, 0.82]) / np.linalg.norm([0.35, -0.45, 0.82])
 
 
@@ -69,13 +69,13 @@ def joints(device: Any, angles: Array, start: Array) -> Joints:
 
 def parts(device: Any, at: Joints, shares: Array) -> Part:
     """Return the whole twin; `shares` is how much of its range each servo uses, 0 to 1, shape (3,)."""
-    pieces = [_placed(_ring(device.base_radius), device.mount)]
+    pieces = [placed(_ring(device.base_radius), device.mount)]
     for i in range(3):
         warm = float(np.clip((shares[i] - NEAR_LIMIT) / (1.0 - NEAR_LIMIT), 0.0, 1.0))
         r, g, b, a = ((1 - warm) * cold + warm * hot for cold, hot in zip(LINK, WARNING, strict=True))
-        pieces += [_bar(at.servo[i], at.knee[i], CRANK, (r, g, b, a)), _bar(at.knee[i], at.platform[i], ROD, LINK)]
-        pieces.append(_bar(at.platform[i], at.pose[:3, 3] + 0.5 * (at.platform[i] - at.pose[:3, 3]), ROD, LINK))
-    pieces.append(_placed(_disc(device.disc_radius), at.pose))
+        pieces += [bar(at.servo[i], at.knee[i], CRANK, (r, g, b, a)), bar(at.knee[i], at.platform[i], ROD, LINK)]
+        pieces.append(bar(at.platform[i], at.pose[:3, 3] + 0.5 * (at.platform[i] - at.pose[:3, 3]), ROD, LINK))
+    pieces.append(placed(_disc(device.disc_radius), at.pose))
     return joined(pieces)
 
 
@@ -96,6 +96,20 @@ def loops(device: Any, around: float) -> list[Array]:
         tips = np.array([pointer(device.in_finger(device.pose(x)))[1] for x in found.configurations(level)])
         out.append(np.vstack([tips, tips[:1]]))
     return out
+
+
+def servo_angles(row: Row) -> Array:
+    """Return a row's servo angles from neutral [rad], shape (3,)."""
+    return np.array([row.values[f"servo_{i}"] for i in (1, 2, 3)])
+
+
+def shares(row: Row) -> Array:
+    """Return how much of its range each servo uses, 0 to 1, shape (3,)."""
+    angles, out = servo_angles(row), []
+    for i, angle in enumerate(angles.tolist()):
+        limit = row.high.get(f"servo_{i + 1}") if angle >= 0 else row.low.get(f"servo_{i + 1}")
+        out.append(abs(angle / limit) if limit else 0.0)
+    return np.array(out)
 
 
 def joined(pieces: list[Part]) -> Part:
@@ -127,22 +141,23 @@ def _ring(radius: float) -> Part:
     )
 
 
-def _placed(part: Part, pose: Array) -> Part:
+def placed(part: Part, pose: Array) -> Part:
+    """Return a part at a pose, shape (4, 4)."""
     return part._replace(positions=(part.positions @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32))
 
 
-def _bar(start: Array, end: Array, half: float, colour: Colour) -> Part:
-    """Return a bar with six sides, lit by the twin's fixed light."""
+def bar(start: Array, end: Array, half: float, colour: Colour, sides: int = 6) -> Part:
+    """Return a bar of a half width between two points [m], lit by the twin's fixed light."""
     along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-12)
     side = np.cross(along, [0.0, 1.0, 0.0] if abs(along[1]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
     up = np.cross(along, side)
-    angle = np.arange(7) * (np.pi / 3)
+    angle = np.arange(sides + 1) * (2.0 * np.pi / sides)
     normals = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up
     shade = 0.55 + 0.45 * np.abs(normals @ _LIGHT)
-    lit = np.column_stack([shade[:, None] * np.array(colour[:3]), np.full(7, colour[3])])
-    i = np.arange(6)
-    quads = np.stack([i, i + 1, i + 8, i + 7], axis=1)
+    lit = np.column_stack([shade[:, None] * np.array(colour[:3]), np.full(sides + 1, colour[3])])
+    i = np.arange(sides)
+    quads = np.stack([i, i + 1, i + sides + 2, i + sides + 1], axis=1)
     return Part(
         np.vstack([start + half * normals, end + half * normals]).astype(np.float32),
         np.vstack([lit, lit]).astype(np.float32),

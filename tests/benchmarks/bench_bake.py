@@ -16,7 +16,7 @@ def bake_own() -> Result:
 
     import blender_addon
     from blender_addon import jobs
-    from blender_addon.sampling import scene_sweep
+    from blender_addon.sampling import frames as frames_of
     from core.presets import Library
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -24,9 +24,7 @@ def bake_own() -> Result:
     try:
         scene = _scene()
         library = Library(None)
-        frames, _ = scene_sweep.sweep_frames(
-            scene_sweep.frames_per_second(scene), scene_sweep.frame_range(scene), 240.0
-        )
+        frames, _ = frames_of.sweep_frames(frames_of.frames_per_second(scene), frames_of.frame_range(scene), 240.0)
         places = [(int(frame), frame - int(frame)) for frame in frames.tolist()]
         own, bare = [], []
         with one_blas_thread():

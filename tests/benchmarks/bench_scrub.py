@@ -31,7 +31,8 @@ def scrub_five_fingers() -> Result:
     try:
         from blender_addon.demos import demo_skin
         from blender_addon.preview import skin_preview
-        from blender_addon.viewport import skin_view
+        from blender_addon.viewport import shown as views
+        from blender_addon.viewport import skin_shown
 
         scene = demo_skin.build(FINGERS)
         bpy.context.window.scene = scene
@@ -51,7 +52,7 @@ def scrub_five_fingers() -> Result:
             started = time.perf_counter()
             states = skin_preview.step(bpy.context)
             solved = time.perf_counter()
-            drawn = skin_view.shown(scene)
+            drawn = skin_shown.shown(scene, views.skins(scene))
             parts.append((solved - started, time.perf_counter() - solved))
             touching = sum(s.touching for s in states)
             if touching != FINGERS or any(not s.converged or s.work != "solved" for s in states):

@@ -6,7 +6,10 @@ import bpy
 import pytest
 
 import blender_addon
-from blender_addon import handlers
+from blender_addon import changes, handlers, redraw
+from blender_addon.devices import skin_models
+from blender_addon.preview import skin_preview
+from blender_addon.viewport import shown
 
 from .build import cube, finger, span
 
@@ -28,6 +31,14 @@ def test_one_of_each_after_three_times_off_and_on() -> None:
     assert counts() == [1] * 6
 
 
+def test_what_lies_below_is_hooked_in_and_let_go() -> None:
+    assert redraw.work is shown.work and skin_models.on_made is skin_preview.request
+    blender_addon.unregister()
+    assert redraw.work is None and skin_models.on_made is None
+    blender_addon.register()
+    assert redraw.work is shown.work and skin_models.on_made is skin_preview.request
+
+
 def test_they_survive_file_open(tmp_path) -> None:
     path = str(tmp_path / "a.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
@@ -41,25 +52,25 @@ def thing() -> bpy.types.Object:
     span(1, 10)
     made = cube()
     bpy.context.view_layer.update()
-    handlers.clear_dirty()
+    changes.clear_dirty()
     return made
 
 
 def test_moving_and_reshaping_count(thing: bpy.types.Object) -> None:
     thing.location.x = 1.0
     bpy.context.view_layer.update()
-    assert thing.name in handlers.dirty()
-    handlers.clear_dirty()
+    assert thing.name in changes.dirty()
+    changes.clear_dirty()
     thing.data.vertices[0].co.x = 3.0
     thing.data.update()
     bpy.context.view_layer.update()
-    assert handlers.dirty()
+    assert changes.dirty()
 
 
 def test_keys_count(thing: bpy.types.Object) -> None:
     thing.keyframe_insert("location", frame=3)
     bpy.context.view_layer.update()
-    assert handlers.dirty()
+    assert changes.dirty()
 
 
 def test_frames_and_selection_do_not(thing: bpy.types.Object) -> None:
@@ -67,23 +78,23 @@ def test_frames_and_selection_do_not(thing: bpy.types.Object) -> None:
     bpy.context.view_layer.update()
     for frame in (2, 3, 4):
         bpy.context.scene.frame_set(frame, subframe=0.5)
-    assert handlers.dirty() == frozenset()
+    assert changes.dirty() == frozenset()
 
 
 def test_our_own_sweep_does_not(thing: bpy.types.Object) -> None:
-    with handlers.muted():
+    with changes.muted():
         thing.location.x = 2.0
         bpy.context.view_layer.update()
-        handlers.mark_dirty()
-    assert handlers.dirty() == frozenset()
+        changes.mark_dirty()
+    assert changes.dirty() == frozenset()
 
 
 def test_a_loaded_file_ends_what_was_noted_before(tmp_path) -> None:
     finger()
     path = str(tmp_path / "a.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
-    handlers.clear_dirty()
-    before = handlers.generation()
+    changes.clear_dirty()
+    before = changes.generation()
     bpy.ops.wm.open_mainfile(filepath=path)
-    assert handlers.generation() > before
-    assert handlers.dirty()
+    assert changes.generation() > before
+    assert changes.dirty()

@@ -6,7 +6,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import handlers, jobs, reporting
+from blender_addon import changes, jobs, reporting
+from blender_addon._core import core
 from core.errors import DermisError, Finding
 from core.presets import Library
 from tests.blender import build
@@ -49,9 +50,9 @@ def test_closing_in_the_middle_restores_everything(scene):
     assert scene.frame_current != 9
     steps.close()
     assert (scene.frame_current, scene.frame_subframe) == (9, 0.5)
-    handlers.clear_dirty()
-    handlers.mark_dirty("probe")
-    assert handlers.dirty() == {"probe"}
+    changes.clear_dirty()
+    changes.mark_dirty("probe")
+    assert changes.dirty() == {"probe"}
 
 
 def test_findings_of_the_sweep_reach_the_bake(scene):
@@ -71,7 +72,7 @@ class DERMIS_TEST_OT_job(jobs.Job, bpy.types.Operator):
     def steps(self, context):
         """Yield three times."""
         for i in range(3):
-            yield jobs.core.pipeline.render.Progress("counting", i, 3)
+            yield core.pipeline.render.Progress("counting", i, 3)
         if type(self).fail:
             raise DermisError("it will not", where="here", remedy="Do not")
         return 42

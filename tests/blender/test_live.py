@@ -10,6 +10,7 @@ import pytest
 
 from blender_addon.preview import device_preview
 from blender_addon.results import store
+from blender_addon.viewport import shown as views
 
 from .build import cube, finger, keys, span
 
@@ -55,7 +56,7 @@ def test_live_and_bake_both_show_the_held_weight(holding: bpy.types.Scene) -> No
     assert row.values["tactor_y"] == pytest.approx(-expected, rel=1e-4)
     bpy.ops.dermis.bake()
     holding.frame_set(12)
-    shown = device_preview.preview(holding)
+    shown = views.devices(holding)
     assert shown.source == "bake"
     assert shown.rows[0].values["tactor_y"] == pytest.approx(-expected, rel=1e-4)
 
@@ -69,7 +70,7 @@ def test_a_fresh_bake_is_read_at_the_frame_and_between(holding: bpy.types.Scene)
     for frame, part in ((7, 0.0), (7, 0.5), (24, 0.25)):
         holding.frame_set(frame, subframe=part)
         t = (frame + part - 1) / 24.0
-        row = device_preview.preview(holding).rows[0]
+        row = views.devices(holding).rows[0]
         for name in row.values:
             assert row.values[name] == pytest.approx(np.interp(t, track.times, track.column(name)), abs=1e-12)
 
@@ -115,9 +116,9 @@ def test_a_change_makes_the_bake_stale_and_live_takes_over(holding: bpy.types.Sc
     bpy.data.objects["Cube"].dermis.material.weight_gravity = 0.02
     assert store.state(holding) == "stale"
     holding.frame_set(9)
-    assert device_preview.preview(holding).source == "stale"
+    assert views.devices(holding).source == "stale"
     row = device_preview.step(bpy.context).rows[0]
-    assert device_preview.preview(holding).source == "live"
+    assert views.devices(holding).source == "live"
     assert row.values["tactor_y"] == pytest.approx(-0.02 * GRAVITY * RANGE, rel=1e-4)
 
 
@@ -139,7 +140,7 @@ def test_looking_changes_nothing(holding: bpy.types.Scene) -> None:
     names = sorted(o.name for o in bpy.data.objects)
     holding.frame_set(8, subframe=0.25)
     device_preview.step(bpy.context)
-    device_preview.preview(holding)
+    views.devices(holding)
     assert holding.frame_current_final == pytest.approx(8.25)
     assert sorted(o.name for o in bpy.data.objects) == names
 
@@ -147,7 +148,7 @@ def test_looking_changes_nothing(holding: bpy.types.Scene) -> None:
 def test_outside_the_baked_range_the_device_rests(holding: bpy.types.Scene) -> None:
     bpy.ops.dermis.bake()
     holding.frame_set(200)
-    row = device_preview.preview(holding).rows[0]
+    row = views.devices(holding).rows[0]
     rest = {c.name: c.rest for c in store.current(holding).bake.outputs[0].track.spec.channels}
     assert row.values == rest
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon import choices, panels
+from blender_addon import choices, panels, quantities
 from blender_addon.design import design_properties
-from blender_addon.panels import census, text
+from blender_addon.panels import census
 from blender_addon.properties import scene_properties, skin_properties, thimble_view_properties
 from blender_addon.streaming import streaming_properties
 
@@ -136,4 +136,4 @@ def test_presets_are_read_on_demand_and_broken_ones_keep_their_reason(tmp_path, 
     ],
 )
 def test_figures_have_the_units_that_people_use(value: float, unit: str, shown: str) -> None:
-    assert text.quantity(value, unit) == shown
+    assert quantities.quantity(value, unit) == shown

@@ -10,10 +10,11 @@ from blender_addon import choices
 from blender_addon._core import core
 from blender_addon.demos import demo_pins
 from blender_addon.preferences import library
-from blender_addon.preview import device_preview, skin_preview
+from blender_addon.preview import device_preview, pin_preview, skin_preview
 from blender_addon.properties import scene_properties
 from blender_addon.results import pin_reports, store
 from blender_addon.viewport import pin_view
+from blender_addon.viewport import shown as views
 
 
 @pytest.fixture
@@ -111,11 +112,11 @@ def test_a_finger_that_touched_nothing_is_refused_by_name(demo) -> None:
 def test_the_view_shows_the_bakes_pins(demo) -> None:
     result = bake(demo)
     demo.frame_set(15)
-    shown = device_preview.preview(demo)
+    shown = views.devices(demo)
     row = next(r for r in shown.rows if r.kind == "pin_array")
     expected = store.values_at(result, result.bake.outputs[0], 15.0)
     np.testing.assert_allclose(pin_view.forces_of(row), expected)
-    pins = pin_view.pins_of(demo.objects["Index"], "pin_array_128")
+    pins = pin_preview.pins_of(demo.objects["Index"], "pin_array_128")
     part = pin_view.discs(pins, pin_view.forces_of(row))
     hits = np.isfinite(pins.points[:, 0])
     assert len(part.positions) == hits.sum() * (1 + pin_view.SIDES + 4)
@@ -125,13 +126,13 @@ def test_the_view_shows_the_bakes_pins(demo) -> None:
     radii = np.linalg.norm(part.positions.reshape(hits.sum(), -1, 3)[:, 1] - centres, axis=1)
     forces = pin_view.forces_of(row)[hits]
     assert np.all(np.diff(radii[np.argsort(forces)]) >= -1e-9)  # a larger disc for a larger force
-    assert pin_view.grid(row) == (8, 16)
+    assert pin_view.grid(row, pins) == (8, 16)
 
 
 def test_the_rendered_skin_stands_beside_the_target(demo) -> None:
     bake(demo)
     demo.frame_set(15)
-    target, rendered = skin_preview.states(demo)
+    target, rendered = views.skins(demo)
     pins = core.matching.pins
     ready = pins.setup(target.model, library().device("pin_array_128"))
     solver = core.matching.deformation.PinSolver(ready.matcher, "DM2")
@@ -148,7 +149,7 @@ def test_live_pins_match_the_bake_and_do_not_fade_at_the_frame_that_is_shown(dem
         demo.frame_set(frame)
         device_preview.step(bpy.context)
         skin_preview.step(bpy.context)
-    rows = [r for r in device_preview.preview(demo).rows if r.kind == "pin_array"]
+    rows = [r for r in views.devices(demo).rows if r.kind == "pin_array"]
     assert len(rows) == 1
     forces = pin_view.forces_of(rows[0])
     finger.devices[0].pin_fade_in = finger.devices[0].pin_fade_out = 0.0

@@ -15,7 +15,8 @@ from blender_addon.preview import device_preview
 from blender_addon.preview import skin_preview as skins
 from blender_addon.properties import scene_properties
 from blender_addon.results import store
-from blender_addon.viewport import platform_twin, platform_view
+from blender_addon.viewport import platform_twin, platform_view, twins
+from blender_addon.viewport import shown as views
 
 ROWS = 216  # six steps a motor: coarse, and there in a moment
 
@@ -102,7 +103,7 @@ def test_with_a_table_scrubbing_shows_what_a_bake_would(own_folders, device) -> 
     scene.frame_set(38)  # pressed in
     device_preview.step(bpy.context)
     skins.step(bpy.context)
-    row = next(r for r in device_preview.preview(scene).rows if r.device == device)
+    row = next(r for r in views.devices(scene).rows if r.device == device)
     state = skins.own(scene)[0]
     table = platform_devices.table(finger, finger.dermis.finger.devices[0])
     sensed = core.matching.readings.readings_of(state.model).sense(np.asarray(state.force)[None])
@@ -183,7 +184,7 @@ def test_the_cable_twin_is_in_balance_with_the_skin(demo) -> None:
     assert np.linalg.norm(load) > 0.2 and np.abs(left).max() < 0.02
     assert at.tension.min() >= 0.0
     np.testing.assert_allclose(at.share, at.tension / device.tension_limit)
-    colours = [platform_twin.parts(at, device.disc_radius).colours]
+    colours = [platform_twin.parts(at).colours]
     assert np.isfinite(colours[0]).all()
 
 
@@ -195,7 +196,7 @@ def test_the_six_leg_twin_closes_its_legs(own_folders) -> None:
         np.linalg.norm(at.joints - at.base, axis=1) - rest, 1e-3 * np.array([1, -1, 2, 0, 1, -2]), atol=1e-8
     )
     assert at.tension is None
-    part = platform_twin.parts(at, 0.012)
+    part = platform_twin.parts(at)
     assert part.triangles.max() == len(part.positions) - 1
 
 
@@ -203,7 +204,7 @@ def test_the_card_says_angles_in_degrees_and_lengths_in_millimetres(demo) -> Non
     scene, _ = demo
     assert bpy.ops.dermis.bake() == {"FINISHED"}
     scene.frame_set(38)
-    row = device_preview.preview(scene).rows[0]
+    row = views.devices(scene).rows[0]
     words = [text for _, _, text in platform_view.lines_of(row)]
     assert len(words) == 3 and all(text.endswith("°") for text in words)
-    assert platform_view.state_of(scene, row) is platform_view.state_of(scene, row)  # worked out once
+    assert twins.twin_of(scene, row) is twins.twin_of(scene, row) is not None  # worked out once

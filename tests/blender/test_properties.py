@@ -149,9 +149,9 @@ def test_a_file_without_dermis_has_no_version_and_a_stamp_survives_saving(tmp_pa
 
 
 def test_an_edit_by_script_makes_a_bake_out_of_date() -> None:
-    from blender_addon import handlers
+    from blender_addon import changes
 
     thing = finger()
-    handlers.clear_dirty()
+    changes.clear_dirty()
     thing.dermis.finger.touch_distance_mm = 0.7
-    assert handlers.dirty()
+    assert changes.dirty()

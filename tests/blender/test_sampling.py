@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import handlers
-from blender_addon.sampling import participants, scene_sweep
+from blender_addon import changes, quantities
+from blender_addon.sampling import frames, scene_sweep
 from core.errors import DermisError
 from tests.blender import build
 
@@ -58,7 +58,7 @@ def test_late_frames_carry_the_time_that_blender_evaluated():
 )
 def test_frame_rates_are_exact_fractions(fps, base, expected):
     scene = build.span(1, 30, fps, base)
-    assert scene_sweep.frames_per_second(scene) == expected
+    assert frames.frames_per_second(scene) == expected
 
 
 def test_ntsc_times_and_sample_count():
@@ -250,9 +250,9 @@ def test_frame_selection_and_handlers_come_back_after_an_error_and_after_closing
     assert scene.frame_current_final == pytest.approx(1.4)
     sweep.close()
     assert now() == before
-    handlers.clear_dirty()
-    handlers.mark_dirty("probe")  # not muted any more
-    assert handlers.dirty() == {"probe"}
+    changes.clear_dirty()
+    changes.mark_dirty("probe")  # not muted any more
+    assert changes.dirty() == {"probe"}
 
     build.keys(tip, "location", [1, 20, 21], [(0, 0, 0), (0, 0, 0), (math.nan, 0, 0)])
     scene.frame_set(7, subframe=0.25)
@@ -455,4 +455,4 @@ def test_another_scene_than_the_window_shows():
 
 def test_units_are_decimal_not_single_precision():
     bpy.context.scene.unit_settings.scale_length = 0.001
-    assert participants.metres_per_unit(bpy.context.scene) == 0.001
+    assert quantities.metres_per_unit(bpy.context.scene) == 0.001

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from blender_addon.preview.skin_preview import SkinState
+from blender_addon.preview.skin_state import SkinState
 from blender_addon.viewport import skin_colours, skin_field
 from core.skin.model import fingertip_skin
 from core.skin.shape import FingertipShape

@@ -8,10 +8,12 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import handlers
+from blender_addon import changes
 from blender_addon.preview import skin_preview
+from blender_addon.preview.skin_state import SkinState
 from blender_addon.results import store
-from blender_addon.viewport import skin_field, skin_view
+from blender_addon.viewport import shown as views
+from blender_addon.viewport import skin_field, skin_shown
 from core.skin.file import save_mesh
 from core.skin.model import fingertip_skin
 from tests.problems import flat_press
@@ -26,7 +28,7 @@ TOP = 0.02  # height of the plate's face [m]
 def nothing_remembered():
     """Start without a history."""
     skin_preview.reset()
-    skin_view.forget_range()
+    skin_shown.forget_range()
 
 
 @pytest.fixture
@@ -46,7 +48,7 @@ def pressing() -> bpy.types.Scene:
     return scene
 
 
-def at(scene: bpy.types.Scene, frame: int) -> skin_preview.SkinState:
+def at(scene: bpy.types.Scene, frame: int) -> SkinState:
     """Go to a frame and solve it."""
     scene.frame_set(frame)
     (state,) = skin_preview.step(bpy.context)
@@ -69,7 +71,7 @@ def test_stepping_forward_gives_what_a_bake_at_the_same_rate_gives(pressing: bpy
     bpy.ops.dermis.bake()
     for frame in (3, 5, 8, 13):
         pressing.frame_set(frame)
-        (baked,) = skin_preview.states(pressing)
+        (baked,) = views.skins(pressing)
         assert baked.source == "bake"
         # one and the same stepper: what differs is that a bake keeps forces in single precision
         np.testing.assert_array_equal(stepped[frame].force.astype(np.float32), baked.force)
@@ -102,7 +104,7 @@ def test_what_grows_under_a_resting_finger_drags_its_skin(how: str) -> None:
     bpy.context.view_layer.update()
     live = [at(scene, frame) for frame in range(1, 13)]
     assert bpy.ops.dermis.bake() == {"FINISHED"}
-    (baked,) = skin_preview.states(scene)
+    (baked,) = views.skins(scene)
     assert baked.source == "bake" and live[-1].source == "live"
     for state in (live[-1], baked):  # 3 mm of plate went past: it slips, and Coulomb's law holds
         assert state.tangential_force == pytest.approx(0.6 * state.normal_force, rel=1e-2)
@@ -126,7 +128,7 @@ def test_a_jump_starts_from_rest_and_says_so(pressing: bpy.types.Scene) -> None:
 def test_a_change_within_a_frame_does_not_advance_the_history(pressing: bpy.types.Scene) -> None:
     for frame in range(1, 9):
         state = at(pressing, frame)
-    handlers.mark_dirty("nothing really")
+    changes.mark_dirty("nothing really")
     (again,) = skin_preview.step(bpy.context)
     assert again is not state
     assert again.force == pytest.approx(state.force, abs=1e-4 * np.abs(state.force).max())
@@ -137,8 +139,8 @@ def test_a_change_within_a_frame_does_not_advance_the_history(pressing: bpy.type
 def test_undo_resets_the_history(pressing: bpy.types.Scene) -> None:
     for frame in range(1, 9):
         at(pressing, frame)
-    handlers._on_history()
-    assert skin_preview.states(pressing) == ()
+    changes.note_history()
+    assert views.skins(pressing) == ()
     assert "from rest at frame 9" in at(pressing, 9).note
 
 
@@ -151,10 +153,10 @@ def test_far_and_still_frames_are_skipped_and_counted(pressing: bpy.types.Scene)
     at(pressing, 6)
     still = at(pressing, 7)  # the second frame without movement
     assert still.work in ("same", "unchanged")
-    before = skin_view.counters()
-    skin_view.shown(pressing)
-    skin_view.shown(pressing)
-    after = skin_view.counters()
+    before = skin_shown.counters()
+    views.renew(pressing)
+    views.renew(pressing)
+    after = skin_shown.counters()
     assert after["computed"] - before["computed"] == 1
 
 
@@ -190,7 +192,7 @@ def test_a_compliant_bone_keeps_its_force_limit(pressing: bpy.types.Scene) -> No
     assert drawn.positions[:, 2].max() - rigid_top(limited) == pytest.approx(limited.lift, abs=5e-5)
 
 
-def rigid_top(state: skin_preview.SkinState) -> float:
+def rigid_top(state: SkinState) -> float:
     """Return the height of the drawn skin's highest vertex at rest."""
     return float(skin_field.kit(state.model.mesh).surface.rest[:, 2].max())
 
@@ -223,12 +225,12 @@ def test_a_press_that_is_too_deep_is_a_finding_with_its_frame(pressing: bpy.type
 def test_a_changed_scene_is_shown_as_out_of_date(pressing: bpy.types.Scene) -> None:
     bpy.ops.dermis.bake()
     pressing.frame_set(5)
-    assert skin_preview.states(pressing)[0].note == "from the bake"
+    assert views.skins(pressing)[0].note == "from the bake"
     bpy.data.objects["Finger"].dermis.finger.skin.young_kpa = 80.0
-    (stale,) = skin_preview.states(pressing)
+    (stale,) = views.skins(pressing)
     assert (stale.source, stale.note) == ("stale", "from a bake that is out of date")
     (live,) = skin_preview.step(bpy.context)
-    assert live.source == "live" and skin_preview.states(pressing)[0] is live
+    assert live.source == "live" and views.skins(pressing)[0] is live
     assert live.normal_force == pytest.approx(0.8 * stale.normal_force, rel=0.02)
 
 
@@ -238,7 +240,7 @@ def test_a_size_without_room_for_tissue_says_so(pressing: bpy.types.Scene) -> No
     (state,) = skin_preview.step(bpy.context)
     assert state.model is None and not state.touching
     assert "bone_thickness" in state.note and "12.60 mm" in state.note
-    assert skin_view.shown(pressing).drawn == (None,)
+    assert views.renew(pressing).skins.drawn == (None,)
 
 
 def test_a_mesh_of_ones_own_is_touched_as_a_fingertip_is(pressing: bpy.types.Scene, tmp_path: Path) -> None:
@@ -252,7 +254,7 @@ def test_a_mesh_of_ones_own_is_touched_as_a_fingertip_is(pressing: bpy.types.Sce
     own = [at(pressing, frame) for frame in range(4, 10)]
     for before, after in zip(plain, own, strict=True):
         np.testing.assert_allclose(after.force, before.force, atol=1e-9)
-    assert skin_view.shown(pressing).drawn[0] is not None
+    assert views.renew(pressing).skins.drawn[0] is not None
     path.write_bytes(b"another file")
     skin.mesh_file = str(path)
     broken = at(pressing, 4)

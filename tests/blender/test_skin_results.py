@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from blender_addon import preferences
-from blender_addon.preview import skin_preview
 from blender_addon.properties import skin_properties
 from blender_addon.results import store, stored_skins
+from blender_addon.viewport import shown as views
 from core.skin.model import skin_from_parameters
 
 from .build import cube, finger, keys, span
@@ -46,7 +46,7 @@ def test_stored_forces_come_back_and_give_the_same_picture(baked: bpy.types.Scen
     assert loaded.model.key == touch.model.key
     assert np.array_equal(loaded.model.compliance, touch.model.compliance)
     baked.frame_set(6)
-    (state,) = skin_preview.states(baked)
+    (state,) = views.skins(baked)
     assert (state.source, state.note) == ("earlier", "from an earlier session's bake")
     assert state.normal_force == touch.normal_force[5]
 

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import blender_addon
-from blender_addon import handlers
+from blender_addon import changes
 from blender_addon._core import core
-from blender_addon.preview import device_preview
 from blender_addon.results import export_parts, store
 from blender_addon.streaming import calibration_rows, device_calibration, session
 from blender_addon.viewport import overlay
+from blender_addon.viewport import shown as views
 
 from .build import finger
 
@@ -95,7 +95,7 @@ def test_connect_arm_follow_stop(scene: Any) -> None:
     wanted = a_track().values[500, 2:]
     status = wait(lambda s: s["armed"] and np.allclose(heard(s), wanted, atol=1e-4))
     assert status["state"] == "streaming" and status["watchdog"]
-    shown = device_preview.preview(scene)
+    shown = views.devices(scene)
     assert shown.source == "device" and shown.source in overlay.SOURCE_COLOURS
     assert shown.rows[0].values["tactor_x"] == pytest.approx(-5e-4, abs=2e-6), "the twin shows what the device reports"
     scene.frame_set(7)
@@ -198,10 +198,10 @@ def test_a_track_from_a_file_drives_the_twin_and_can_be_streamed(tmp_path: Path)
     scene.frame_start, scene.frame_end = 1, 49
     path = tmp_path / "edited.csv"
     core.track.csv.write(a_track(finger_name="Index"), path)
-    assert device_preview.preview(scene) is None
+    assert views.devices(scene) is None
     assert bpy.ops.dermis.load_track(filepath=str(path)) == {"FINISHED"}
     scene.frame_set(13)
-    shown = device_preview.preview(scene)
+    shown = views.devices(scene)
     assert (shown.source, shown.rows[0].finger) == ("file", "Index")
     assert shown.rows[0].values["tactor_x"] == pytest.approx(-5e-4, abs=1e-9)
     session.connect(scene)
@@ -272,7 +272,7 @@ def test_markers_end_where_the_next_begins(scene: Any) -> None:
 def test_how_it_is_streamed_changes_no_bake(scene: Any) -> None:
     """Settings of a scene arrive as changes of the scene: these are none of those that a bake depends on."""
     bpy.context.view_layer.update()
-    handlers.clear_dirty()
+    changes.clear_dirty()
     settings = scene.dermis_stream
     session.connect(scene)
     for name, value in (
@@ -285,14 +285,14 @@ def test_how_it_is_streamed_changes_no_bake(scene: Any) -> None:
     ):
         setattr(settings, name, value)
         bpy.context.view_layer.update()
-        assert not handlers.dirty(), name
+        assert not changes.dirty(), name
     settings.channels[0].jog = 0.1
     bpy.context.view_layer.update()
-    assert not handlers.dirty()
+    assert not changes.dirty()
     finger_object = bpy.data.objects["Finger"]
     settings.ramp, finger_object.location.x = 0.7, 0.5
     bpy.context.view_layer.update()
-    assert handlers.dirty() == {"Finger"}, "another change at the same time still counts"
+    assert changes.dirty() == {"Finger"}, "another change at the same time still counts"
 
 
 def test_only_boards_without_a_watchdog_are_warned_of() -> None:

@@ -9,11 +9,11 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import handlers
+from blender_addon import changes
 from blender_addon._core import core
-from blender_addon.preview import device_preview
 from blender_addon.results import store
 from blender_addon.streaming import session, streamed_track
+from blender_addon.viewport import shown as views
 
 from . import build
 from .test_stream import HAPTIP, a_bake, a_track, ended, heard, state, wait
@@ -162,22 +162,22 @@ def test_streaming_a_loaded_track_shows_the_device_in_the_twin(tmp_path: Path) -
     wait(state("ready"))
     session.arm(scene)
     status = wait(there(a_track().values[500, 2:]))
-    shown = device_preview.preview(scene)
+    shown = views.devices(scene)
     assert (shown.source, [r.finger for r in shown.rows]) == ("device", ["Thumb"])
     row = shown.rows[0]
     assert [row.values[n] for n in ("pulley_1", "pulley_2")] == heard(status).tolist(), "what it reports"
     assert (row.values["tactor_x"], row.values["tactor_y"]) == pytest.approx((-5e-4, 0.0), abs=2e-6)
     scene.dermis_stream.show_received = False
-    assert device_preview.preview(scene).source == "file"
+    assert views.devices(scene).source == "file"
     session.close()
     scene.dermis_stream.show_received = True
-    assert device_preview.preview(scene).source == "file"
+    assert views.devices(scene).source == "file"
 
 
 def test_nothing_of_this_makes_a_bake_out_of_date(scene: Any) -> None:
     session.connect(scene)
-    handlers.clear_dirty()
+    changes.clear_dirty()
     scene.dermis_stream.output = "Finger: haptip"
     session.beat()
     bpy.context.view_layer.update()
-    assert not handlers.dirty() and store.state(scene) == "fresh"
+    assert not changes.dirty() and store.state(scene) == "fresh"

@@ -14,7 +14,8 @@ from blender_addon.preferences import library
 from blender_addon.preview import device_preview, skin_preview, thimble_preview
 from blender_addon.properties import scene_properties
 from blender_addon.results import store
-from blender_addon.viewport import thimble_twin, thimble_view
+from blender_addon.viewport import shown as views
+from blender_addon.viewport import thimble_twin, thimble_view, twins
 
 
 @pytest.fixture
@@ -64,8 +65,8 @@ def test_a_calibration_moves_the_mounting(demo) -> None:
     # the person first feels the disc at 0.15 rad, so hovering there is a little less
     assert (felt - rest > 0.1).all() or (felt - rest < -0.1).all()
     assert np.abs(felt - 0.15).max() < np.abs(felt - rest).max()
-    row = device_preview.preview(demo).rows[0]
-    mechanism, _ = thimble_view.device_of(demo, row)
+    row = views.devices(demo).rows[0]
+    mechanism, _ = twins.mechanism_of(demo.objects["Index"], row.device)
     plain = core.devices.thimble.mechanism(library().device("thimble_3rrs"))
     assert abs(mechanism.mount[2, 3] - plain.mount[2, 3]) > 1e-4  # the twin is mounted as the engine mounts it
 
@@ -80,10 +81,11 @@ def test_the_twins_joints_obey_forward_kinematics(demo, source) -> None:
             demo.frame_set(frame)
             device_preview.step(bpy.context)
             skin_preview.step(bpy.context)
-    row = next(r for r in device_preview.preview(demo).rows if r.kind == "thimble")
-    assert device_preview.preview(demo).source == source
-    device, at = thimble_view.joints_of(demo, row)
-    angles = thimble_view.servo_angles(row)
+    row = next(r for r in views.devices(demo).rows if r.kind == "thimble")
+    assert views.devices(demo).source == source
+    twin = twins.twin_of(demo, row)
+    device, at = twin.device, twin.joints
+    angles = thimble_twin.servo_angles(row)
     assert np.abs(angles).max() > 0.02
     # links keep their lengths, legs their planes, and the platform's joints their places: nothing of inverse kinematics
     np.testing.assert_allclose(np.linalg.norm(at.knee - at.servo, axis=1), device.crank, atol=1e-9)
@@ -92,7 +94,7 @@ def test_the_twins_joints_obey_forward_kinematics(demo, source) -> None:
     for i, out in enumerate(core.devices.linkage.LEG_DIRECTIONS):
         assert abs(np.cross(out, base[i])[2]) < 1e-9
     np.testing.assert_allclose(at.x, [row.values["pitch"], row.values["roll"], row.values["distance"]], atol=2e-3)
-    shares = thimble_view.shares(row)
+    shares = thimble_twin.shares(row)
     np.testing.assert_allclose(shares, np.abs(angles) / device.servo_range, rtol=1e-6)
     part = thimble_twin.parts(device, at, shares)
     assert part.triangles.max() == len(part.positions) - 1 and np.isfinite(part.positions).all()
@@ -121,14 +123,14 @@ def test_from_a_bake_the_rendered_skin_is_what_the_track_does(demo) -> None:
         sample = round((frame - 1) / 24 * 100)
         if abs(sample - (frame - 1) / 24 * 100) > 1e-9:
             continue
-        target, rendered = skin_preview.states(demo)
+        target, rendered = views.skins(demo)
         assert (target.finger, rendered.finger) == ("Index", "Index: thimble")
         np.testing.assert_allclose(rendered.force, found.force[sample], atol=3e-5 * np.abs(found.force[sample]).max())
     demo.frame_set(31)
-    row = device_preview.preview(demo).rows[0]
+    row = views.devices(demo).rows[0]
     assert row.signals["mismatch"] == pytest.approx(found.mismatch[125], abs=1e-9)
     # and that mismatch is the one of the two skins that are shown side by side
-    target, rendered = skin_preview.states(demo)
+    target, rendered = views.skins(demo)
     readout = core.matching.thimble.describe(use.device, use.skin, use.friction).readout
     a, b = (readout @ s.force.ravel() for s in (target, rendered))
     assert np.linalg.norm(b - a) / np.linalg.norm(a) == pytest.approx(found.mismatch[125], abs=1e-3)
@@ -142,9 +144,9 @@ def test_live_follows_the_skin_step_by_step(demo) -> None:
         demo.frame_set(frame)
         device_preview.step(bpy.context)
         skin_preview.step(bpy.context)
-        states = skin_preview.states(demo)
+        states = views.skins(demo)
         targets.append(states[0].force)
-        rows.append(next(r for r in device_preview.preview(demo).rows if r.kind == "thimble"))
+        rows.append(next(r for r in views.devices(demo).rows if r.kind == "thimble"))
     skin = states[0].model
     with skin_models.one_thread():
         use = thimble_devices.used(device_of(demo), skin)
@@ -152,7 +154,7 @@ def test_live_follows_the_skin_step_by_step(demo) -> None:
         for i, (target, row) in enumerate(zip(targets, rows, strict=True)):
             following.matching.change = use.device.servo_speed / 24 if i else None
             found = following.step(target)
-            np.testing.assert_allclose(thimble_view.servo_angles(row), found.angles, atol=1e-6)
+            np.testing.assert_allclose(thimble_twin.servo_angles(row), found.angles, atol=1e-6)
             assert row.signals["mismatch"] == pytest.approx(found.mismatch, abs=1e-6)
     assert rows[-1].contact == 1.0 and rows[-1].signals["mismatch"] > 0.05
 
@@ -162,13 +164,13 @@ def test_a_change_within_a_frame_searches_it_anew_and_a_jump_starts_from_rest(de
         demo.frame_set(frame)
         device_preview.step(bpy.context)
         skin_preview.step(bpy.context)
-        return next(r for r in device_preview.preview(demo).rows if r.kind == "thimble")
+        return next(r for r in views.devices(demo).rows if r.kind == "thimble")
 
     for frame in range(14, 21):
         first = at(frame)
     device_of(demo).thimble_hover_mm = 0.5  # touched skin does not care
     again = at(20)
-    np.testing.assert_allclose(thimble_view.servo_angles(again), thimble_view.servo_angles(first), atol=0.02)
+    np.testing.assert_allclose(thimble_twin.servo_angles(again), thimble_twin.servo_angles(first), atol=0.02)
     jumped = at(50)
     assert thimble_preview._tracks["Index"].follower.matching.change is None
     assert jumped.contact == 1.0
@@ -181,19 +183,19 @@ def test_live_and_bake_agree(demo, shown) -> None:
         demo.frame_set(frame)
         device_preview.step(bpy.context)
         skin_preview.step(bpy.context)
-    rows = [r for r in device_preview.preview(demo).rows if r.kind == "thimble"]
+    rows = [r for r in views.devices(demo).rows if r.kind == "thimble"]
     assert len(rows) == 1
     baked = store.values_at(bake(demo, 24), store.current(demo).bake.outputs[0], 21.0)
     # one sample a frame against ten
-    np.testing.assert_allclose(np.degrees(thimble_view.servo_angles(rows[0])), np.degrees(baked[:3]), atol=1.5)
+    np.testing.assert_allclose(np.degrees(thimble_twin.servo_angles(rows[0])), np.degrees(baked[:3]), atol=1.5)
 
 
 def test_without_split_only_the_target_is_shown(demo) -> None:
     bake(demo)
     demo.frame_set(31)
-    assert len(skin_preview.states(demo)) == 2
+    assert len(views.skins(demo)) == 2
     demo.dermis.thimble_view.split = False
-    assert len(skin_preview.states(demo)) == 1
+    assert len(views.skins(demo)) == 1
 
 
 def test_what_has_no_adaptation_says_so_and_goes_on(demo) -> None:
@@ -207,13 +209,13 @@ def test_what_has_no_adaptation_says_so_and_goes_on(demo) -> None:
     device.thimble_surrogate = "/not/there.npz"
     device_preview.step(bpy.context)
     skin_preview.step(bpy.context)
-    assert any(r.kind == "thimble" for r in device_preview.preview(demo).rows)
+    assert any(r.kind == "thimble" for r in views.devices(demo).rows)
 
 
 def test_workspace_loops_are_closed_and_reached(demo) -> None:
     device = core.devices.thimble.mechanism(library().device("thimble_3rrs"))
-    loops = thimble_view.workspace_of(device, 0.018)
-    assert len(loops) > 5 and loops is thimble_view.workspace_of(device, 0.018)
+    loops = twins.workspace_of(device, 0.018)
+    assert len(loops) > 5 and loops is twins.workspace_of(device, 0.018)
     reach = core.devices.reach.reach(device, 0.018)
     for level, loop in enumerate(loops):
         np.testing.assert_allclose(loop[0], loop[-1])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from blender_addon import handlers
+from blender_addon import changes
 from blender_addon.preview import device_preview
 from blender_addon.results import store
 
@@ -30,11 +30,11 @@ def test_undo_takes_back_a_setting_and_a_role() -> None:
     thing.dermis.material.friction = 0.75
     thing.dermis.role = "SCREEN"
     push("second")
-    before = handlers.generation()
+    before = changes.generation()
     undo()
     thing = bpy.data.objects["Cube"]
     assert (thing.dermis.material.friction, thing.dermis.role) == (0.25, "TOUCHABLE")
-    assert handlers.generation() > before
+    assert changes.generation() > before
 
 
 def test_undo_makes_a_bake_out_of_date_and_ends_the_trail() -> None:

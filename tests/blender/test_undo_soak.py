@@ -15,6 +15,7 @@ import pytest
 
 from blender_addon.preview import device_preview, skin_preview
 from blender_addon.streaming import device_calibration, session, streamed_track
+from blender_addon.viewport import shown as views
 
 from . import build
 from .test_stream import HAPTIP, a_bake, a_track, state, wait
@@ -120,7 +121,7 @@ class Walk:
         if self.thing("FINGER") is not None:
             device_preview.step(bpy.context)
             skin_preview.any_needed(bpy.context.scene)
-            device_preview.preview(bpy.context.scene)
+            views.devices(bpy.context.scene)
 
     def add(self) -> None:
         self.chance.choice((build.cube, build.finger))(self.chance.choice("ABC"))

@@ -68,13 +68,29 @@ MAY_IMPORT: dict[str, set[str]] = {
     "stream.acceptance": LIVE | {"stream"},
 }
 SEES_ALL = {"__init__", "__main__", "command_line"}
+
+# The add-on's rooms in the order of the data. A file imports only from rooms above its own, and from its own;
+# imports inside functions and for types count.
+ROOMS = (
+    # the ground: who knows nothing of scenes, or only how to ask one
+    "_core", "compat", "changes", "redraw", "quantities", "layouts", "animation_paths", "fingertip_mesh",
+    "preferences", "reporting", "choices",
+    # what the artist sets, which preset and skin that means, and what the engine is told
+    "properties", "devices", "sampling",
+    # what came of it, what is shown meanwhile, and what is sent
+    "results", "preview", "design", "streaming", "viewport",
+    # what a person sees and does
+    "demos", "jobs", "panels", "operators", "commands",
+    # Blender's callbacks: imported by the package alone
+    "handlers", "__init__",
+)  # fmt: skip
 BLENDER = {"bpy", "bmesh", "mathutils", "bl_ext", "bpy_extras", "gpu", "blf"}
 UNSAFE = {"pickle", "shelve", "marshal", "dill", "joblib"}
 
 
-def module_name(path: Path) -> tuple[str, ...]:
-    """Return a core file's name inside core: ('contact', 'gap')."""
-    parts = path.relative_to(CORE).with_suffix("").parts
+def module_name(path: Path, root: Path | None = None) -> tuple[str, ...]:
+    """Return a file's name inside its package, core where none is given: ('contact', 'gap')."""
+    parts = path.relative_to(root or CORE).with_suffix("").parts
     return parts[:-1] if parts[-1] == "__init__" and len(parts) > 1 else parts
 
 
@@ -88,26 +104,48 @@ def unit_of(name: tuple[str, ...]) -> str:
     return ".".join(folder) or (name[0] if name else "__init__")
 
 
-def relative_targets(path: Path, tree: ast.AST) -> list[tuple[int, tuple[str, ...]]]:
+def relative_targets(path: Path, tree: ast.AST, root: Path | None = None) -> list[tuple[int, tuple[str, ...]]]:
     """Return the modules that a file's relative imports name (line, name inside core), those in functions included."""
-    package = path.relative_to(CORE).parent.parts
+    root = root or CORE
+    package = path.relative_to(root).parent.parts
     found = []
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.level:
-            assert node.level - 1 <= len(package), f"{path.name}:{node.lineno} imports from above core"
+            assert node.level - 1 <= len(package), f"{path.name}:{node.lineno} imports from above its package"
             base = package[: len(package) - node.level + 1]
             if node.module:
                 stem = (*base, *node.module.split("."))
-                deeper = [(*stem, a.name) for a in node.names if is_module((*stem, a.name))]
+                deeper = [(*stem, a.name) for a in node.names if is_module((*stem, a.name), root)]
                 found += [(node.lineno, name) for name in deeper or [stem]]
             else:
                 found += [(node.lineno, (*base, alias.name)) for alias in node.names]
     return found
 
 
-def is_module(name: tuple[str, ...]) -> bool:
-    """Tell whether a name inside core is a module, not something in one."""
-    return CORE.joinpath(*name).with_suffix(".py").is_file() or CORE.joinpath(*name, "__init__.py").is_file()
+def is_module(name: tuple[str, ...], root: Path) -> bool:
+    """Return whether a name inside a package is a module, not something in one."""
+    return root.joinpath(*name).with_suffix(".py").is_file() or root.joinpath(*name, "__init__.py").is_file()
+
+
+def imported_files(path: Path, root: Path) -> set[tuple[str, ...]]:
+    """Return the modules of its own package that a file imports; a name that is no module stands for its package."""
+    names = (name for _, name in relative_targets(path, parsed(path), root))
+    found = {name if is_module(name, root) else (*name[:-1], "__init__") for name in names}
+    return found - {module_name(path, root)}
+
+
+def circles(arrows: dict[tuple[str, ...], set[tuple[str, ...]]]) -> set[tuple[str, ...]]:
+    """Return the modules from which imports lead back to themselves."""
+
+    def reached(name: tuple[str, ...]) -> set[tuple[str, ...]]:
+        found, pending = set[tuple[str, ...]](), [name]
+        while pending:
+            new = arrows.get(pending.pop(), set()) - found
+            found |= new
+            pending += new
+        return found
+
+    return {name for name in arrows if name in reached(name)}
 
 
 def absolute_roots(tree: ast.AST) -> list[tuple[int, str]]:
@@ -148,6 +186,31 @@ def test_core_imports_only_what_the_table_allows(path: Path) -> None:
         if root in ("core", "tests", "blender_addon"):
             wrong.append(f"line {line}: inside core imports are relative, or the installed extension breaks ({root})")
     assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("path", files(ADDON), ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_the_addon_imports_only_from_rooms_above(path: Path) -> None:
+    room = module_name(path, ADDON)[0]
+    assert room in ROOMS, f"blender_addon/{room} has no place in the order: decide where it stands"
+    allowed = set(ROOMS[: ROOMS.index(room) + 1])
+    wrong = [
+        f"line {line}: {room} must not import {name[0]} ({'.'.join(name)}), which comes after it"
+        for line, name in relative_targets(path, parsed(path), ADDON)
+        if name[0] not in allowed
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_every_room_of_the_order_is_there() -> None:
+    there = {module_name(path, ADDON)[0] for path in files(ADDON)}
+    assert there == set(ROOMS) and len(ROOMS) == len(set(ROOMS))
+
+
+@pytest.mark.parametrize("package", ["core", "blender_addon"])
+def test_no_files_import_each_other_in_a_circle(package: str) -> None:
+    root = ROOT / package
+    found = circles({module_name(path, root): imported_files(path, root) for path in files(root)})
+    assert not found, "in a circle: " + ", ".join(sorted(map(".".join, found)))
 
 
 @pytest.mark.parametrize("path", files(ADDON), ids=lambda p: p.relative_to(ROOT).as_posix())
@@ -205,3 +268,24 @@ def test_a_breach_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     bad.write_text("def f():\n    from ..contact import gap\n    import bpy\n    from core import units\n")
     with pytest.raises(AssertionError, match=r"(?s)skin must not import contact.*no Blender.*relative"):
         test_core_imports_only_what_the_table_allows(bad)
+
+
+def test_a_breach_of_the_addons_order_and_a_circle_are_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tests can fail: a preview that knows its view, for types and in a function, and two files of one room."""
+    monkeypatch.setitem(globals(), "ADDON", tmp_path)
+    for name, text in (
+        ("preview/rows.py", "from .trail import x\ndef f():\n    from ..viewport import paint\n"),
+        ("preview/trail.py", "if TYPE_CHECKING:\n    from .rows import Row\n    from .. import handlers\n"),
+        ("viewport/paint.py", "from ..preview import rows\n"),
+        ("viewport/draw.py", "from . import paint\n"),
+    ):
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+    with pytest.raises(AssertionError, match="preview must not import viewport"):
+        test_the_addon_imports_only_from_rooms_above(tmp_path / "preview" / "rows.py")
+    with pytest.raises(AssertionError, match="preview must not import handlers"):
+        test_the_addon_imports_only_from_rooms_above(tmp_path / "preview" / "trail.py")
+    test_the_addon_imports_only_from_rooms_above(tmp_path / "viewport" / "paint.py")
+    found = circles({module_name(p, tmp_path): imported_files(p, tmp_path) for p in files(tmp_path)})
+    assert found == {("preview", "rows"), ("preview", "trail"), ("viewport", "paint")}

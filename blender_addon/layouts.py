@@ -1,4 +1,4 @@
-"""Words in panels: wrapped to the sidebar's width, numbers with their unit."""
+"""What layouts of panels and dialogs have in common: words wrapped to their width, and columns of properties."""
 
 import textwrap
 from typing import Any
@@ -6,11 +6,15 @@ from typing import Any
 import bpy
 
 
+def ui_scale() -> float:
+    """Return how many times as large as at scale 1 everything is drawn; 1 without a window, where Blender says 0."""
+    return bpy.context.preferences.system.ui_scale or 1.0
+
+
 def paragraph(layout: Any, context: bpy.types.Context, text: str, icon: str = "NONE", *, inset: float = 0.0) -> None:
     """Write a text over as many lines as the sidebar's width needs, less an inset [px at scale 1]."""
-    scale = context.preferences.system.ui_scale
     width = context.region.width if context.region else 300
-    words(layout, text, width / scale - inset, icon)
+    words(layout, text, width / ui_scale() - inset, icon)
 
 
 def words(layout: Any, text: str, width: float, icon: str = "NONE") -> None:
@@ -25,29 +29,15 @@ def words(layout: Any, text: str, width: float, icon: str = "NONE") -> None:
             column.label(text=line, icon=icon if i == 0 else "BLANK1")
 
 
-def quantity(value: float, unit: str) -> str:
-    """Return a number for people: millimetres below a metre, degrees for radians."""
-    if unit == "m":
-        return f"{value * 1e3:+.3f} mm"
-    if unit == "rad":
-        return f"{value * 57.29577951308232:+.2f}°"
-    if unit == "V":
-        return f"{value:.1f} V"
-    if unit == "Hz":
-        return f"{value:.0f} Hz"
-    return f"{value:.4g} {unit}" if unit != "1" else f"{value:.4g}"
-
-
 def role(context: bpy.types.Context) -> str:
     """Return what the active object is to Dermis; empty without one."""
     return context.object.dermis.role if context.object is not None else ""
 
 
-def properties(layout: Any, group: Any, *names: str) -> Any:
-    """Draw properties one below the other, with dots for keyframes; return their column."""
+def properties(layout: Any, group: Any, *names: str, keys: bool = True) -> Any:
+    """Draw properties one below the other, with dots for keyframes where there may be keys; return their column."""
     column = layout.column()
-    column.use_property_split = True
-    column.use_property_decorate = True
+    column.use_property_split, column.use_property_decorate = True, keys
     for name in names:
         column.prop(group, name)
     return column

@@ -1,0 +1,134 @@
+"""The ledger of what happened to the scene: what changed since the last bake, and numbers that rise with every change.
+
+It only notes things down and calls nobody, so that whoever declares a property or sweeps the frames may write in it.
+`handlers` writes what Blender tells; `results.store` reads whether a bake is out of date, the preview whether its
+history goes on, and whoever keeps something whether it still holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+
+# Changes of these types reach the sampled scene; others, such as screens and brushes, do not.
+_RELEVANT = (
+    "Object",
+    "Action",
+    "Armature",
+    "Camera",
+    "Collection",
+    "Curve",
+    "Curves",
+    "Image",
+    "Key",
+    "Lattice",
+    "Mesh",
+    "MetaBall",
+    "NodeTree",
+    "Scene",
+    "Speaker",
+    "World",
+)
+
+_dirty: set[str] = set()
+_expected: set[str] = set()
+_muted = 0
+_generation = 0
+_ticks = 0
+_edits = 0
+
+
+def dirty() -> frozenset[str]:
+    """Return the names of what changed since `clear_dirty`; empty means that a bake made then still holds."""
+    return frozenset(_dirty)
+
+
+def generation() -> int:
+    """Return a number that rises with every undo, redo and loaded file: nothing noted before it holds after it."""
+    return _generation
+
+
+def ticks() -> int:
+    """Return a number that rises with everything that happens to the scene, for caches of what panels draw."""
+    return _ticks
+
+
+def edits() -> int:
+    """Return a number that rises with every change of the scene, but not with the frame."""
+    return _edits + _generation
+
+
+def mark_dirty(name: str = "settings") -> None:
+    """Note that something changed."""
+    global _edits, _ticks
+    _ticks += 1
+    if not _muted:
+        _edits += 1
+        _dirty.add(name)
+
+
+def expect(name: str) -> None:
+    """Note that the next change of the scene of this name is of settings on which no bake depends."""
+    _expected.add(name)
+
+
+def clear_dirty() -> None:
+    """Forget changes, because a bake has just seen them."""
+    _dirty.clear()
+
+
+def note_updates(depsgraph: bpy.types.Depsgraph | None) -> bool:
+    """Note what Blender has evaluated anew; return whether any of it is a change that a bake would see."""
+    global _edits, _ticks
+    _ticks += 1
+    if _muted or depsgraph is None:
+        return False
+    changed, expected = False, frozenset(_expected)
+    _expected.clear()
+    for update in depsgraph.updates:
+        if isinstance(update.id, bpy.types.Scene) and update.id.name in expected:
+            continue
+        # Selecting an object also arrives here, with neither flag set.
+        if (update.is_updated_transform or update.is_updated_geometry or isinstance(update.id, bpy.types.Action)) and (
+            type(update.id).__name__ in _RELEVANT or isinstance(update.id, bpy.types.Object | bpy.types.Action)
+        ):
+            _dirty.add(update.id.name)
+            _edits += 1
+            changed = True
+    return changed
+
+
+def note_history() -> None:
+    """Note an undo or a redo."""
+    _begin_generation("undo")
+
+
+def note_file() -> None:
+    """Note that another file was opened: what changed in the one before is of no interest any more."""
+    _dirty.clear()
+    _begin_generation("file")
+
+
+@contextmanager
+def muted() -> Iterator[None]:
+    """Ignore what happens inside: our own sweep changes frames, not the scene."""
+    global _muted
+    _muted += 1
+    try:
+        yield
+    finally:
+        _muted -= 1
+
+
+def sweeping() -> bool:
+    """Return whether a sweep of ours is under way: the scene is then at a frame to which nobody has put it."""
+    return _muted > 0
+
+
+def _begin_generation(why: str) -> None:
+    global _generation, _ticks
+    _generation += 1
+    _ticks += 1
+    _dirty.add(why)

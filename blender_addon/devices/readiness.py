@@ -1,0 +1,82 @@
+"""Which kinds of devices the fingers wear, and whether what these need is at hand: an adaptation, a table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import bpy
+
+from .. import changes
+from .._core import DermisError
+from . import active_presets, pin_devices, platform_devices, thimble_adaptation, thimble_devices
+
+KINDS = {"pins": pin_devices.KINDS, "thimble": thimble_devices.KINDS, "platform": platform_devices.KINDS}
+Worn = Mapping[str, Mapping[str, int]]
+
+
+class Ready(NamedTuple):
+    """What is at hand: figures of the adaptation or the table, None for nothing; or in words why it cannot be used."""
+
+    found: Any = None
+    trouble: str = ""
+
+
+_worn: tuple[tuple[int, int], Worn] = ((-1, -1), {})  # the scene and the edits that it was looked up for
+_kept: tuple[tuple[int, int], Mapping[str, Ready]] = ((-1, -1), {})  # the finger and the edits
+
+
+def worn(scene: bpy.types.Scene) -> Worn:
+    """Return for each finger's name and each of `KINDS` which of its devices is the one that counts."""
+    global _worn
+    key = (scene.session_uid, changes.edits())
+    if _worn[0] != key:
+        found = {o.name: _devices(o.dermis.finger.devices) for o in scene.objects if o.dermis.role == "FINGER"}
+        _worn = (key, found)
+    return _worn[1]
+
+
+def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
+    """Return what a finger's 'thimble' and 'platform' have, looked up once after each change.
+
+    What the finger does not wear is left out, and everything while its skin is being made.
+    """
+    global _kept
+    key = (obj.session_uid, changes.edits())
+    if _kept[0] == key:
+        return _kept[1]
+    found: dict[str, Ready] = {}
+    thimble, platform = thimble_devices.device_of(obj), platform_devices.device_of(obj)
+    try:
+        model = platform_devices.model_of(obj) if thimble is not None or platform is not None else None
+    except DermisError as error:
+        return {kind: Ready(trouble=str(error)) for kind in KINDS}
+    if model is not None and thimble is not None:
+        found["thimble"] = _looked_up(thimble_adaptation.status, thimble, model)
+    if model is not None and platform is not None:
+        found["platform"] = _looked_up(platform_devices.table, obj, platform)
+    if model is not None:
+        _kept = (key, found)
+    return found
+
+
+def forget() -> None:
+    """Look everything up anew."""
+    global _worn, _kept
+    _worn, _kept = ((-1, -1), {}), ((-1, -1), {})
+
+
+def _devices(devices: Any) -> dict[str, int]:
+    found: dict[str, int] = {}
+    for i, device in enumerate(devices):
+        for name, kinds in KINDS.items():
+            if device.enabled and name not in found and active_presets.spec_of(device.preset, kinds) is not None:
+                found[name] = i
+    return found
+
+
+def _looked_up(look_up: Any, *what: Any) -> Ready:
+    try:
+        return Ready(look_up(*what))
+    except DermisError as error:
+        return Ready(trouble=str(error))

@@ -1,0 +1,145 @@
+"""What pin arrays press and make felt at the current frame, and where their pins act on a finger.
+
+Pins follow the skin that `skin_preview` solves, or that a bake has kept. Points of action are where a pin's line meets
+the skin at rest, from the engine; they are computed once for a size of finger and a device.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import changes
+from .._core import DermisError, core
+from ..devices import pin_devices, skin_models
+from ..preferences import library
+from ..properties import skin_properties
+from . import followers, skin_preview
+from .rows import Row, by_channel, row_of
+from .skin_state import SkinState
+
+Array = NDArray[np.float64]
+
+MOST = 8
+
+
+class Pins(NamedTuple):
+    """Where a device's pins act on a finger, in the finger's frame.
+
+    Attributes:
+        points: [m], shape (pins, 3), NaN where a pin misses. directions: of their motion, shape (pins, 3).
+        radius: of a pin [m]. force_limit: [N]. rows, columns: of the array.
+    """
+
+    points: Array
+    directions: Array
+    radius: float
+    force_limit: float
+    rows: int
+    columns: int
+
+
+_pins: dict[str, Pins | None] = {}
+_states: dict[str, tuple[SkinState, tuple[Any, ...], tuple[SkinState, Array]]] = {}
+
+
+def pins_of(obj: bpy.types.Object, device: str) -> Pins | None:
+    """Return the pins of a device on a finger; None while the skin is being made or where the layout cannot be used."""
+    skin = skin_properties.parameters(obj.dermis.finger.skin)
+    key = json.dumps([skin["skin"], skin["skin_level"], device, changes.generation()], sort_keys=True)
+    if key not in _pins:
+        while len(_pins) >= MOST:
+            _pins.pop(next(iter(_pins)))
+        pin_array = core.devices.pin_array
+        try:
+            model = skin_models.get(skin["skin"], skin["skin_level"])
+            if model is None:
+                return None
+            spec = library().device(device)
+            layout = pin_array.layout(spec)
+            met = pin_array.contacts(layout, model.mesh.nodes, model.mesh.surface)
+            met = pin_array.on_pad(met, layout, model.positions)
+            points = np.where(met.hits[:, None], met.points, np.nan)
+            rows, columns = int(spec.parameters["rows"]), int(spec.parameters["columns"])
+            radius = float(spec.parameters["pin_radius"])
+            _pins[key] = Pins(points, layout.directions, radius, layout.force_limit, rows, columns)
+        except DermisError:
+            _pins[key] = None  # the bake says why
+    return _pins[key]
+
+
+def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[SkinState, ...]:
+    """Return, for every skin with a pin array, the skin as its pins render this very frame.
+
+    Fades and lead, which belong to the track, are left out: shown is the best that the method can do for the target.
+    """
+    found = []
+    for target, _, device, spec in followers.of(scene, targets, pin_devices.KINDS):
+        if target.touching:
+            found.append(_matched(target, device, spec)[0])
+    for gone in set(_states) - {t.finger for t in targets}:
+        del _states[gone]
+    return tuple(found)
+
+
+def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
+    """Return what the pin arrays of fingers whose skin is solved press at the current frame, without a bake."""
+    rows = []
+    for target, _, device, spec in followers.of(scene, skin_preview.own(scene), pin_devices.KINDS):
+        if target.source != "live":
+            continue
+        low = np.array([-np.inf if c.low is None else c.low for c in spec.channels])
+        high = np.array([np.inf if c.high is None else c.high for c in spec.channels])
+        forces = _matched(target, device, spec)[1] if target.touching else np.zeros(len(low))
+        values = by_channel(spec, np.clip(forces, low, high))
+        rows.append(row_of(target.finger, device.preset, spec, values, float(target.touching)))
+    return tuple(rows)
+
+
+def reset() -> None:
+    """Forget what was computed."""
+    _pins.clear()
+    _states.clear()
+
+
+def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Array]:
+    """Return the skin as the pins render it, and the pins' forces [N]; kept while skin and settings stay."""
+    key = (device.preset, device.pin_method, device.pin_nodes, device.pin_bounded, changes.generation())
+    known = _states.get(target.finger)
+    if known is not None and known[0] is target and known[1] == key:
+        return known[2]
+    pressed: Array = np.zeros(len(spec.channels))
+    pins = core.matching.pins
+    deformation = core.matching.deformation
+    name = f"{target.finger}: {device.pin_method} pins"
+    with skin_models.one_thread():
+        try:
+            ready = pins.setup(target.model, spec, device.pin_nodes)
+            limit = ready.pins.force_limit if device.pin_bounded else None
+            found = deformation.PinSolver(ready.matcher, device.pin_method, force_limit=limit).solve(target.force)
+            pressed = found.forces
+            force = pins.rendered_force(ready, pressed)
+            note = f"u_err {1e3 * found.displacement_error:.2f} mm"
+        except DermisError as error:
+            force, note = np.zeros_like(target.force), str(error)
+    total = force.sum(axis=0)
+    made = replace(
+        target,
+        finger=name,
+        force=force,
+        normal_force=float(total[2]),
+        note=note,
+        sticking=0,
+        slipping=0,
+        tangential_force=float(np.hypot(total[0], total[1])),
+        work="rendered",
+        counters={},
+    )
+    _states[target.finger] = (target, key, (made, pressed))
+    return made, pressed

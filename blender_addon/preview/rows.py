@@ -1,0 +1,86 @@
+"""What the devices do at one frame: a row each, wherever its values come from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import core
+
+Array = NDArray[np.float64]
+
+NO_PATH = np.empty((0, 2))
+
+
+@dataclass(frozen=True)
+class Row:
+    """One device on one finger, now.
+
+    Attributes:
+        finger, device: the finger object's name and the preset's key.
+        title, kind: the device's name for people, and what it is.
+        values, low, high, units: by channel name, in SI; limits are None where there are none.
+        path: the tactor's positions over the last moments [m], oldest first, shape (n, 2); empty for screens.
+        contact: 1 while the finger touches, 0 while not, None where unknown.
+        signals: diagnostic values by name, such as 'mismatch'.
+    """
+
+    finger: str
+    device: str
+    title: str
+    kind: str
+    values: Mapping[str, float]
+    low: Mapping[str, float | None]
+    high: Mapping[str, float | None]
+    units: Mapping[str, str]
+    path: Array
+    contact: float | None
+    signals: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Preview:
+    """All devices at one frame.
+
+    Attributes:
+        source: 'device', 'file', 'bake', 'stale', 'earlier' or 'live'. note: what a reader should know about it.
+    """
+
+    frame: float
+    source: str
+    note: str
+    rows: tuple[Row, ...]
+
+
+def row_of(
+    finger: str,
+    device: str,
+    spec: core.devices.spec.DeviceSpec,
+    values: Mapping[str, float],
+    contact: float | None,
+    *,
+    path: Array = NO_PATH,
+    signals: Mapping[str, float] | None = None,
+) -> Row:
+    """Return the row of a device with values for its channels, by name [SI]; channels without one are left out."""
+    return Row(
+        finger=finger,
+        device=device,
+        title=spec.name,
+        kind=spec.kind,
+        values={c.name: values[c.name] for c in spec.channels if c.name in values},
+        low={c.name: c.low for c in spec.channels},
+        high={c.name: c.high for c in spec.channels},
+        units={c.name: c.unit for c in spec.channels},
+        path=path,
+        contact=contact,
+        signals=signals or {},
+    )
+
+
+def by_channel(spec: core.devices.spec.DeviceSpec, values: Array) -> dict[str, float]:
+    """Return values in the order of a device's channels by their names."""
+    return dict(zip((c.name for c in spec.channels), values.tolist(), strict=True))

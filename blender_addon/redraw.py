@@ -1,0 +1,40 @@
+"""Drawing the views again, once what they show has been worked out.
+
+Whoever changes what is seen asks with `request`, wherever it lies; the work itself is hooked in by `handlers`, so that
+nothing down here knows what is shown. Draw callbacks read what the work has left behind, and work nothing out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import bpy
+
+SETTLE = 0.05  # [s] from the first request to the work; those that come meanwhile are the same one
+
+
+work: Callable[[], None] | None = None
+"""Works out what the views show."""
+
+
+def request() -> None:
+    """Ask for what is shown to be worked out anew and drawn soon; many requests give one."""
+    if not bpy.app.background and not bpy.app.timers.is_registered(_on_timer):
+        bpy.app.timers.register(_on_timer, first_interval=SETTLE)
+
+
+def cancel() -> None:
+    """Forget what was asked for."""
+    if bpy.app.timers.is_registered(_on_timer):
+        bpy.app.timers.unregister(_on_timer)
+
+
+def _on_timer() -> None:
+    try:
+        if work is not None:
+            work()
+    finally:
+        for window in bpy.context.window_manager.windows:
+            for area in window.screen.areas:
+                if area.type == "VIEW_3D":
+                    area.tag_redraw()

@@ -1,0 +1,174 @@
+"""What the views and panels show of a scene, worked out when the frame changes or in a timer, and kept for drawing.
+
+What a device reports comes before a track from a file, a fresh bake before the live preview, and that before a bake
+that is out of date. Draw callbacks call `now`, which reads; where something has happened since, it asks for the work to
+be done anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+
+from .. import changes, redraw
+from ..devices import readiness, thimble_devices
+from ..preview import device_preview, pin_preview, platform_preview, skin_preview, thimble_preview
+from ..preview.rows import Preview
+from ..preview.skin_state import SkinState
+from ..results import store
+from ..streaming import reported_values, streamed_track
+from . import skin_shown, twins
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """Everything that is shown of a scene at one frame.
+
+    Attributes:
+        devices: what the devices do; None where nothing is known. twins: where each row's parts are.
+        skins: with their values, and the range of the colours.
+        worn: which device of each kind the fingers wear.
+        active, ready: a finger's name, and what its devices need, see `readiness`.
+        doubts: where the track that would be streamed and its preset disagree, in words.
+    """
+
+    frame: float
+    devices: Preview | None
+    twins: tuple[twins.Twin | None, ...]
+    skins: skin_shown.Shown
+    worn: readiness.Worn
+    active: str
+    ready: Mapping[str, readiness.Ready]
+    doubts: str
+
+
+_frames: dict[int, Frame] = {}  # by the scene's session uid
+_keys: dict[int, tuple[Any, ...]] = {}  # what they were worked out for
+
+
+def devices(scene: bpy.types.Scene) -> Preview | None:
+    """Work out what the devices do at the current frame; None where nothing is known."""
+    shown = reported_values.preview(scene)
+    return shown if shown is not None else device_preview.computed(scene)
+
+
+def skins(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
+    """Work out the skins to show at the current frame, and as pins and thimbles render them; empty if unknown."""
+    fingers = ((s, scene.objects.get(s.finger)) for s in skin_preview.own(scene))
+    targets = tuple(s for s, obj in fingers if obj is not None and obj.dermis.finger.skin.shown)
+    rendered = (*pin_preview.rendered(scene, targets), *thimble_preview.rendered(scene, targets)) if targets else ()
+    return (*targets, *rendered)
+
+
+def renew(scene: bpy.types.Scene) -> Frame:
+    """Work out everything that is shown at the current frame, and keep it."""
+    uid, active = scene.session_uid, _active(scene)
+    _keys[uid] = _key(scene)  # first: what cannot be worked out is not tried again at every redraw
+    _frames.pop(uid, None)
+    shown = devices(scene)
+    ready = readiness.of(active) if active is not None and active.dermis.role == "FINGER" else {}
+    frame = Frame(
+        device_preview.frame_of(scene),
+        shown,
+        tuple(twins.twin_of(scene, row) for row in shown.rows) if shown is not None else (),
+        skin_shown.shown(scene, skins(scene)),
+        readiness.worn(scene),
+        active.name if active is not None else "",
+        ready,
+        streamed_track.doubts(scene),
+    )
+    _frames[uid] = frame
+    return frame
+
+
+def now(scene: bpy.types.Scene) -> Frame | None:
+    """Return what is shown at the current frame, None where it has not been worked out. Reads; for drawing."""
+    found = _read(scene)
+    return found if found is not None and found.frame == device_preview.frame_of(scene) else None
+
+
+def worn(scene: bpy.types.Scene, obj: bpy.types.Object | None, kind: str) -> Any | None:
+    """Return the settings of the device of a kind that a finger wears, see `readiness.KINDS`. Reads; for drawing."""
+    kept = _read(scene)  # at whatever frame: panels shall not come and go while a bake sweeps
+    if kept is None or obj is None or obj.dermis.role != "FINGER":
+        return None
+    index = kept.worn.get(obj.name, {}).get(kind, -1)
+    return obj.dermis.finger.devices[index] if 0 <= index < len(obj.dermis.finger.devices) else None
+
+
+def ready(scene: bpy.types.Scene, obj: bpy.types.Object, kind: str) -> readiness.Ready | None:
+    """Return what the active finger's 'thimble' or 'platform' has; None while that is not known. Reads; for drawing."""
+    kept = _read(scene)
+    return kept.ready.get(kind) if kept is not None and kept.active == obj.name else None
+
+
+def doubts(scene: bpy.types.Scene) -> str:
+    """Return where the track that would be streamed and its preset disagree, '' for nowhere. Reads; for drawing."""
+    kept = _read(scene)
+    return kept.doubts if kept is not None else ""
+
+
+def work() -> None:
+    """Work out what every window shows."""
+    if changes.sweeping():
+        return
+    skin_preview.refresh()
+    scenes = {window.scene.session_uid: window.scene for window in bpy.context.window_manager.windows}
+    for gone in set(_keys) - set(scenes):
+        del _keys[gone]
+        _frames.pop(gone, None)
+    for scene in scenes.values():
+        renew(scene)
+
+
+def forget() -> None:
+    """Forget what was worked out: another file is opened."""
+    _frames.clear()
+    _keys.clear()
+
+
+def register() -> None:
+    """Work from now on when somebody asks for a redraw."""
+    redraw.work = work
+
+
+def unregister() -> None:
+    """Work no more, and forget everything."""
+    redraw.work = None
+    redraw.cancel()
+    for kept in (pin_preview, platform_preview, thimble_preview):
+        kept.reset()
+    for cache in (twins, skin_shown, readiness, thimble_devices):
+        cache.forget()
+    forget()
+
+
+def _read(scene: bpy.types.Scene) -> Frame | None:
+    """Return what was worked out last; ask for the work where something has happened since."""
+    if not changes.sweeping() and _keys.get(scene.session_uid) != _key(scene):
+        redraw.request()
+    return _frames.get(scene.session_uid)
+
+
+def _active(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    layer = bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
+    return layer.objects.active
+
+
+def _key(scene: bpy.types.Scene) -> tuple[Any, ...]:
+    """Return what the work depends on, but for what is reported: streaming asks for a redraw itself."""
+    settings, active = scene.dermis, _active(scene)
+    view, thimble = settings.skin_view, settings.thimble_view
+    return (
+        device_preview.frame_of(scene),
+        store.state(scene),
+        id(store.current(scene)),
+        changes.edits(),
+        settings.live_preview,
+        active.name if active is not None else "",
+        (view.show, view.quantity, view.exaggeration, view.range_mode, view.maximum),
+        (thimble.split, thimble.workspace),
+    )

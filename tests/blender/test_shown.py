@@ -1,0 +1,198 @@
+"""Drawing reads: what views and panels show was worked out before, and is asked for where something has happened since.
+
+Without a window Blender draws nothing, so a graphics card that takes everything stands in for the real one.
+"""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import bpy
+import pytest
+from mathutils import Matrix
+
+import blender_addon
+from blender_addon import choices, panels, redraw
+from blender_addon._core import core
+from blender_addon.demos import demo_motors, demo_pins, demo_scene, demo_thimble
+from blender_addon.devices import platform_devices, skin_models, thimble_adaptation
+from blender_addon.preview import device_preview, pin_preview, skin_preview, thimble_preview
+from blender_addon.sampling import scene_sweep
+from blender_addon.viewport import drawing, platform_twin, shown, skin_field, thimble_twin
+
+# Whatever solves, searches, looks up or reads a file: none of it may be called while something draws.
+WORK = (
+    (core.devices.reach, "reach"),
+    (core.matching.deformation.PinSolver, "solve"),
+    (core.matching.lookup, "commands_now"),
+    (core.matching.lookup, "table_at_hand"),
+    (core.matching.pins, "setup"),
+    (core.matching.replay, "Replay"),
+    (core.matching.table, "press_of"),
+    (core.matching.thimble, "follower"),
+    (core.matching.thimble_use, "fitted"),
+    (core.pipeline.render, "render"),
+    (core.presets.Library, "device"),
+    (core.skin.model, "skin_from_parameters"),
+    (core.skin.stimulus, "Stimulus"),
+    (core.track.check, "preset_findings"),
+    (device_preview, "baked_row"),
+    (pin_preview, "pins_of"),
+    (platform_devices, "table"),
+    (platform_twin, "state"),
+    (scene_sweep, "sample_now"),
+    (skin_field, "draw_of"),
+    (skin_models, "get"),
+    (thimble_adaptation, "status"),
+    (thimble_preview, "follow"),
+    (thimble_twin, "joints"),
+    (thimble_twin, "loops"),
+)
+FRAME = {"thimble": 30, "pins": 15, "platform": 38, "tactor": 20, "baked": 15}
+
+
+class Anything:
+    """Takes every call and gives itself; counts what is drawn, and keeps what is written."""
+
+    def __init__(self) -> None:
+        self.drawn = 0
+        self.words: list[str] = []
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return self
+
+    def __call__(self, *_: Any, **more: Any) -> Any:
+        self.drawn += 1
+        self.words += [more["text"]] if "text" in more else []
+        return self
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in ("drawn", "words"):
+            self.__dict__[name] = value
+
+
+class Panel:
+    """Stands for an instance of a panel, which only Blender can make."""
+
+    def __init__(self, cls: type, layout: Anything) -> None:
+        self._cls, self.layout = cls, layout
+
+    def __getattr__(self, name: str) -> Any:
+        found = inspect.getattr_static(self._cls, name)
+        return found.__get__(self) if inspect.isfunction(found) else getattr(self._cls, name)
+
+
+@pytest.fixture
+def card(monkeypatch: pytest.MonkeyPatch) -> Anything:
+    """Return the graphics card: it takes everything."""
+
+    @contextmanager
+    def push_pop() -> Iterator[None]:
+        yield
+
+    made, gpu, text, batch = Anything(), ModuleType("gpu"), ModuleType("blf"), ModuleType("gpu_extras.batch")
+    gpu.state = SimpleNamespace(viewport_get=lambda: (0, 0, 800, 600))
+    for name in ("blend_set", "depth_test_set", "depth_mask_set", "face_culling_set"):
+        setattr(gpu.state, name, lambda _value: None)
+    gpu.matrix = SimpleNamespace(
+        push_pop=push_pop,
+        translate=lambda _by: None,
+        multiply_matrix=lambda _by: None,
+        get_model_view_matrix=lambda: Matrix.Identity(4),
+        get_projection_matrix=lambda: Matrix.Identity(4),
+    )
+    gpu.shader = gpu.types = made
+    batch.batch_for_shader = made
+    text.size = text.color = text.position = lambda *_: None
+    text.dimensions = lambda _font, words: (6.0 * len(words), 10.0)
+    text.draw = lambda _font, words: made.words.append(words)
+    for name, module in (("gpu", gpu), ("blf", text), ("gpu_extras.batch", batch)):
+        monkeypatch.setitem(sys.modules, name, module)
+    return made
+
+
+@pytest.fixture
+def callbacks(monkeypatch: pytest.MonkeyPatch) -> list[Callable[[], None]]:
+    """Return the draw callbacks of all views."""
+    found: list[Callable[[], None]] = []
+    monkeypatch.setattr(drawing.Handlers, "add", lambda _self, draw, when="POST_VIEW": found.append(draw))
+    for module in blender_addon.MODULES:
+        if isinstance(getattr(module, "_handlers", None), drawing.Handlers):
+            module.register()
+    return found
+
+
+def build(which: str) -> bpy.types.Scene:
+    """Return a demo, shown at a frame in which it touches, everything worked out."""
+    choices.refresh()
+    if which == "thimble":
+        scene = demo_thimble.build("BALL")
+    elif which == "pins":
+        scene = demo_pins.build(1.5e-3, 0.5, 0.0)
+        scene.objects["Index"].dermis.finger.skin.level = "draft"
+    elif which == "platform":
+        scene = demo_motors.build("flat", "cable_platform")
+        scene.objects["Index"].dermis.finger.devices[0].table_rows = 216
+    else:
+        scene = demo_scene.build(choices.first_of_kind("shear_tactor"), choices.first_of_kind("friction_screen"))
+    bpy.context.window.scene = scene
+    bpy.context.view_layer.objects.active = scene.objects["Index"]
+    scene.dermis.thimble_view.workspace = True
+    if which == "platform":
+        assert bpy.ops.dermis.make_table() == {"FINISHED"}
+    if which == "baked":
+        scene.frame_start, scene.frame_end = 1, 24
+        assert bpy.ops.dermis.bake() == {"FINISHED"}
+    scene.frame_set(FRAME[which])
+    device_preview.step(bpy.context)
+    skin_preview.step(bpy.context)
+    shown.renew(scene)
+    return scene
+
+
+def draw(callbacks: list[Callable[[], None]], layout: Anything) -> None:
+    """Draw every view and every panel that would be shown."""
+    window = bpy.context.window_manager.windows[0]
+    area = next(a for a in window.screen.areas if a.type == "VIEW_3D")
+    region = next(r for r in area.regions if r.type == "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        for callback in callbacks:
+            callback()
+        for cls in panels.CLASSES:
+            if issubclass(cls, bpy.types.Panel) and getattr(cls, "poll", lambda _context: True)(bpy.context):
+                for name in ("draw_header", "draw"):
+                    if name in vars(cls) or any(name in vars(base) for base in cls.__mro__[1:-3]):
+                        getattr(Panel(cls, layout), name)(bpy.context)
+
+
+@pytest.mark.parametrize("which", list(FRAME))
+def test_drawing_reads(which: str, card: Anything, callbacks: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = build(which)
+    layout, asked = Anything(), []
+    monkeypatch.setattr(redraw, "request", lambda: asked.append(scene.frame_current))
+    for owner, name in WORK:
+
+        def never(*_: Any, _name: str = name, **__: Any) -> None:
+            raise AssertionError(f"{_name} was called while something drew")
+
+        monkeypatch.setattr(owner, name, never)
+    draw(callbacks, layout)
+    assert card.drawn > 10 and layout.drawn > 50 and not asked
+    assert any("Index" in words for words in card.words)  # its card in the corner
+    # something happens, and nobody has worked it out yet: the old is drawn, and the work asked for
+    scene.dermis.skin_view.quantity = "pressure"
+    bpy.data.objects["Index"].dermis.finger.touch_distance_mm = 0.7
+    draw(callbacks, layout)
+    assert asked
+    # at another frame nothing is known, and nothing of the old one may be shown
+    before = card.drawn
+    scene.frame_set(FRAME[which] + 1)
+    draw(callbacks, layout)
+    assert card.drawn == before

@@ -70,7 +70,7 @@ if TYPE_CHECKING:
     import core.track.command_track
     import core.track.export
     import core.track.file_names
-    import core.work
+    import core.work.child
     from core.errors import DermisError, Finding, worst
 else:
     from importlib import import_module

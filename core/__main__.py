@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 # What a child process may be asked to do: name -> module of this package, function.
 JOBS = {
-    "probe": (".work", "probe"),
+    "probe": (".work.child", "probe"),
     "skin": (".skin.job", "make"),
     "collect": (".design.collect", "work"),
     "adapt": (".matching.adapt", "adapt_job"),
@@ -185,7 +185,7 @@ def check(options: argparse.Namespace) -> int:
 
 def work(options: argparse.Namespace) -> int:
     """Take jobs from standard input."""
-    from .work import serve
+    from .work.child import serve
 
     return serve(JOBS)
 

@@ -407,7 +407,7 @@ OWN = {
     "core.surrogate.network:train": "unpacks what it packed",
     "core.surrogate.store:save": "writes",
     "core.version:version": "the manifest beside the program",
-    "core.work": "its own child, its arrays and its log",
+    "core.work.child": "its own child, its arrays and its log",
     "blender_addon.streaming.built_devices:_table": "tests/blender/test_readers.py damages it",
     "blender_addon.results.store:_read": "tests/blender/test_readers.py damages it",
     "blender_addon.results.store:_write": "writes",

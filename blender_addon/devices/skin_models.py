@@ -139,7 +139,7 @@ def _begin(key: str, skin: Mapping[str, float], level: str) -> None:
     """Let a child process put a skin into the cache, and look after it now and then."""
     if key in _making:
         return
-    worker = core.work.Worker()
+    worker = core.work.child.Worker()
     folder = str(cache().folder)
     _making[key] = (
         worker,

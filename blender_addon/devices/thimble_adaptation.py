@@ -51,7 +51,7 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
         uses = core.matching.thimble_use
         target = core.surrogate.store.place_of(folder, model, *uses.fitted(spec, model, use))
     older, done = target.is_file(), False
-    worker = core.work.Worker()
+    worker = core.work.child.Worker()
     steps = worker.run("adapt", {}, parameters)
     try:
         while True:

@@ -129,7 +129,7 @@ def _shared(
     start: Callable[[], Any] | None,
 ) -> Generator[int, None, None]:
     """Hand parts to child processes as they become free; yield how many rows each finished part had, or 0."""
-    from ..work import Worker
+    from ..work.child import Worker
 
     parameters = {
         "key": spec.key,

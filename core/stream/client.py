@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..errors import DermisError
-from ..work import command, environment
+from ..work.child import command, environment
 from .board import MOST_VALUES, Board
 from .wish import wish_of
 

@@ -117,7 +117,7 @@ def test_with_a_table_scrubbing_shows_what_a_bake_would(own_folders, device) -> 
 def test_a_stopped_sweep_leaves_no_table_and_no_process(demo) -> None:
     _, finger = demo
     device = finger.dermis.finger.devices[0]
-    work = core.work
+    work = core.work.child
     before = set(work._workers)
     steps = platform_devices.make(finger, device)
     for _ in range(3):

@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 
 import core
-from core import work
 from core.errors import DermisError
-from core.work import Worker
+from core.work import child
+from core.work.child import Worker
 
 CORE = Path(core.__file__).parent
 
@@ -77,7 +77,7 @@ def test_a_job_that_breaks_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     np.savez(tmp_path / "in.npz")
     request = {"job": "odd", "parameters": {}, "in": str(tmp_path / "in.npz"), "out": str(tmp_path / "out.npz")}
     with (tmp_path / "replies").open("wb") as replies:
-        answer = work._do(request, {"odd": (".errors", "worst")}, replies)
+        answer = child._do(request, {"odd": (".errors", "worst")}, replies)
     assert answer["error"]["what"] == "the job failed: TypeError" and "worst" in answer["error"]["value"]
 
 
@@ -95,7 +95,7 @@ def test_closing_ends_the_process_and_removes_its_files() -> None:
 
 def test_close_all_ends_every_worker() -> None:
     workers = [Worker(), Worker()]
-    work.close_all()
+    child.close_all()
     assert all(gone(w.pid) for w in workers)
 
 
@@ -120,7 +120,7 @@ def test_a_killed_worker_is_reported() -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
 def test_workers_end_when_their_parent_is_killed() -> None:
     code = (
-        "import os, signal\nfrom core.work import Worker\nw = Worker()\nfor _ in w.run('probe'): pass\n"
+        "import os, signal\nfrom core.work.child import Worker\nw = Worker()\nfor _ in w.run('probe'): pass\n"
         "print(w.pid, w._folder, flush=True)\nos.kill(os.getpid(), signal.SIGKILL)\n"
     )
     env = {**os.environ, "PYTHONPATH": str(CORE.parent)}
@@ -137,7 +137,7 @@ def test_the_installed_layout_works_the_same(tmp_path: Path) -> None:
     home = tmp_path / "bl_ext" / "user_default" / "dermis"
     shutil.copytree(CORE, home / "core", ignore=shutil.ignore_patterns("__pycache__"))
     code = (
-        "from bl_ext.user_default.dermis.core.work import Worker, command, environment\n"
+        "from bl_ext.user_default.dermis.core.work.child import Worker, command, environment\n"
         "import numpy\n"
         "with Worker() as w:\n"
         "    steps = w.run('probe', {'x': numpy.arange(3)})\n"
@@ -153,6 +153,6 @@ def test_the_installed_layout_works_the_same(tmp_path: Path) -> None:
 
 def test_children_have_one_blas_thread_and_our_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "path", ["/x/site-packages", "/lib/python3", "/y/dist-packages/", "/x/site-packages"])
-    env = work.environment()
+    env = child.environment()
     assert env["OPENBLAS_NUM_THREADS"] == "1"
     assert env["PYTHONPATH"].split(os.pathsep) == [str(CORE.parent), "/x/site-packages", "/y/dist-packages/"]

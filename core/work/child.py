@@ -24,15 +24,15 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import DermisError
-from .files import write_npz
+from ..errors import DermisError
+from ..files import write_npz
 
 Arrays = Mapping[str, NDArray[Any]]
 Report = Callable[[int, int], None]
 Job = Callable[[Arrays, Mapping[str, Any], Report], Arrays]
 
-HOME = Path(__file__).resolve().parents[1]  # the folder that contains `core`
-PACKAGE = Path(__file__).resolve().parent.name
+HOME = Path(__file__).resolve().parents[2]  # the folder that contains `core`
+PACKAGE = Path(__file__).resolve().parents[1].name
 POLL = 0.02  # how long `Worker.run` waits between two yields [s]
 GRACE = 2.0  # how long a child may take to end by itself [s]
 
@@ -225,7 +225,7 @@ def _do(request: Mapping[str, Any], jobs: Mapping[str, tuple[str, str]], replies
         if request["job"] not in jobs:
             raise DermisError("no such job", value=request["job"], limit=", ".join(jobs))
         module, function = jobs[request["job"]]
-        job: Job = getattr(import_module(module, __package__), function)
+        job: Job = getattr(import_module(module, __package__.rpartition(".")[0]), function)
         with np.load(request["in"], allow_pickle=False) as loaded:
             arrays = {k: loaded[k] for k in loaded.files}
         write_npz(Path(request["out"]), job(arrays, request["parameters"], report))

@@ -70,7 +70,8 @@ if TYPE_CHECKING:
     import core.track.command_track
     import core.track.export
     import core.track.file_names
-    import core.work.child
+    import core.work.executor
+    import core.work.processes
     from core.errors import DermisError, Finding, worst
 else:
     from importlib import import_module

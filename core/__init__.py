@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from .track.command_track import CommandTrack
     from .track.csv import read as read_csv
     from .track.csv import write as write_csv
-    from .work.child import Worker
+    from .work.processes import ProcessExecutor
 
 # name -> module, and the name there
 _PUBLIC: dict[str, tuple[str, str]] = {
@@ -90,7 +90,7 @@ _PUBLIC: dict[str, tuple[str, str]] = {
     # what long work needs
     "Cache": ("cache", "Cache"),
     "cache_key": ("cache", "cache_key"),
-    "Worker": ("work.child", "Worker"),
+    "ProcessExecutor": ("work.processes", "ProcessExecutor"),
 }
 
 __all__ = [
@@ -110,12 +110,12 @@ __all__ = [
     "Mesh",
     "Output",
     "PresetEntry",
+    "ProcessExecutor",
     "Progress",
     "Screen",
     "Surface",
     "TactileScene",
     "Touch",
-    "Worker",
     "cache_key",
     "export",
     "fingertip",

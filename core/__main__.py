@@ -19,14 +19,6 @@ if TYPE_CHECKING:
     from .pipeline.bake import Bake, Progress
     from .track.command_track import CommandTrack
 
-# What a child process may be asked to do: name -> module of this package, function.
-JOBS = {
-    "probe": (".work.child", "probe"),
-    "skin": (".skin.job", "make"),
-    "collect": (".design.collect", "work"),
-    "adapt": (".matching.adapt", "adapt_job"),
-}
-
 # What the extension brings along, and another Python may lack: module -> the name to install it by.
 LIBRARIES = {"scipy": "scipy", "onnxruntime": "onnxruntime", "serial": "pyserial"}
 
@@ -185,9 +177,9 @@ def check(options: argparse.Namespace) -> int:
 
 def work(options: argparse.Namespace) -> int:
     """Take jobs from standard input."""
-    from .work.child import serve
+    from .work.serve import serve
 
-    return serve(JOBS)
+    return serve()
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -128,10 +128,10 @@ def swept(spec: Any, skin: dict[str, Any], level: str, rows: int | None) -> Gene
     material = {k: float(v) for k, v in skin.items() if k in ("young", "poisson", "alpha")}
     lengths = {k: v for k, v in skin.items() if k not in material}
     shape = core.skin.shape.shape_from_parameters(lengths)
-    steps = core.design.collect.collect(
-        spec, shape, folder(), level=level, rows=rows, workers=WORKERS, material=material
-    )
-    try:
+    with core.work.processes.ProcessExecutor(WORKERS) as executor:
+        steps = core.design.collect.collect(
+            spec, shape, folder(), level=level, rows=rows, executor=executor, material=material
+        )
         while True:
             try:
                 with skin_models.one_thread():
@@ -139,8 +139,6 @@ def swept(spec: Any, skin: dict[str, Any], level: str, rows: int | None) -> Gene
             except StopIteration as stop:
                 return model, stop.value
             yield progress("table", done, total)
-    finally:
-        steps.close()
 
 
 def folder() -> Path:

@@ -63,6 +63,8 @@ def run(options: argparse.Namespace) -> int:
     from ..presets import Library, read
     from ..skin.model import MATERIAL_PARAMETERS, skin_from_parameters
     from ..skin.shape import shape_from_parameters
+    from ..work.executor import InlineExecutor
+    from ..work.processes import ProcessExecutor
 
     library = Library(options.presets)
     spec = library.device(options.device)
@@ -84,10 +86,11 @@ def run(options: argparse.Namespace) -> int:
     if options.table is not None:
         table = task.load_table(spec, options.table)
     else:
-        steps = task.table_for(
-            spec, shape, folder, level=options.level, rows=rows, workers=options.workers, material=material
-        )
-        table = _drain(steps, options.quiet)
+        with ProcessExecutor(options.workers) if options.workers else InlineExecutor() as executor:
+            steps = task.table_for(
+                spec, shape, folder, level=options.level, rows=rows, executor=executor, material=material
+            )
+            table = _drain(steps, options.quiet)
     if options.save_table is not None:
         table.save(options.save_table)
         print(options.save_table, file=sys.stderr)  # standard output is the report, which may be JSON

@@ -21,6 +21,7 @@ from ..matching.table import SkinTable, belongs
 from ..scene.tactile_scene import TactileScene
 from ..skin.model import SkinModel
 from ..skin.shape import FingertipShape
+from ..work.executor import JobExecutor
 from .collect import collect, reversed_spread
 from .interactions import NOISE, RATE
 from .picture import write_picture
@@ -96,15 +97,15 @@ def table_for(
     *,
     level: str = "draft",
     rows: int | None = ROWS,
-    workers: int = 0,
+    executor: JobExecutor | None = None,
     material: Mapping[str, float] | None = None,
 ) -> Generator[Step, None, SkinTable]:
-    """Return a device's table, swept and kept in a folder.
+    """Return a device's table, swept by an executor and kept in a folder.
 
     Raises:
         DermisError: a sweep that fails.
     """
-    steps = collect(spec, shape, folder, level=level, rows=rows, workers=workers, material=material)
+    steps = collect(spec, shape, folder, level=level, rows=rows, executor=executor, material=material)
     while True:
         try:
             done, total = next(steps)

@@ -1,42 +1,41 @@
-"""Work in child processes: `python -m core work` takes jobs by name over a pipe, arrays travel as .npz files.
+"""Child processes of this engine: how they are started, watched and ended; senders and jobs run in them.
 
-Python's multiprocessing does not work inside Blender: its children import Blender's main module again.
+Python's multiprocessing does not work inside Blender: its children import Blender's main module again. A child's
+standard input is its parent pipe: when that ends, the parent has let go or is gone, and the child ends in its own way.
 """
 
 from __future__ import annotations
 
 import atexit
 import contextlib
-import json
 import os
-import queue
-import shutil
 import subprocess
 import sys
 import tempfile
 import threading
+import time
 import weakref
-from collections.abc import Callable, Generator, Mapping
-from importlib import import_module
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, BinaryIO
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Protocol
 
 from ..errors import DermisError
-from ..files import write_npz
-
-Arrays = Mapping[str, NDArray[Any]]
-Report = Callable[[int, int], None]
-Job = Callable[[Arrays, Mapping[str, Any], Report], Arrays]
 
 HOME = Path(__file__).resolve().parents[2]  # the folder that contains `core`
 PACKAGE = Path(__file__).resolve().parents[1].name
-POLL = 0.02  # how long `Worker.run` waits between two yields [s]
-GRACE = 2.0  # how long a child may take to end by itself [s]
+MAX_SILENT_SECONDS = 5.0  # a child that was told to end and gives no sign of life for this long hangs
+MAX_LAST_SECONDS = 2.0  # from the last that a dying child replies to its end
+MAX_LOG_CHARACTERS = 500  # the end of what a child wrote, which says why it died
 
-_workers: weakref.WeakSet[Worker] = weakref.WeakSet()
+
+class Owner(Protocol):
+    """Whoever has child processes and ends them in its own way."""
+
+    def close(self) -> None:
+        """End them. Safe to call twice."""
+
+
+_owners: weakref.WeakSet[Owner] = weakref.WeakSet()
 
 
 def command(*arguments: str) -> list[str]:
@@ -51,225 +50,113 @@ def environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join(dict.fromkeys(paths)), "OPENBLAS_NUM_THREADS": "1"}
 
 
-class Worker:
-    """A child process that does one job after the other; close it, or use it in a `with` block.
+class ChildProcess(subprocess.Popen[bytes]):
+    """A process that this one has started, and that ends with it.
+
+    Args:
+        name: for errors, such as 'the sender'.
+        line: the command line, see `command`.
+        replies: read what it writes to standard output from `stdout`; dropped otherwise.
 
     Raises:
-        DermisError: the process cannot be started.
+        DermisError: it cannot be started.
     """
 
-    def __init__(self) -> None:
-        self._folder = Path(tempfile.mkdtemp(prefix="dermis-work-"))
-        self._messages: queue.Queue[dict[str, Any] | None] = queue.Queue()
-        self._number = 0
-        self._busy = False
-        self._log = (self._folder / "stderr").open("wb")
+    def __init__(self, name: str, line: list[str], *, replies: bool = False) -> None:
+        self._sign: object = None
+        self._heard = 0.0  # when the last sign of life came
+        self._log = tempfile.TemporaryFile(prefix="dermis-log-")  # without a name: it goes with its last user
         try:
-            self._process = subprocess.Popen(
-                command("work"),
+            super().__init__(
+                line,
                 env=environment(),
-                cwd=self._folder,
+                cwd=tempfile.gettempdir(),
                 stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
+                stdout=subprocess.PIPE if replies else subprocess.DEVNULL,
                 stderr=self._log,
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
             )
         except OSError as error:
             self._log.close()
-            shutil.rmtree(self._folder, ignore_errors=True)
-            raise DermisError("a worker cannot be started", where=sys.executable, value=error.strerror) from error
-        assert self._process.stdout is not None
-        threading.Thread(target=_listen, args=(self._process.stdout, self._messages), daemon=True).start()
-        _workers.add(self)
-
-    def run(
-        self, job: str, arrays: Arrays | None = None, parameters: Mapping[str, Any] | None = None
-    ) -> Generator[tuple[int, int], None, dict[str, NDArray[Any]]]:
-        """Do a job; yield (done, total) as it is known, at least every `POLL` seconds, and return its arrays.
-
-        Abandoning the generator stops the worker: a job cannot be taken back.
-
-        Raises:
-            DermisError: what the job raised; a job that does not exist; the worker ended or is busy or closed.
-        """
-        if self._process.poll() is not None:
-            raise DermisError(
-                "the worker has ended", value=f"status {self._process.returncode}", remedy="Start another"
-            )
-        if self._busy:
-            raise DermisError("the worker is busy", value=job, limit="one job at a time")
-        self._number += 1
-        given, result = (self._folder / f"{self._number}-{end}.npz" for end in ("in", "out"))
-        write_npz(given, arrays or {})
-        request = {"job": job, "parameters": dict(parameters or {}), "in": str(given), "out": str(result)}
-        self._busy = True
-        try:
-            self._send(request)
-            done = (0, 0)
-            while True:
-                message = self._next()
-                if message is None:
-                    yield done
-                elif "progress" in message:
-                    done = (int(message["progress"][0]), int(message["progress"][1]))
-                    yield done
-                elif "error" in message:
-                    self._busy = False
-                    raise DermisError(**message["error"])
-                else:
-                    self._busy = False
-                    with np.load(result, allow_pickle=False) as loaded:
-                        return {k: loaded[k] for k in loaded.files}
-        finally:
-            given.unlink(missing_ok=True)
-            result.unlink(missing_ok=True)
-            if self._busy:
-                self.close()
-
-    def close(self) -> None:
-        """End the process, whatever it does, and remove its files. Safe to call twice."""
-        _workers.discard(self)
-        if self._process.stdin is not None:
-            with contextlib.suppress(OSError):
-                self._process.stdin.close()  # the child ends itself when its input does
-        try:
-            self._process.wait(GRACE)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self._log.close()
-        shutil.rmtree(self._folder, ignore_errors=True)
+            raise DermisError(f"{name} cannot be started", where=line[0], value=error.strerror) from error
 
     @property
-    def pid(self) -> int:
-        """Process id of the child."""
-        return self._process.pid
+    def alive(self) -> bool:
+        """Return whether it still runs."""
+        return self.poll() is None
 
-    def __enter__(self) -> Worker:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def _send(self, request: Mapping[str, Any]) -> None:
-        assert self._process.stdin is not None
-        try:
-            self._process.stdin.write(json.dumps(request).encode("utf-8") + b"\n")
-            self._process.stdin.flush()
-        except (OSError, ValueError) as error:
-            raise self._died() from error
-
-    def _next(self) -> dict[str, Any] | None:
-        try:
-            message = self._messages.get(timeout=POLL)
-        except queue.Empty:
-            return None
-        if message is None:
-            raise self._died()
-        return message
-
-    def _died(self) -> DermisError:
+    def said(self) -> str:
+        """Return why one that ends does, when it has: its exit status and the end of its log."""
         with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(GRACE)
+            self.wait(MAX_LAST_SECONDS)
+        text = ""
+        with contextlib.suppress(OSError, ValueError):  # closed
+            self._log.seek(0)
+            text = self._log.read().decode("utf-8", "replace").strip()
+        return f"status {self.returncode}: {text[-MAX_LOG_CHARACTERS:]}".removesuffix(": ")
+
+    def end(self, seconds: float, *, kill: bool = False) -> None:
+        """Close the parent pipe, and wait for the end.
+
+        Args:
+            seconds: the longest to wait [s]. kill: it is killed after that, instead of going on by itself.
+        """
+        assert self.stdin is not None
         with contextlib.suppress(OSError):
-            said = (self._folder / "stderr").read_bytes().decode("utf-8", "replace").strip()
-            return DermisError(
-                "the worker ended before its job did",
-                where=f"process {self.pid}",
-                value=f"status {self._process.returncode}: {said[-500:]}",
-            )
-        return DermisError("the worker ended before its job did", where=f"process {self.pid}")
+            self.stdin.close()
+        try:
+            self.wait(seconds)
+        except subprocess.TimeoutExpired:
+            if kill:
+                self.kill()
+                self.wait()
+        self._heard = time.monotonic()
+        self.gone(self._sign)
+
+    def gone(self, sign: object = None) -> bool:
+        """Return whether it has ended, and close what is open of it then; one that hangs in its ending is killed.
+
+        Args:
+            sign: anything that changes while it lives.
+        """
+        assert self.stdin is not None
+        if sign != self._sign:
+            self._sign, self._heard = sign, time.monotonic()
+        elif self.stdin.closed and time.monotonic() - self._heard > MAX_SILENT_SECONDS:
+            self.kill()
+            self.wait()
+        if self.alive:
+            return False
+        for file in filter(None, (self._log, self.stdin, self.stdout)):
+            with contextlib.suppress(OSError):
+                file.close()
+        return True
+
+
+def follow_parent(gone: Callable[[], None], take: Callable[[bytes], object] = len) -> None:
+    """Watch the parent pipe from a thread of its own; this is the child's side.
+
+    Args:
+        gone: called when the parent has let go or is gone. take: called with each line that comes before.
+    """
+
+    def watch() -> None:
+        for line in sys.stdin.buffer:
+            take(line)
+        gone()
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def close_at_exit(owner: Owner) -> None:
+    """Close an owner of child processes when Python ends, if it is still there then."""
+    _owners.add(owner)
 
 
 def close_all() -> None:
-    """End every worker that is still open: before the extension is removed, and when Python ends."""
-    for worker in list(_workers):
-        worker.close()
+    """Close every owner of child processes; a sender whose device needs longer finishes by itself."""
+    for owner in list(_owners):
+        owner.close()
 
 
 atexit.register(close_all)
-
-
-def serve(jobs: Mapping[str, tuple[str, str]]) -> int:
-    """Take jobs from standard input until it ends; this is the child's side.
-
-    Args:
-        jobs: what may be asked for: name -> module (relative to this package) and function.
-    """
-    replies = os.fdopen(os.dup(1), "wb", buffering=0)
-    os.dup2(2, 1)  # what anything prints goes to the log, not between the replies
-    requests: queue.Queue[bytes] = queue.Queue()
-    threading.Thread(target=_take, args=(sys.stdin.buffer, requests), daemon=True).start()
-    while True:
-        line = requests.get()
-        _reply(replies, _do(json.loads(line), jobs, replies))
-
-
-def probe(arrays: Arrays, parameters: Mapping[str, Any], report: Report) -> Arrays:
-    """Say what a child finds: which Python, which numpy, which of the optional libraries; return the arrays it got."""
-    from importlib.metadata import PackageNotFoundError, version
-
-    found = {"python": sys.version.split()[0]}
-    for name in ("numpy", "scipy", "onnxruntime", "pyserial"):
-        with contextlib.suppress(PackageNotFoundError):
-            found[name] = version(name)
-    report(1, 1)
-    return {**arrays, "found": np.array(json.dumps({**found, "parameters": dict(parameters)}))}
-
-
-def _do(request: Mapping[str, Any], jobs: Mapping[str, tuple[str, str]], replies: BinaryIO) -> dict[str, Any]:
-    def report(done: int, total: int) -> None:
-        _reply(replies, {"progress": [done, total]})
-
-    try:
-        if request["job"] not in jobs:
-            raise DermisError("no such job", value=request["job"], limit=", ".join(jobs))
-        module, function = jobs[request["job"]]
-        job: Job = getattr(import_module(module, __package__.rpartition(".")[0]), function)
-        with np.load(request["in"], allow_pickle=False) as loaded:
-            arrays = {k: loaded[k] for k in loaded.files}
-        write_npz(Path(request["out"]), job(arrays, request["parameters"], report))
-    except DermisError as error:
-        return {
-            "error": {
-                "what": error.what,
-                "where": error.where,
-                "value": _plain(error.value),
-                "limit": error.limit,
-                "remedy": error.remedy,
-            }
-        }
-    except Exception as error:  # a bug must reach the person who waits for the result, and the log
-        import traceback
-
-        traceback.print_exc()
-        return {
-            "error": {
-                "what": f"the job failed: {type(error).__name__}",
-                "where": f"job '{request.get('job')}'",
-                "value": str(error),
-            }
-        }
-    return {"done": True}
-
-
-def _plain(value: Any) -> Any:
-    return value if isinstance(value, str | int | float | bool | None) else str(value)
-
-
-def _reply(replies: BinaryIO, message: Mapping[str, Any]) -> None:
-    replies.write(json.dumps(message).encode("utf-8") + b"\n")
-
-
-def _take(stream: BinaryIO, requests: queue.Queue[bytes]) -> None:
-    """Read requests; when the parent has gone, end at once, in the middle of a job too."""
-    for line in stream:
-        requests.put(line)
-    os._exit(0)
-
-
-def _listen(stream: BinaryIO, messages: queue.Queue[dict[str, Any] | None]) -> None:
-    for line in stream:
-        messages.put(json.loads(line))
-    messages.put(None)
-    stream.close()

@@ -166,12 +166,12 @@ def test_a_coupled_device_is_not_reduced_again(baked) -> None:
 
 def test_stopping_half_way_changes_nothing(baked) -> None:
     scene, _, folder = baked
-    before = set(core.work.child._workers)
+    before = set(core.work.child._owners)
     steps = design_results.find(scene)
     for _ in range(4):
         next(steps)
     steps.close()
-    assert design_results.current(scene) is None and set(core.work.child._workers) == before
+    assert design_results.current(scene) is None and set(core.work.child._owners) == before
     assert not list((folder / "presets").rglob("*.json"))
 
 

@@ -118,12 +118,12 @@ def test_a_stopped_sweep_leaves_no_table_and_no_process(demo) -> None:
     _, finger = demo
     device = finger.dermis.finger.devices[0]
     work = core.work.child
-    before = set(work._workers)
+    before = set(work._owners)
     steps = platform_devices.make(finger, device)
     for _ in range(3):
         next(steps)
     steps.close()
-    assert set(work._workers) == before and platform_devices.missing(finger, device)
+    assert set(work._owners) == before and platform_devices.missing(finger, device)
 
 
 def test_bake_makes_the_table_with_progress_and_export_passes_the_check(demo, tmp_path) -> None:

@@ -39,6 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 check_writable(getattr(options, name), folder=is_folder)
         return int(options.run(options))
     except DermisError as error:
+        if getattr(options, "json", False):
+            print(json.dumps({"error": error.as_dict()}, indent=1, ensure_ascii=False))
         print(f"error: {error}", file=sys.stderr)
         return REFUSED
     except ModuleNotFoundError as error:
@@ -186,7 +188,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m core",
         description="Dermis without Blender: render sampled scenes, check command tracks.",
-        epilog="Exit status: 0; 1 where a finding has the severity error; 2 where nothing could be done.",
+        epilog="Exit status: 0; 1 where a finding has the severity error; 2 where nothing could be done. "
+        "With --json a refusal is an object 'error' on standard output; programs compare its 'code'.",
     )
     parser.add_argument("--version", action="version", version=f"dermis {version()}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")

@@ -198,9 +198,7 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
     try:
         arrays = read_npz(tables, where, "a surrogate")
     except DermisError as error:
-        raise DermisError(
-            "the surrogate cannot be read", where=error.where, value=error.what, limit=error.limit, remedy=remedy
-        ) from error
+        raise error.changed(what="the surrogate cannot be read", value=error.what, remedy=remedy) from error
     with damage_told("the surrogate cannot be read", where, remedy=remedy):
         meta = dict(json_of(arrays["meta"].tobytes(), where))
         spaces = {

@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     import core.skin.own_mesh
     import core.skin.shape
     import core.skin.stimulus
+    import core.steps
     import core.stream.client
     import core.stream.links.serial_port
     import core.stream.links.url

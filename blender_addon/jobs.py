@@ -1,4 +1,7 @@
-"""Drains the engine's generators: a few milliseconds at a time in the window, straight through elsewhere."""
+"""Drains the engine's generators: a few milliseconds at a time in the window, straight through elsewhere.
+
+What child processes do comes as such a generator too: it follows their jobs, and closing it ends them.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +18,10 @@ from ._core import DermisError, core
 from .sampling import scene_sweep
 from .streaming import session
 
-BUDGET = 0.05
-"""[s] of work between two looks at the keyboard."""
-INTERVAL = 0.01
-"""[s] from one timer event to the next."""
+WORK_SECONDS = 0.05
+"""Of work between two looks at the keyboard."""
+TIMER_SECONDS = 0.01
+"""From one timer event to the next."""
 
 Steps = Generator[Any, None, Any]
 
@@ -45,13 +48,12 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
     sampling_seconds = 0.0
     try:
         while True:
-            while True:
-                start = time.perf_counter()
-                ready = sweep.advance()
-                sampling_seconds += time.perf_counter() - start
-                if ready:
-                    break
+            start = time.perf_counter()
+            ready = sweep.advance()
+            sampling_seconds += time.perf_counter() - start
+            if not ready:
                 yield pipeline.Progress("sampling", sweep.done, sweep.total)
+                continue
             try:
                 with skin_models.one_thread() if skins else nullcontext():
                     progress = next(steps)
@@ -65,17 +67,6 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
     finally:
         steps.close()
         sweep.close()
-
-
-def drain(steps: Steps, tell: Callable[[Any], None] | None = None) -> Any:
-    """Run a generator to its end and return its value; `tell` is given each progress."""
-    while True:
-        try:
-            progress = next(steps)
-        except StopIteration as stop:
-            return stop.value
-        if tell is not None:
-            tell(progress)
 
 
 class Job:
@@ -104,11 +95,7 @@ class Job:
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run straight through: from a script, in background, or as 'redo'."""
-        try:
-            result = drain(self.steps(context))
-            return self.finished(context, result)
-        except DermisError as error:
-            return reporting.report_error(self, error, self.job_title)
+        return self._finish(context, lambda: core.steps.drain(self.steps(context)))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start working beside the window's events."""
@@ -117,7 +104,7 @@ class Job:
         self._steps = self.steps(context)
         _running.append(self._steps)
         manager = context.window_manager
-        self._timer = manager.event_timer_add(INTERVAL, window=context.window)
+        self._timer = manager.event_timer_add(TIMER_SECONDS, window=context.window)
         manager.progress_begin(0.0, 1.0)
         context.window.cursor_modal_set("WAIT")
         manager.modal_handler_add(self)
@@ -137,7 +124,7 @@ class Job:
         if self._steps not in _running:  # the add-on was disabled meanwhile
             self._end(context)
             return {"CANCELLED"}
-        end = time.perf_counter() + BUDGET
+        end = time.perf_counter() + WORK_SECONDS
         try:
             progress = None
             while time.perf_counter() < end:
@@ -145,7 +132,8 @@ class Job:
             self._tell(context, progress)
         except StopIteration as stop:
             self._end(context)
-            return self._finish(context, stop.value)
+            result = stop.value
+            return self._finish(context, lambda: result)
         except DermisError as error:
             self._end(context)
             return reporting.report_error(self, error, self.job_title)
@@ -159,9 +147,10 @@ class Job:
         self._end(context)
         self.cancelled(context)
 
-    def _finish(self, context: bpy.types.Context, result: Any) -> set[str]:
+    def _finish(self, context: bpy.types.Context, work: Callable[[], Any]) -> set[str]:
+        """Take what some work returns; a refusal is reported."""
         try:
-            return self.finished(context, result)
+            return self.finished(context, work())
         except DermisError as error:
             return reporting.report_error(self, error, self.job_title)
 

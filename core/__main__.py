@@ -6,7 +6,7 @@ import argparse
 import io
 import json
 import sys
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -16,7 +16,6 @@ from .version import version
 
 if TYPE_CHECKING:
     from .matching.screen_map import ScreenMap
-    from .pipeline.bake import Bake, Progress
     from .track.command_track import CommandTrack
 
 # What the extension brings along, and another Python may lack: module -> the name to install it by.
@@ -63,6 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def render(options: argparse.Namespace) -> int:
     """Render a sampled scene and write its tracks."""
+    from .command_line.progress import drain_shown
     from .pipeline import outputs
     from .pipeline import render as pipeline
     from .presets import Library
@@ -71,7 +71,7 @@ def render(options: argparse.Namespace) -> int:
     from .track.file_names import FileNames
 
     scene, library = scene_file.load(options.scene), Library(options.presets)
-    bake = _drain(pipeline.render(scene, library), quiet=options.quiet)
+    bake = drain_shown(pipeline.render(scene, library), quiet=options.quiet)
     try:
         written = outputs.export(bake, options.out, plots=options.plots)
     except DermisError:
@@ -179,7 +179,7 @@ def check(options: argparse.Namespace) -> int:
 
 def work(options: argparse.Namespace) -> int:
     """Take jobs from standard input."""
-    from .work.serve import serve
+    from .work.processes import serve
 
     return serve()
 
@@ -280,21 +280,6 @@ def _load_screen(path: Path) -> ScreenMap:
     from .matching.screen_map import ScreenMap
 
     return ScreenMap.load(path)
-
-
-def _drain(steps: Generator[Progress, None, Bake], *, quiet: bool) -> Bake:
-    """Run a rendering to its end; show each tenth of each stage once."""
-    shown = ("", -1)
-    while True:
-        try:
-            step = next(steps)
-        except StopIteration as stop:
-            bake: Bake = stop.value
-            return bake
-        now = (step.stage, 10 * step.done // max(step.total, 1))
-        if now != shown and not quiet:
-            print(f"{step.stage}: {step.done} of {step.total}", file=sys.stderr)
-            shown = now
 
 
 def _tell(findings: Sequence[Finding], stream: TextIO) -> int:

@@ -93,13 +93,9 @@ def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
     yield progress("skin", 0, 1)
     skin, rows = skin_properties.parameters(obj.dermis.finger.skin), int(device.table_rows)
     steps = swept(spec, skin["skin"], skin["skin_level"], rows)
-    while True:
-        try:
-            yield next(steps)
-        except StopIteration as stop:
-            model, made = stop.value
-            core.matching.lookup.keep_table(model, spec, rows, made)
-            return made
+    model, made = yield from steps
+    core.matching.lookup.keep_table(model, spec, rows, made)
+    return made
 
 
 def make_missing(scene: bpy.types.Scene) -> Generator[Any, None, None]:

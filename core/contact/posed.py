@@ -88,8 +88,12 @@ class PosedBody:
             try:
                 self._turn = rotations(chunk.bodies[b, :, :3, :3])
             except DermisError as error:
-                where = f"object '{self._body.name}'"
-                raise error.changed(where=where, value=None, remedy="Scale its vertices instead") from error
+                raise DermisError(
+                    error.what,
+                    where=f"object '{self._body.name}'",
+                    limit=error.limit,
+                    remedy="Scale its vertices instead",
+                ) from error
         turn, pose = self._turn[i], chunk.bodies[b, i]
         stretch = turn.T @ pose[:3, :3]
         if b in chunk.surfaces:

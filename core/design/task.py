@@ -21,6 +21,7 @@ from ..matching.table import SkinTable, belongs
 from ..scene.tactile_scene import TactileScene
 from ..skin.model import SkinModel
 from ..skin.shape import FingertipShape
+from ..steps import in_words
 from ..work.executor import JobExecutor
 from .collect import collect, reversed_spread
 from .interactions import NOISE, RATE
@@ -106,13 +107,7 @@ def table_for(
         DermisError: a sweep that fails.
     """
     steps = collect(spec, shape, folder, level=level, rows=rows, executor=executor, material=material)
-    while True:
-        try:
-            done, total = next(steps)
-        except StopIteration as stop:
-            found: SkinTable = stop.value
-            return found
-        yield Step("table", done, total)
+    return in_words(steps, lambda step: Step("table", *step))
 
 
 def answer(

@@ -24,6 +24,7 @@ from ..matching import SKIN_KINDS
 from ..presets import Library
 from ..scene.content_hash import ContentHash
 from ..scene.tactile_scene import DeviceUse, TactileScene
+from ..steps import drain
 from ..version import version
 from .bake import Bake, Output, Progress
 
@@ -93,13 +94,7 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
 
 def run(scene: TactileScene, library: Library | None = None) -> Bake:
     """Render a scene straight through, without progress."""
-    steps = render(scene, library or Library())
-    while True:
-        try:
-            next(steps)
-        except StopIteration as stop:
-            bake: Bake = stop.value
-            return bake
+    return drain(render(scene, library or Library()))
 
 
 def _wanted(

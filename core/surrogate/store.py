@@ -25,8 +25,9 @@ from ..files import write_npz
 from ..foreign import damage_told, json_of
 from ..npz import read_npz
 from ..skin.model import SkinModel
+from ..steps import in_words
 from . import onnx
-from .dataset import Dataset, record, split
+from .dataset import record, split
 from .learned import Descriptors, LearnedModel, descriptors
 from .network import HIDDEN, ITERATIONS, Network, train
 from .ridge import QuadraticRidge, fit_ridge
@@ -108,13 +109,7 @@ def adapt(
         DermisError: servo limits that exclude contact, or settings out of range.
     """
     recording = record(device, contact_of(device, skin, friction), trajectories, seed=seed)
-    while True:
-        try:
-            done, total = next(recording)
-        except StopIteration as stop:
-            data: Dataset = stop.value
-            break
-        yield "dataset", done, total
+    data = yield from in_words(recording, lambda step: ("dataset", *step))
     yield "descriptors", 0, 1
     spaces = descriptors(data, skin.stress_components(), tolerance=tolerance)
     table = spaces.table(data)

@@ -16,6 +16,7 @@ from blender_addon.preview import skin_preview as skins
 from blender_addon.properties import scene_properties
 from blender_addon.results import store
 from blender_addon.viewport import platform_twin, platform_view
+from core.steps import drain
 
 ROWS = 216  # six steps a motor: coarse, and there in a moment
 
@@ -131,7 +132,7 @@ def test_bake_makes_the_table_with_progress_and_export_passes_the_check(demo, tm
     stages = []
     from blender_addon.preferences import library as presets
 
-    bake = jobs.drain(jobs.bake(scene, presets()), lambda p: stages.append(p.stage))
+    bake = drain(jobs.bake(scene, presets()), lambda p: stages.append(p.stage))
     assert "table" in stages and not platform_devices.missing(finger, finger.dermis.finger.devices[0])
     store.keep(scene, bake)
     assert bpy.ops.dermis.export_tracks(directory=str(tmp_path / "tracks")) == {"FINISHED"}
@@ -151,7 +152,7 @@ def test_the_table_file_of_another_device_is_told_on_scrub_and_bake(demo, tmp_pa
     with pytest.raises(errors.DermisError, match="another device"):
         platform_devices.table(finger, device)
     assert not platform_devices.missing(finger, device)
-    bake = jobs.drain(jobs.bake(scene, library()))
+    bake = drain(jobs.bake(scene, library()))
     assert not bake.outputs and any("another device" in str(f) for f in bake.all_findings)
 
 

@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "core"
 ADDON = ROOT / "blender_addon"
 
-GROUND = {"errors", "units", "version", "foreign", "files", "npz", "number_rows", "cache", "interpolate"}
+GROUND = {"errors", "units", "version", "foreign", "files", "npz", "number_rows", "cache", "interpolate", "steps"}
 # Files of devices/ that need no more than a device's description: presets are judged by them.
 MECHANISMS = frozenset(
     "parameters shear_tactor friction_screen pin_array thimble firmness forward_kinematics servo_limits cable_platform "
@@ -28,6 +28,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     # the ground
     "errors": set(),
     "version": set(),
+    "steps": set(),
     "units": {"errors"},
     "foreign": {"errors"},
     "files": {"errors", "foreign"},

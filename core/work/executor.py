@@ -47,7 +47,7 @@ class JobFuture(Future[dict[str, NDArray[Any]]]):
         self._unwanted = True
         if not super().cancel():
             with self._ending:
-                if self._end is not None:
+                if self._end is not None and not self.done():
                     self._end()
             wait((self,))
         return self.cancelled()

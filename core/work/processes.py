@@ -1,9 +1,13 @@
-"""Jobs done by child processes of this one, one after the other in each; arrays travel as .npz files."""
+"""Jobs done by child processes of this one, one after the other in each: both ends of the pipe.
+
+Requests and replies are lines of JSON; arrays travel as .npz files in a folder that goes with the job.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import json
+import os
 import queue
 import tempfile
 import threading
@@ -16,7 +20,7 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError
 from ..files import write_npz
-from .child import ChildProcess, close_at_exit, command
+from .child import ChildProcess, close_at_exit, command, follow_parent
 from .executor import JobExecutor, JobFuture
 from .jobs import JOBS, Arrays, Job, Report, Table
 
@@ -40,6 +44,7 @@ class ProcessExecutor(JobExecutor):
         self._open: set[JobFuture] = set()
         self._threads: list[threading.Thread] = []
         self._closed = False
+        self._lock = threading.Lock()
         close_at_exit(self)
 
     def submit(  # type: ignore[override]
@@ -47,14 +52,15 @@ class ProcessExecutor(JobExecutor):
     ) -> JobFuture:
         """See `JobExecutor.submit`."""
         job, future = Job(name, arrays or {}, parameters or {}, self.table), JobFuture()
-        if self._closed:
-            raise RuntimeError("cannot schedule new futures after shutdown")
-        self._open.add(future)
+        with self._lock:
+            if self._closed:
+                raise RuntimeError("cannot schedule new futures after shutdown")
+            self._open.add(future)
+            self._jobs.put((future, job))
+            if len(self._threads) < self.workers:
+                self._threads.append(threading.Thread(target=self._work, daemon=True))
+                self._threads[-1].start()
         future.add_done_callback(self._open.discard)
-        self._jobs.put((future, job))
-        if len(self._threads) < self.workers:
-            self._threads.append(threading.Thread(target=self._work, daemon=True))
-            self._threads[-1].start()
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -64,10 +70,10 @@ class ProcessExecutor(JobExecutor):
             wait: return when the processes have ended.
             cancel_futures: cancel the jobs, running ones too.
         """
-        if not self._closed:
+        with self._lock:
             self._closed = True
             for _ in self._threads:
-                self._jobs.put(None)
+                self._jobs.put(None)  # more of them than are taken do no harm
         for future in list(self._open) if cancel_futures else ():
             future.cancel()
         for thread in self._threads if wait else ():
@@ -123,10 +129,34 @@ class _Worker(ChildProcess):
                 elif "error" in message:
                     raise DermisError(**message["error"])
                 else:
-                    with np.load(result, allow_pickle=False) as loaded:
-                        return {k: loaded[k] for k in loaded.files}
+                    return _read(result)
         said = self.said()
         self.end(0.0, kill=True)
         raise DermisError(
             "the worker ended before its job did", where=f"process {self.pid}", value=said, code="job-crashed"
         )
+
+
+def serve(table: Table = JOBS) -> int:
+    """Do what the parent pipe asks for; when the parent has gone, end at once, in the middle of a job too."""
+    replies = os.fdopen(os.dup(1), "wb", buffering=0)
+    os.dup2(2, 1)  # what anything prints goes to the log, not between the replies
+    requests: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    follow_parent(lambda: os._exit(0), requests.put)
+
+    def reply(message: Mapping[str, Any]) -> None:
+        replies.write(json.dumps(message).encode() + b"\n")
+
+    while True:
+        request = json.loads(requests.get())
+        try:
+            job = Job(request["job"], _read(request["in"]), request["parameters"], table)
+            write_npz(Path(request["out"]), job.run(lambda done, total: reply({"progress": [done, total]})))
+            reply({"done": True})
+        except DermisError as error:
+            reply({"error": error.as_dict()})
+
+
+def _read(path: Path) -> dict[str, NDArray[Any]]:
+    with np.load(path, allow_pickle=False) as loaded:
+        return {name: loaded[name] for name in loaded.files}

@@ -14,7 +14,7 @@ import numpy as np
 from core.errors import DermisError
 
 TABLE = {name: f"{__name__}:{name}" for name in ("echo", "dawdle", "refuse", "fail", "die")}
-LINE = [sys.executable, "-c", f"from core.work.serve import serve; from {__name__} import TABLE; serve(TABLE)"]
+LINE = [sys.executable, "-c", f"from core.work.processes import serve; from {__name__} import TABLE; serve(TABLE)"]
 
 
 def echo(arrays: Any, parameters: Any, report: Any) -> Any:

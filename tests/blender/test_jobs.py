@@ -8,6 +8,7 @@ import pytest
 
 from blender_addon import handlers, jobs, reporting
 from core.errors import DermisError, Finding
+from core.pipeline.bake import Progress
 from core.presets import Library
 from core.steps import drain
 from tests.blender import build
@@ -72,7 +73,7 @@ class DERMIS_TEST_OT_job(jobs.Job, bpy.types.Operator):
     def steps(self, context):
         """Yield three times."""
         for i in range(3):
-            yield jobs.import_module("core.pipeline.render").Progress("counting", i, 3)
+            yield Progress("counting", i, 3)
         if type(self).fail:
             raise DermisError("it will not", where="here", remedy="Do not")
         return 42

@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     import core.skin.own_mesh
     import core.skin.shape
     import core.skin.stimulus
+    import core.steps
     import core.stream.client
     import core.stream.links.serial_port
     import core.stream.links.url
@@ -72,7 +73,8 @@ if TYPE_CHECKING:
     import core.track.command_track
     import core.track.export
     import core.track.file_names
-    import core.work
+    import core.work.executor
+    import core.work.processes
     from core.errors import DermisError, Finding, worst
 else:
     from importlib import import_module

@@ -62,7 +62,7 @@ def render(options: argparse.Namespace) -> int:
 
 def _render(options: argparse.Namespace, scene: bpy.types.Scene, folder: Path) -> int:
     outputs = core.pipeline.outputs
-    made = jobs.drain(jobs.bake(scene, _library(options), span=_span(options)), _teller(options))
+    made = core.steps.drain(jobs.bake(scene, _library(options), span=_span(options)), _teller(options))
     _end_of_progress(options)
     if options.format or options.finger or options.part != "all":
         written, found = _parts(options, scene, made, folder)

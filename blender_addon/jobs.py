@@ -1,4 +1,7 @@
-"""Drains the engine's generators: a few milliseconds at a time in the window, straight through elsewhere."""
+"""Drains the engine's generators: a few milliseconds at a time in the window, straight through elsewhere.
+
+What child processes do comes as such a generator too: it follows their jobs, and closing it ends them.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +19,10 @@ from .devices import platform_devices, skin_models
 from .sampling import scene_sweep
 from .streaming import session
 
-BUDGET = 0.05
-"""[s] of work between two looks at the keyboard."""
-INTERVAL = 0.01
-"""[s] from one timer event to the next."""
+WORK_SECONDS = 0.05
+"""Of work between two looks at the keyboard."""
+TIMER_SECONDS = 0.01
+"""From one timer event to the next."""
 
 Steps = Generator[Any, None, Any]
 
@@ -44,13 +47,12 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
     sampling_seconds = 0.0
     try:
         while True:
-            while True:
-                start = time.perf_counter()
-                ready = sweep.advance()
-                sampling_seconds += time.perf_counter() - start
-                if ready:
-                    break
+            start = time.perf_counter()
+            ready = sweep.advance()
+            sampling_seconds += time.perf_counter() - start
+            if not ready:
                 yield pipeline.Progress("sampling", sweep.done, sweep.total)
+                continue
             try:
                 with skin_models.one_thread() if skins else nullcontext():
                     progress = next(steps)
@@ -64,17 +66,6 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
     finally:
         steps.close()
         sweep.close()
-
-
-def drain(steps: Steps, tell: Callable[[Any], None] | None = None) -> Any:
-    """Run a generator to its end and return its value; `tell` is given each progress."""
-    while True:
-        try:
-            progress = next(steps)
-        except StopIteration as stop:
-            return stop.value
-        if tell is not None:
-            tell(progress)
 
 
 class Job:
@@ -103,11 +94,7 @@ class Job:
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run straight through: from a script, in background, or as 'redo'."""
-        try:
-            result = drain(self.steps(context))
-            return self.finished(context, result)
-        except DermisError as error:
-            return reporting.report_error(self, error, self.job_title)
+        return self._finish(context, lambda: core.steps.drain(self.steps(context)))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start working beside the window's events."""
@@ -116,7 +103,7 @@ class Job:
         self._steps = self.steps(context)
         _running.append(self._steps)
         manager = context.window_manager
-        self._timer = manager.event_timer_add(INTERVAL, window=context.window)
+        self._timer = manager.event_timer_add(TIMER_SECONDS, window=context.window)
         manager.progress_begin(0.0, 1.0)
         context.window.cursor_modal_set("WAIT")
         manager.modal_handler_add(self)
@@ -136,7 +123,7 @@ class Job:
         if self._steps not in _running:  # the add-on was disabled meanwhile
             self._end(context)
             return {"CANCELLED"}
-        end = time.perf_counter() + BUDGET
+        end = time.perf_counter() + WORK_SECONDS
         try:
             progress = None
             while time.perf_counter() < end:
@@ -144,7 +131,8 @@ class Job:
             self._tell(context, progress)
         except StopIteration as stop:
             self._end(context)
-            return self._finish(context, stop.value)
+            result = stop.value
+            return self._finish(context, lambda: result)
         except DermisError as error:
             self._end(context)
             return reporting.report_error(self, error, self.job_title)
@@ -158,9 +146,10 @@ class Job:
         self._end(context)
         self.cancelled(context)
 
-    def _finish(self, context: bpy.types.Context, result: Any) -> set[str]:
+    def _finish(self, context: bpy.types.Context, work: Callable[[], Any]) -> set[str]:
+        """Take what some work returns; a refusal is reported."""
         try:
-            return self.finished(context, result)
+            return self.finished(context, work())
         except DermisError as error:
             return reporting.report_error(self, error, self.job_title)
 

@@ -45,7 +45,7 @@ def clear() -> None:
 def as_finding(error: Exception) -> Any:
     """Return an error as a finding of severity error, so that it stays in the list."""
     if isinstance(error, DermisError):
-        return Finding("error", "refused", error.what, error.where, error.value, error.limit, error.remedy)
+        return error.as_finding()
     return Finding("error", "failed", f"{type(error).__name__}: {error}")
 
 

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from .track.command_track import CommandTrack
     from .track.csv import read as read_csv
     from .track.csv import write as write_csv
-    from .work import Worker
+    from .work.processes import ProcessExecutor
 
 # name -> module, and the name there
 _PUBLIC: dict[str, tuple[str, str]] = {
@@ -97,7 +97,7 @@ _PUBLIC: dict[str, tuple[str, str]] = {
     # what long work needs
     "Cache": ("cache", "Cache"),
     "cache_key": ("cache", "cache_key"),
-    "Worker": ("work", "Worker"),
+    "ProcessExecutor": ("work.processes", "ProcessExecutor"),
 }
 
 __all__ = [
@@ -117,13 +117,13 @@ __all__ = [
     "Mesh",
     "Output",
     "PresetEntry",
+    "ProcessExecutor",
     "Progress",
     "Screen",
     "SkinModel",
     "Surface",
     "TactileScene",
     "Touch",
-    "Worker",
     "cache_key",
     "export",
     "fingertip",

@@ -6,7 +6,7 @@ import argparse
 import io
 import json
 import sys
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -16,16 +16,7 @@ from .version import version
 
 if TYPE_CHECKING:
     from .matching.screen_map import ScreenMap
-    from .pipeline.bake import Bake, Progress
     from .track.command_track import CommandTrack
-
-# What a child process may be asked to do: name -> module of this package, function.
-JOBS = {
-    "probe": (".work", "probe"),
-    "skin": (".skin.job", "make"),
-    "collect": (".design.collect", "work"),
-    "adapt": (".matching.adapt", "adapt_job"),
-}
 
 # What the extension brings along, and another Python may lack: module -> the name to install it by.
 LIBRARIES = {
@@ -53,6 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 check_writable(getattr(options, name), folder=is_folder)
         return int(options.run(options))
     except DermisError as error:
+        if getattr(options, "json", False):
+            print(json.dumps({"error": error.as_dict()}, indent=1, ensure_ascii=False))
         print(f"error: {error}", file=sys.stderr)
         return REFUSED
     except ModuleNotFoundError as error:
@@ -75,6 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def render(options: argparse.Namespace) -> int:
     """Render a sampled scene and write its tracks."""
+    from .command_line.progress import drain_shown
     from .pipeline import outputs
     from .pipeline import render as pipeline
     from .presets import Library
@@ -83,7 +77,7 @@ def render(options: argparse.Namespace) -> int:
     from .track.file_names import FileNames
 
     scene, library = scene_file.load(options.scene), Library(options.presets)
-    bake = _drain(pipeline.render(scene, library), quiet=options.quiet)
+    bake = drain_shown(pipeline.render(scene, library), quiet=options.quiet)
     try:
         written = outputs.export(bake, options.out, plots=options.plots)
     except DermisError:
@@ -191,16 +185,17 @@ def check(options: argparse.Namespace) -> int:
 
 def work(options: argparse.Namespace) -> int:
     """Take jobs from standard input."""
-    from .work import serve
+    from .work.processes import serve
 
-    return serve(JOBS)
+    return serve()
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=f"python -m {__package__}",
         description="Dermis without Blender: render sampled scenes, check command tracks.",
-        epilog="Exit status: 0; 1 where a finding has the severity error; 2 where nothing could be done.",
+        epilog="Exit status: 0; 1 where a finding has the severity error; 2 where nothing could be done. "
+        "With --json a refusal is an object 'error' on standard output; programs compare its 'code'.",
     )
     parser.add_argument("--version", action="version", version=f"dermis {version()}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
@@ -291,21 +286,6 @@ def _load_screen(path: Path) -> ScreenMap:
     from .matching.screen_map import ScreenMap
 
     return ScreenMap.load(path)
-
-
-def _drain(steps: Generator[Progress, None, Bake], *, quiet: bool) -> Bake:
-    """Run a rendering to its end; show each tenth of each stage once."""
-    shown = ("", -1)
-    while True:
-        try:
-            step = next(steps)
-        except StopIteration as stop:
-            bake: Bake = stop.value
-            return bake
-        now = (step.stage, 10 * step.done // max(step.total, 1))
-        if now != shown and not quiet:
-            print(f"{step.stage}: {step.done} of {step.total}", file=sys.stderr)
-            shown = now
 
 
 def _tell(findings: Sequence[Finding], stream: TextIO) -> int:

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 Severity = Literal["info", "warning", "error"]
 SEVERITIES: tuple[Severity, ...] = ("info", "warning", "error")
+REFUSED = "refused"  # the code of an error that nobody has to tell from others
 
 
 class DermisError(ValueError):
@@ -19,15 +20,35 @@ class DermisError(ValueError):
         value: the value found.
         limit: what would have been accepted.
         remedy: what to do about it.
+        code: a stable word to tell refusals apart by, such as 'no-finger': programs compare codes, never messages.
 
     >>> from dermis import DermisError
     >>> print(DermisError("a length must be above zero", where="radius", value=-1.0, limit="> 0 m"))
     radius: a length must be above zero (found -1.0; allowed: > 0 m).
     """
 
-    def __init__(self, what: str, *, where: str = "", value: Any = None, limit: str = "", remedy: str = "") -> None:
+    def __init__(
+        self, what: str, *, where: str = "", value: Any = None, limit: str = "", remedy: str = "", code: str = REFUSED
+    ) -> None:
         self.what, self.where, self.value, self.limit, self.remedy = what, where, value, limit, remedy
+        self.code = code
         super().__init__(sentence(what, where, value, limit, remedy))
+
+    def changed(self, **parts: Any) -> DermisError:
+        """Return the same refusal with some parts replaced, such as `where` by what the caller knows it as."""
+        return DermisError(**{**self._parts(), **parts})
+
+    def as_finding(self, severity: Severity = "error", **parts: Any) -> Finding:
+        """Return the refusal as a finding, for work that goes on without what was refused."""
+        return Finding(**{"severity": severity, **self._parts(), **parts})
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the refusal as plain JSON values."""
+        plain = self.value if isinstance(self.value, str | int | float | bool | None) else str(self.value)
+        return {**self._parts(), "value": plain}
+
+    def _parts(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in ("code", "what", "where", "value", "limit", "remedy")}
 
 
 @dataclass(frozen=True)

@@ -148,7 +148,7 @@ def json_of(data: bytes | str, where: str, most: int = MOST_SETTINGS, *, constan
         value = json.loads(text, parse_constant=None if constants else refuse, parse_int=whole, object_pairs_hook=once)
     except json.JSONDecodeError as error:
         raise DermisError(
-            "not JSON", where=f"{where}, line {error.lineno}, column {error.colno}", value=error.msg
+            "not JSON", where=f"{where}, line {error.lineno}, column {error.colno}", value=error.msg, code="not-json"
         ) from error
     except RecursionError as error:
         raise DermisError("nested too deeply", where=where, limit=f"{DEEPEST} levels") from error

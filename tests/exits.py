@@ -19,7 +19,7 @@ from core.presets import Library
 from core.stream.client import SenderClient
 from core.track import binary
 from core.track.command_track import CommandTrack
-from core.work import command, environment
+from core.work.child import command, environment
 
 PROTOCOLS = ("native", "maestro", "servo-animation", "torque", "osc")
 SIGNALS = {

@@ -405,7 +405,7 @@ OWN = {
     "core.surrogate.network:train": "unpacks what it packed",
     "core.surrogate.store:save": "writes",
     "core.version:version": "the manifest beside the program",
-    "core.work": "its own child, its arrays and its log",
+    "core.work.processes": "its own child or parent, and the arrays between them",
     "blender_addon.streaming.built_devices:_table": "tests/blender/test_readers.py damages it",
     "blender_addon.results.store:_read": "tests/blender/test_readers.py damages it",
     "blender_addon.results.store:_write": "writes",

@@ -93,13 +93,9 @@ def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
     yield progress("skin", 0, 1)
     skin, rows = skin_properties.parameters(obj.dermis.finger.skin), int(device.table_rows)
     steps = swept(spec, skin["skin"], skin["skin_level"], rows)
-    while True:
-        try:
-            yield next(steps)
-        except StopIteration as stop:
-            model, made = stop.value
-            core.matching.lookup.keep_table(model, spec, rows, made)
-            return made
+    model, made = yield from steps
+    core.matching.lookup.keep_table(model, spec, rows, made)
+    return made
 
 
 def make_missing(scene: bpy.types.Scene) -> Generator[Any, None, None]:
@@ -128,10 +124,10 @@ def swept(spec: Any, skin: dict[str, Any], level: str, rows: int | None) -> Gene
     material = {k: float(v) for k, v in skin.items() if k in ("young", "poisson", "alpha")}
     lengths = {k: v for k, v in skin.items() if k not in material}
     shape = core.skin.shape.shape_from_parameters(lengths)
-    steps = core.design.collect.collect(
-        spec, shape, folder(), level=level, rows=rows, workers=WORKERS, material=material
-    )
-    try:
+    with core.work.processes.ProcessExecutor(WORKERS) as executor:
+        steps = core.design.collect.collect(
+            spec, shape, folder(), level=level, rows=rows, executor=executor, material=material
+        )
         while True:
             try:
                 with skin_models.one_thread():
@@ -139,8 +135,6 @@ def swept(spec: Any, skin: dict[str, Any], level: str, rows: int | None) -> Gene
             except StopIteration as stop:
                 return model, stop.value
             yield progress("table", done, total)
-    finally:
-        steps.close()
 
 
 def folder() -> Path:

@@ -7,7 +7,7 @@ takes seconds: in a window a child process makes it, and whoever asked gets None
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from typing import Any, Literal, overload
 
@@ -24,9 +24,9 @@ on_made: Callable[[], None] | None = None
 """Called whenever a skin that is being made has come further: `handlers` hooks the preview in."""
 
 _models: core.recent.Recent[str, core.skin.model.SkinModel] = core.recent.Recent(8)
-_making: dict[str, tuple[Any, Generator[tuple[int, int], None, Any]]] = {}
+_making: dict[str, core.work.executor.JobFuture] = {}
 _progress: dict[str, float] = {}
-_failed: dict[str, Exception] = {}
+_failed: dict[str, BaseException] = {}
 
 
 def cache() -> core.cache.Cache:
@@ -96,8 +96,8 @@ def progress(skin: Mapping[str, float], level: str) -> float | None:
 
 def forget() -> None:
     """Drop the models from memory, and stop making others; those on disk stay."""
-    for worker, _ in _making.values():
-        worker.close()
+    for job in _making.values():
+        job.cancel()
     _making.clear()
     _progress.clear()
     _models.clear()
@@ -119,12 +119,10 @@ def _begin(key: str, skin: Mapping[str, float], level: str) -> None:
     """Let a child process put a skin into the cache, and look after it now and then."""
     if key in _making:
         return
-    worker = core.work.Worker()
-    folder = str(cache().folder)
-    _making[key] = (
-        worker,
-        worker.run("skin", {}, {"skin": dict(skin), "level": level, "folder": folder, "limit": LIMIT_BYTES}),
-    )
+    executor = core.work.processes.ProcessExecutor()
+    parameters = {"skin": dict(skin), "level": level, "folder": str(cache().folder), "limit": LIMIT_BYTES}
+    _making[key] = executor.submit("skin", {}, parameters)
+    executor.shutdown(wait=False)  # its process ends with the job
     _progress[key] = 0.0
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=POLL)
@@ -132,20 +130,15 @@ def _begin(key: str, skin: Mapping[str, float], level: str) -> None:
 
 def _tick() -> float | None:
     """Take in what the child processes say."""
-    for key, (worker, steps) in list(_making.items()):
-        try:
-            done, total = next(steps)
-            if total:
-                _progress[key] = min(done / total, 0.99)
-        except StopIteration:
+    for key, job in list(_making.items()):
+        done, total = job.progress()
+        _progress[key] = min(done / max(total, 1), 0.99)
+        if job.done():
+            del _making[key]
             _progress[key] = 1.0
-            del _making[key]
-            worker.close()
-        except DermisError as error:
-            _failed[key] = error
-            _progress.pop(key, None)
-            del _making[key]
-            worker.close()
+            if (error := job.exception()) is not None:
+                _failed[key] = error
+                del _progress[key]
     if on_made is not None:
         on_made()  # whoever waits says how far it is, or begins
     return POLL if _making else None

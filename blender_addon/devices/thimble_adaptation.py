@@ -51,19 +51,14 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
         uses = core.matching.thimble_use
         target = core.surrogate.store.place_of(folder, model, *uses.fitted(spec, model, use))
     older, done = target.is_file(), False
-    worker = core.work.Worker()
-    steps = worker.run("adapt", {}, parameters)
     try:
-        while True:
-            try:
-                now, total = next(steps)
-            except StopIteration as stop:
-                done = True
-                return dict(stop.value)
-            yield progress("moving the disc" if now < MOVING else "learning", now, max(total, 1))
+        with core.work.processes.ProcessExecutor() as executor:
+            job = executor.submit("adapt", {}, parameters)
+            for now, total in job.follow():
+                yield progress("moving the disc" if now < MOVING else "learning", now, max(total, 1))
+            made, done = dict(job.result()), True
+            return made
     finally:
-        steps.close()
-        worker.close()
         if not done:
             _remove(folder, target.stem, whole=not older)
 

@@ -124,18 +124,8 @@ def write_parts(parts: Sequence[Part], form: str, *, force: bool = False) -> tup
             found += formats.write(part.track, part.path, form, force=force)
         except DermisError as error:
             refused.append(error)
-            what = error.what.removeprefix("not written: ")
-            found.append(
-                Finding(
-                    "error",
-                    "refused",
-                    f"not written: {what}",
-                    f"{part.path.name}: {error.where}",
-                    error.value,
-                    error.limit,
-                    error.remedy,
-                )
-            )
+            what = error.what if error.code == "track-refused" else f"not written: {error.what}"
+            found.append(error.as_finding(code="refused", what=what, where=f"{part.path.name}: {error.where}"))
         else:
             written.append(part.path)
     if refused and not written:

@@ -343,14 +343,14 @@ def reason(tactile: Any, error: Any) -> Any:
     Args:
         tactile: the refused `TactileScene`. error: what its `validate` raised.
     """
-    if error.what not in ("no finger", "nothing to touch"):
+    if error.code not in ("no-finger", "nothing-to-touch"):
         return error
     fingers = {f"object '{o.name_full}'" for o in bpy.data.objects if participants.role_of(o) == "FINGER"}
     for finding in tactile.findings:
         refused = finding.code in ("disabled", "mesh-unusable", "screen-unusable")
         if refused and (finding.where in fingers) == (not tactile.fingers):
-            return DermisError(
-                f"{error.what}: {finding.what.removesuffix(_SO_LEFT_OUT)}",
+            return error.changed(
+                what=f"{error.what}: {finding.what.removesuffix(_SO_LEFT_OUT)}",
                 where=finding.where,
                 value=finding.value,
                 limit=finding.limit,
@@ -361,4 +361,4 @@ def reason(tactile: Any, error: Any) -> Any:
 
 def _left_out(error: Any, code: str) -> Any:
     remedy = f"{error.remedy}. {_LEFT_OUT}" if error.remedy else _LEFT_OUT
-    return Finding("error", code, error.what, where=error.where, value=error.value, limit=error.limit, remedy=remedy)
+    return error.as_finding(code=code, remedy=remedy)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Generator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ..design.interactions import NAMES, NOISE, interaction
 from ..errors import DermisError
+from .progress import drain_shown
 
 if TYPE_CHECKING:
     from ..scene.tactile_scene import TactileScene
@@ -63,6 +64,8 @@ def run(options: argparse.Namespace) -> int:
     from ..presets import Library, read
     from ..skin.model import MATERIAL_PARAMETERS, skin_from_parameters
     from ..skin.shape import shape_from_parameters
+    from ..work.executor import InlineExecutor
+    from ..work.processes import ProcessExecutor
 
     library = Library(options.presets)
     spec = library.device(options.device)
@@ -84,10 +87,11 @@ def run(options: argparse.Namespace) -> int:
     if options.table is not None:
         table = task.load_table(spec, options.table)
     else:
-        steps = task.table_for(
-            spec, shape, folder, level=options.level, rows=rows, workers=options.workers, material=material
-        )
-        table = _drain(steps, options.quiet)
+        with ProcessExecutor(options.workers) if options.workers else InlineExecutor() as executor:
+            steps = task.table_for(
+                spec, shape, folder, level=options.level, rows=rows, executor=executor, material=material
+            )
+            table = drain_shown(steps, quiet=options.quiet)
     if options.save_table is not None:
         table.save(options.save_table)
         print(options.save_table, file=sys.stderr)  # standard output is the report, which may be JSON
@@ -110,11 +114,11 @@ def run(options: argparse.Namespace) -> int:
             raise DermisError("two touches have one name", where="design", value=name)
         seed = 100 * options.seed + i
         reading = task.sense_scene(scene, skin, options.finger, noise=options.noise, seed=seed)
-        sensed[name] = _drain(reading, options.quiet)
+        sensed[name] = drain_shown(reading, quiet=options.quiet)
     answer = task.answer(
         spec, table, sensed, noise=options.noise, skin=skin, spread=options.table is None and options.out is not None
     )
-    found = _drain(answer, options.quiet)
+    found = drain_shown(answer, quiet=options.quiet)
     for finding in found.findings:
         print(finding, file=sys.stderr)
     shown = (
@@ -200,10 +204,12 @@ def _skin(options: argparse.Namespace, library: Any, scenes: Mapping[str, Tactil
 def _trial(options: argparse.Namespace, table: Any, skin: Any) -> int:
     """Judge the six interactions over seeds; print every exception."""
     from ..design.synergies import CHOICES
+    from ..design.task import Step
     from ..design.trial import exceptions, trial
+    from ..steps import in_words
 
     steps = trial([table], skin, range(options.trial))
-    (verdicts,) = _drain(steps, options.quiet)
+    (verdicts,) = drain_shown(in_words(steps, lambda step: Step("trial", *step)), quiet=options.quiet)
     for name in NAMES:
         own = [v for v in verdicts if v.name == name]
         for i, choice in enumerate(CHOICES):
@@ -219,18 +225,3 @@ def _trial(options: argparse.Namespace, table: Any, skin: Any) -> int:
     for line in exceptions(verdicts):
         print("exception:", line)
     return 0
-
-
-def _drain(steps: Generator[Any, None, T], quiet: bool) -> T:
-    shown: tuple[Any, int] = ("", -1)
-    while True:
-        try:
-            step = next(steps)
-        except StopIteration as stop:
-            result: T = stop.value
-            return result
-        stage, done, total = (step.stage, step.done, step.total) if hasattr(step, "stage") else ("trial", *step)
-        now = (stage, 10 * done // max(total, 1))
-        if now != shown and not quiet:
-            print(f"{stage}: {done} of {total}", file=sys.stderr)
-            shown = now

@@ -1,4 +1,4 @@
-"""Data collection in simulation: a sweep of a device's configurations over worker processes, resumable.
+"""Data collection in simulation: a sweep of a device's configurations by workers, resumable.
 
 The sweep is cut into parts; each finished part is a file of its own, whole or not there, so that a collection that was
 stopped goes on where it was. When all parts are there they become one table.
@@ -8,9 +8,10 @@ Source: [S2] III.A with the corrections (rows come from rest; the spread of the 
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Generator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import asdict
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -26,13 +27,12 @@ from ..matching.readings import Counts, quantised, readings_of
 from ..matching.sweep import sweep
 from ..matching.table import SkinTable, assemble, press_of, tabulate
 from ..npz import opened_npz
-from ..recent import Recent
 from ..skin.material import Elastic
 from ..skin.model import SkinModel, fingertip_skin
 from ..skin.shape import FingertipShape
+from ..work.executor import POLL_SECONDS, InlineExecutor, JobExecutor
 
 Array = NDArray[np.float64]
-Job = Callable[[Mapping[str, NDArray[Any]], Mapping[str, Any]], Generator[tuple[int, int], None, dict[str, Any]]]
 
 PART = 2048  # rows in a part: a second or two of work
 SPREAD_ROWS = 512  # rows that the reversed sweep is made for
@@ -45,8 +45,7 @@ def collect(
     *,
     level: str = "draft",
     rows: int | None = None,
-    workers: int = 1,
-    start: Callable[[], Any] | None = None,
+    executor: JobExecutor | None = None,
     material: Mapping[str, float] | None = None,
 ) -> Generator[tuple[int, int], None, SkinTable]:
     """Sweep a device's configurations on a fingertip; yield (rows done, rows in all), return the table.
@@ -54,14 +53,13 @@ def collect(
     Args:
         folder: where parts are kept until the table is whole; another folder, or none of its parts, starts anew.
         level: of the skin's mesh. rows: about how many; as the preset says where None.
-        workers: child processes; 0 for this one.
-        start: makes a worker, for tests; `work.Worker` where None.
+        executor: who does the job 'collect'; this process where None.
         material: of the skin: young [Pa], poisson, alpha; what is left out is as usual.
 
     Raises:
         DermisError: a preset without a sweep, parts that cannot be written, or a table with too few rows.
     """
-    skin = fingertip_skin(shape, Elastic(**(material or {})), level=level)
+    skin = _skin(shape, Elastic(**(material or {})), level)
     commands = sweep(spec, skin.positions, rows)
     key = cache_key("dermis-sweep 1", original_key(spec), skin.key, repr(skin.material), commands.tobytes())[:16]
     folder = Path(folder) / key
@@ -69,15 +67,16 @@ def collect(
     todo = [(i, path) for i, path in parts if not _whole(path)]
     done = len(commands) - sum(len(commands[i : i + PART]) for i, _ in todo)
     yield done, len(commands)
-    if workers > 0 and todo:
-        for count in _shared(spec, shape, level, material or {}, commands, todo, workers, start):
-            done += count
-            yield done, len(commands)
-    else:
-        for i, path in todo:
-            write_npz(path, _part(spec, skin, commands[i : i + PART]))
-            done += len(commands[i : i + PART])
-            yield done, len(commands)
+    parameters = {
+        "key": spec.key,
+        "preset": dict(spec.source),
+        "shape": asdict(shape),
+        "level": level,
+        "material": dict(material or {}),
+    }
+    for count in _pressed(executor or InlineExecutor(), commands, todo, parameters):
+        done += count
+        yield done, len(commands)
     return _joined(spec, skin, [path for _, path in parts], len(commands), level)
 
 
@@ -100,65 +99,42 @@ def reversed_spread(spec: DeviceSpec, skin: SkinModel, rows: int = SPREAD_ROWS) 
 
 
 def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Any) -> dict[str, NDArray[Any]]:
-    """Press one part, in a child process."""
+    """Press one part: the job 'collect'."""
     spec = from_preset(str(parameters["key"]), parameters["preset"])
-    what = json.dumps([parameters["shape"], parameters["level"], parameters["material"]], sort_keys=True)
-    shape, material = FingertipShape(**parameters["shape"]), Elastic(**parameters["material"])
-    skin = _skins.make(what, lambda: fingertip_skin(shape, material, level=str(parameters["level"])))
-    return _part(spec, skin, arrays["commands"])
-
-
-_skins: Recent[str, SkinModel] = Recent(1)
-
-
-def _part(spec: DeviceSpec, skin: SkinModel, commands: Array) -> dict[str, NDArray[Any]]:
-    press = press_of(skin, spec)
-    kept, counts, left = tabulate(readings_of(skin), commands, press.press(commands))
+    skin = _skin(FingertipShape(**parameters["shape"]), Elastic(**parameters["material"]), str(parameters["level"]))
+    commands = arrays["commands"]
+    kept, counts, left = tabulate(readings_of(skin), commands, press_of(skin, spec).press(commands))
     return {"commands": kept.astype(np.float32), "readings": counts, "left": np.array(list(left.values()), np.int64)}
 
 
-def _shared(
-    spec: DeviceSpec,
-    shape: FingertipShape,
-    level: str,
-    material: Mapping[str, float],
-    commands: Array,
-    todo: list[tuple[int, Path]],
-    workers: int,
-    start: Callable[[], Any] | None,
-) -> Generator[int, None, None]:
-    """Hand parts to child processes as they become free; yield how many rows each finished part had, or 0."""
-    from ..work import Worker
+@lru_cache(maxsize=1)
+def _skin(shape: FingertipShape, material: Elastic, level: str) -> SkinModel:
+    """Return a skin; the parts of one collection have the same."""
+    return fingertip_skin(shape, material, level=level)
 
-    parameters = {
-        "key": spec.key,
-        "preset": dict(spec.source),
-        "shape": asdict(shape),
-        "level": level,
-        "material": dict(material),
-    }
+
+def _pressed(
+    executor: JobExecutor, commands: Array, todo: list[tuple[int, Path]], parameters: Mapping[str, Any]
+) -> Generator[int, None, None]:
+    """Hand parts out as workers become free, and keep what they return; yield how many rows each had, or 0."""
     queue = list(reversed(todo))
-    crew = [(start or Worker)() for _ in range(min(workers, len(todo)))]
-    running: dict[int, tuple[Any, Path, int]] = {}
+    running: dict[Future[Any], tuple[Path, int]] = {}
     try:
         while queue or running:
-            for number, worker in enumerate(crew):
-                if number not in running and queue:
-                    i, path = queue.pop()
-                    part = commands[i : i + PART]
-                    running[number] = worker.run("collect", {"commands": part}, parameters), path, len(part)
-                if number in running:
-                    steps, path, count = running[number]
-                    try:
-                        next(steps)
-                        yield 0
-                    except StopIteration as stop:
-                        del running[number]
-                        write_npz(path, stop.value)
-                        yield count
+            while queue and len(running) < executor.workers:
+                i, path = queue.pop()
+                part = commands[i : i + PART]
+                running[executor.submit("collect", {"commands": part}, parameters)] = path, len(part)
+            finished = wait(running, POLL_SECONDS, FIRST_COMPLETED).done
+            for future in finished:
+                path, count = running.pop(future)
+                write_npz(path, future.result())
+                yield count
+            if not finished:
+                yield 0
     finally:
-        for worker in crew:
-            worker.close()
+        for future in running:
+            future.cancel()
 
 
 def _whole(path: Path) -> bool:

@@ -22,6 +22,8 @@ from ..matching.table import SkinTable, belongs
 from ..scene.tactile_scene import TactileScene
 from ..skin.model import SkinModel
 from ..skin.shape import FingertipShape
+from ..steps import in_words
+from ..work.executor import JobExecutor
 from .collect import collect, reversed_spread
 from .interactions import NOISE, RATE
 from .picture import write_picture
@@ -97,22 +99,16 @@ def table_for(
     *,
     level: str = "draft",
     rows: int | None = ROWS,
-    workers: int = 0,
+    executor: JobExecutor | None = None,
     material: Mapping[str, float] | None = None,
 ) -> Generator[Step, None, SkinTable]:
-    """Return a device's table, swept and kept in a folder.
+    """Return a device's table, swept by an executor and kept in a folder.
 
     Raises:
         DermisError: a sweep that fails.
     """
-    steps = collect(spec, shape, folder, level=level, rows=rows, workers=workers, material=material)
-    while True:
-        try:
-            done, total = next(steps)
-        except StopIteration as stop:
-            found: SkinTable = stop.value
-            return found
-        yield Step("table", done, total)
+    steps = collect(spec, shape, folder, level=level, rows=rows, executor=executor, material=material)
+    return in_words(steps, lambda step: Step("table", *step))
 
 
 def answer(

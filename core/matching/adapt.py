@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ..devices.spec import from_preset
 from ..skin.model import skin_from_parameters
-from ..surrogate.store import Surrogate, adapt, place_of, save
+from ..steps import drain
+from ..surrogate.store import adapt, place_of, save
 from .thimble_use import fitted
 
 SHARES = {"dataset": (0, 600), "descriptors": (600, 620), "training": (620, 1000)}  # of the time, in thousandths
@@ -43,12 +44,7 @@ def adapt_job(
         report(low + (high - low) * done // max(total, 1), 1000)
 
     steps = adapt(device, skin, friction, report=tell, **wanted)
-    while True:
-        try:
-            tell(*next(steps))
-        except StopIteration as stop:
-            made: Surrogate = stop.value
-            break
+    made = drain(steps, lambda step: tell(*step))
     save(place_of(Path(parameters["folder"]), skin, device, friction), made)
     meta = made.meta
     return {"errors": np.array([meta["ridge_error"], meta["network_error"]]), "samples": np.array(meta["samples"])}

@@ -46,9 +46,7 @@ def content_offset(
         turning = there.rotation, there.angular_velocity
         return content.loose(times, *turning, acceleration, gravity, damping, size), ()
     except DermisError as error:
-        raise DermisError(
-            error.what, where=f"object '{body.name}'", value=error.value, limit=error.limit, remedy=error.remedy
-        ) from error
+        raise error.changed(where=f"object '{body.name}'") from error
 
 
 def _of_children(touch: PadContact, scene: TactileScene, b: int, times: Array) -> tuple[Array, tuple[Finding, ...]]:

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..surrogate.dataset import MAX_DEPTH, MAX_TILT, drain, record
+from ..steps import drain
+from ..surrogate.dataset import MAX_DEPTH, MAX_TILT, record
 from ..surrogate.store import contact_of
 from .thimble import describe
 from .thimble_sequence import ThimbleSequence

@@ -15,7 +15,8 @@ from ..errors import DermisError, Finding, Severity
 from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
-from ..surrogate.dataset import drain, record
+from ..steps import drain
+from ..surrogate.dataset import record
 from ..surrogate.forward import DirectModel, ForwardModel
 from ..surrogate.learned import Descriptors, descriptors
 from ..surrogate.store import contact_of, device_key
@@ -25,7 +26,7 @@ from .baselines import contact_patch, fit_plane, total_force
 from .rendered import Rendered
 from .start_table import StartTable, start_table
 from .stress import MISTRUST, StressMatcher, ThimbleFrame
-from .thimble_sequence import ThimbleSequence, collect, finish
+from .thimble_sequence import ThimbleSequence, collect
 from .thimble_use import FRICTION, HOVER, LEARNED, METHODS, ThimbleUse, prepare
 
 if TYPE_CHECKING:
@@ -146,7 +147,7 @@ def follower(use: ThimbleUse, change: float | None = None) -> Follower:
 
 def match_touch(use: ThimbleUse, forces: Array, change: float | None = None) -> ThimbleSequence:
     """Match a sequence of virtual touches as a thimble is used; forces as in `match_sequence`."""
-    return finish(_through(follower(use, change), forces))
+    return drain(_through(follower(use, change), forces))
 
 
 def match_sequence(

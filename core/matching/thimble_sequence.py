@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,13 +69,3 @@ def collect(frames: list[ThimbleFrame], nodes: int, method: str) -> ThimbleSeque
         method,
         predicted,
     )
-
-
-def finish(steps: Generator[tuple[int, int], None, ThimbleSequence]) -> ThimbleSequence:
-    """Run a matching to its end."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as stop:
-            found: ThimbleSequence = stop.value
-            return found

@@ -117,14 +117,8 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
         readout, learned = made.descriptors.readout, made.model(skin, method)
         try_out(learned, _poses(device, contact_of(device, skin, friction)), where)
     except DermisError as error:
-        finding = Finding(
-            "warning",
-            "surrogate",
-            f"the direct method was used: {error.what}",
-            where,
-            error.value,
-            error.limit,
-            error.remedy,
+        finding = error.as_finding(
+            "warning", code="surrogate", what=f"the direct method was used: {error.what}", where=where
         )
         return ThimbleUse(device, skin, friction, hover, "stress", None, None, (finding, *near))
     return ThimbleUse(device, skin, friction, hover, method, readout, learned, near)

@@ -24,6 +24,7 @@ from ..matching import SKIN_KINDS
 from ..presets import Library
 from ..scene.content_hash import ContentHash
 from ..scene.tactile_scene import DeviceUse, TactileScene
+from ..steps import drain
 from ..version import version
 from .bake import Bake, Output, Progress
 
@@ -111,13 +112,7 @@ def run(scene: TactileScene, library: Library | None = None) -> Bake:
     Raises:
         DermisError: the scene cannot be rendered at all (see `TactileScene.validate`).
     """
-    steps = render(scene, library or Library())
-    while True:
-        try:
-            next(steps)
-        except StopIteration as stop:
-            bake: Bake = stop.value
-            return bake
+    return drain(render(scene, library or Library()))
 
 
 def _wanted(

@@ -228,11 +228,14 @@ def validate(scene: TactileScene) -> None:
     """See `TactileScene.validate`."""
     where = f"scene '{scene.name}'"
     if not scene.fingers:
-        raise DermisError("no finger", where=where, remedy="Add one with Add > Dermis > Finger")
+        raise DermisError("no finger", where=where, remedy="Add one with Add > Dermis > Finger", code="no-finger")
     patterned = any(f.parameters.get("pattern", "none") != "none" for f in scene.fingers)
     if not scene.bodies and not scene.screens and not patterned:
         raise DermisError(
-            "nothing to touch", where=where, remedy="Select an object and press Make Touchable, or add a touch screen"
+            "nothing to touch",
+            where=where,
+            remedy="Select an object and press Make Touchable, or add a touch screen",
+            code="nothing-to-touch",
         )
     first, last = scene.frame_range
     if last <= first:

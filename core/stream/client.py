@@ -6,24 +6,18 @@ anybody's patience: it goes on by itself then, and removes what is its own. Who 
 
 from __future__ import annotations
 
-import atexit
 import contextlib
-import subprocess
-import tempfile
 import time
-import weakref
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..errors import DermisError
-from ..work import command, environment
+from ..work.child import ChildProcess, close_at_exit, command
 from .board import MOST_VALUES, Board
 from .wish import wish_of
 
-GRACE = 0.2  # closing waits this long for the sender [s]; then that finishes by itself
-HUNG = 5.0  # a sender that ends and has said nothing for this long hangs [s]
+MAX_CLOSE_SECONDS = 0.2  # closing waits this long for the sender; then that finishes by itself
 
-_open: weakref.WeakSet[SenderClient] = weakref.WeakSet()
 _ending: list[SenderClient] = []  # closed, and still on the way to the safe state
 
 
@@ -39,35 +33,25 @@ class SenderClient:
         self._wish: dict[str, Any] = {}
         self._stops = 0
         self._ticket = 0
-        self._heard, self._closed = 0, 0.0  # last status of a closed one, and when
+        self._closed = False
         self._before: SenderClient | None = None  # has the same port, and is still ending
-        self._log = tempfile.TemporaryFile(prefix="dermis-sender-")  # without a name: it goes with its last user
         _reap()
         try:
-            self._process = subprocess.Popen(
-                command(*verb, "--board", str(self._board.path)),
-                env=environment(),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=self._log,
-                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-                cwd=tempfile.gettempdir(),
-            )
-        except OSError as error:
+            self._child = ChildProcess("the sender", command(*verb, "--board", str(self._board.path)))
+        except DermisError:
             self._board.remove()
-            self._log.close()
-            raise DermisError("the sender cannot be started", value=error.strerror) from error
-        _open.add(self)
+            raise
+        close_at_exit(self)
 
     @property
     def pid(self) -> int:
         """Process id of the sender."""
-        return self._process.pid
+        return self._child.pid
 
     @property
     def alive(self) -> bool:
-        """Tell whether the sender still runs."""
-        return self._process.poll() is None
+        """Return whether the sender still runs."""
+        return self._child.alive
 
     def connect(self, url: str, protocol: str, device: str, preset: Mapping[str, Any], **more: Any) -> None:
         """Hold a link; `more` are other fields of `wish.Wish`. Nothing is armed by this.
@@ -127,39 +111,26 @@ class SenderClient:
                     "words": f"waiting for the port: its sender of before still has it ({words})",
                 }
         if not self.alive:
-            words = self._said() or f"status {self._process.returncode}"
-            return {**status, "state": "dead", "armed": False, "words": f"The sender has ended: {words}"}
+            return {**status, "state": "dead", "armed": False, "words": f"The sender has ended: {self._child.said()}"}
         return status or {"state": "disconnected", "words": "", "armed": False}
 
     def close(self) -> None:
         """End the sender, the device safe first, and wait a moment for it. Safe to call twice."""
-        if self not in _open:
+        if self._closed:
             return
-        _open.discard(self)
+        self._closed = True
         with contextlib.suppress(OSError, ValueError):
             self.stop()
-        with contextlib.suppress(OSError):
-            if self._process.stdin is not None:
-                self._process.stdin.close()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(GRACE)
-        self._closed = time.monotonic()
+        self._child.end(MAX_CLOSE_SECONDS)
         _ending.append(self)
         _reap()
 
     def _gone(self) -> bool:
-        """Tell whether a closed sender has ended; one that hangs is killed."""
-        if self.alive:
-            number = self._board.status_number
-            if number != self._heard:
-                self._heard, self._closed = number, time.monotonic()
-            elif time.monotonic() - self._closed > HUNG:
-                self._process.kill()
-                self._process.wait()
-        if not self.alive:
+        """Return whether a closed sender has ended, and leave nothing behind then; one that hangs is killed."""
+        gone = self._child.gone(self._board.status_number)
+        if gone:
             self._board.remove()
-            self._log.close()
-        return not self.alive
+        return gone
 
     def _pin(self) -> None:
         """Pin the wish, unless an earlier sender has the port."""
@@ -189,13 +160,6 @@ class SenderClient:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _said(self) -> str:
-        try:
-            self._log.seek(0)
-            return self._log.read().decode("utf-8", "replace").strip()[-300:]
-        except (OSError, ValueError):  # closed
-            return ""
-
 
 _NONE = object()
 
@@ -210,12 +174,3 @@ def leaving() -> str:
     _reap()
     found = ((str(one._wish.get("url", "")), str(one._board.read_status().get("words", ""))) for one in _ending)
     return "; ".join(f"{words or 'going to the safe state'} ({url})" for url, words in found)
-
-
-def close_all() -> None:
-    """End every sender that is still open; one whose device needs longer finishes by itself."""
-    for client in list(_open):
-        client.close()
-
-
-atexit.register(close_all)

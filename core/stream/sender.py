@@ -1,20 +1,19 @@
 """The sender's process: reads the notice board, ticks the streamer on a monotonic clock, pins the status.
 
-Its standard input is a lifeline: when that ends, Blender is gone, and the device goes to its safe state, at its own
-speed. The process outlives Blender until it is there and all that waits in the link has left; a signal that asks it to
-end asks for the same, and a second one changes nothing.
+Its standard input is the parent pipe: when that ends, Blender is gone, and the device goes to its safe state, at its
+own speed. The process outlives Blender until it is there and all that waits in the link has left; a signal that asks it
+to end asks for the same, and a second one changes nothing.
 """
 
 from __future__ import annotations
 
 import gc
 import signal
-import sys
-import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
 
+from ..work.child import follow_parent
 from .board import Board
 from .play import Signals
 from .source import Screen
@@ -29,7 +28,7 @@ def run(path: Path, load_screen: Callable[[Path], Screen] | None = None) -> int:
     """Serve a board until its owner is gone; return the exit status."""
     board = Board.open(path)
     ended: list[str] = []  # why; an Event would wait for itself where one signal comes while another is handled
-    threading.Thread(target=_lifeline, args=(ended,), daemon=True).start()
+    follow_parent(lambda: ended.append("parent pipe"))
     for name in Signals.NAMES:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), lambda number, _: ended.append(str(number)))
@@ -83,9 +82,3 @@ def _finish(board: Board, streamer: Streamer) -> None:
         time.sleep(max(due - clock(), 0.0))
     board.status({**streamer.status(), "state": "disconnected", "ended": True})
     board.remove()  # its owner may be gone without having done so
-
-
-def _lifeline(ended: list[str]) -> None:
-    while sys.stdin.buffer.read(4096):
-        pass
-    ended.append("standard input")

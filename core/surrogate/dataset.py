@@ -104,16 +104,6 @@ def split(trajectory: Indices, share: float = 0.5, seed: int = 0) -> tuple[NDArr
     return train, ~train
 
 
-def drain(steps: Generator[tuple[int, int], None, Dataset]) -> Dataset:
-    """Run a recording to its end."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as stop:
-            found: Dataset = stop.value
-            return found
-
-
 def _random(
     device: Thimble, contact: DiscContact, rng: np.random.Generator, max_tilt: float, low: float, high: float
 ) -> Array:

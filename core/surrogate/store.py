@@ -25,8 +25,9 @@ from ..files import write_npz
 from ..foreign import damage_told, json_of
 from ..npz import read_npz
 from ..skin.model import SkinModel
+from ..steps import in_words
 from . import onnx
-from .dataset import Dataset, record, split
+from .dataset import record, split
 from .learned import Descriptors, descriptors
 from .network import HIDDEN, ITERATIONS, Network, train
 from .ridge import QuadraticRidge, fit_ridge
@@ -81,13 +82,7 @@ def adapt(
         DermisError: servo limits that exclude contact, or settings out of range.
     """
     recording = record(device, contact_of(device, skin, friction), trajectories, seed=seed)
-    while True:
-        try:
-            done, total = next(recording)
-        except StopIteration as stop:
-            data: Dataset = stop.value
-            break
-        yield "dataset", done, total
+    data = yield from in_words(recording, lambda step: ("dataset", *step))
     yield "descriptors", 0, 1
     spaces = descriptors(data, skin.stress_components(), tolerance=tolerance)
     table = spaces.table(data)
@@ -171,9 +166,7 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
     try:
         arrays = read_npz(tables, where, "a surrogate")
     except DermisError as error:
-        raise DermisError(
-            "the surrogate cannot be read", where=error.where, value=error.what, limit=error.limit, remedy=remedy
-        ) from error
+        raise error.changed(what="the surrogate cannot be read", value=error.what, remedy=remedy) from error
     with damage_told("the surrogate cannot be read", where, remedy=remedy):
         meta = dict(json_of(arrays["meta"].tobytes(), where))
         spaces = {

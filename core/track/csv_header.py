@@ -241,7 +241,7 @@ def _from_json(text: str, where: str) -> Any:
     try:
         return json_of(text, where)
     except DermisError as error:
-        if not isinstance(error.__cause__, json.JSONDecodeError):
+        if error.code != "not-json":
             raise
         raise DermisError("not a value", where=where, value=text[:80]) from error
 

@@ -65,6 +65,7 @@ def write(track: CommandTrack, path: Path, form: str = "csv", *, force: bool = F
             value=errors[0].value,
             limit=errors[0].limit,
             remedy="Limit or correct the track, or force the export",
+            code="track-refused",
         )
     if errors:
         codes = ", ".join(sorted({f"{f.code} ({f.count})" for f in errors}))

@@ -18,6 +18,7 @@ def bake_own() -> Result:
     from blender_addon import jobs
     from blender_addon.sampling import frames as frames_of
     from core.presets import Library
+    from core.steps import drain
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     blender_addon.register()
@@ -33,7 +34,7 @@ def bake_own() -> Result:
                 for whole, part in places:
                     scene.frame_set(whole, subframe=part)
                 middle = time.perf_counter()
-                bake = jobs.drain(jobs.bake(scene, library))
+                bake = drain(jobs.bake(scene, library))
                 after = time.perf_counter()
                 if turn:  # the first loads modules
                     bare.append(1e6 * (middle - before) / len(places))

@@ -36,6 +36,7 @@ def table() -> Any:
     from core.presets import Library
     from core.skin.model import fingertip_skin
     from core.skin.shape import FingertipShape
+    from core.work.processes import ProcessExecutor
 
     spec, shape = Library().device("cable_platform"), FingertipShape()
     key = f"{spec.hash[:12]}-{fingertip_skin(shape, level='draft').key[:12]}"
@@ -43,13 +44,14 @@ def table() -> Any:
     if path.exists():
         return SkinTable.load(path)
     started = time.perf_counter()
-    steps = collect(spec, shape, FOLDER / "parts", level="draft", workers=os.cpu_count() or 1)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as stop:
-            made = stop.value
-            break
+    with ProcessExecutor(os.cpu_count() or 1) as executor:
+        steps = collect(spec, shape, FOLDER / "parts", level="draft", executor=executor)
+        while True:
+            try:
+                next(steps)
+            except StopIteration as stop:
+                made = stop.value
+                break
     made.save(path)
     print(f"collected {made.meta['asked']} rows in {time.perf_counter() - started:.0f} s, into {path}")
     return SkinTable.load(path)

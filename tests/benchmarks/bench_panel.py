@@ -26,7 +26,7 @@ def panel_latency() -> Result:
     import numpy as np
 
     from core.stream.protocols.osc import padded, read_bundle
-    from core.work import command, environment
+    from core.work.child import command, environment
 
     head = padded(b"/dermis/touch") + padded(b",iff")
     rng, found = np.random.default_rng(0), []

@@ -32,7 +32,7 @@ class Receiver:
     """The receiving process, with one device or several of a kind."""
 
     def __init__(self, key: str = "haptip", count: int = 1) -> None:
-        from core.work import environment
+        from core.work.child import environment
 
         self._out = Path(tempfile.mkdtemp(prefix="dermis-bench-")) / "arrived.npz"
         self.process = subprocess.Popen(

@@ -43,7 +43,8 @@ def skin(level: str) -> Any:
 def readout(level: str) -> Any:
     """Sixty stress components, fitted to the device."""
     from core.matching.thimble import DESCRIPTOR_MOVEMENTS
-    from core.surrogate.dataset import drain, record
+    from core.steps import drain
+    from core.surrogate.dataset import record
     from core.surrogate.learned import descriptors
     from core.surrogate.store import contact_of
 

@@ -19,12 +19,13 @@ from core.devices.disc import DiscContact
 from core.devices.disc_pose import FrictionState, placed
 from core.devices.first_contact import first_contact
 from core.devices.thimble import Thimble, mechanism
-from core.matching.thimble import finish, match_sequence, matcher
+from core.matching.thimble import match_sequence, matcher
 from core.plot import stimuli
 from core.presets import Library
 from core.skin.model import SkinModel, fingertip_skin
 from core.skin.sensor import electrode_sensor
-from core.surrogate.dataset import MAX_DEPTH, MAX_TILT, Dataset, drain, record, split
+from core.steps import drain
+from core.surrogate.dataset import MAX_DEPTH, MAX_TILT, Dataset, record, split
 from core.surrogate.learned import Descriptors, LearnedModel, descriptors
 from core.surrogate.network import train
 from core.surrogate.ridge import fit_ridge
@@ -139,7 +140,7 @@ def rendering(skin: SkinModel, spaces: Descriptors, count: int) -> tuple[dict[st
         row = {}
         for method in METHODS:
             start = time.perf_counter()
-            found = finish(match_sequence(device, skin, forces, method, friction=FRICTION, readout=spaces.readout))
+            found = drain(match_sequence(device, skin, forces, method, friction=FRICTION, readout=spaces.readout))
             taken = 1e3 * (time.perf_counter() - start) / max(int(found.wanted.sum()), 1)
             rendered = found.force.reshape(len(forces), -1).astype(np.float64) @ whole.T
             row[method] = float(np.linalg.norm(rendered - target) / np.linalg.norm(target))
@@ -229,9 +230,7 @@ def observer(skin: SkinModel, spaces: Descriptors, count: int) -> dict[str, Any]
                 rendered = [
                     f
                     if method == "target"
-                    else finish(
-                        match_sequence(device, skin, f, method, friction=FRICTION, readout=spaces.readout)
-                    ).force
+                    else drain(match_sequence(device, skin, f, method, friction=FRICTION, readout=spaces.readout)).force
                     for f in one
                 ]
                 felt.append(np.array(rendered, float).reshape(REPETITIONS, count, -1) @ whole.T)

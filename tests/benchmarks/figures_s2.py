@@ -95,7 +95,7 @@ def _table(spec: DeviceSpec) -> SkinTable:
         return made
     from .bench_motors import FOLDER
 
-    return _drain(collect(spec, FingertipShape(), FOLDER / "parts", level="draft", workers=0))
+    return _drain(collect(spec, FingertipShape(), FOLDER / "parts", level="draft"))
 
 
 def _control(tables: Sequence[SkinTable], skin: SkinModel, share: float) -> list[list[Verdict]]:

@@ -32,7 +32,7 @@ class Device:
     """A virtual device as a program, which reports every ten seconds."""
 
     def __init__(self) -> None:
-        from core.work import command, environment
+        from core.work.child import command, environment
 
         self.process = subprocess.Popen(
             command("stream", "virtual", "--device", "haptip", "--every", str(EVERY), "--fault", f"skew={SKEW}"),

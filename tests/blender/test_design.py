@@ -8,12 +8,13 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import choices, jobs
+from blender_addon import choices
 from blender_addon._core import core
 from blender_addon.design import design_results
 from blender_addon.devices import platform_devices
 from blender_addon.preferences import library
 from blender_addon.results import store
+from core.steps import drain
 
 from .test_platforms import own_folders, shown  # noqa: F401  a fixture
 
@@ -43,8 +44,8 @@ def test_the_answer_is_the_engines_for_the_same_bake_and_table(baked) -> None:
     found = design_results.current(scene).design
     spec = library().device("cable_platform")
     values = store.current(scene).skins["Index"]
-    _, table = jobs.drain(platform_devices.swept(spec, values["skin"], values["level"], ROWS))
-    direct = jobs.drain(core.design.task.answer(spec, table, {"t": sensed(scene)}, noise=2.0))
+    _, table = drain(platform_devices.swept(spec, values["skin"], values["level"], ROWS))
+    direct = drain(core.design.task.answer(spec, table, {"t": sensed(scene)}, noise=2.0))
     assert found.names == ("Tip, Flat, Tip",)
     np.testing.assert_array_equal(found.by("variance").error, direct.by("variance").error)
     assert found.by("variance").motors == direct.by("variance").motors
@@ -166,12 +167,12 @@ def test_a_coupled_device_is_not_reduced_again(baked) -> None:
 
 def test_stopping_half_way_changes_nothing(baked) -> None:
     scene, _, folder = baked
-    before = set(core.work._workers)
+    before = set(core.work.child._owners)
     steps = design_results.find(scene)
     for _ in range(4):
         next(steps)
     steps.close()
-    assert design_results.current(scene) is None and set(core.work._workers) == before
+    assert design_results.current(scene) is None and set(core.work.child._owners) == before
     assert not list((folder / "presets").rglob("*.json"))
 
 

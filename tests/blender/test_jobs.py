@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from blender_addon import changes, jobs, reporting
-from blender_addon._core import core
 from core.errors import DermisError, Finding
+from core.pipeline.bake import Progress
 from core.presets import Library
+from core.steps import drain
 from tests.blender import build
 
 
@@ -30,14 +31,14 @@ def library() -> Library:
 def test_a_bake_gives_a_track_and_restores_the_frame(scene):
     scene.frame_set(9, subframe=0.5)
     seen = []
-    bake = jobs.drain(jobs.bake(scene, library()), seen.append)
+    bake = drain(jobs.bake(scene, library()), seen.append)
     assert [(o.finger, o.device) for o in bake.outputs] == [("Finger", "haptip")]
     assert (scene.frame_current, scene.frame_subframe) == (9, 0.5)
     stages = [p.stage for p in seen]
     assert stages[0] == "preparing" and "devices" in stages
     sampling_steps = [p.done for p in seen if p.stage == "sampling" and p.total == 241]
     assert sampling_steps == sorted(sampling_steps) and sampling_steps[-1] == 241
-    again = jobs.drain(jobs.bake(scene, library()))
+    again = drain(jobs.bake(scene, library()))
     assert again.content_hash == bake.content_hash
     np.testing.assert_array_equal(again.outputs[0].track.values, bake.outputs[0].track.values)
 
@@ -57,7 +58,7 @@ def test_closing_in_the_middle_restores_everything(scene):
 
 def test_findings_of_the_sweep_reach_the_bake(scene):
     build.keys(bpy.data.objects["Cube"], "hide_viewport", [1, 13], [0, 1], "CONSTANT")
-    bake = jobs.drain(jobs.bake(scene, library()))
+    bake = drain(jobs.bake(scene, library()))
     assert [f.count for f in bake.findings if f.code == "absent"] == [121]
 
 
@@ -72,7 +73,7 @@ class DERMIS_TEST_OT_job(jobs.Job, bpy.types.Operator):
     def steps(self, context):
         """Yield three times."""
         for i in range(3):
-            yield core.pipeline.render.Progress("counting", i, 3)
+            yield Progress("counting", i, 3)
         if type(self).fail:
             raise DermisError("it will not", where="here", remedy="Do not")
         return 42

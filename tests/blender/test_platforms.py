@@ -17,6 +17,7 @@ from blender_addon.properties import scene_properties
 from blender_addon.results import store
 from blender_addon.viewport import platform_twin, platform_view, twins
 from blender_addon.viewport import shown as views
+from core.steps import drain
 
 ROWS = 216  # six steps a motor: coarse, and there in a moment
 
@@ -118,13 +119,13 @@ def test_with_a_table_scrubbing_shows_what_a_bake_would(own_folders, device) -> 
 def test_a_stopped_sweep_leaves_no_table_and_no_process(demo) -> None:
     _, finger = demo
     device = finger.dermis.finger.devices[0]
-    work = core.work
-    before = set(work._workers)
+    work = core.work.child
+    before = set(work._owners)
     steps = platform_devices.make(finger, device)
     for _ in range(3):
         next(steps)
     steps.close()
-    assert set(work._workers) == before and platform_devices.missing(finger, device)
+    assert set(work._owners) == before and platform_devices.missing(finger, device)
 
 
 def test_bake_makes_the_table_with_progress_and_export_passes_the_check(demo, tmp_path) -> None:
@@ -132,7 +133,7 @@ def test_bake_makes_the_table_with_progress_and_export_passes_the_check(demo, tm
     stages = []
     from blender_addon.preferences import library as presets
 
-    bake = jobs.drain(jobs.bake(scene, presets()), lambda p: stages.append(p.stage))
+    bake = drain(jobs.bake(scene, presets()), lambda p: stages.append(p.stage))
     assert "table" in stages and not platform_devices.missing(finger, finger.dermis.finger.devices[0])
     store.keep(scene, bake)
     assert bpy.ops.dermis.export_tracks(directory=str(tmp_path / "tracks")) == {"FINISHED"}
@@ -152,7 +153,7 @@ def test_the_table_file_of_another_device_is_told_on_scrub_and_bake(demo, tmp_pa
     with pytest.raises(errors.DermisError, match="another device"):
         platform_devices.table(finger, device)
     assert not platform_devices.missing(finger, device)
-    bake = jobs.drain(jobs.bake(scene, library()))
+    bake = drain(jobs.bake(scene, library()))
     assert not bake.outputs and any("another device" in str(f) for f in bake.all_findings)
 
 

@@ -11,6 +11,7 @@ from blender_addon.preview import device_preview
 from blender_addon.properties import scene_properties
 from blender_addon.sampling import scene_sweep
 from core.presets import Library
+from core.steps import drain
 
 from .build import cube, finger, keys, screen, span
 
@@ -70,7 +71,7 @@ def no_trail():
 
 
 def bake() -> tuple[list[np.ndarray], list]:
-    made = jobs.drain(jobs.bake(bpy.context.scene, Library(None)))
+    made = drain(jobs.bake(bpy.context.scene, Library(None)))
     return [o.track.values for o in made.outputs], list(made.all_findings)
 
 
@@ -159,6 +160,6 @@ def test_a_touch_gap_keyed_to_grow_counts() -> None:
     tip = finger(location=(0.0, 0.0, 0.2))  # 100 mm above the cube's top
     tip.dermis.finger.devices.add().preset = "haptip"
     keys(tip, "dermis.finger.touch_distance_mm", [1, 13], [0.5, 150.0], "CONSTANT")
-    (output,) = jobs.drain(jobs.bake(bpy.context.scene, Library(None))).outputs
+    (output,) = drain(jobs.bake(bpy.context.scene, Library(None))).outputs
     contact = output.signals["contact"]
     assert contact[504:].all() and not contact[:495].any()  # from frame 13, at 0.5 s, within a sample

@@ -10,6 +10,7 @@ from blender_addon import compat, jobs
 from blender_addon.preview import device_preview
 from blender_addon.sampling import scene_sweep
 from core.presets import Library
+from core.steps import drain
 
 from . import build
 
@@ -33,7 +34,7 @@ def shape_key(thing: bpy.types.Object) -> bpy.types.ShapeKey:
 
 
 def bake() -> tuple[np.ndarray, list]:
-    made = jobs.drain(jobs.bake(bpy.context.scene, Library(None)))
+    made = drain(jobs.bake(bpy.context.scene, Library(None)))
     return made.outputs[0].signals["contact"], list(made.all_findings)
 
 

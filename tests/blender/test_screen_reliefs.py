@@ -12,6 +12,7 @@ import pytest
 from blender_addon import jobs
 from blender_addon.sampling import scene_sweep
 from core.presets import Library
+from core.steps import drain
 from tests.blender import build
 from tests.blender.test_sampling_screens import image
 
@@ -19,7 +20,7 @@ SLOPED = 0.2  # rise of the test plane along x
 
 
 def bake():
-    return jobs.drain(jobs.bake(bpy.context.scene, Library(None)))
+    return drain(jobs.bake(bpy.context.scene, Library(None)))
 
 
 def relief():

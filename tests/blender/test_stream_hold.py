@@ -16,6 +16,7 @@ from blender_addon.preferences import library
 from blender_addon.results import store
 from blender_addon.sampling import scene_sweep
 from blender_addon.streaming import frame_hold, session
+from core.steps import drain
 
 from . import build
 from .test_stream import HAPTIP, a_bake, a_track, state, wait
@@ -71,7 +72,7 @@ def playback() -> Iterator[None]:
 
 def a_bake_job(scene: Any, _folder: Path) -> None:
     """Bake as the operator's timer does, a step at a time."""
-    jobs.drain(jobs.bake(scene, library()))
+    drain(jobs.bake(scene, library()))
 
 
 def a_sampling(scene: Any, _folder: Path) -> None:
@@ -172,7 +173,7 @@ def test_a_bake_that_is_kept_is_sent_only_after_its_sweep(scene: Any) -> None:
     old = session._client._wish["track"]
     scene.frame_start = 7
     with beating() as noted:
-        jobs.drain(jobs.bake(scene, library()))
+        drain(jobs.bake(scene, library()))
     assert {shown[0] for _, shown in noted} == {0.5} and session._client._wish["track"] == old
     store.keep(scene, pipeline.Bake((pipeline.Output("Finger", HAPTIP, a_track(), {}, ()),), (), {}, "new"))
     session.beat()

@@ -28,7 +28,7 @@ def finger(tmp_path, monkeypatch):
     obj = scene.objects["Index"]
     bpy.context.view_layer.objects.active = obj
     yield obj
-    core.work.close_all()
+    core.work.child.close_all()
 
 
 def through(steps):
@@ -79,7 +79,7 @@ def test_stopping_leaves_nothing_behind(finger) -> None:
     steps.close()
     assert not list(folder.iterdir())
     assert thimble_adaptation.status(finger.dermis.finger.devices[0], model_of(finger)) is None
-    assert not core.work._workers  # the child process is gone
+    assert not core.work.child._owners  # the child process is gone
 
 
 def test_stopping_keeps_an_older_adaptation(finger) -> None:

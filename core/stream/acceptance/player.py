@@ -13,7 +13,7 @@ import numpy as np
 from ...errors import DermisError
 from ...track import csv
 from ...track.command_track import CommandTrack
-from ...work import command, environment
+from ...work.child import command, environment
 from ..protocols.wire import Array, Wire
 from .bench import RAMPING, SAFE_MS, Bench
 

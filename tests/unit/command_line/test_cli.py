@@ -98,6 +98,13 @@ def test_a_warning_is_no_failure(tmp_path: Path) -> None:
     assert run("check", tmp_path / "t.csv").returncode == 0
 
 
+def test_a_refusal_as_json_has_a_code(tmp_path: Path) -> None:
+    done = run("check", "--json", tmp_path / "gone.csv")
+    error = json.loads(done.stdout)["error"]
+    assert done.returncode == 2 and error["code"] == "refused" and "gone.csv" in error["where"]
+    assert error["what"] in done.stderr
+
+
 def test_check_as_json(tmp_path: Path) -> None:
     core.write_csv(replace(TRACK, values=TRACK.values * 3), tmp_path / "t.csv")
     done = run("check", "--json", tmp_path / "t.csv")

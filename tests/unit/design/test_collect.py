@@ -21,6 +21,7 @@ from core.matching.table import press_of
 from core.presets import Library
 from core.skin.model import fingertip_skin
 from core.skin.shape import FingertipShape
+from core.work.processes import ProcessExecutor
 
 SHAPE = FingertipShape()
 
@@ -53,7 +54,7 @@ def test_the_sweep_is_the_papers(spec, skin):
 
 
 def test_rows_that_touch_nothing_are_one_rest_row(spec, skin, tmp_path):
-    table, _ = drain(collect(spec, SHAPE, tmp_path, rows=512, workers=0))
+    table, _ = drain(collect(spec, SHAPE, tmp_path, rows=512))
     assert table.meta["asked"] == 512 and table.meta["rest_rows"] >= 64  # the first of eight depths is above the skin
     assert len(table.commands) == 1 + 512 - table.meta["rest_rows"] - table.meta["unbalanced_rows"]
     rest = readings_of(skin).rest
@@ -65,15 +66,15 @@ def test_rows_that_touch_nothing_are_one_rest_row(spec, skin, tmp_path):
 
 def test_a_stopped_collection_goes_on_where_it_was(spec, tmp_path, monkeypatch):
     monkeypatch.setattr(collecting, "PART", 200)
-    whole, _ = drain(collect(spec, SHAPE, tmp_path / "a", rows=512, workers=0))
-    steps = collect(spec, SHAPE, tmp_path / "b", rows=512, workers=0)
+    whole, _ = drain(collect(spec, SHAPE, tmp_path / "a", rows=512))
+    steps = collect(spec, SHAPE, tmp_path / "b", rows=512)
     assert next(steps) == (0, 512)
     assert next(steps) == (200, 512)
     steps.close()
     (folder,) = (tmp_path / "b").iterdir()
     assert len(list(folder.iterdir())) == 1
     stamp = next(folder.iterdir()).stat().st_mtime_ns
-    again, said = drain(collect(spec, SHAPE, tmp_path / "b", rows=512, workers=0))
+    again, said = drain(collect(spec, SHAPE, tmp_path / "b", rows=512))
     assert said[0] == (200, 512) and said[-1] == (512, 512)
     assert sorted(folder.iterdir())[0].stat().st_mtime_ns == stamp
     np.testing.assert_array_equal(again.commands, whole.commands)
@@ -81,18 +82,19 @@ def test_a_stopped_collection_goes_on_where_it_was(spec, tmp_path, monkeypatch):
 
 
 def test_a_damaged_part_is_pressed_again(spec, tmp_path):
-    whole, _ = drain(collect(spec, SHAPE, tmp_path, rows=512, workers=0))
+    whole, _ = drain(collect(spec, SHAPE, tmp_path, rows=512))
     (part,) = tmp_path.rglob("*.npz")
     part.write_bytes(part.read_bytes()[:1000])
-    again, said = drain(collect(spec, SHAPE, tmp_path, rows=512, workers=0))
+    again, said = drain(collect(spec, SHAPE, tmp_path, rows=512))
     assert said[0] == (0, 512)
     np.testing.assert_array_equal(again.readings, whole.readings)
 
 
 def test_worker_processes_make_the_same_table(spec, tmp_path, monkeypatch):
     monkeypatch.setattr(collecting, "PART", 256)
-    here, _ = drain(collect(spec, SHAPE, tmp_path / "here", rows=512, workers=0))
-    there, said = drain(collect(spec, SHAPE, tmp_path / "there", rows=512, workers=2))
+    here, _ = drain(collect(spec, SHAPE, tmp_path / "here", rows=512))
+    with ProcessExecutor(2) as executor:
+        there, said = drain(collect(spec, SHAPE, tmp_path / "there", rows=512, executor=executor))
     assert said[-1] == (512, 512)
     np.testing.assert_array_equal(there.commands, here.commands)
     # two BLAS builds, or thread counts, may round a product otherwise: at most the last count

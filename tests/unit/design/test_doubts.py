@@ -219,10 +219,10 @@ def test_arguments_that_cannot_be_meant_are_refused(arguments, words, tmp_path):
 
 def test_a_part_with_a_flipped_byte_is_pressed_again(spec, tmp_path):
     shape = FingertipShape()
-    whole = drain(collect(spec, shape, tmp_path, rows=512, workers=0))
+    whole = drain(collect(spec, shape, tmp_path, rows=512))
     (part,) = tmp_path.rglob("*.npz")
     data = bytearray(part.read_bytes())
     data[len(data) // 2] ^= 0x40
     part.write_bytes(bytes(data))
-    again = drain(collect(spec, shape, tmp_path, rows=512, workers=0))
+    again = drain(collect(spec, shape, tmp_path, rows=512))
     np.testing.assert_array_equal(again.readings, whole.readings)

@@ -79,8 +79,8 @@ def things(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
     library = core.Library(folder)
     spec = library.device("pin_array_128")
     findings = [*bake.all_findings, core.Finding("warning", "odd", "too odd", "here", 3.0, "2", "Do less", 7.0)]
-    with core.Worker() as worker:
-        shown = [repr(worker), repr(core.Cache(folder, 1_000_000))]
+    with core.ProcessExecutor() as executor:
+        shown = [repr(executor), repr(core.Cache(folder, 1_000_000))]
     step = next(core.render(scene, library))
     return [
         *(skin, skin.mesh, skin.material, touch, core.match(touch), core.match(touch).rendered, block),
@@ -93,7 +93,7 @@ def things(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
 def test_one_line_shows_each_thing_and_arrays_never_spill(things: list[Any]) -> None:
     kinds = {type(thing).__name__ for thing in things}
     classes = {name for name in core.__all__ if inspect.isclass(getattr(core, name))}
-    assert classes - kinds <= {"DermisError", "Worker", "Cache"}
+    assert classes - kinds <= {"DermisError", "ProcessExecutor", "Cache"}
     for thing in things:
         line = thing if isinstance(thing, str) else repr(thing)
         assert "\n" not in line and len(line) < 300 and "array(" not in line, line

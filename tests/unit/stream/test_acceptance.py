@@ -26,7 +26,7 @@ from core.stream.acceptance.walk import Walk, fastest_over
 from core.stream.protocols import native
 from core.stream.protocols.wire import Wire
 from core.stream.wish import Wish
-from core.work import command, environment
+from core.work.child import command, environment
 from tests.unit.stream.stream_box import posix, running
 
 WHEN = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)

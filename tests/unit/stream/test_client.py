@@ -10,6 +10,7 @@ import pytest
 
 from core.stream import client as module
 from core.stream.client import SenderClient
+from core.work import child
 from tests import exits
 from tests.exits import Receiver
 from tests.unit.stream.stream_box import posix
@@ -58,7 +59,7 @@ def test_a_port_is_waited_for_in_words_while_its_sender_of_before_finishes() -> 
 
 
 def test_a_closed_sender_that_hangs_is_killed_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "HUNG", 0.3)
+    monkeypatch.setattr(child, "MAX_SILENT_SECONDS", 0.3)
     client = SenderClient()
     client.beat()
     exits.until(lambda: bool(client._board.status_number), client.beat, "it runs")

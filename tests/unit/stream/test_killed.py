@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from core.stream.client import SenderClient
-from core.work import environment
+from core.work.child import environment
 from tests.unit.stream.stream_box import HAPTIP, beating, posix, ready, running, sine_file
 from tests.unit.stream.stream_relay import Relay
 

@@ -23,7 +23,7 @@ from core.matching.screen_map import ScreenMap
 from core.presets import Library
 from core.stream.protocols.osc import bundle, padded
 from core.stream.touch_input import touch_input, touch_of_line, touches_of_osc
-from core.work import command, environment
+from core.work.child import command, environment
 from tests.unit.stream.stream_box import Box, posix, running
 
 pytestmark = pytest.mark.real_time

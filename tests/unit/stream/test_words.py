@@ -23,7 +23,7 @@ from core.stream.protocols.wire import Wire
 from core.stream.streamer import Streamer
 from core.stream.virtual import faults
 from core.stream.virtual.link import open_link as open_any
-from core.work import command, environment
+from core.work.child import command, environment
 from tests.unit.stream.stream_box import HAPTIP, Box, posix, ready, running
 from tests.unit.stream.stream_lab import sine_track
 

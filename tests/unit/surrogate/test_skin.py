@@ -11,11 +11,12 @@ from core.devices.disc_pose import FrictionState, placed
 from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.matching.adapt import adapt_job
-from core.matching.thimble import describe, finish, match_sequence
+from core.matching.thimble import describe, match_sequence
 from core.matching.thimble_use import fitted, prepare
 from core.presets import Library
 from core.skin.model import fingertip_skin, skin_from_parameters
-from core.surrogate.dataset import MAX_FORCE, drain, record, split
+from core.steps import drain
+from core.surrogate.dataset import MAX_FORCE, record, split
 from core.surrogate.forward import DirectModel
 from core.surrogate.learned import LearnedModel, descriptors
 from core.surrogate.ridge import fit_ridge
@@ -228,7 +229,7 @@ def test_a_learned_model_matches_nearly_as_well(skin, device, data):
     readout = describe(device, skin, 0.6).readout
     left = {}
     for name, keys in (("stress", {}), ("ridge", {"model": model})):
-        found = finish(match_sequence(device, skin, forces, name, readout=spaces.readout, **keys))
+        found = drain(match_sequence(device, skin, forces, name, readout=spaces.readout, **keys))
         rendered, target = (f.reshape(len(f), -1) @ readout.T for f in (found.force, forces))
         left[name] = np.linalg.norm(rendered - target) / np.linalg.norm(target)
     assert left["stress"] < left["ridge"] < left["stress"] + 0.25

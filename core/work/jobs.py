@@ -1,0 +1,72 @@
+"""The jobs that can be asked for by name: arrays and plain values go in, arrays come out, and nothing is pickled."""
+
+from __future__ import annotations
+
+import json
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+
+Arrays = Mapping[str, NDArray[Any]]
+Report = Callable[[int, int], None]  # how far a job is: done, total
+Table = Mapping[str, str]
+
+# name -> module:function, which is called with (arrays, parameters, report) and returns arrays
+JOBS: Table = {"skin": ".skin.job:make", "collect": ".design.collect:work", "adapt": ".matching.adapt:adapt_job"}
+_CORE = __package__.rpartition(".")[0]
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is to be done: a name out of a table, arrays, and parameters that JSON can hold.
+
+    Raises:
+        DermisError: code 'no-such-job': the name is not in the table; 'not-plain': Python objects among what goes in.
+    """
+
+    name: str
+    arrays: Arrays
+    parameters: Mapping[str, Any]
+    table: Table
+
+    def __post_init__(self) -> None:
+        where = f"job '{self.name}'"
+        if self.name not in self.table:
+            raise DermisError("no such job", value=self.name, limit=", ".join(self.table), code="no-such-job")
+        for name, array in self.arrays.items():
+            if np.asarray(array).dtype.hasobject:
+                raise DermisError("an array of Python objects", where=f"{where}, '{name}'", code="not-plain")
+        try:
+            json.dumps(dict(self.parameters))
+        except (TypeError, ValueError) as error:
+            raise DermisError(
+                "parameters must be plain values", where=where, value=str(error), code="not-plain"
+            ) from error
+
+    def run(self, report: Report) -> Arrays:
+        """Do it in this process.
+
+        Raises:
+            DermisError: what the job refuses; code 'job-failed' for a defect in it, which the log then tells in full.
+        """
+        module, _, function = self.table[self.name].partition(":")
+        try:
+            made: Arrays = getattr(import_module(module, _CORE), function)(self.arrays, self.parameters, report)
+        except DermisError:
+            raise
+        except Exception as error:
+            traceback.print_exc()
+            raise DermisError(
+                f"the job failed: {type(error).__name__}",
+                where=f"job '{self.name}'",
+                value=str(error),
+                code="job-failed",
+            ) from error
+        return made

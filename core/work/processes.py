@@ -1,0 +1,162 @@
+"""Jobs done by child processes of this one, one after the other in each: both ends of the pipe.
+
+Requests and replies are lines of JSON; arrays travel as .npz files in a folder that goes with the job.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import queue
+import tempfile
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from ..files import write_npz
+from .child import ChildProcess, close_at_exit, command, follow_parent
+from .executor import JobExecutor, JobFuture
+from .jobs import JOBS, Arrays, Job, Report, Table
+
+MAX_END_SECONDS = 2.0  # an idle child may take so long to end by itself
+
+
+class ProcessExecutor(JobExecutor):
+    """Does jobs in child processes, which start when they are needed and end with this one.
+
+    A job that is cancelled takes its process with it: a job cannot be taken back. The next one gets another.
+
+    Args:
+        workers: how many processes there are at most.
+        table: the jobs' names. line: the command line of a child that serves this table.
+    """
+
+    def __init__(self, workers: int = 1, *, table: Table = JOBS, line: list[str] | None = None) -> None:
+        super().__init__(workers, table=table)
+        self._line = line or command("work")
+        self._jobs: queue.SimpleQueue[tuple[JobFuture, Job] | None] = queue.SimpleQueue()
+        self._open: set[JobFuture] = set()
+        self._threads: list[threading.Thread] = []
+        self._closed = False
+        self._lock = threading.Lock()
+        close_at_exit(self)
+
+    def submit(  # type: ignore[override]
+        self, name: str, arrays: Arrays | None = None, parameters: Mapping[str, Any] | None = None
+    ) -> JobFuture:
+        """See `JobExecutor.submit`."""
+        job, future = Job(name, arrays or {}, parameters or {}, self.table), JobFuture()
+        with self._lock:
+            if self._closed:
+                raise RuntimeError("cannot schedule new futures after shutdown")
+            self._open.add(future)
+            self._jobs.put((future, job))
+            if len(self._threads) < self.workers:
+                self._threads.append(threading.Thread(target=self._work, daemon=True))
+                self._threads[-1].start()
+        future.add_done_callback(self._open.discard)
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Take no more jobs, and end the processes when those that are there are done.
+
+        Args:
+            wait: return when the processes have ended.
+            cancel_futures: cancel the jobs, running ones too.
+        """
+        with self._lock:
+            self._closed = True
+            for _ in self._threads:
+                self._jobs.put(None)  # more of them than are taken do no harm
+        for future in list(self._open) if cancel_futures else ():
+            future.cancel()
+        for thread in self._threads if wait else ():
+            thread.join()
+
+    def close(self) -> None:
+        """End the jobs and the processes."""
+        self.shutdown(cancel_futures=True)
+
+    def _work(self) -> None:
+        """Do jobs in a process until there will be no more: a thread for each worker, which waits for it."""
+        worker: _Worker | None = None
+        while (item := self._jobs.get()) is not None:
+            future, job = item
+            if not future.set_running_or_notify_cancel():
+                continue
+            try:
+                if worker is None or worker.gone():
+                    worker = _Worker("a worker", self._line, replies=True)
+                future.ends_by(worker.kill)
+                future.set_result(worker.run(job, future.report))
+            except Exception as error:  # it goes to whoever waits for the result
+                future.fail(error)
+            finally:
+                future.ends_by(None)
+        if worker is not None:
+            worker.end(MAX_END_SECONDS, kill=True)
+
+
+class _Worker(ChildProcess):
+    """A child process that does one job after the other."""
+
+    def run(self, job: Job, report: Report) -> dict[str, NDArray[Any]]:
+        """Do a job and wait for it.
+
+        Raises:
+            DermisError: what the job raised; code 'job-crashed' where the process ended before it.
+        """
+        with tempfile.TemporaryDirectory(prefix="dermis-job-", ignore_cleanup_errors=True) as folder:
+            given, result = Path(folder, "in.npz"), Path(folder, "out.npz")
+            write_npz(given, job.arrays)
+            request = {"job": job.name, "parameters": dict(job.parameters), "in": str(given), "out": str(result)}
+            assert self.stdin is not None and self.stdout is not None
+            with contextlib.suppress(OSError):  # it has ended; what it replies ends then, too
+                self.stdin.write(json.dumps(request).encode() + b"\n")
+                self.stdin.flush()
+            for line in self.stdout:
+                if not line.endswith(b"\n"):  # it died in the middle of a word
+                    break
+                message = json.loads(line)
+                if "progress" in message:
+                    report(*message["progress"])
+                elif "error" in message:
+                    raise DermisError(**message["error"])
+                else:
+                    return _read(result)
+        said = self.said()
+        self.end(0.0, kill=True)
+        raise DermisError(
+            "the worker ended before its job did", where=f"process {self.pid}", value=said, code="job-crashed"
+        )
+
+
+def serve(table: Table = JOBS) -> int:
+    """Do what the parent pipe asks for; when the parent has gone, end at once, in the middle of a job too."""
+    replies = os.fdopen(os.dup(1), "wb", buffering=0)
+    os.dup2(2, 1)  # what anything prints goes to the log, not between the replies
+    requests: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    follow_parent(lambda: os._exit(0), requests.put)
+
+    def reply(message: Mapping[str, Any]) -> None:
+        replies.write(json.dumps(message).encode() + b"\n")
+
+    while True:
+        request = json.loads(requests.get())
+        try:
+            job = Job(request["job"], _read(request["in"]), request["parameters"], table)
+            write_npz(Path(request["out"]), job.run(lambda done, total: reply({"progress": [done, total]})))
+            reply({"done": True})
+        except DermisError as error:
+            reply({"error": error.as_dict()})
+
+
+def _read(path: Path) -> dict[str, NDArray[Any]]:
+    with np.load(path, allow_pickle=False) as loaded:
+        return {name: loaded[name] for name in loaded.files}

@@ -72,7 +72,7 @@ def test_it_touches_matches_and_works_in_children(installed: Installed) -> None:
     assert version == build_addon.manifest_value("version")
     assert presets == [len(list((ROOT / "presets" / g).glob("*.json"))) for g in ("devices", "materials", "skins")]
     assert not broken and commands == 128 and optimality < 1e-9
-    assert force[2] > 0.1 and back == force
+    assert force[2] > 0.1 and back is True, "a child made the same skin"
     assert abs(np.array(force[:2])).max() < 0.1 * force[2], "a ball in the middle pushes straight up"
 
 

@@ -48,7 +48,7 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
     from .panel_session import PanelSession
     from .play import Interrupted, Signals
     from .streamer import Streamer
-    from .touch_input import touch_input
+    from .touch_sources import touch_input
     from .virtual.link import open_link
     from .wish import Wish, check_number
 

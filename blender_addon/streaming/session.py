@@ -91,10 +91,10 @@ def connect(scene: bpy.types.Scene) -> None:
     preset = library().load("devices", key)
     device_calibration.fill_channels(scene)
     calibration = device_calibration.calibration_of(scene, key)
-    wish = _wish(scene)
+    request = _request(scene)
     _client = core.stream.client.SenderClient()
     try:
-        _client.connect(settings.url, settings.protocol, key, preset, calibration=calibration.dumps(), **wish)
+        _client.connect(settings.url, settings.protocol, key, preset, calibration=calibration.dumps(), **request)
     except DermisError:
         close()
         raise
@@ -155,7 +155,7 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
         )
     if scene.dermis_stream.mode == "jog":
         device_calibration.retract(scene)
-    _client.set(**_wish(scene))
+    _client.set(**_request(scene))
     beat()
     if status()["state"] not in READY:
         raise refused("the device is not ready to be armed", value=status()["state"], limit=" or ".join(READY))
@@ -188,7 +188,7 @@ def changed() -> None:
     try:
         device_calibration.fill_channels(scene)
         made = device_calibration.calibration_of(scene, streamed_track.device_key(scene))
-        _client.set(**_wish(scene), calibration=made.dumps())
+        _client.set(**_request(scene), calibration=made.dumps())
         _note = ""
     except DermisError as error:
         _note = str(error)
@@ -254,8 +254,8 @@ def _shown(scene: bpy.types.Scene) -> tuple[float, tuple[float, ...]]:
     return moment, reported_values.shown_values(scene)
 
 
-def _wish(scene: bpy.types.Scene) -> dict[str, Any]:
-    """Return the fields of the sender's wish that the settings decide.
+def _request(scene: bpy.types.Scene) -> dict[str, Any]:
+    """Return the fields of the sender's request that the settings decide.
 
     Raises:
         DermisError: a file that nobody has confirmed, or a track that cannot be read.

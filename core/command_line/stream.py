@@ -80,7 +80,7 @@ def add_parser(commands: Any, load_screen: LoadScreen) -> None:
 
 def _setting(name: str) -> Callable[[str], float]:
     """Return a reader of a setting that has limits."""
-    from ..stream.wish import check_number
+    from ..stream.request import check_number
 
     def read(text: str) -> float:
         value = _number(text)

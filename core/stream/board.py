@@ -22,7 +22,7 @@ from ..errors import DermisError
 MAGIC = b"DERMIS-BOARD 1\0\0"
 _SLOT = struct.Struct("<QII")  # number, length, CRC-32 of number and note
 _BEAT = struct.Struct("<QIBddH")
-BEAT_BYTES, WISH_BYTES, STATUS_BYTES = 4096, 1 << 20, 1 << 16
+BEAT_BYTES, REQUEST_BYTES, STATUS_BYTES = 4096, 1 << 20, 1 << 16
 MOST_VALUES = 255
 PLAYING, HAS_TIME = 1, 2
 
@@ -80,7 +80,7 @@ class Beat:
 class Board:
     """Both sides' view; `create` on Blender's side, `open` on the sender's."""
 
-    SIZE = len(MAGIC) + 2 * (BEAT_BYTES + WISH_BYTES + STATUS_BYTES)
+    SIZE = len(MAGIC) + 2 * (BEAT_BYTES + REQUEST_BYTES + STATUS_BYTES)
 
     def __init__(self, path: Path, descriptor: int) -> None:
         self.path = path
@@ -90,8 +90,8 @@ class Board:
             os.close(descriptor)
         at = len(MAGIC)
         self._beat = _Note(self._memory, at, BEAT_BYTES)
-        self._wish = _Note(self._memory, at + 2 * BEAT_BYTES, WISH_BYTES)
-        self._status = _Note(self._memory, at + 2 * (BEAT_BYTES + WISH_BYTES), STATUS_BYTES)
+        self._request = _Note(self._memory, at + 2 * BEAT_BYTES, REQUEST_BYTES)
+        self._status = _Note(self._memory, at + 2 * (BEAT_BYTES + REQUEST_BYTES), STATUS_BYTES)
 
     @classmethod
     def create(cls) -> Board:
@@ -139,18 +139,18 @@ class Board:
         values = struct.unpack_from(f"<{count}d", found[1], _BEAT.size)
         return Beat(found[0], stops, bool(flags & PLAYING), time if flags & HAS_TIME else None, values)
 
-    def wish(self, wish: dict[str, Any]) -> None:
+    def request(self, request: dict[str, Any]) -> None:
         """Pin what the sender shall do."""
-        self._wish.put(json.dumps(wish, allow_nan=False).encode())
+        self._request.put(json.dumps(request, allow_nan=False).encode())
 
     @property
-    def wish_number(self) -> int:
-        """Number of the newest wish."""
-        return self._wish.number()
+    def request_number(self) -> int:
+        """Number of the newest request."""
+        return self._request.number()
 
-    def read_wish(self) -> dict[str, Any]:
-        """Return the newest wish, empty before the first."""
-        found = self._wish.get()
+    def read_request(self) -> dict[str, Any]:
+        """Return the newest request, empty before the first."""
+        found = self._request.get()
         return dict(json.loads(found[1])) if found else {}
 
     def status(self, status: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""Blender's side of the sender: starts the process, pins wishes and signs of life, reads the status. Never waits.
+"""Blender's side of the sender: starts the process, pins requests and signs of life, reads the status. Never waits.
 
 A sender that is closed brings its device to the safe state at the device's own speed, which may take longer than
 anybody's patience: it goes on by itself then, and removes what is its own. Who wants its port meanwhile is told so.
@@ -18,7 +18,7 @@ from typing import Any
 from ..errors import DermisError
 from ..work import command, environment
 from .board import MOST_VALUES, Board
-from .wish import wish_of
+from .request import request_of
 
 GRACE = 0.2  # closing waits this long for the sender [s]; then that finishes by itself
 HUNG = 5.0  # a sender that ends and has said nothing for this long hangs [s]
@@ -36,7 +36,7 @@ class SenderClient:
 
     def __init__(self, verb: Sequence[str] = ("stream", "send")) -> None:
         self._board = Board.create()
-        self._wish: dict[str, Any] = {}
+        self._request: dict[str, Any] = {}
         self._stops = 0
         self._ticket = 0
         self._heard, self._closed = 0, 0.0  # last status of a closed one, and when
@@ -70,12 +70,12 @@ class SenderClient:
         return self._process.poll() is None
 
     def connect(self, url: str, protocol: str, device: str, preset: Mapping[str, Any], **more: Any) -> None:
-        """Hold a link; `more` are other fields of `wish.Wish`. Nothing is armed by this.
+        """Hold a link; `more` are other fields of `request.StreamRequest`. Nothing is armed by this.
 
         A port that an earlier sender of this process still needs for its safe state is taken when it lets go.
         """
         _reap()
-        self._before = next((one for one in _ending if one._wish.get("url") == url), None)
+        self._before = next((one for one in _ending if one._request.get("url") == url), None)
         self.set(connect=True, url=url, protocol=protocol, device={"key": device, "preset": dict(preset)}, **more)
 
     def disconnect(self) -> None:
@@ -83,14 +83,14 @@ class SenderClient:
         self.set(connect=False, arm=0)
 
     def set(self, **fields: Any) -> None:
-        """Change fields of the wish.
+        """Change fields of the request.
 
         Raises:
             DermisError: a field that there is none of, or that cannot be; nothing is changed then.
         """
-        wish_of({**self._wish, **fields}).check()
-        if any(self._wish.get(k, _NONE) != v for k, v in fields.items()):
-            self._wish |= fields
+        request_of({**self._request, **fields}).check()
+        if any(self._request.get(k, _NONE) != v for k, v in fields.items()):
+            self._request |= fields
             self._pin()
 
     def arm(self) -> None:
@@ -162,11 +162,11 @@ class SenderClient:
         return not self.alive
 
     def _pin(self) -> None:
-        """Pin the wish, unless an earlier sender has the port."""
+        """Pin the request, unless an earlier sender has the port."""
         _reap()
         if self._before not in _ending:
             self._before = None
-            self._board.wish(self._wish)
+            self._board.request(self._request)
 
     def wait(self, state: str, seconds: float = 5.0) -> dict[str, Any]:
         """Wait for a state, giving signs of life meanwhile; for scripts and tests, never for a user interface.
@@ -208,7 +208,7 @@ def _reap() -> None:
 def leaving() -> str:
     """Return what closed senders of this process still do, in words; '' where all have ended."""
     _reap()
-    found = ((str(one._wish.get("url", "")), str(one._board.read_status().get("words", ""))) for one in _ending)
+    found = ((str(one._request.get("url", "")), str(one._board.read_status().get("words", ""))) for one in _ending)
     return "; ".join(f"{words or 'going to the safe state'} ({url})" for url, words in found)
 
 

@@ -47,10 +47,10 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
     from ..presets import Library
     from .panel_session import PanelSession
     from .play import Interrupted, Signals
+    from .request import StreamRequest, check_number
     from .streamer import Streamer
     from .touch_sources import touch_input
     from .virtual.link import open_link
-    from .wish import Wish, check_number
 
     check_number("rate", options.rate)
     if options.touch == "-" and not options.yes:
@@ -69,7 +69,7 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
         )
     screen = load_screen(options.map)
     key = options.device or "electrovibration"
-    wish = Wish(
+    request = StreamRequest(
         connect=True,
         url=options.url,
         protocol=options.protocol,
@@ -86,7 +86,7 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
     signals = Signals()
     with signals.caught():
         try:
-            session.connect(wish)
+            session.connect(request)
             session.warn(screen.device.limit)
             if not options.yes:
                 _ask(options.url, signals.line)

@@ -11,10 +11,10 @@ import numpy as np
 from ..errors import DermisError
 from .links.url import unnamed
 from .protocols.adapter import Touch
+from .request import StreamRequest
 from .source import Panel
 from .streamer import Streamer
 from .touch_input import TouchInput
-from .wish import Wish
 
 
 class PanelSession:
@@ -34,14 +34,14 @@ class PanelSession:
         self._seen: Touch | None = None
         self._open: Touch | None = None  # seen, and no command has left since
 
-    def connect(self, wish: Wish) -> None:
+    def connect(self, request: StreamRequest) -> None:
         """Open the link and make it ready.
 
         Raises:
             DermisError: it cannot be, or the device is none that a touch panel can drive.
         """
         streamer = self.streamer
-        streamer.apply(wish, time.perf_counter())
+        streamer.apply(request, time.perf_counter())
         self._run(lambda: streamer.state in ("ready", "fault") or (streamer.link is None and bool(streamer.words)))
         if streamer.state != "ready" or not isinstance(streamer.source, Panel):
             raise self._refusal("the device cannot be reached")
@@ -57,7 +57,7 @@ class PanelSession:
             print(streamer.adapter.caution, file=sys.stderr)
         source = self.given.name if self.given is not None else "the device's own panel"
         print(
-            f"{streamer.wire.spec.name} at {streamer.wish.url}: up to {most:.4g} V as soon as a finger moves on it. "
+            f"{streamer.wire.spec.name} at {streamer.request.url}: up to {most:.4g} V as soon as a finger moves on it. "
             f"Touches from {source}. Ctrl-C: 0 V, and the end.",
             file=sys.stderr,
         )
@@ -69,8 +69,8 @@ class PanelSession:
             DermisError: the device is not armed any more, or the source of touches failed.
         """
         streamer, given = self.streamer, self.given
-        streamer.wish.arm = 1
-        streamer.apply(streamer.wish, time.perf_counter())
+        streamer.request.arm = 1
+        streamer.apply(streamer.request, time.perf_counter())
         self._run(lambda: ended() or not streamer.armed or (given is not None and given.ended))
         if not streamer.armed:
             raise self._refusal("the device disarmed itself")
@@ -134,4 +134,4 @@ class PanelSession:
 
     def _refusal(self, otherwise: str) -> DermisError:
         words = self.streamer.words
-        return DermisError(words.rstrip(".") or otherwise, where=unnamed(self.streamer.wish.url, words))
+        return DermisError(words.rstrip(".") or otherwise, where=unnamed(self.streamer.request.url, words))

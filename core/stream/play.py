@@ -13,9 +13,9 @@ from contextlib import contextmanager
 from ..errors import DermisError
 from .board import Beat
 from .links.url import unnamed
+from .request import StreamRequest
 from .streamer import Streamer
 from .virtual.link import open_link
-from .wish import Wish
 
 UNKNOWN_POSE = """The device does not say where it is: with the first pulse it may jump to its safe pose, at its own
 full speed. Take the finger out before you arm; put it in when the device stands still."""
@@ -109,7 +109,7 @@ class _Player:
             _say(str(finding))
         preset = library.load("devices", key)
         calibration = Calibration.load(options.calibration).dumps() if options.calibration else ""
-        self._wish = Wish(
+        self._request = StreamRequest(
             connect=True,
             url=options.url,
             protocol=options.protocol,
@@ -126,7 +126,7 @@ class _Player:
     def run(self) -> None:
         """Connect, ask, arm, ramp, play."""
         options, streamer, track = self._options, self._streamer, self._track
-        streamer.apply(self._wish, time.perf_counter())
+        streamer.apply(self._request, time.perf_counter())
         self._until(lambda: streamer.state in ("ready", "fault") or (streamer.link is None and bool(streamer.words)))
         if self._signals.number:
             return
@@ -145,9 +145,9 @@ class _Player:
                     where=options.url,
                     remedy="Run it in a terminal, or pass --yes",
                 )
-        self._wish.arm = 1
+        self._request.arm = 1
         self._beat(None)
-        streamer.apply(self._wish, time.perf_counter())
+        streamer.apply(self._request, time.perf_counter())
         end = time.perf_counter() + options.ramp + 0.2 + options.look_ahead
         self._until(lambda: time.perf_counter() > end or not streamer.armed)
         started = time.perf_counter()

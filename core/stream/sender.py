@@ -17,10 +17,10 @@ from pathlib import Path
 
 from .board import Board
 from .play import Signals
+from .request import request_of
 from .source import Screen
 from .streamer import Streamer
 from .virtual.link import open_link
-from .wish import wish_of
 
 STATUS_EVERY = 0.05
 
@@ -45,7 +45,7 @@ def run(path: Path, load_screen: Callable[[Path], Screen] | None = None) -> int:
 
 def _loop(board: Board, streamer: Streamer, ended: list[str]) -> None:
     clock = time.perf_counter
-    seen_wish = seen_beat = 0
+    seen_request = seen_beat = 0
     status_at, shown = 0.0, ""
     while not ended:
         now = clock()
@@ -54,12 +54,12 @@ def _loop(board: Board, streamer: Streamer, ended: list[str]) -> None:
             if beat is not None and beat.number != seen_beat:
                 seen_beat = beat.number
                 streamer.beat(beat, now)
-        if board.wish_number != seen_wish:
-            number = board.wish_number
-            wish = board.read_wish()
-            if wish:
-                seen_wish = number
-                streamer.apply(wish_of(wish), clock())
+        if board.request_number != seen_request:
+            number = board.request_number
+            request = board.read_request()
+            if request:
+                seen_request = number
+                streamer.apply(request_of(request), clock())
         due = streamer.tick(clock())
         now = clock()
         if now >= status_at or streamer.state != shown:

@@ -18,7 +18,7 @@ from .lowpass import Loss, low_passed
 from .protocols.adapter import Touch
 from .protocols.clock import TrackClock
 from .protocols.wire import Array, Wire
-from .wish import Wish
+from .request import StreamRequest
 
 MODES = ("play", "follow", "jog", "panel")
 TOUCH_OLD = 0.2  # a touch that the panel has not repeated for this long has ended [s]
@@ -273,14 +273,14 @@ def _track(path: Path) -> CommandTrack:
 
 
 def source_of(
-    wish: Wish,
+    request: StreamRequest,
     wire: Wire,
     old: Source | None,
     shown: Sequence[float],
     load_screen: Callable[[Path], Screen] | None = None,
     output_hz: float = 0.0,
 ) -> Source:
-    """Make what a wish's mode asks for.
+    """Make what a request's mode asks for.
 
     Args:
         old: the source before; a playback goes on where it was. shown: values that Blender published last.
@@ -289,24 +289,24 @@ def source_of(
     Raises:
         DermisError: nothing to play, another device's track, no screen map, or no such mode.
     """
-    if wish.mode == "play":
-        if not wish.track:
+    if request.mode == "play":
+        if not request.track:
             raise DermisError("nothing to play", remedy="Bake, or choose a track")
-        track = _track(Path(wish.track))
+        track = _track(Path(request.track))
         if isinstance(old, Play) and old.plays(wire, track, output_hz):  # made once: a device waits meanwhile
             play = copy(old)
-            play.offset = wish.offset
+            play.offset = request.offset
         else:
-            play = Play(wire, track, wish.offset, output_hz=output_hz)
+            play = Play(wire, track, request.offset, output_hz=output_hz)
             play.clock = old.clock if isinstance(old, Play) else play.clock
-        play.clock.free = wish.play_on
+        play.clock.free = request.play_on
         return play
-    if wish.mode == "follow":
+    if request.mode == "follow":
         return Follow(follow_values(wire, shown))
-    if wish.mode == "jog":
-        return Jog(wire, wish.jog)
-    if wish.mode == "panel":
-        if load_screen is None or not wish.screen:
+    if request.mode == "jog":
+        return Jog(wire, request.jog)
+    if request.mode == "panel":
+        if load_screen is None or not request.screen:
             raise DermisError("no screen map to answer touches from", remedy="Export the screen's map first")
-        return Panel(wire, load_screen(Path(wish.screen)))
-    raise DermisError("no such mode", value=wish.mode, limit=", ".join(MODES))
+        return Panel(wire, load_screen(Path(request.screen)))
+    raise DermisError("no such mode", value=request.mode, limit=", ".join(MODES))

@@ -27,9 +27,9 @@ from .protocols import adapter as adapters
 from .protocols.adapter import Adapter
 from .protocols.packets import Reach
 from .protocols.wire import Wire
+from .request import StreamRequest
 from .safe_ramp import SafeRamp
 from .source import Follow, Panel, Play, Screen, Source, follow_values, goes_on, source_of
-from .wish import Wish
 
 HANDSHAKE = 3.0  # a device that has not said who it is after this long is none [s]
 RETRY = 1.0  # between two attempts to connect again [s]
@@ -39,7 +39,7 @@ RECALIBRATING = 0.3  # what a new calibration, or something else to play, change
 
 
 class Streamer:
-    """Does what wishes and beats ask for, a tick at a time.
+    """Does what requests and beats ask for, a tick at a time.
 
     Args:
         open_link: opens a URL for a device and a protocol; may raise DermisError.
@@ -57,7 +57,7 @@ class Streamer:
         self.state, self.words = "disconnected", ""
         self.counters: Counter[str] = Counter()
         self.pace = Pace(1.0)
-        self.wish = Wish()
+        self.request = StreamRequest()
         self.wire: Wire | None = None
         self.gate: Gate | None = None
         self.adapter: Adapter | None = None
@@ -79,27 +79,27 @@ class Streamer:
 
     # -- what comes from outside
 
-    def apply(self, wish: Wish, now: float) -> None:
-        """Take a new wish."""
-        self._guarded(now, lambda: self._apply(wish, now))
+    def apply(self, request: StreamRequest, now: float) -> None:
+        """Take a new request."""
+        self._guarded(now, lambda: self._apply(request, now))
 
-    def _apply(self, wish: Wish, now: float) -> None:
-        old, self.wish = self.wish, wish
-        wish.check()
-        if not wish.same_link(old):
+    def _apply(self, request: StreamRequest, now: float) -> None:
+        old, self.request = self.request, request
+        request.check()
+        if not request.same_link(old):
             self.counters.clear()
             self._leave(now, "")
             self._retry_at = now
-        if self.link is not None and not self._leaving and wish.calibration != old.calibration:
+        if self.link is not None and not self._leaving and request.calibration != old.calibration:
             self._recalibrate(now)
-        if self.wire is not None and not self._leaving and not wish.same_source(old):
+        if self.wire is not None and not self._leaving and not request.same_source(old):
             self._choose_source(now)
-        if wish.arm == 0 or wish.arm < self.ticket:
+        if request.arm == 0 or request.arm < self.ticket:
             if self._phase in ("arming", "live"):
                 self._to_safe(now)
-        elif wish.arm > self.ticket:
-            self.ticket = wish.arm
-            if wish.stops >= self._stops:
+        elif request.arm > self.ticket:
+            self.ticket = request.arm
+            if request.stops >= self._stops:
                 self._begin_arming(now)
 
     def beat(self, beat: Beat, now: float) -> None:
@@ -193,7 +193,7 @@ class Streamer:
     def _retry(self, now: float) -> None:
         """Say when to connect again; a link that is being let go has no say in when the next one is opened."""
         if not self._leaving:
-            self._retry_at = now + RETRY if self.wish.reconnect else math.inf
+            self._retry_at = now + RETRY if self.request.reconnect else math.inf
 
     def status(self) -> dict[str, Any]:
         """Return how things stand as plain JSON values."""
@@ -205,7 +205,7 @@ class Streamer:
 
     def _tick(self, now: float) -> None:
         if self.link is None:
-            if self.wish.connect and not self._closing and now >= self._retry_at:
+            if self.request.connect and not self._closing and now >= self._retry_at:
                 self._connect(now)
             return
         assert self.adapter is not None
@@ -238,23 +238,23 @@ class Streamer:
 
     def _connect(self, now: float) -> None:
         self.state, self.words = "connecting", ""
-        self._retry_at = now + RETRY if self.wish.reconnect else math.inf
+        self._retry_at = now + RETRY if self.request.reconnect else math.inf
         try:
-            self.wish.check()
-            spec = self.wish.spec()
-            self.wire = Wire.of(spec, self.wish.calibrated())
-            self.rate = self.wish.rate or spec.rate
+            self.request.check()
+            spec = self.request.spec()
+            self.wire = Wire.of(spec, self.request.calibrated())
+            self.rate = self.request.rate or spec.rate
             self.pace = Pace(self.rate)
             self.gate = Gate(self.wire, self.pace.period)
             self._choose_source(now)
-            url = Url(self.wish.url)
-            self.link = self._open_link(url, self.wire, self.wish.protocol)
-            self.adapter = adapters.make(self.wish.protocol, self.wire, url.options)
+            url = Url(self.request.url)
+            self.link = self._open_link(url, self.wire, self.request.protocol)
+            self.adapter = adapters.make(self.request.protocol, self.wire, url.options)
         except DermisError:
             self._close("")
             raise
         if self.adapter.datagrams and not self.link.datagrams:
-            raise DermisError(f"{self.adapter.title} goes over udp://", where=self.wish.url)
+            raise DermisError(f"{self.adapter.title} goes over udp://", where=self.request.url)
         self._phase, self._since = "idle", now
         capacity.check(self.adapter, self.link, self.rate)
         bucket = capacity.bucket(self.adapter, self.link, self.rate)
@@ -281,7 +281,7 @@ class Streamer:
         self.link = self.adapter = self._outbox = self._ramp = self._drain = None
         self._phase, self.words = "idle", words
         self._leaving = self._driven = False
-        self.ticket = max(self.ticket, self.wish.arm)
+        self.ticket = max(self.ticket, self.request.arm)
 
     def _send(self, messages: list[bytes]) -> bool:
         return self._outbox is None or self._outbox.send(messages)
@@ -319,7 +319,7 @@ class Streamer:
             pose = self.gate.last if self._driven and not self.adapter.own_safe else self.wire.safe
         horizon = self._horizon()
         self.gate.plan(self.pace.period)
-        self.gate.begin(pose, now + horizon - 1.0 / self.rate, self.wish.ramp)
+        self.gate.begin(pose, now + horizon - 1.0 / self.rate, self.request.ramp)
         self.pace.start(now + horizon, horizon)
         if isinstance(self.source, Panel):
             self.source.begin(now)
@@ -332,8 +332,8 @@ class Streamer:
             self.words = "the device disarmed itself"
             self._to_safe(now)
             return
-        if self._bound and now - self._beat_at > self.wish.stall:
-            self.words = f"Blender gave no sign of life for {self.wish.stall:g} s; arm again"
+        if self._bound and now - self._beat_at > self.request.stall:
+            self.words = f"Blender gave no sign of life for {self.request.stall:g} s; arm again"
             self.counters["stalls"] += 1
             self._to_safe(now)
             self.state = "stalled"
@@ -351,7 +351,7 @@ class Streamer:
             self._driven |= fate is Fate.SENT
             self.pace.sent(now, horizon)
         for moment in self.pace.due(now, horizon):
-            wanted = self.source.wanted(moment if horizon else now + self.wish.look_ahead, now)
+            wanted = self.source.wanted(moment if horizon else now + self.request.look_ahead, now)
             play = moment if horizon else None
             fate = self._outbox.command(self.gate.step(wanted, moment), play, now, patience)
             if fate is Fate.HELD:
@@ -401,14 +401,14 @@ class Streamer:
 
     def _finish_safing(self, now: float) -> None:
         self._phase, self._ramp = "idle", None
-        self.ticket = max(self.ticket, self.wish.arm)
+        self.ticket = max(self.ticket, self.request.arm)
         if self._leaving:
             self._begin_draining(now)
 
     # -- helpers
 
     def _alive(self, now: float) -> bool:
-        return now - self._beat_at <= self.wish.stall
+        return now - self._beat_at <= self.request.stall
 
     def _horizon(self) -> float:
         """Return how far ahead samples are sent now [s]: only while a playback runs, and no more than the device holds.
@@ -418,7 +418,7 @@ class Streamer:
         adapter, source = self.adapter, self.source
         if adapter is None or not adapter.timed or not isinstance(source, Play) or not source.moving:
             return 0.0
-        return min(self.wish.look_ahead, max(adapter.queue - 2, 0) / self.rate if adapter.queue else math.inf)
+        return min(self.request.look_ahead, max(adapter.queue - 2, 0) / self.rate if adapter.queue else math.inf)
 
     @property
     def _output_hz(self) -> float:
@@ -429,12 +429,12 @@ class Streamer:
     @property
     def _bound(self) -> bool:
         """Tell whether a Blender that stands still ends this: all but a track or a panel that may play on."""
-        return not (self.wish.play_on and isinstance(self.source, Play | Panel))
+        return not (self.request.play_on and isinstance(self.source, Play | Panel))
 
     def _recalibrate(self, now: float) -> None:
         """Take another calibration under way: the device blends over to it."""
         assert self.wire is not None and self.gate is not None
-        before, self.wire = self.wire.safe, Wire.of(self.wire.spec, self.wish.calibrated())
+        before, self.wire = self.wire.safe, Wire.of(self.wire.spec, self.request.calibrated())
         self.gate.wire = self.wire
         if self.adapter is not None:
             self.adapter.wire = self.wire  # its safe pose may be another one
@@ -449,7 +449,7 @@ class Streamer:
         try:
             beat = self._beat.values if self._beat else ()
             assert self.wire is not None
-            self.source = source_of(self.wish, self.wire, old, beat, self._load_screen, self._output_hz)
+            self.source = source_of(self.request, self.wire, old, beat, self._load_screen, self._output_hz)
         except DermisError as error:
             self.words = str(error)
         assert self.gate is not None
@@ -462,7 +462,7 @@ class Streamer:
 
     def _name_state(self) -> None:
         if self.link is None:
-            if self.state not in ("fault",) or not self.wish.connect:
+            if self.state not in ("fault",) or not self.request.connect:
                 self.state = "disconnected"
         elif self._phase in ("safing", "draining"):
             if self.state not in ("fault", "stalled"):

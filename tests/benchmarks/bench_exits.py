@@ -171,11 +171,11 @@ def five() -> Result:
     from core.stream.client import SenderClient
 
     receiver, preset = Receiver("haptip", MANY), Library().load("devices", "haptip")
-    wish = {"track": track(MANY_SECONDS + 20), "look_ahead": LOOK_AHEAD, "ramp": 0.0}
+    request = {"track": track(MANY_SECONDS + 20), "look_ahead": LOOK_AHEAD, "ramp": 0.0}
     with ExitStack() as stack:
         clients = [stack.enter_context(SenderClient()) for _ in receiver.urls]
         for client, url in zip(clients, receiver.urls, strict=True):
-            client.connect(url, "native", "haptip", preset, **wish)
+            client.connect(url, "native", "haptip", preset, **request)
 
         def left_out(seconds: float, *, playing: bool) -> list[int]:
             """Give all of them signs of life for a time; return how many commands each left out so far."""

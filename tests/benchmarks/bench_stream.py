@@ -92,13 +92,13 @@ def track(seconds: float) -> str:
 
 
 @contextmanager
-def streaming_to(url: str, key: str, **wish: Any) -> Iterator[Any]:
+def streaming_to(url: str, key: str, **request: Any) -> Iterator[Any]:
     """Connect a sender to a device in the box and let it arm."""
     from core.presets import Library
     from core.stream.client import SenderClient
 
     with SenderClient() as client:
-        client.connect(url, "native", key, Library().load("devices", key), **wish)
+        client.connect(url, "native", key, Library().load("devices", key), **request)
         client.beat()
         client.wait("ready", 20)
         client.beat()
@@ -107,9 +107,9 @@ def streaming_to(url: str, key: str, **wish: Any) -> Iterator[Any]:
 
 
 @contextmanager
-def armed(receiver: Any, **wish: Any) -> Iterator[Any]:
+def armed(receiver: Any, **request: Any) -> Iterator[Any]:
     """Connect and arm a sender."""
-    with streaming_to(receiver.url, "haptip", ramp=0.0, **wish) as client:
+    with streaming_to(receiver.url, "haptip", ramp=0.0, **request) as client:
         beats(client, 0.3, time.sleep)
         if not client.status()["armed"]:
             raise RuntimeError(client.status()["words"])

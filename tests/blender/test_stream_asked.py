@@ -100,7 +100,7 @@ def test_a_path_that_comes_under_way_is_refused(scene: Any) -> None:
     scene.dermis_stream["track_file"] = "/dev/zero"  # without a word, as undo does it
     session.changed()
     session.beat()
-    assert "nobody has confirmed" in session.status()["words"] and session._client._wish["track"] != "/dev/zero"
+    assert "nobody has confirmed" in session.status()["words"] and session._client._request["track"] != "/dev/zero"
 
 
 def test_a_device_that_knows_no_pose_is_armed_with_fingers_out_only(scene: Any) -> None:

@@ -41,7 +41,7 @@ def redo() -> None:
 
 def sent() -> Any:
     """Return the track that the sender was told to play."""
-    return core.track.export.read(Path(session._client._wish["track"]))
+    return core.track.export.read(Path(session._client._request["track"]))
 
 
 def there(values: Any) -> Any:
@@ -68,9 +68,9 @@ def test_another_bake_comes_with_its_own_first_frame(scene: Any) -> None:
     assert np.allclose(sent().values, track.values, atol=1e-7), "it was given the new one without a setting's help"
     assert session._client._board.read_beat().time == pytest.approx(0.25)
     wait(there(track.values[250, 2:]))
-    number = session._client._board.wish_number
+    number = session._client._board.request_number
     session.beat()
-    assert session._client._board.wish_number == number, "once"
+    assert session._client._board.request_number == number, "once"
 
 
 def test_a_bake_that_is_forgotten_leaves_the_device_safe(scene: Any) -> None:
@@ -80,7 +80,7 @@ def test_a_bake_that_is_forgotten_leaves_the_device_safe(scene: Any) -> None:
     wait(there(a_track().values[500, 2:]))
     store.forget()
     status = wait(lambda s: not s["armed"] and np.abs(heard(s)).max() < 1e-4)
-    assert "nothing to play" in status["words"] and session._client._wish["track"] == ""
+    assert "nothing to play" in status["words"] and session._client._request["track"] == ""
 
 
 def test_undo_and_redo_move_the_device_with_the_panel(scene: Any) -> None:

@@ -169,11 +169,11 @@ def test_a_bake_that_is_kept_is_sent_only_after_its_sweep(scene: Any) -> None:
     """The bake's frames pass with the old track held; the new one and its own times come together."""
     pipeline = core.pipeline.render
     session.connect(scene)
-    old = session._client._wish["track"]
+    old = session._client._request["track"]
     scene.frame_start = 7
     with beating() as noted:
         jobs.drain(jobs.bake(scene, library()))
-    assert {shown[0] for _, shown in noted} == {0.5} and session._client._wish["track"] == old
+    assert {shown[0] for _, shown in noted} == {0.5} and session._client._request["track"] == old
     store.keep(scene, pipeline.Bake((pipeline.Output("Finger", HAPTIP, a_track(), {}, ()),), (), {}, "new"))
     session.beat()
-    assert published()[0] == pytest.approx(0.25) and session._client._wish["track"] != old
+    assert published()[0] == pytest.approx(0.25) and session._client._request["track"] != old

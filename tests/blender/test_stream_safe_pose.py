@@ -134,7 +134,7 @@ def test_only_the_scene_that_is_connected_is_armed(scene: Any) -> None:
     with pytest.raises(core.errors.DermisError, match="another scene is connected"):
         session.arm(other)
     session.beat()
-    assert not session.status()["armed"] and session._client._wish["jog"]["servo_1"] == pytest.approx(safe()[0])
+    assert not session.status()["armed"] and session._client._request["jog"]["servo_1"] == pytest.approx(safe()[0])
 
 
 def test_nothing_is_armed_before_it_is_known_what_the_device_knows(scene: Any) -> None:
@@ -144,7 +144,7 @@ def test_nothing_is_armed_before_it_is_known_what_the_device_knows(scene: Any) -
     with pytest.raises(RuntimeError, match="not ready to be armed"):
         bpy.ops.dermis.stream_arm()
     wait(state("ready"))
-    assert session._client._wish.get("arm", 0) == 0
+    assert session._client._request.get("arm", 0) == 0
 
 
 def test_what_cannot_be_connected_leaves_nothing_behind(scene: Any) -> None:

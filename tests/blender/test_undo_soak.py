@@ -170,13 +170,13 @@ class Walk:
 
     def check(self) -> None:
         """Compare what the panel says with what the sender was last told."""
-        scene, wish = bpy.context.scene, session._client._wish
+        scene, request = bpy.context.scene, session._client._request
         assert all(isinstance(o, bpy.types.Object) for o in scene.collection.objects)
         assert [c.name for c in self.stream.channels] == ["pulley_1", "pulley_2"]
-        assert wish["mode"] == self.stream.mode and session._note == ""
-        assert wish["jog"] == ({c.name: c.jog for c in self.stream.channels} if self.stream.mode == "jog" else {})
+        assert request["mode"] == self.stream.mode and session._note == ""
+        assert request["jog"] == ({c.name: c.jog for c in self.stream.channels} if self.stream.mode == "jog" else {})
         made = device_calibration.calibration_of(scene, streamed_track.device_key(scene))
-        assert wish["calibration"] == made.dumps()
+        assert request["calibration"] == made.dumps()
 
 
 @pytest.mark.parametrize("seed", (1, 2))

@@ -21,9 +21,9 @@ from ..links.transport import Transport
 from ..protocols.native import Native
 from ..protocols.packets import DeviceState, Kind, pack
 from ..protocols.wire import Array, Wire
+from ..request import StreamRequest
 from ..streamer import Streamer
 from ..virtual.link import open_link
-from ..wish import Wish
 
 SAFE_MS = 100.0  # by then silence or a flood has ended in the safe state [ms]
 FLOOD_RATE = 50_000.0  # as fast as a serial line of 500,000 baud [bytes/s]
@@ -48,7 +48,7 @@ class Bench:
     """Holds a link to one device by a streamer of its own.
 
     Args:
-        wish: link, device and calibration. heed: called all the time; raises what shall end the walk.
+        request: link, device and calibration. heed: called all the time; raises what shall end the walk.
         clock, sleep: of this computer.
 
     Attributes:
@@ -57,7 +57,7 @@ class Bench:
 
     def __init__(
         self,
-        wish: Wish,
+        request: StreamRequest,
         heed: Callable[[], None] = lambda: None,
         *,
         clock: Callable[[], float] = time.perf_counter,
@@ -65,9 +65,9 @@ class Bench:
     ) -> None:
         self._heed, self._clock, self._sleep = heed, clock, sleep
         self._silent = self._left_alone = False
-        self._wish = replace(wish, connect=True, mode="jog", ramp=1.0, stall=60.0)
+        self._request = replace(request, connect=True, mode="jog", ramp=1.0, stall=60.0)
         self._number = self._arms = 0
-        self.wire = Wire.of(wish.spec(), wish.calibrated())
+        self.wire = Wire.of(request.spec(), request.calibrated())
         self.streamer = Streamer(open_link)
 
     @property
@@ -79,7 +79,7 @@ class Bench:
     @property
     def answers(self) -> bool:
         """Tell whether the board speaks the native protocol, whether or not there is a link just now."""
-        return self._wish.protocol == Native.name
+        return self._request.protocol == Native.name
 
     def connect(self) -> None:
         """Connect, and wait until the device has been recognised.
@@ -92,7 +92,7 @@ class Bench:
         self._apply(connect=True, jog=self._jog(self.wire.safe), arm=0)
         self.until(lambda: self.streamer.state in ("ready", "fault") or not self._holds, CONNECTING)
         if self.streamer.state != "ready":
-            raise DermisError(self.streamer.words.rstrip(".") or f"{self._wish.url} does not answer")
+            raise DermisError(self.streamer.words.rstrip(".") or f"{self._request.url} does not answer")
 
     def arm(self) -> None:
         """Arm at the safe pose, and wait until the ramp there is over.
@@ -108,7 +108,7 @@ class Bench:
         self._still_armed()
         gate = self.streamer.gate
         assert gate is not None
-        self.run(self._wish.ramp + 0.2)
+        self.run(self._request.ramp + 0.2)
         self.until(lambda: not self.streamer.armed or bool(np.allclose(gate.last, self.wire.safe)), RAMPING)
         self._still_armed()
 
@@ -267,11 +267,11 @@ class Bench:
 
     def _still_armed(self) -> None:
         if not self.streamer.armed:
-            raise DermisError(self.streamer.words.rstrip(".") or f"{self._wish.url} is not armed any more")
+            raise DermisError(self.streamer.words.rstrip(".") or f"{self._request.url} is not armed any more")
 
     def _link(self) -> Transport:
         if self.streamer.link is None:
-            raise DermisError(self.streamer.words.rstrip(".") or f"{self._wish.url} is gone")
+            raise DermisError(self.streamer.words.rstrip(".") or f"{self._request.url} is gone")
         return self.streamer.link
 
     @property
@@ -283,10 +283,10 @@ class Bench:
         return dict(zip(self.wire.names, ((values - self.wire.zero) / self.wire.gain).tolist(), strict=True))
 
     def _apply(self, **fields: Any) -> None:
-        self._wish = replace(self._wish, **fields)
+        self._request = replace(self._request, **fields)
         self._number += 1
         self.streamer.beat(Beat(self._number, 0, False, None, ()), self._clock())
-        self.streamer.apply(self._wish, self._clock())
+        self.streamer.apply(self._request, self._clock())
 
     def _raw(self, message: bytes) -> None:
         link, end = self._link(), self._clock() + 0.5

@@ -110,7 +110,7 @@ def run(options: argparse.Namespace) -> int:
     from ...devices.calibration import Calibration
     from ...presets import Library
     from ..play import Interrupted, Signals
-    from ..wish import Wish, check_number
+    from ..request import StreamRequest, check_number
     from .bench import Bench
     from .report import Report
     from .walk import Walk
@@ -118,7 +118,7 @@ def run(options: argparse.Namespace) -> int:
     check_number("rate", options.rate)
     preset = Library(options.presets).load("devices", options.device)
     calibration = Calibration.load(options.calibration).dumps() if options.calibration else ""
-    wish = Wish(
+    request = StreamRequest(
         url=options.url,
         protocol=options.protocol,
         device={"key": options.device, "preset": preset},
@@ -142,7 +142,7 @@ def run(options: argparse.Namespace) -> int:
         if signals.number:
             raise Interrupted
 
-    bench = Bench(wish, heed)
+    bench = Bench(request, heed)
     person = Terminal(lambda: bench.run(0.01))
     play = ["--url", options.url, "--device", options.device, "--protocol", options.protocol]
     for name in ("presets", "calibration", "rate"):

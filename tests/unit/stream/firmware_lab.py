@@ -15,9 +15,9 @@ from core.stream.links.url import Url
 from core.stream.protocols import packets
 from core.stream.protocols.packets import Kind
 from core.stream.protocols.wire import Wire
+from core.stream.request import StreamRequest
 from core.stream.source import Play
 from core.stream.streamer import Streamer
-from core.stream.wish import Wish
 from core.track import binary
 from core.track.command_track import CommandTrack
 from tests.unit.stream.firmware_board import BAUD, Board, firmware
@@ -63,7 +63,7 @@ class FirmwareLab:
 
     def __init__(self, board: Board, track: Path, key: str = "haptip") -> None:
         self.board, self.line = board, Line(board)
-        self.wish = Wish(
+        self.request = StreamRequest(
             connect=True,
             url="lab",
             protocol="native",
@@ -74,7 +74,7 @@ class FirmwareLab:
         )
         self.streamer = Streamer(self._open)
         self.number, self.playing, self.play_from = 0, False, 0.0
-        self.streamer.apply(copy.deepcopy(self.wish), self.now)
+        self.streamer.apply(copy.deepcopy(self.request), self.now)
 
     def _open(self, url: Url, wire: Wire, protocol: str) -> Transport:
         return self.line
@@ -95,8 +95,8 @@ class FirmwareLab:
 
     def arm(self) -> None:
         """Arm, as a press of the button does."""
-        self.wish.arm += 1
-        self.streamer.apply(copy.deepcopy(self.wish), self.now)
+        self.request.arm += 1
+        self.streamer.apply(copy.deepcopy(self.request), self.now)
         self.run(0.2)
         assert self.streamer.state == "armed", self.streamer.words
 

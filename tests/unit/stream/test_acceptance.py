@@ -25,7 +25,7 @@ from core.stream.acceptance.report import Check, Report, judged
 from core.stream.acceptance.walk import Walk, fastest_over
 from core.stream.protocols import native
 from core.stream.protocols.wire import Wire
-from core.stream.wish import Wish
+from core.stream.request import StreamRequest
 from core.work import command, environment
 from tests.unit.stream.stream_box import posix, running
 
@@ -223,9 +223,9 @@ class Yes:
         pass
 
 
-def bench_for(key: str, protocol: str = "native", url: str = "virtual:", **wish: Any) -> Bench:
+def bench_for(key: str, protocol: str = "native", url: str = "virtual:", **request: Any) -> Bench:
     device = {"key": key, "preset": Library().load("devices", key)}
-    return Bench(Wish(url=url, protocol=protocol, device=device, **wish))
+    return Bench(StreamRequest(url=url, protocol=protocol, device=device, **request))
 
 
 def at(bench: Bench) -> np.ndarray:

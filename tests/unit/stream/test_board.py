@@ -18,7 +18,7 @@ def test_a_board_shows_the_newest_whole_note() -> None:
     board = Board.create()
     other = Board.open(board.path)
     try:
-        assert other.read_beat() is None and other.read_wish() == {} and board.read_status() == {}
+        assert other.read_beat() is None and other.read_request() == {} and board.read_status() == {}
         for k in range(5):
             board.beat(k, k % 2 == 1, 0.5 * k if k else None, (1.0 * k, -1.0))
         beat = other.read_beat()
@@ -28,8 +28,8 @@ def test_a_board_shows_the_newest_whole_note() -> None:
         board._memory[at + 20] ^= 1  # the newest one is half written
         beat = other.read_beat()
         assert beat is not None and beat.number == 4 and beat.playing
-        board.wish({"url": "ü"})
-        assert other.read_wish() == {"url": "ü"}
+        board.request({"url": "ü"})
+        assert other.read_request() == {"url": "ü"}
         other.status({"state": "ready"})
         assert board.read_status() == {"state": "ready"}
         assert board.path.stat().st_mode & 0o077 == 0, "nobody else may read or write it"
@@ -41,7 +41,7 @@ def test_a_board_shows_the_newest_whole_note() -> None:
 
 
 def test_publishing_never_waits_for_a_sender_that_hangs() -> None:
-    """A stopped sender (or a full pipe) costs Blender nothing: 10,000 beats and wishes go onto the board regardless."""
+    """A stopped sender (or a full pipe) costs Blender nothing: 10,000 beats and requests are written regardless."""
     client = SenderClient()
     try:
         if os.name == "posix":

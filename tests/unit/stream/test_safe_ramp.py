@@ -34,9 +34,9 @@ WAY = float(np.abs(SAFE - np.array(list(FAR.values()))).max()) / SPEED  # how lo
 DRIVEN = ["maestro", "servo-animation", "osc"]  # by the sender: these know no safe state of their own
 
 
-def far_lab(protocol: str, *, after: float = 0.6, **wish: Any) -> Lab:
+def far_lab(protocol: str, *, after: float = 0.6, **request: Any) -> Lab:
     """Give a cable platform that stands at the end of its range."""
-    lab = Lab(protocol, "cable_platform", mode="jog", jog=FAR, ramp=0.0, **wish)
+    lab = Lab(protocol, "cable_platform", mode="jog", jog=FAR, ramp=0.0, **request)
     lab.run(0.1)
     lab.arm()
     lab.run(after)

@@ -16,8 +16,8 @@ from core.stream.links.transport import Transport
 from core.stream.links.url import Url
 from core.stream.protocols.clock import DeviceClock, RoundTrips
 from core.stream.protocols.wire import Wire
+from core.stream.request import StreamRequest
 from core.stream.source import Jog, Play, follow_values
-from core.stream.wish import Wish
 from core.track import csv
 from core.track.command_track import CommandTrack
 from tests.unit.stream.stream_lab import Lab
@@ -157,7 +157,7 @@ def test_a_wrong_device_is_refused_in_words() -> None:
     lab = Lab()
     lab.run(0.01)
     lab.device._spec_hash = b"ABCDEFGH"
-    lab.streamer.apply(Wish(), lab.now)
+    lab.streamer.apply(StreamRequest(), lab.now)
     opener = lab.streamer._open_link
 
     def wrong(url: Url, wire: Wire, protocol: str) -> Transport:

@@ -170,7 +170,7 @@ def _use_request(path: Path) -> object:
     try:
         plain = json.loads(path.read_bytes())
     except (ValueError, RecursionError):
-        return None  # of the sender's own board: whole or not there, by its check sum
+        return None  # of the shared state: whole or not there, by its check sum
     if not isinstance(plain, dict):
         return None
     request = request_of(plain)
@@ -395,10 +395,10 @@ OWN = {
     "core.skin.blas:_libraries": "the system's list of this process's libraries",
     "core.skin.store:write_model": "writes",
     "core.skin.store:write_table": "writes",
-    "core.stream.board": "memory of its own: whole by its check sum, or not there; the reader 'request' has the rest",
+    "core.stream.shared_state": "whole by its check sum, or not there; the reader 'request' has the rest",
     "core.stream.outbox:Outbox._may_leave": "asks whether a bucket is open",
     "core.stream.links.record:_opened": "writes a record",
-    "core.stream.sender": "its own parent's board",
+    "core.stream.sender": "its own parent's shared state",
     "core.stream.links.serial_port": "a port, not a file",
     "core.stream.links.sockets:Tcp._queued": "a number of the system's",
     "core.stream.streamer": "a link, not a file",

@@ -55,7 +55,7 @@ def add_parser(commands: Any, load_screen: LoadScreen) -> None:
     panel_command.add_arguments(panel)
     panel.set_defaults(run=lambda options: panel_command.run(options, load_screen))
 
-    send = verbs.add_parser("send", help="serve a notice board (not for people)")
+    send = verbs.add_parser("send", help="serve a shared state (not for people)")
     send.add_argument("--board", type=Path, required=True)
     send.set_defaults(run=lambda options: _send(options, load_screen))
 

@@ -1,4 +1,4 @@
-"""Blender's side of the sender: starts the process, pins requests and signs of life, reads the status. Never waits.
+"""Blender's side of the sender: starts the process, writes requests and signs of life, reads the status. Never waits.
 
 A sender that is closed brings its device to the safe state at the device's own speed, which may take longer than
 anybody's patience: it goes on by itself then, and removes what is its own. Who wants its port meanwhile is told so.
@@ -17,8 +17,8 @@ from typing import Any
 
 from ..errors import DermisError
 from ..work import command, environment
-from .board import MOST_VALUES, Board
 from .request import request_of
+from .shared_state import MOST_VALUES, SharedState
 
 GRACE = 0.2  # closing waits this long for the sender [s]; then that finishes by itself
 HUNG = 5.0  # a sender that ends and has said nothing for this long hangs [s]
@@ -35,7 +35,7 @@ class SenderClient:
     """
 
     def __init__(self, verb: Sequence[str] = ("stream", "send")) -> None:
-        self._board = Board.create()
+        self._shared = SharedState.create()
         self._request: dict[str, Any] = {}
         self._stops = 0
         self._ticket = 0
@@ -45,7 +45,7 @@ class SenderClient:
         _reap()
         try:
             self._process = subprocess.Popen(
-                command(*verb, "--board", str(self._board.path)),
+                command(*verb, "--board", str(self._shared.path)),
                 env=environment(),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
@@ -54,7 +54,7 @@ class SenderClient:
                 cwd=tempfile.gettempdir(),
             )
         except OSError as error:
-            self._board.remove()
+            self._shared.remove()
             self._log.close()
             raise DermisError("the sender cannot be started", value=error.strerror) from error
         _open.add(self)
@@ -91,7 +91,7 @@ class SenderClient:
         request_of({**self._request, **fields}).check()
         if any(self._request.get(k, _NONE) != v for k, v in fields.items()):
             self._request |= fields
-            self._pin()
+            self._write()
 
     def arm(self) -> None:
         """Let the device move, once; call it because a person asked for it."""
@@ -105,20 +105,20 @@ class SenderClient:
     def stop(self) -> None:
         """Safe state, now. Works where nothing else does."""
         self._stops += 1
-        self._board.beat(self._stops, False, None)
+        self._shared.write_beat(self._stops, False, None)
 
     def beat(self, *, playing: bool = False, time: float | None = None, values: Sequence[float] = ()) -> None:
         """Give a sign of life, with what Blender shows."""
         if len(values) > MOST_VALUES:
             raise DermisError("more values than a beat can hold", value=len(values), limit=str(MOST_VALUES))
-        self._board.beat(self._stops, playing, time, tuple(values))
+        self._shared.write_beat(self._stops, playing, time, tuple(values))
 
     def status(self) -> dict[str, Any]:
         """Return how things stand; `state` is 'dead' where the sender has died."""
-        status = self._board.read_status()
+        status = self._shared.read_status()
         if self._before is not None:
-            words = self._before._board.read_status().get("words", "")
-            self._pin()
+            words = self._before._shared.read_status().get("words", "")
+            self._write()
             if self._before is not None:
                 return {
                     **status,
@@ -150,23 +150,23 @@ class SenderClient:
     def _gone(self) -> bool:
         """Tell whether a closed sender has ended; one that hangs is killed."""
         if self.alive:
-            number = self._board.status_number
+            number = self._shared.status_number
             if number != self._heard:
                 self._heard, self._closed = number, time.monotonic()
             elif time.monotonic() - self._closed > HUNG:
                 self._process.kill()
                 self._process.wait()
         if not self.alive:
-            self._board.remove()
+            self._shared.remove()
             self._log.close()
         return not self.alive
 
-    def _pin(self) -> None:
-        """Pin the request, unless an earlier sender has the port."""
+    def _write(self) -> None:
+        """Write the request, unless an earlier sender has the port."""
         _reap()
         if self._before not in _ending:
             self._before = None
-            self._board.request(self._request)
+            self._shared.write_request(self._request)
 
     def wait(self, state: str, seconds: float = 5.0) -> dict[str, Any]:
         """Wait for a state, giving signs of life meanwhile; for scripts and tests, never for a user interface.
@@ -208,7 +208,7 @@ def _reap() -> None:
 def leaving() -> str:
     """Return what closed senders of this process still do, in words; '' where all have ended."""
     _reap()
-    found = ((str(one._request.get("url", "")), str(one._board.read_status().get("words", ""))) for one in _ending)
+    found = ((str(one._request.get("url", "")), str(one._shared.read_status().get("words", ""))) for one in _ending)
     return "; ".join(f"{words or 'going to the safe state'} ({url})" for url, words in found)
 
 

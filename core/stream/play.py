@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from ..errors import DermisError
-from .board import Beat
 from .links.url import unnamed
 from .request import StreamRequest
+from .shared_state import Beat
 from .streamer import Streamer
 from .virtual.link import open_link
 

@@ -1,4 +1,4 @@
-"""How a streamer stands, in plain values: what the panel shows and the notice board carries."""
+"""How a streamer stands, in plain values: what the panel shows and the shared state carries."""
 
 from __future__ import annotations
 

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import DermisError
-from .board import Beat
 from .drain import Drain
 from .gate import Gate
 from .links import capacity
@@ -29,6 +28,7 @@ from .protocols.packets import Reach
 from .protocols.wire import Wire
 from .request import StreamRequest
 from .safe_ramp import SafeRamp
+from .shared_state import Beat
 from .source import Follow, Panel, Play, Screen, Source, follow_values, goes_on, source_of
 
 HANDSHAKE = 3.0  # a device that has not said who it is after this long is none [s]

@@ -187,7 +187,7 @@ def test_unregistering_ends_the_sender(scene: Any) -> None:
     client = session._client
     blender_addon.unregister()
     try:
-        assert ended(client) and not client._board.path.exists()
+        assert ended(client) and not client._shared.path.exists()
     finally:
         blender_addon.register()
 

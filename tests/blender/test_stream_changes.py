@@ -66,11 +66,11 @@ def test_another_bake_comes_with_its_own_first_frame(scene: Any) -> None:
     assert streamed_track.origin(scene) == (1.0, 24.0), "the sender has the old track still"
     session.beat()
     assert np.allclose(sent().values, track.values, atol=1e-7), "it was given the new one without a setting's help"
-    assert session._client._board.read_beat().time == pytest.approx(0.25)
+    assert session._client._shared.read_beat().time == pytest.approx(0.25)
     wait(there(track.values[250, 2:]))
-    number = session._client._board.request_number
+    number = session._client._shared.request_number
     session.beat()
-    assert session._client._board.request_number == number, "once"
+    assert session._client._shared.request_number == number, "once"
 
 
 def test_a_bake_that_is_forgotten_leaves_the_device_safe(scene: Any) -> None:

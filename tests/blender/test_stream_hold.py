@@ -37,7 +37,7 @@ def scene() -> Any:
 
 def published() -> tuple[float | None, bool, tuple[float, ...]]:
     """Return time, playing and values as the sender reads them."""
-    beat = session._client._board.read_beat()
+    beat = session._client._shared.read_beat()
     return beat.time, beat.playing, beat.values
 
 

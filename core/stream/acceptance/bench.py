@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from ...errors import DermisError
-from ..board import Beat
 from ..links.transport import Transport
 from ..protocols.native import Native
 from ..protocols.packets import DeviceState, Kind, pack
 from ..protocols.wire import Array, Wire
 from ..request import StreamRequest
+from ..shared_state import Beat
 from ..streamer import Streamer
 from ..virtual.link import open_link
 

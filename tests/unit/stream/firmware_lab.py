@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from core.presets import Library
-from core.stream.board import Beat
 from core.stream.links.transport import Transport
 from core.stream.links.url import Url
 from core.stream.protocols import packets
 from core.stream.protocols.packets import Kind
 from core.stream.protocols.wire import Wire
 from core.stream.request import StreamRequest
+from core.stream.shared_state import Beat
 from core.stream.source import Play
 from core.stream.streamer import Streamer
 from core.track import binary

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from core.presets import Library
-from core.stream.board import Beat
 from core.stream.links.transport import Gone, Transport
 from core.stream.links.url import Url
 from core.stream.protocols.wire import Wire
 from core.stream.request import StreamRequest
+from core.stream.shared_state import Beat
 from core.stream.streamer import Streamer
 from core.stream.virtual.device import make
 from core.track import csv

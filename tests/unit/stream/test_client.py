@@ -28,8 +28,8 @@ def far(client: SenderClient, receiver: Receiver) -> None:
 def test_closing_waits_for_no_ramp_and_leaves_nothing_behind() -> None:
     with Receiver("maestro") as receiver:
         client = SenderClient()
-        board = client._board.path
-        assert board.exists()
+        shared = client._shared.path
+        assert shared.exists()
         far(client, receiver)
         began = time.perf_counter()
         client.close()
@@ -39,7 +39,7 @@ def test_closing_waits_for_no_ramp_and_leaves_nothing_behind() -> None:
         assert "going to the safe state" in module.leaving() and receiver.url in module.leaving()
         exits.until(lambda: not client.alive, lambda: None, "it ends by itself")
         assert receiver.judgement()["safe"]
-    assert module.leaving() == "" and not board.exists()
+    assert module.leaving() == "" and not shared.exists()
 
 
 def test_a_port_is_waited_for_in_words_while_its_sender_of_before_finishes() -> None:
@@ -61,7 +61,7 @@ def test_a_closed_sender_that_hangs_is_killed_in_the_end(monkeypatch: pytest.Mon
     monkeypatch.setattr(module, "HUNG", 0.3)
     client = SenderClient()
     client.beat()
-    exits.until(lambda: bool(client._board.status_number), client.beat, "it runs")
+    exits.until(lambda: bool(client._shared.status_number), client.beat, "it runs")
     os.kill(client.pid, signal.SIGSTOP)
     client.close()
     assert client.alive

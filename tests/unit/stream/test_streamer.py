@@ -11,10 +11,10 @@ import pytest
 from core.devices.calibration import Calibration
 from core.devices.spec import Channel, DeviceSpec
 from core.presets import Library
-from core.stream.board import Beat
 from core.stream.gate import Gate
 from core.stream.protocols.clock import TrackClock
 from core.stream.protocols.wire import Wire
+from core.stream.shared_state import Beat
 from core.track import csv
 from core.track.command_track import CommandTrack
 from tests.unit.stream.stream_lab import TICK, Lab, sine_track

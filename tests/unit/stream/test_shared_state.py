@@ -1,4 +1,4 @@
-"""The notice board: the newest whole note counts, and nobody ever waits."""
+"""The shared state: the newest whole record counts, and nobody ever waits."""
 
 from __future__ import annotations
 
@@ -8,36 +8,36 @@ import signal
 import pytest
 
 from core.errors import DermisError
-from core.stream.board import MAGIC, Board
 from core.stream.client import SenderClient
+from core.stream.shared_state import MAGIC, SharedState
 
 pytestmark = pytest.mark.real_time
 
 
 def test_a_board_shows_the_newest_whole_note() -> None:
-    board = Board.create()
-    other = Board.open(board.path)
+    shared = SharedState.create()
+    other = SharedState.open(shared.path)
     try:
-        assert other.read_beat() is None and other.read_request() == {} and board.read_status() == {}
+        assert other.read_beat() is None and other.read_request() == {} and shared.read_status() == {}
         for k in range(5):
-            board.beat(k, k % 2 == 1, 0.5 * k if k else None, (1.0 * k, -1.0))
+            shared.write_beat(k, k % 2 == 1, 0.5 * k if k else None, (1.0 * k, -1.0))
         beat = other.read_beat()
         assert beat is not None
         assert (beat.number, beat.stops, beat.playing, beat.time, beat.values) == (5, 4, False, 2.0, (4.0, -1.0))
         at = len(MAGIC) + (5 & 1) * 4096
-        board._memory[at + 20] ^= 1  # the newest one is half written
+        shared._memory[at + 20] ^= 1  # the newest one is half written
         beat = other.read_beat()
         assert beat is not None and beat.number == 4 and beat.playing
-        board.request({"url": "ü"})
+        shared.write_request({"url": "ü"})
         assert other.read_request() == {"url": "ü"}
         other.status({"state": "ready"})
-        assert board.read_status() == {"state": "ready"}
-        assert board.path.stat().st_mode & 0o077 == 0, "nobody else may read or write it"
+        assert shared.read_status() == {"state": "ready"}
+        assert shared.path.stat().st_mode & 0o077 == 0, "nobody else may read or write it"
     finally:
         other.close()
-        board.remove()
+        shared.remove()
     with pytest.raises(DermisError):
-        Board.open(board.path)
+        SharedState.open(shared.path)
 
 
 def test_publishing_never_waits_for_a_sender_that_hangs() -> None:

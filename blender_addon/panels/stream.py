@@ -1,4 +1,4 @@
-"""The live link: port, arm, stop, and how things stand. Draws what the last beat brought; asks nobody."""
+"""The live link: port, arm, stop, and how things stand. Draws what the last heartbeat brought; asks nobody."""
 
 from typing import Any
 

@@ -24,19 +24,19 @@ from . import (
     streamed_track,
 )
 
-BEAT = 0.02  # between two signs of life [s]
+HEARTBEAT = 0.02  # between two signs of life [s]
 STILL = frozenset({"V", "Hz"})  # units of actuators that nothing moves
 READY = ("ready", "stalled")  # states in which a device can be armed
-REDRAW = 5  # beats between two redraws of the panel
+REDRAW = 5  # heartbeats between two redraws of the panel
 
 _client: Any = None
 _scene = 0  # session uid of the scene that streams
 _status: dict[str, Any] = {}
 _note = ""  # what Blender's side has to say beside the sender
 _leaving = ""  # what senders still do that were let go
-_published: tuple[float | None, tuple[float, ...]] = (None, ())  # time and values of the last beat
-_mode = ""  # at the last beat
-_beats = 0
+_published: tuple[float | None, tuple[float, ...]] = (None, ())  # time and values of the last heartbeat
+_mode = ""  # at the last heartbeat
+_heartbeats = 0
 _restored = False  # undo or redo has brought other settings, and the sender has not heard of them
 _ports: list[tuple[str, str]] = []
 
@@ -58,7 +58,7 @@ def caution(protocol: str) -> str:
 
 
 def status() -> dict[str, Any]:
-    """Return how things stood at the last beat; never asks anybody."""
+    """Return how things stood at the last heartbeat; never asks anybody."""
     return _status or {"state": "disconnected", "words": "", "armed": False}
 
 
@@ -100,7 +100,7 @@ def connect(scene: bpy.types.Scene) -> None:
         raise
     _scene = scene.session_uid
     _status = {"state": "connecting", "words": "", "armed": False}
-    beat()
+    heartbeat()
     _start_timer()
 
 
@@ -121,7 +121,7 @@ def close() -> None:
 
 
 def leaving() -> str:
-    """Return what senders that were let go still did at the last beat, '' where all have ended; never asks anybody."""
+    """Return what senders that were let go still did at the last heartbeat, '' where all have ended; asks nobody."""
     return _leaving
 
 
@@ -156,7 +156,7 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
     if scene.dermis_stream.mode == "jog":
         device_calibration.retract(scene)
     _client.set(**_request(scene))
-    beat()
+    heartbeat()
     if status()["state"] not in READY:
         raise refused("the device is not ready to be armed", value=status()["state"], limit=" or ".join(READY))
     board_identity.check(scene)
@@ -194,7 +194,7 @@ def changed() -> None:
         _note = str(error)
 
 
-def beat() -> None:
+def heartbeat() -> None:
     """Give a sign of life with what Blender shows; read the status.
 
     While something steps through the frames, what was published last holds: nobody plays then, and nobody scrubs.
@@ -219,7 +219,7 @@ def beat() -> None:
         _published = _shown(scene)
     _mode = scene.dermis_stream.mode
     moment, values = _published
-    _client.beat(playing=playing, time=moment, values=values)
+    _client.heartbeat(playing=playing, time=moment, values=values)
     _status = _client.status()
     met = board_identity.meet(scene, _status)
     if _status["armed"] and board_identity.is_another(scene):
@@ -278,22 +278,22 @@ def _streaming_scene() -> bpy.types.Scene | None:
 
 def _start_timer() -> None:
     if not bpy.app.background and not bpy.app.timers.is_registered(_on_timer):
-        bpy.app.timers.register(_on_timer, first_interval=BEAT, persistent=True)
+        bpy.app.timers.register(_on_timer, first_interval=HEARTBEAT, persistent=True)
 
 
 def _on_timer() -> float | None:
-    global _beats
+    global _heartbeats
     before = _status.get("state"), _leaving
     try:
-        beat()
+        heartbeat()
     except Exception:  # Blender ends a timer that raises, and what the panel shows would be true no more
         close()
         traceback.print_exc()
-    _beats += 1
+    _heartbeats += 1
     ended = _client is None and not _leaving
-    if ended or _beats % REDRAW == 0 or before != (_status.get("state"), _leaving):
+    if ended or _heartbeats % REDRAW == 0 or before != (_status.get("state"), _leaving):
         _redraw()
-    return None if ended else BEAT
+    return None if ended else HEARTBEAT
 
 
 def _redraw() -> None:
@@ -312,8 +312,8 @@ def _on_load(*_: Any) -> None:
 
 @persistent
 def _on_history(*_: Any) -> None:
-    # Settings came back without a word. The next beat passes them on: what is changed in here belongs to no step of
-    # undo, and the scene that Blender restored is not evaluated yet.
+    # Settings came back without a word. The next heartbeat passes them on: what is changed in here belongs to no step
+    # of undo, and the scene that Blender restored is not evaluated yet.
     global _restored
     _restored = _client is not None
 

@@ -105,13 +105,13 @@ class SenderClient:
     def stop(self) -> None:
         """Safe state, now. Works where nothing else does."""
         self._stops += 1
-        self._shared.write_beat(self._stops, False, None)
+        self._shared.write_heartbeat(self._stops, False, None)
 
-    def beat(self, *, playing: bool = False, time: float | None = None, values: Sequence[float] = ()) -> None:
+    def heartbeat(self, *, playing: bool = False, time: float | None = None, values: Sequence[float] = ()) -> None:
         """Give a sign of life, with what Blender shows."""
         if len(values) > MOST_VALUES:
-            raise DermisError("more values than a beat can hold", value=len(values), limit=str(MOST_VALUES))
-        self._shared.write_beat(self._stops, playing, time, tuple(values))
+            raise DermisError("more values than a heartbeat can hold", value=len(values), limit=str(MOST_VALUES))
+        self._shared.write_heartbeat(self._stops, playing, time, tuple(values))
 
     def status(self) -> dict[str, Any]:
         """Return how things stand; `state` is 'dead' where the sender has died."""

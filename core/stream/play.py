@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from ..errors import DermisError
 from .links.url import unnamed
 from .request import StreamRequest
-from .shared_state import Beat
+from .shared_state import Heartbeat
 from .streamer import Streamer
 from .virtual.link import open_link
 
@@ -93,7 +93,7 @@ def play(options: argparse.Namespace) -> int:
 
 
 class _Player:
-    """A streamer in this process, and the beats that Blender would give."""
+    """A streamer in this process, and the heartbeats that Blender would give."""
 
     def __init__(self, options: argparse.Namespace, signals: Signals) -> None:
         from ..devices.calibration import Calibration
@@ -146,7 +146,7 @@ class _Player:
                     remedy="Run it in a terminal, or pass --yes",
                 )
         self._request.arm = 1
-        self._beat(None)
+        self._heartbeat(None)
         streamer.apply(self._request, time.perf_counter())
         end = time.perf_counter() + options.ramp + 0.2 + options.look_ahead
         self._until(lambda: time.perf_counter() > end or not streamer.armed)
@@ -189,15 +189,17 @@ class _Player:
         """Let time pass until something holds or a signal comes."""
         while not self._signals.number and not done():
             now = time.perf_counter()
-            self._beat(playing_since)
+            self._heartbeat(playing_since)
             due = self._streamer.tick(now)
             time.sleep(max(due - time.perf_counter(), 0.0))
 
-    def _beat(self, playing_since: float | None) -> None:
+    def _heartbeat(self, playing_since: float | None) -> None:
         """Give a sign of life, as Blender does."""
         now, playing = time.perf_counter(), playing_since is not None
         self._number += 1
-        self._streamer.beat(Beat(self._number, 0, playing, now - playing_since if playing_since else 0.0, ()), now)
+        self._streamer.heartbeat(
+            Heartbeat(self._number, 0, playing, now - playing_since if playing_since else 0.0, ()), now
+        )
 
     def _refusal(self, otherwise: str) -> DermisError:
         words = self._streamer.words.rstrip(".")

@@ -31,7 +31,7 @@ class StreamRequest:
         mode: of `source.MODES`. track, screen: files for 'play' and 'panel'. jog: values by channel [units].
         arm: ticket; 0 disarms. stops: number of stops that the person had seen when arming.
         offset: start offset [s]. look_ahead: [s]. ramp: blend from the first pose [s].
-        stall: without a beat for this long comes the safe state [s]. play_on: a baked track plays on meanwhile.
+        stall: without a heartbeat for this long comes the safe state [s]. play_on: a baked track plays on meanwhile.
         reconnect: try again by itself when a link is lost. rate: of commands [Hz]; 0: the device's own.
     """
 

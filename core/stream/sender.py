@@ -45,15 +45,15 @@ def run(path: Path, load_screen: Callable[[Path], Screen] | None = None) -> int:
 
 def _loop(shared: SharedState, streamer: Streamer, ended: list[str]) -> None:
     clock = time.perf_counter
-    seen_request = seen_beat = 0
+    seen_request = seen_heartbeat = 0
     status_at, shown = 0.0, ""
     while not ended:
         now = clock()
-        if shared.beat_number != seen_beat:
-            beat = shared.read_beat()
-            if beat is not None and beat.number != seen_beat:
-                seen_beat = beat.number
-                streamer.beat(beat, now)
+        if shared.heartbeat_number != seen_heartbeat:
+            heartbeat = shared.read_heartbeat()
+            if heartbeat is not None and heartbeat.number != seen_heartbeat:
+                seen_heartbeat = heartbeat.number
+                streamer.heartbeat(heartbeat, now)
         if shared.request_number != seen_request:
             number = shared.request_number
             request = shared.read_request()

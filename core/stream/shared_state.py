@@ -21,8 +21,8 @@ from ..errors import DermisError
 
 MAGIC = b"DERMIS-SHARED 1\0"
 _SLOT = struct.Struct("<QII")  # number, length, CRC-32 of number and record
-_BEAT = struct.Struct("<QIBddH")
-BEAT_BYTES, REQUEST_BYTES, STATUS_BYTES = 4096, 1 << 20, 1 << 16
+_HEARTBEAT = struct.Struct("<QIBddH")
+HEARTBEAT_BYTES, REQUEST_BYTES, STATUS_BYTES = 4096, 1 << 20, 1 << 16
 MOST_VALUES = 255
 PLAYING, HAS_TIME = 1, 2
 
@@ -64,11 +64,11 @@ class _Record:
 
 
 @dataclass(frozen=True)
-class Beat:
+class Heartbeat:
     """Blender's sign of life, with what it shows.
 
     Attributes:
-        number: rises with every beat. stops: rises with every stop. playing: playback runs.
+        number: rises with every heartbeat. stops: rises with every stop. playing: playback runs.
         time: track time on the screen [s], or None. values: of the channels on the wire to follow; may be empty.
     """
 
@@ -82,7 +82,7 @@ class Beat:
 class SharedState:
     """Both sides' view; `create` on Blender's side, `open` on the sender's."""
 
-    SIZE = len(MAGIC) + 2 * (BEAT_BYTES + REQUEST_BYTES + STATUS_BYTES)
+    SIZE = len(MAGIC) + 2 * (HEARTBEAT_BYTES + REQUEST_BYTES + STATUS_BYTES)
 
     def __init__(self, path: Path, descriptor: int) -> None:
         self.path = path
@@ -91,9 +91,9 @@ class SharedState:
         finally:
             os.close(descriptor)
         at = len(MAGIC)
-        self._beat = _Record(self._memory, at, BEAT_BYTES)
-        self._request = _Record(self._memory, at + 2 * BEAT_BYTES, REQUEST_BYTES)
-        self._status = _Record(self._memory, at + 2 * (BEAT_BYTES + REQUEST_BYTES), STATUS_BYTES)
+        self._heartbeat = _Record(self._memory, at, HEARTBEAT_BYTES)
+        self._request = _Record(self._memory, at + 2 * HEARTBEAT_BYTES, REQUEST_BYTES)
+        self._status = _Record(self._memory, at + 2 * (HEARTBEAT_BYTES + REQUEST_BYTES), STATUS_BYTES)
 
     @classmethod
     def create(cls) -> SharedState:
@@ -121,25 +121,25 @@ class SharedState:
             raise DermisError("not a shared state of this version", where=str(path))
         return cls(Path(path), descriptor)
 
-    def write_beat(self, stops: int, playing: bool, time: float | None, values: tuple[float, ...] = ()) -> None:
+    def write_heartbeat(self, stops: int, playing: bool, time: float | None, values: tuple[float, ...] = ()) -> None:
         """Write a sign of life."""
         flags = PLAYING * playing | HAS_TIME * (time is not None)
-        head = _BEAT.pack(0, stops & 0xFFFFFFFF, flags, time or 0.0, 0.0, len(values))
-        self._beat.put(head + struct.pack(f"<{len(values)}d", *values))
+        head = _HEARTBEAT.pack(0, stops & 0xFFFFFFFF, flags, time or 0.0, 0.0, len(values))
+        self._heartbeat.put(head + struct.pack(f"<{len(values)}d", *values))
 
     @property
-    def beat_number(self) -> int:
-        """Number of the newest beat; cheap enough to ask every millisecond."""
-        return self._beat.number()
+    def heartbeat_number(self) -> int:
+        """Number of the newest heartbeat; cheap enough to ask every millisecond."""
+        return self._heartbeat.number()
 
-    def read_beat(self) -> Beat | None:
-        """Return the newest whole beat, or None before the first."""
-        found = self._beat.get()
-        if found is None or len(found[1]) < _BEAT.size:
+    def read_heartbeat(self) -> Heartbeat | None:
+        """Return the newest whole heartbeat, or None before the first."""
+        found = self._heartbeat.get()
+        if found is None or len(found[1]) < _HEARTBEAT.size:
             return None
-        _, stops, flags, time, _, count = _BEAT.unpack_from(found[1])
-        values = struct.unpack_from(f"<{count}d", found[1], _BEAT.size)
-        return Beat(found[0], stops, bool(flags & PLAYING), time if flags & HAS_TIME else None, values)
+        _, stops, flags, time, _, count = _HEARTBEAT.unpack_from(found[1])
+        values = struct.unpack_from(f"<{count}d", found[1], _HEARTBEAT.size)
+        return Heartbeat(found[0], stops, bool(flags & PLAYING), time if flags & HAS_TIME else None, values)
 
     def write_request(self, request: dict[str, Any]) -> None:
         """Write what the sender shall do."""

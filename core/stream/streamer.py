@@ -28,7 +28,7 @@ from .protocols.packets import Reach
 from .protocols.wire import Wire
 from .request import StreamRequest
 from .safe_ramp import SafeRamp
-from .shared_state import Beat
+from .shared_state import Heartbeat
 from .source import Follow, Panel, Play, Screen, Source, follow_values, goes_on, source_of
 
 HANDSHAKE = 3.0  # a device that has not said who it is after this long is none [s]
@@ -39,7 +39,7 @@ RECALIBRATING = 0.3  # what a new calibration, or something else to play, change
 
 
 class Streamer:
-    """Does what requests and beats ask for, a tick at a time.
+    """Does what requests and heartbeats ask for, a tick at a time.
 
     Args:
         open_link: opens a URL for a device and a protocol; may raise DermisError.
@@ -68,8 +68,8 @@ class Streamer:
         self._since = 0.0
         self.ticket = 0
         self._stops = 0
-        self._beat: Beat | None = None
-        self._beat_at = -math.inf
+        self._heartbeat: Heartbeat | None = None
+        self._heartbeat_at = -math.inf
         self._retry_at = 0.0
         self._ramp: SafeRamp | None = None
         self._drain: Drain | None = None
@@ -102,18 +102,23 @@ class Streamer:
             if request.stops >= self._stops:
                 self._begin_arming(now)
 
-    def beat(self, beat: Beat, now: float) -> None:
+    def heartbeat(self, heartbeat: Heartbeat, now: float) -> None:
         """Take a sign of life."""
-        if self._beat is not None and beat.stops != self._beat.stops or self._beat is None and beat.stops:
-            self._stops = beat.stops
+        if (
+            self._heartbeat is not None
+            and heartbeat.stops != self._heartbeat.stops
+            or self._heartbeat is None
+            and heartbeat.stops
+        ):
+            self._stops = heartbeat.stops
             self.stop(now, "Stopped")
-        self._beat, self._beat_at = beat, now
-        if isinstance(self.source, Play) and beat.time is not None:
-            self.source.clock.report(beat.time, beat.playing, now)
-        elif isinstance(self.source, Panel) and beat.time is not None:
-            self.source.report(beat.time, beat.playing, now)
+        self._heartbeat, self._heartbeat_at = heartbeat, now
+        if isinstance(self.source, Play) and heartbeat.time is not None:
+            self.source.clock.report(heartbeat.time, heartbeat.playing, now)
+        elif isinstance(self.source, Panel) and heartbeat.time is not None:
+            self.source.report(heartbeat.time, heartbeat.playing, now)
         elif isinstance(self.source, Follow) and self.wire is not None:
-            self.source.latest = follow_values(self.wire, beat.values)
+            self.source.latest = follow_values(self.wire, heartbeat.values)
 
     def stop(self, now: float, words: str) -> None:
         """Go to the safe state; nothing moves before the next arming."""
@@ -332,7 +337,7 @@ class Streamer:
             self.words = "the device disarmed itself"
             self._to_safe(now)
             return
-        if self._bound and now - self._beat_at > self.request.stall:
+        if self._bound and now - self._heartbeat_at > self.request.stall:
             self.words = f"Blender gave no sign of life for {self.request.stall:g} s; arm again"
             self.counters["stalls"] += 1
             self._to_safe(now)
@@ -408,7 +413,7 @@ class Streamer:
     # -- helpers
 
     def _alive(self, now: float) -> bool:
-        return now - self._beat_at <= self.request.stall
+        return now - self._heartbeat_at <= self.request.stall
 
     def _horizon(self) -> float:
         """Return how far ahead samples are sent now [s]: only while a playback runs, and no more than the device holds.
@@ -447,9 +452,9 @@ class Streamer:
         """Make what the mode asks for; what cannot be made leaves the device safe and says why."""
         old, self.source = self.source, None
         try:
-            beat = self._beat.values if self._beat else ()
+            heartbeat = self._heartbeat.values if self._heartbeat else ()
             assert self.wire is not None
-            self.source = source_of(self.request, self.wire, old, beat, self._load_screen, self._output_hz)
+            self.source = source_of(self.request, self.wire, old, heartbeat, self._load_screen, self._output_hz)
         except DermisError as error:
             self.words = str(error)
         assert self.gate is not None

@@ -17,7 +17,7 @@ from pathlib import Path
 from tests import exits
 
 from . import Result, benchmark
-from .bench_stream import BEAT, LOOK_AHEAD, RATE, Receiver, beats, streaming_to, track
+from .bench_stream import HEARTBEAT, LOOK_AHEAD, RATE, Receiver, heartbeats, streaming_to, track
 
 ROUNDS = 5  # of 8 exits with 5 protocols
 KILLS = 5
@@ -90,11 +90,11 @@ def blender() -> Iterator[dict[str, Exit]]:
         settings = scene.dermis_stream
         settings.url, settings.protocol, settings.mode, settings.ramp = receiver.url, receiver.protocol, "jog", 0.0
         session.connect(scene)
-        exits.until(lambda: session.status()["state"] == "ready", session.beat, str(session.status()))
+        exits.until(lambda: session.status()["state"] == "ready", session.heartbeat, str(session.status()))
         session.arm(scene, fingers_out=True)
         for channel in settings.channels:
             channel.jog = exits.far(receiver.protocol)[channel.name]
-        exits.until(receiver.reached, session.beat, f"far from safe: {session.status()}")
+        exits.until(receiver.reached, session.heartbeat, f"far from safe: {session.status()}")
         receiver.ask("mark")
 
     def ended() -> None:
@@ -151,7 +151,7 @@ def _pose_after_kill(key: str, jog: dict[str, float], seconds: float) -> float:
     try:
         url = f"{receiver.url}?baud=1000000"  # 128 pins are more than the usual line carries
         with streaming_to(url, key, mode="jog", jog=jog, ramp=0.0) as client:
-            beats(client, seconds, time.sleep)
+            heartbeats(client, seconds, time.sleep)
             if not client.status()["armed"]:
                 raise RuntimeError(client.status()["words"])
             killed = time.perf_counter()
@@ -182,13 +182,13 @@ def five() -> Result:
             start = time.perf_counter()
             while (now := time.perf_counter() - start) < seconds:
                 for client in clients:
-                    client.beat(playing=playing, time=now if playing else 0.0)
-                time.sleep(BEAT)
+                    client.heartbeat(playing=playing, time=now if playing else 0.0)
+                time.sleep(HEARTBEAT)
             return [sum(c.status().get("counters", {}).get(n, 0) for n in ("skipped", "dropped")) for c in clients]
 
         exits.until(
             lambda: all(client.status()["state"] == "ready" for client in clients),
-            lambda: left_out(BEAT, playing=False),
+            lambda: left_out(HEARTBEAT, playing=False),
             "all five connected",
         )
         for client in clients:

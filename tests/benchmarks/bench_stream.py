@@ -21,7 +21,7 @@ from typing import Any
 
 from . import Result, benchmark, measure, timing
 
-BEAT = 0.02
+HEARTBEAT = 0.02
 RATE = 1000.0
 JITTER_SECONDS, LATE_SECONDS = 20.0, 60.0
 LOOK_AHEAD = 0.1
@@ -99,9 +99,9 @@ def streaming_to(url: str, key: str, **request: Any) -> Iterator[Any]:
 
     with SenderClient() as client:
         client.connect(url, "native", key, Library().load("devices", key), **request)
-        client.beat()
+        client.heartbeat()
         client.wait("ready", 20)
-        client.beat()
+        client.heartbeat()
         client.arm()
         yield client
 
@@ -110,18 +110,18 @@ def streaming_to(url: str, key: str, **request: Any) -> Iterator[Any]:
 def armed(receiver: Any, **request: Any) -> Iterator[Any]:
     """Connect and arm a sender."""
     with streaming_to(receiver.url, "haptip", ramp=0.0, **request) as client:
-        beats(client, 0.3, time.sleep)
+        heartbeats(client, 0.3, time.sleep)
         if not client.status()["armed"]:
             raise RuntimeError(client.status()["words"])
         yield client
 
 
-def beats(client: Any, seconds: float, between: Callable[[float], Any], *, playing: bool = False) -> None:
+def heartbeats(client: Any, seconds: float, between: Callable[[float], Any], *, playing: bool = False) -> None:
     """Give signs of life as Blender's timer does, and do something between them."""
     start = time.perf_counter()
     while (now := time.perf_counter() - start) < seconds:
-        client.beat(playing=playing, time=now if playing else 0.0)
-        between(BEAT)
+        client.heartbeat(playing=playing, time=now if playing else 0.0)
+        between(HEARTBEAT)
 
 
 @contextmanager
@@ -155,7 +155,7 @@ def intervals_us(between: Callable[[float], Any]) -> tuple[float, float, float, 
 
     receiver = Receiver()
     with armed(receiver, track=track(JITTER_SECONDS + 5), look_ahead=0.0) as client:
-        beats(client, JITTER_SECONDS, between, playing=True)
+        heartbeats(client, JITTER_SECONDS, between, playing=True)
         status = client.status()
     arrived, _ = receiver.end()
     arrived = arrived[arrived > arrived[-1] - JITTER_SECONDS + 1]
@@ -181,7 +181,7 @@ def late() -> Result:
     path = track(LATE_SECONDS + 5)
     with blender() as evaluate, armed(receiver, track=path, look_ahead=LOOK_AHEAD) as client:
         before = client.status()["counters"]  # at rest nothing is timed, so nothing can be late
-        beats(client, LATE_SECONDS, evaluate, playing=True)
+        heartbeats(client, LATE_SECONDS, evaluate, playing=True)
         status = client.status()
     arrived, (received, lost, damaged, after) = receiver.end()
     left_out = sum(status["counters"].get(n, 0) - before.get(n, 0) for n in ("skipped", "dropped"))
@@ -249,13 +249,13 @@ def stop() -> Result:
     receiver, path, times = Receiver(), track(TIMES + 30), []
     with blender() as evaluate, armed(receiver, track=path, look_ahead=LOOK_AHEAD) as client:
         for k in range(TIMES):
-            beats(client, 0.5 + 0.037 * k, evaluate, playing=True)
+            heartbeats(client, 0.5 + 0.037 * k, evaluate, playing=True)
             pressed = time.perf_counter()
             client.stop()
             times.append(1e3 * (receiver.safe_since(pressed) - pressed))
-            beats(client, 0.1, time.sleep)
+            heartbeats(client, 0.1, time.sleep)
             client.arm()
-            beats(client, 0.3, time.sleep)
+            heartbeats(client, 0.3, time.sleep)
     receiver.end()
     return Result("stop_ms", max(times), "ms", timing(times).p95, {"median": timing(times).median})
 
@@ -275,7 +275,7 @@ def kill() -> Result:
     for k in range(TIMES):
         receiver = Receiver()
         with armed(receiver, track=path) as client:
-            beats(client, 0.4 + 0.013 * k, time.sleep, playing=True)
+            heartbeats(client, 0.4 + 0.013 * k, time.sleep, playing=True)
             killed = time.perf_counter()
             os.kill(client.pid, signal.SIGKILL)
             sender.append(1e3 * (receiver.way_since(killed)[0] - killed))
@@ -283,7 +283,7 @@ def kill() -> Result:
         receiver = Receiver()
         relay = Relay(receiver.url, 11_520.0)
         with armed(SimpleNamespace(url=relay.url), track=path, look_ahead=LOOK_AHEAD) as client:
-            beats(client, 0.4 + 0.013 * k, time.sleep, playing=True)
+            heartbeats(client, 0.4 + 0.013 * k, time.sleep, playing=True)
             if not client.status()["armed"]:
                 raise RuntimeError(client.status()["words"])
             killed = time.perf_counter()
@@ -294,7 +294,7 @@ def kill() -> Result:
         for how, list_ in ((signal.SIGKILL, receiver_gone), (signal.SIGSTOP, receiver_stopped)):
             receiver = Receiver()
             with armed(receiver, track=path) as client:
-                beats(client, 0.4 + 0.013 * k, time.sleep, playing=True)
+                heartbeats(client, 0.4 + 0.013 * k, time.sleep, playing=True)
                 died = time.perf_counter()
                 os.kill(receiver.process.pid, how)
                 list_.append(1e3 * (disarmed(client) - died))
@@ -312,7 +312,7 @@ def disarmed(client: Any) -> float:
     """Return when the sender says that nothing is armed any more [s]."""
     start = time.perf_counter()
     while client.status()["armed"]:
-        client.beat(playing=True, time=0.5)
+        client.heartbeat(playing=True, time=0.5)
         if time.perf_counter() - start > 2:
             raise RuntimeError("the sender never noticed")
         time.sleep(0.001)

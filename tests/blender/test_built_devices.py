@@ -233,7 +233,7 @@ def test_after_undo_panel_list_and_device_agree(scene: Any) -> None:
     assert driven(scene)["pulley_1"].zero == 0.125
     undo()
     scene = bpy.context.scene
-    session.beat()  # in the window at most 20 ms later
+    session.heartbeat()  # in the window at most 20 ms later
     assert listed(scene) == PLAIN and driven(scene) == {}
     shown = board_identity.shown(scene)
     assert shown.name == "Uncalibrated" and "'left, red tape' was chosen last" in shown.words

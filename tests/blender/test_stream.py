@@ -55,10 +55,10 @@ def scene() -> Any:
 
 
 def wait(what: Any, seconds: float = 10.0) -> dict[str, Any]:
-    """Beat as the timer does until something holds."""
+    """Give heartbeats as the timer does until something holds."""
     end = time.monotonic() + seconds
     while True:
-        session.beat()
+        session.heartbeat()
         status = session.status()
         if what(status):
             return status
@@ -302,7 +302,7 @@ def test_only_boards_without_a_watchdog_are_warned_of() -> None:
 
 
 def test_a_beat_costs_next_to_nothing_while_the_sender_hangs(scene: Any) -> None:
-    """No time is measured: a sender that is stopped answers nothing, and the beats go on all the same."""
+    """No time is measured: a sender that is stopped answers nothing, and the heartbeats go on all the same."""
     import os
     import signal
 
@@ -311,7 +311,7 @@ def test_a_beat_costs_next_to_nothing_while_the_sender_hangs(scene: Any) -> None
     os.kill(session._client.pid, signal.SIGSTOP)
     try:
         for _ in range(200):
-            session.beat()
+            session.heartbeat()
     finally:
         os.kill(session._client.pid, signal.SIGCONT)
     assert session.connected()

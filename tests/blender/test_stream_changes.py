@@ -64,12 +64,12 @@ def test_another_bake_comes_with_its_own_first_frame(scene: Any) -> None:
     wait(there(a_track().values[500, 2:]))
     track = another_bake(scene, 7)
     assert streamed_track.origin(scene) == (1.0, 24.0), "the sender has the old track still"
-    session.beat()
+    session.heartbeat()
     assert np.allclose(sent().values, track.values, atol=1e-7), "it was given the new one without a setting's help"
-    assert session._client._shared.read_beat().time == pytest.approx(0.25)
+    assert session._client._shared.read_heartbeat().time == pytest.approx(0.25)
     wait(there(track.values[250, 2:]))
     number = session._client._shared.request_number
-    session.beat()
+    session.heartbeat()
     assert session._client._shared.request_number == number, "once"
 
 
@@ -114,7 +114,7 @@ def test_undo_across_connecting_leaves_the_actuators_listed(scene: Any) -> None:
     undo()
     settings = bpy.context.scene.dermis_stream
     assert not settings.channels, "Blender's undo is left alone: what is changed in it belongs to no step"
-    session.beat()
+    session.heartbeat()
     assert [c.name for c in settings.channels] == ["pulley_1", "pulley_2"]
     settings.channels[0].jog = 0.1
     wait(there([0.1, 0.0]))
@@ -131,7 +131,7 @@ def test_a_scene_that_is_gone_ends_its_stream(scene: Any) -> None:
     client = session._client
     wait(state("ready"))
     bpy.data.scenes.remove(other)
-    session.beat()
+    session.heartbeat()
     assert not session.connected() and ended(client)
 
 
@@ -141,10 +141,10 @@ def test_what_is_refused_stays_to_be_read(scene: Any) -> None:
     channel = scene.dermis_stream.channels[0]
     channel.gain = 0.0
     for _ in range(3):
-        session.beat()
+        session.heartbeat()
         assert "gain" in session.status()["words"]
     channel.gain = 1.0
-    session.beat()
+    session.heartbeat()
     assert session.status()["words"] == ""
 
 
@@ -178,6 +178,6 @@ def test_nothing_of_this_makes_a_bake_out_of_date(scene: Any) -> None:
     session.connect(scene)
     handlers.clear_dirty()
     scene.dermis_stream.output = "Finger: haptip"
-    session.beat()
+    session.heartbeat()
     bpy.context.view_layer.update()
     assert not handlers.dirty() and store.state(scene) == "fresh"

@@ -120,7 +120,7 @@ def test_what_a_preview_does_not_show_is_followed_to_the_safe_pose(scene: Any) -
     session.arm(scene)
     scene.objects["Finger"].dermis.finger.devices[0].enabled = False
     scene.frame_set(3)
-    session.beat()
+    session.heartbeat()
     assert session._published[1] == ()
     wait(stands(safe()))
 
@@ -133,7 +133,7 @@ def test_only_the_scene_that_is_connected_is_armed(scene: Any) -> None:
     other.dermis_stream.channels[0].jog = 0.0
     with pytest.raises(core.errors.DermisError, match="another scene is connected"):
         session.arm(other)
-    session.beat()
+    session.heartbeat()
     assert not session.status()["armed"] and session._client._request["jog"]["servo_1"] == pytest.approx(safe()[0])
 
 

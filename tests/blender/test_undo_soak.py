@@ -155,14 +155,14 @@ class Walk:
             if what < 0.55:
                 undone += ed("undo") if what < 0.3 else 0
                 redone += ed("redo") if what >= 0.3 else 0
-                session.beat()
+                session.heartbeat()
                 self.check()
             else:
                 self.chance.choice(changes)()
                 ed("undo_push", message="change")
             if self.chance.random() < 0.3:
                 bpy.context.view_layer.update()
-            session.beat()
+            session.heartbeat()
             assert session.connected() and session.status()["state"] not in ENDED, session.status()
             if session.status()["state"] == "ready" and self.chance.random() < 0.3:
                 session.arm(bpy.context.scene)

@@ -21,7 +21,7 @@ from ..protocols.native import Native
 from ..protocols.packets import DeviceState, Kind, pack
 from ..protocols.wire import Array, Wire
 from ..request import StreamRequest
-from ..shared_state import Beat
+from ..shared_state import Heartbeat
 from ..streamer import Streamer
 from ..virtual.link import open_link
 
@@ -261,7 +261,7 @@ class Bench:
 
     def _tick(self, now: float) -> None:
         self._number += 1
-        self.streamer.beat(Beat(self._number, 0, False, None, ()), now)
+        self.streamer.heartbeat(Heartbeat(self._number, 0, False, None, ()), now)
         due = self.streamer.tick(self._clock())
         self._sleep(min(max(due - self._clock(), 0.0), 0.002))
 
@@ -285,7 +285,7 @@ class Bench:
     def _apply(self, **fields: Any) -> None:
         self._request = replace(self._request, **fields)
         self._number += 1
-        self.streamer.beat(Beat(self._number, 0, False, None, ()), self._clock())
+        self.streamer.heartbeat(Heartbeat(self._number, 0, False, None, ()), self._clock())
         self.streamer.apply(self._request, self._clock())
 
     def _raw(self, message: bytes) -> None:

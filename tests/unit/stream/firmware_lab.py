@@ -15,7 +15,7 @@ from core.stream.protocols import packets
 from core.stream.protocols.packets import Kind
 from core.stream.protocols.wire import Wire
 from core.stream.request import StreamRequest
-from core.stream.shared_state import Beat
+from core.stream.shared_state import Heartbeat
 from core.stream.source import Play
 from core.stream.streamer import Streamer
 from core.track import binary
@@ -89,7 +89,7 @@ class FirmwareLab:
         for _ in range(round(seconds / TICK)):
             self.number += 1
             time = self.board.now - self.play_from if self.playing else 0.0
-            self.streamer.beat(Beat(self.number, 0, self.playing, time, ()), self.now)
+            self.streamer.heartbeat(Heartbeat(self.number, 0, self.playing, time, ()), self.now)
             self.streamer.tick(self.now)
             self.line.hear(self.board.run(TICK))
 

@@ -13,7 +13,7 @@ from core.stream.links.transport import Gone, Transport
 from core.stream.links.url import Url
 from core.stream.protocols.wire import Wire
 from core.stream.request import StreamRequest
-from core.stream.shared_state import Beat
+from core.stream.shared_state import Heartbeat
 from core.stream.streamer import Streamer
 from core.stream.virtual.device import make
 from core.track import csv
@@ -28,7 +28,7 @@ class Lab:
     def __init__(
         self, protocol: str = "native", key: str = "haptip", *, load_screen: Any = None, **request: Any
     ) -> None:
-        self.now, self.number, self.beats = 100.0, 0, True
+        self.now, self.number, self.heartbeats = 100.0, 0, True
         self.time: float | None = 0.0
         self.playing, self.stops, self.values = False, 0, ()
         self.cut = False
@@ -70,9 +70,11 @@ class Lab:
             self.now += TICK
             if self.playing and self.time is not None:
                 self.time += TICK
-            if self.beats:
+            if self.heartbeats:
                 self.number += 1
-                self.streamer.beat(Beat(self.number, self.stops, self.playing, self.time, self.values), self.now)
+                self.streamer.heartbeat(
+                    Heartbeat(self.number, self.stops, self.playing, self.time, self.values), self.now
+                )
             self.streamer.tick(self.now)
             self._answers += self.device.tick(self.now)
             if each is not None:

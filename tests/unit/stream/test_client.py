@@ -21,7 +21,7 @@ serial = pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no rea
 
 def far(client: SenderClient, receiver: Receiver) -> None:
     exits.connect(client, receiver)
-    exits.until(receiver.reached, client.beat, "far from safe")
+    exits.until(receiver.reached, client.heartbeat, "far from safe")
     receiver.ask("mark")
 
 
@@ -60,8 +60,8 @@ def test_a_port_is_waited_for_in_words_while_its_sender_of_before_finishes() -> 
 def test_a_closed_sender_that_hangs_is_killed_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "HUNG", 0.3)
     client = SenderClient()
-    client.beat()
-    exits.until(lambda: bool(client._shared.status_number), client.beat, "it runs")
+    client.heartbeat()
+    exits.until(lambda: bool(client._shared.status_number), client.heartbeat, "it runs")
     os.kill(client.pid, signal.SIGSTOP)
     client.close()
     assert client.alive

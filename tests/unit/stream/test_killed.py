@@ -83,10 +83,10 @@ from core.stream.client import SenderClient
 from core.presets import Library
 client = SenderClient()
 client.connect(sys.argv[1], "native", "haptip", Library().load("devices", "haptip"), track=sys.argv[2], ramp=0.0)
-client.beat(); client.wait("ready", 10); client.beat(); client.arm()
+client.heartbeat(); client.wait("ready", 10); client.heartbeat(); client.arm()
 start = time.perf_counter()
 while True:
-    client.beat(playing=True, time=time.perf_counter() - start)
+    client.heartbeat(playing=True, time=time.perf_counter() - start)
     if client.status()["state"] == "streaming":
         print("streaming", client.pid, flush=True)
     time.sleep(0.02)
@@ -156,9 +156,9 @@ def test_a_slow_reader_gets_the_newest_values_and_drops_are_counted(boxes: Any) 
     box = boxes("pty", "native", "haptip", "slow=11000")
     with SenderClient() as client:
         client.connect(box.url, "native", "haptip", HAPTIP, mode="follow", ramp=0.0)
-        client.beat()
+        client.heartbeat()
         client.wait("ready", 10)
-        client.beat()
+        client.heartbeat()
         client.arm()
         beating(client, 1.5, values=(0.3, -0.3))
         assert client.status()["counters"].get("dropped", 0) > 100
@@ -201,7 +201,7 @@ def test_the_wrong_device_answers_in_words(boxes: Any) -> None:
         other["channels"] = other["channels"][:3]
         del other["safe"]["values"]["pulley_2"]
         client.connect(box.url, "native", "haptip", other)
-        client.beat()
+        client.heartbeat()
         assert "wrong device: it has 2 channels" in client.wait("fault", 10)["words"]
 
 
@@ -218,7 +218,7 @@ def test_a_device_that_hangs_is_given_up_and_is_safe_when_it_wakes(at: str, boxe
         box.process.send_signal(signal.SIGSTOP)
         hung = time.perf_counter()
         while client.status()["armed"]:
-            client.beat(playing=True, time=1.0)
+            client.heartbeat(playing=True, time=1.0)
             assert time.perf_counter() - hung < 0.3, "100 ms, and as much again twice for a machine that is busy"
             time.sleep(0.001)
         assert client.status()["state"] == "fault" and client.alive

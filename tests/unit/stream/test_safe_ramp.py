@@ -70,7 +70,7 @@ def refuse(lab: Lab) -> None:
 
 
 def stall(lab: Lab) -> None:
-    lab.beats = False
+    lab.heartbeats = False
 
 
 def disconnect(lab: Lab) -> None:

@@ -18,16 +18,22 @@ def test_a_board_shows_the_newest_whole_note() -> None:
     shared = SharedState.create()
     other = SharedState.open(shared.path)
     try:
-        assert other.read_beat() is None and other.read_request() == {} and shared.read_status() == {}
+        assert other.read_heartbeat() is None and other.read_request() == {} and shared.read_status() == {}
         for k in range(5):
-            shared.write_beat(k, k % 2 == 1, 0.5 * k if k else None, (1.0 * k, -1.0))
-        beat = other.read_beat()
-        assert beat is not None
-        assert (beat.number, beat.stops, beat.playing, beat.time, beat.values) == (5, 4, False, 2.0, (4.0, -1.0))
+            shared.write_heartbeat(k, k % 2 == 1, 0.5 * k if k else None, (1.0 * k, -1.0))
+        heartbeat = other.read_heartbeat()
+        assert heartbeat is not None
+        assert (heartbeat.number, heartbeat.stops, heartbeat.playing, heartbeat.time, heartbeat.values) == (
+            5,
+            4,
+            False,
+            2.0,
+            (4.0, -1.0),
+        )
         at = len(MAGIC) + (5 & 1) * 4096
         shared._memory[at + 20] ^= 1  # the newest one is half written
-        beat = other.read_beat()
-        assert beat is not None and beat.number == 4 and beat.playing
+        heartbeat = other.read_heartbeat()
+        assert heartbeat is not None and heartbeat.number == 4 and heartbeat.playing
         shared.write_request({"url": "ü"})
         assert other.read_request() == {"url": "ü"}
         other.status({"state": "ready"})
@@ -41,13 +47,13 @@ def test_a_board_shows_the_newest_whole_note() -> None:
 
 
 def test_publishing_never_waits_for_a_sender_that_hangs() -> None:
-    """A stopped sender (or a full pipe) costs Blender nothing: 10,000 beats and requests are written regardless."""
+    """A stopped sender (or a full pipe) costs Blender nothing: 10,000 heartbeats and requests are written."""
     client = SenderClient()
     try:
         if os.name == "posix":
             os.kill(client.pid, signal.SIGSTOP)
         for k in range(10_000):
-            client.beat(playing=True, time=k * 0.01, values=[0.0] * 128)
+            client.heartbeat(playing=True, time=k * 0.01, values=[0.0] * 128)
             client.set(offset=float(k))
         assert client.status()["state"] == "disconnected"
     finally:

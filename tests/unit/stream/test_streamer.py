@@ -14,7 +14,7 @@ from core.presets import Library
 from core.stream.gate import Gate
 from core.stream.protocols.clock import TrackClock
 from core.stream.protocols.wire import Wire
-from core.stream.shared_state import Beat
+from core.stream.shared_state import Heartbeat
 from core.track import csv
 from core.track.command_track import CommandTrack
 from tests.unit.stream.stream_lab import TICK, Lab, sine_track
@@ -145,7 +145,7 @@ def test_an_arming_from_before_a_stop_does_not_count(track_file: Path) -> None:
     lab.run(0.1)
     lab.stops += 1  # the stop arrives in the same tick as an arming that a person pressed before it
     lab.number += 1
-    lab.streamer.beat(Beat(lab.number, lab.stops, False, 0.0, ()), lab.now)
+    lab.streamer.heartbeat(Heartbeat(lab.number, lab.stops, False, 0.0, ()), lab.now)
     lab.set(arm=1, stops=0)
     lab.run(0.5)
     assert not lab.device.received
@@ -158,13 +158,13 @@ def test_a_stalled_blender_holds_and_then_is_safe(track_file: Path) -> None:
     lab.arm()
     lab.run(0.2)
     assert np.allclose(lab.at, [0.2, -0.1], atol=1e-4)
-    lab.beats = False
+    lab.heartbeats = False
     lab.run(0.49)
     assert np.allclose(lab.at, [0.2, -0.1], atol=1e-4), "it holds"
     lab.run(0.04)
     assert lab.streamer.state == "stalled" and "sign of life" in lab.streamer.words
     assert np.abs(lab.at).max() < 1e-4
-    lab.beats = True
+    lab.heartbeats = True
     lab.run(0.5)
     assert np.abs(lab.at).max() < 1e-4, "a person has to arm again"
 
@@ -176,7 +176,7 @@ def test_a_baked_track_plays_on_by_option(track_file: Path) -> None:
     lab.run(0.1)
     lab.playing = True
     lab.run(0.2)
-    lab.beats = False
+    lab.heartbeats = False
     lab.run(2.05)
     assert lab.streamer.state == "streaming"
     assert lab.at[0] == pytest.approx(0.1 * math.sin(2 * math.pi * 2.25), abs=3e-3)

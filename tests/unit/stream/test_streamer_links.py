@@ -197,6 +197,6 @@ def test_every_mode_bound_to_blender_ends_with_it(mode: str) -> None:
     lab.run(0.1)
     lab.arm()
     lab.run(0.2)
-    lab.beats = False
+    lab.heartbeats = False
     lab.run(0.35)
     assert lab.streamer.state == "stalled" and np.abs(lab.at).max() < 1e-4

@@ -114,7 +114,7 @@ def test_the_device_in_the_box_speaks_every_protocol(protocol: str) -> None:
 def test_a_stuck_actuator_shows_in_what_the_device_reports() -> None:
     with SenderClient() as client:
         client.connect("virtual:?stuck=1", "native", "haptip", HAPTIP, mode="follow", ramp=0.0)
-        client.beat()
+        client.heartbeat()
         client.wait("ready", 10)
         client.arm()
         beating(client, 0.5, values=(0.2, 0.2))
@@ -126,7 +126,7 @@ def test_loss_and_corruption_are_counted_and_survived(track_file: str) -> None:
     with SenderClient() as client:
         url = "virtual:?loss=0.05&corrupt=0.001&seed=3"
         client.connect(url, "native", "haptip", HAPTIP, track=track_file, ramp=0.0)
-        client.beat()
+        client.heartbeat()
         client.wait("ready", 10)
         client.arm()
         beating(client, 1.5, playing=True)
@@ -168,7 +168,7 @@ def test_a_finger_on_the_virtual_panel_is_answered_through_a_real_sender(tmp_pat
             ramp=0.0,
             screen=str(tmp_path / "ramp.map.npz"),
         )
-        client.beat()
+        client.heartbeat()
         client.wait("ready", 10)
         beating(client, 0.3)
         assert client.status()["received"]["values"]["amplitude"] == 0.0, "nothing before arming"

@@ -97,7 +97,7 @@ class PanelSession:
                 f"latency median {median:.2f} ms, p95 {late:.2f} ms from a touch's arrival here to its "
                 f"command leaving ({len(latencies)} of {self.reports} reports)"
             )
-        counters = {**streamer.counters, **(streamer.gate.limited if streamer.gate else {})}
+        counters = {**streamer.counters, **(streamer.limiter.limited if streamer.limiter else {})}
         if isinstance(streamer.source, Panel):
             counters |= {"touches grown old": streamer.source.aged, "amplitude.law": streamer.source.limited}
         if self.given is not None:
@@ -128,8 +128,8 @@ class PanelSession:
         if self._open is not None and self._open.at is not None:
             self.latencies.append(now - self._open.at)
         self._open = None
-        assert self.streamer.gate is not None
-        volts = float(self.streamer.gate.last[panel.wire.names.index("amplitude")])
+        assert self.streamer.limiter is not None
+        volts = float(self.streamer.limiter.last[panel.wire.names.index("amplitude")])
         self.volts = min(self.volts[0], volts), max(self.volts[1], volts)
 
     def _refusal(self, otherwise: str) -> DermisError:

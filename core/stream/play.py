@@ -176,7 +176,7 @@ class _Player:
             DermisError: the safe state could not be made sure of.
         """
         streamer = self._streamer
-        counted = {**streamer.counters, **(streamer.gate.limited if streamer.gate else {})}
+        counted = {**streamer.counters, **(streamer.limiter.limited if streamer.limiter else {})}
         text = ", ".join(f"{name} {count}" for name, count in sorted(counted.items()) if count)
         if self._signals.number:
             _say(text)  # standard output may have gone with its terminal

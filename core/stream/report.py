@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def report(streamer: Streamer) -> dict[str, Any]:
     """Return state, words, rate, lateness, counters and what is driven, as JSON values."""
     p50, p99 = streamer.pace.lateness.percentiles()
-    adapter, gate, wire = streamer.adapter, streamer.gate, streamer.wire
+    adapter, limiter, wire = streamer.adapter, streamer.limiter, streamer.wire
     words = "; ".join(filter(None, (streamer.words.rstrip("."), streamer.going))) if streamer.going else streamer.words
     out: dict[str, Any] = {
         "state": streamer.state,
@@ -26,10 +26,10 @@ def report(streamer: Streamer) -> dict[str, Any]:
         "jitter_p50_us": _plain(p50 * 1e6),
         "jitter_p99_us": _plain(p99 * 1e6),
         "counters": dict(streamer.counters),
-        "limited": dict(gate.limited) if gate else {},
+        "limited": dict(limiter.limited) if limiter else {},
         "names": list(wire.names) if wire else [],
         "units": list(wire.units) if wire else [],
-        "values": gate.last.tolist() if gate else [],
+        "values": limiter.last.tolist() if limiter else [],
         "safe_s": _plain(wire.safe_seconds) if wire else None,
         "not_rendered": str(streamer.source.loss or "") if isinstance(streamer.source, Play) else "",
     }

@@ -16,11 +16,11 @@ from typing import Any
 
 from ..errors import DermisError
 from .drain import Drain
-from .gate import Gate
 from .links import capacity
 from .links.transport import Gone, Transport
 from .links.url import Url
 from .outbox import Fate, Outbox
+from .output_limiter import OutputLimiter
 from .pace import Pace
 from .protocols import adapter as adapters
 from .protocols.adapter import Adapter
@@ -59,7 +59,7 @@ class Streamer:
         self.pace = Pace(1.0)
         self.request = StreamRequest()
         self.wire: Wire | None = None
-        self.gate: Gate | None = None
+        self.limiter: OutputLimiter | None = None
         self.adapter: Adapter | None = None
         self.link: Transport | None = None
         self.source: Source | None = None
@@ -74,7 +74,7 @@ class Streamer:
         self._ramp: SafeRamp | None = None
         self._drain: Drain | None = None
         self._outbox: Outbox | None = None
-        self._driven = False  # whether this link has brought the device where the gate believes it
+        self._driven = False  # whether this link has brought the device where the limiter believes it
         self._leaving = self._closing = False
 
     # -- what comes from outside
@@ -250,7 +250,7 @@ class Streamer:
             self.wire = Wire.of(spec, self.request.calibrated())
             self.rate = self.request.rate or spec.rate
             self.pace = Pace(self.rate)
-            self.gate = Gate(self.wire, self.pace.period)
+            self.limiter = OutputLimiter(self.wire, self.pace.period)
             self._choose_source(now)
             url = Url(self.request.url)
             self.link = self._open_link(url, self.wire, self.request.protocol)
@@ -313,7 +313,7 @@ class Streamer:
         self.adapter.arm()
 
     def _arm(self, now: float) -> None:
-        assert self.adapter is not None and self.gate is not None and self.wire is not None
+        assert self.adapter is not None and self.limiter is not None and self.wire is not None
         if not self.adapter.armed:
             if now - self._since > ARMING:
                 self._to_safe(now)
@@ -321,17 +321,17 @@ class Streamer:
             return
         pose = self.adapter.pose
         if pose is None:  # where it is nobody knows; where it may be without harm, the preset does
-            pose = self.gate.last if self._driven and not self.adapter.own_safe else self.wire.safe
+            pose = self.limiter.last if self._driven and not self.adapter.own_safe else self.wire.safe
         horizon = self._horizon()
-        self.gate.plan(self.pace.period)
-        self.gate.begin(pose, now + horizon - 1.0 / self.rate, self.request.ramp)
+        self.limiter.plan(self.pace.period)
+        self.limiter.begin(pose, now + horizon - 1.0 / self.rate, self.request.ramp)
         self.pace.start(now + horizon, horizon)
         if isinstance(self.source, Panel):
             self.source.begin(now)
         self._phase, self._since = "live", now
 
     def _live(self, now: float) -> None:
-        assert self.adapter is not None and self.gate is not None and self.source is not None
+        assert self.adapter is not None and self.limiter is not None and self.source is not None
         assert self._outbox is not None
         if not self.adapter.armed:
             self.words = "the device disarmed itself"
@@ -352,35 +352,35 @@ class Streamer:
             if fate is Fate.HELD:
                 return
             if fate is Fate.DROPPED:
-                self.gate.undo()  # nothing was stepped after it
+                self.limiter.undo()  # nothing was stepped after it
             self._driven |= fate is Fate.SENT
             self.pace.sent(now, horizon)
         for moment in self.pace.due(now, horizon):
             wanted = self.source.wanted(moment if horizon else now + self.request.look_ahead, now)
             play = moment if horizon else None
-            fate = self._outbox.command(self.gate.step(wanted, moment), play, now, patience)
+            fate = self._outbox.command(self.limiter.step(wanted, moment), play, now, patience)
             if fate is Fate.HELD:
                 break
             if fate is Fate.DROPPED:
-                self.gate.undo()
+                self.limiter.undo()
             self._driven |= fate is Fate.SENT
         self.counters["skipped"] = self.pace.skipped
 
     def _to_safe(self, now: float) -> None:
         """Begin the way to the safe state."""
-        assert self.adapter is not None and self.gate is not None and self.wire is not None
+        assert self.adapter is not None and self.limiter is not None and self.wire is not None
         live = self._phase == "live"
         self._phase, self._since = "safing", now
         if self._outbox is not None:
             self._outbox.held = None
         if self.adapter.own_safe or not live:
             self._send(self.adapter.safe())
-            self.gate.last = self.wire.safe.copy()
+            self.limiter.last = self.wire.safe.copy()
             self._finish_safing(now)
             return
         assert self.link is not None
         period = capacity.ramp_period(self.adapter, self.link, self.rate, self.wire.spec.rate)
-        self._ramp = SafeRamp(self.gate, period, now)
+        self._ramp = SafeRamp(self.limiter, period, now)
         self._safing(now)
 
     def _safing(self, now: float) -> None:
@@ -438,13 +438,13 @@ class Streamer:
 
     def _recalibrate(self, now: float) -> None:
         """Take another calibration under way: the device blends over to it."""
-        assert self.wire is not None and self.gate is not None
+        assert self.wire is not None and self.limiter is not None
         before, self.wire = self.wire.safe, Wire.of(self.wire.spec, self.request.calibrated())
-        self.gate.wire = self.wire
+        self.limiter.wire = self.wire
         if self.adapter is not None:
             self.adapter.wire = self.wire  # its safe pose may be another one
         if self._phase == "live":
-            self.gate.blend(self.pace.next, RECALIBRATING)
+            self.limiter.blend(self.pace.next, RECALIBRATING)
         if self.armed and self.adapter is not None and self.adapter.watchdog and (before != self.wire.safe).any():
             self.words = "Until you stop and arm again, the device's own safe pose is that of the calibration before"
 
@@ -457,13 +457,13 @@ class Streamer:
             self.source = source_of(self.request, self.wire, old, heartbeat, self._load_screen, self._output_hz)
         except DermisError as error:
             self.words = str(error)
-        assert self.gate is not None
+        assert self.limiter is not None
         if self.source is None and self.armed:
             words = self.words
             self._to_safe(now)
             self.words = words
         elif self._phase == "live" and not goes_on(self.source, old):
-            self.gate.blend(self.pace.next, RECALIBRATING)
+            self.limiter.blend(self.pace.next, RECALIBRATING)
 
     def _name_state(self) -> None:
         if self.link is None:

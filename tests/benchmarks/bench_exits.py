@@ -127,7 +127,7 @@ def kill_pose() -> Result:
     For each preset the worst of some; what the device needs for the way alone is what its preset's speed says.
     """
     from core.presets import Library
-    from core.stream.gate import way_seconds
+    from core.stream.output_limiter import way_seconds
     from core.stream.protocols.packets import Reach
     from core.stream.protocols.wire import Wire
 

@@ -194,17 +194,17 @@ def late() -> Result:
 
 @benchmark("encode_us", limit=40.0)
 def encode() -> Result:
-    """Time one command of 128 channels: counts, packet, check sum, byte stuffing; beside it what the gate costs."""
+    """Time one command of 128 channels: counts, packet, check sum, byte stuffing; beside it what the limiter costs."""
     import numpy as np
 
     from core.devices.spec import Channel, DeviceSpec
-    from core.stream.gate import Gate
+    from core.stream.output_limiter import OutputLimiter
     from core.stream.protocols import adapter
     from core.stream.protocols.wire import Wire
 
     channels = tuple(Channel(f"c{i}", "m", -1e-3, 1e-3, 0.1, 0.0, f"m{i}") for i in range(128))
     wire = Wire.of(DeviceSpec("many", "Many", "t", RATE, channels))
-    native, gate = adapter.make("native", wire, {}), Gate(wire)
+    native, limiter = adapter.make("native", wire, {}), OutputLimiter(wire)
     many = 256
     phases = np.random.default_rng(1).uniform(0, 2 * np.pi, 128)
     rows = 9e-4 * np.sin(2 * np.pi * 5 * np.arange(many)[:, None] / RATE + phases)
@@ -215,7 +215,7 @@ def encode() -> Result:
 
     def gated() -> None:
         for k, row in enumerate(rows):
-            gate.step(row, k / RATE)
+            limiter.step(row, k / RATE)
 
     def others() -> None:
         import struct
@@ -239,7 +239,7 @@ def encode() -> Result:
         ours.median * each,
         "us",
         ours.p95 * each,
-        {"byte by byte": plain.median * each, "and the gate": limits.median * each},
+        {"byte by byte": plain.median * each, "and the limiter": limits.median * each},
     )
 
 

@@ -106,10 +106,10 @@ class Bench:
         self._apply(arm=self._arms, jog=self._jog(self.wire.safe))
         self.until(lambda: self.streamer.state in ("armed", "streaming"), ARMING)
         self._still_armed()
-        gate = self.streamer.gate
-        assert gate is not None
+        limiter = self.streamer.limiter
+        assert limiter is not None
         self.run(self._request.ramp + 0.2)
-        self.until(lambda: not self.streamer.armed or bool(np.allclose(gate.last, self.wire.safe)), RAMPING)
+        self.until(lambda: not self.streamer.armed or bool(np.allclose(limiter.last, self.wire.safe)), RAMPING)
         self._still_armed()
 
     def move(self, values: Array, seconds: float) -> None:
@@ -154,9 +154,9 @@ class Bench:
 
     def believe(self, values: Array) -> None:
         """Take it from a person that the device has gone to driven values [units] by itself."""
-        gate = self.streamer.gate
-        assert gate is not None
-        gate.begin(values, self._clock(), 0.0)
+        limiter = self.streamer.limiter
+        assert limiter is not None
+        limiter.begin(values, self._clock(), 0.0)
         self.head_for(values)
 
     def stop(self) -> None:

@@ -13,7 +13,7 @@ from core.devices.friction_screen import FrictionScreen
 from core.devices.spec import Channel, DeviceSpec
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
-from core.stream.gate import Gate
+from core.stream.output_limiter import OutputLimiter
 from core.stream.protocols import osc
 from core.stream.protocols.adapter import Touch
 from core.stream.protocols.wire import Wire
@@ -86,27 +86,27 @@ def smooth(part: float) -> float:
 def test_a_sleep_gives_no_credit_to_blend_or_speed() -> None:
     """0.9 s of sleep in a blend of 1 s: the device goes on where it was, two milliseconds further at most."""
     wire = Wire.of(Library().device("haptip"))
-    gate = Gate(wire)
-    gate.begin(np.zeros(2), 0.0, 1.0)
-    gate.step(wire.most, 0.001)
-    assert np.allclose(gate.step(wire.most, 0.901), wire.most * smooth(0.003), rtol=1e-9)
+    limiter = OutputLimiter(wire)
+    limiter.begin(np.zeros(2), 0.0, 1.0)
+    limiter.step(wire.most, 0.001)
+    assert np.allclose(limiter.step(wire.most, 0.901), wire.most * smooth(0.003), rtol=1e-9)
     for k in range(997):
-        out = gate.step(wire.most, 0.902 + 0.001 * k)
+        out = limiter.step(wire.most, 0.902 + 0.001 * k)
     assert np.allclose(out, wire.most), "the rest of the blend takes the rest of its time"
-    gate.begin(np.zeros(2), 10.0, 0.0)
-    gate.step(np.zeros(2), 10.001)
-    path = [gate.step(wire.most, t) for t in (10.9, 10.901, 10.902)]
+    limiter.begin(np.zeros(2), 10.0, 0.0)
+    limiter.step(np.zeros(2), 10.001)
+    path = [limiter.step(wire.most, t) for t in (10.9, 10.901, 10.902)]
     assert np.allclose(path, np.outer((2, 3, 4), wire.slew) * 0.001), "two periods, then one each"
 
 
 def test_a_link_that_is_slow_throughout_gets_its_own_pace() -> None:
     """Commands at 20 Hz where 100 Hz were planned, then at 2 Hz: twice the step before, in full, at most 0.1 s."""
     spec = DeviceSpec("slow", "Slow", "t", 100.0, (Channel("a", "rad", -10.0, 10.0, 1.0, 0.0, "m"),))
-    gate = Gate(Wire.of(spec))
-    gate.begin(np.zeros(1), 0.0, 0.0)
-    path = [float(gate.step(np.array([10.0]), 0.05 * k)[0]) for k in range(1, 6)]
+    limiter = OutputLimiter(Wire.of(spec))
+    limiter.begin(np.zeros(1), 0.0, 0.0)
+    path = [float(limiter.step(np.array([10.0]), 0.05 * k)[0]) for k in range(1, 6)]
     assert np.allclose(np.diff([0.0, *path]), [0.02, 0.04, 0.05, 0.05, 0.05])
-    late = [float(gate.step(np.array([10.0]), 0.25 + 0.5 * k)[0]) for k in range(1, 4)]
+    late = [float(limiter.step(np.array([10.0]), 0.25 + 0.5 * k)[0]) for k in range(1, 4)]
     assert np.allclose(np.diff([path[-1], *late]), 0.1)
 
 

@@ -15,9 +15,9 @@ from core.devices.calibration import Calibration
 from core.devices.spec import Channel, DeviceSpec
 from core.presets import Library
 from core.stream.drain import DRAIN
-from core.stream.gate import Gate
 from core.stream.links.capacity import ramp_period
 from core.stream.links.transport import Transport
+from core.stream.output_limiter import OutputLimiter
 from core.stream.protocols import adapter, packets
 from core.stream.protocols.packets import DeviceState, Kind
 from core.stream.protocols.wire import Wire
@@ -205,9 +205,9 @@ def test_channels_without_a_speed_limit_take_a_second_for_their_range() -> None:
     channels = (Channel("a", "rad", -1.0, 1.0, None, 0.0, "a"), Channel("b", "rad", -1.0, 1.0, 0.5, 0.0, "b"))
     for reach, seconds in (("ramp", 0.5), ("at_once", 0.0)):
         spec = DeviceSpec("free", "Free", "t", 100.0, channels, source={"safe": {"reach": reach}})
-        gate = Gate(Wire.of(spec))
-        gate.begin(np.array([1.0, 0.1]), 0.0, 0.0)
-        ramp = SafeRamp(gate, 0.01, 0.0)
+        limiter = OutputLimiter(Wire.of(spec))
+        limiter.begin(np.array([1.0, 0.1]), 0.0, 0.0)
+        ramp = SafeRamp(limiter, 0.01, 0.0)
         assert ramp.seconds == pytest.approx(seconds)
         path = [ramp.step(0.01 * (k + 1)) for k in range(60)]
         if reach == "at_once":
@@ -245,7 +245,7 @@ def test_letting_go_where_the_board_can(protocol: str) -> None:
 
 
 def test_an_unknown_pose_is_said_and_the_first_command_is_the_safe_pose() -> None:
-    """The gate starts retracted, not at rest, where the device may be in the skin already."""
+    """The limiter starts retracted, not at rest, where the device may be in the skin already."""
     preset = copy.deepcopy(Library().load("devices", "cable_platform"))
     retracted = {"value": 20, "unit": "deg", "source": "a test"}
     preset["safe"] = {"reach": "ramp", "values": dict.fromkeys(FAR, retracted)}

@@ -11,9 +11,9 @@ from core.devices.calibration import Calibration
 from core.devices.spec import Channel, DeviceSpec, from_preset
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
-from core.stream.gate import Gate
 from core.stream.links.transport import Transport
 from core.stream.links.url import Url
+from core.stream.output_limiter import OutputLimiter
 from core.stream.protocols.clock import DeviceClock, RoundTrips
 from core.stream.protocols.wire import Wire
 from core.stream.request import StreamRequest
@@ -188,13 +188,13 @@ def test_what_nobody_asks_for_is_the_safe_state_not_rest() -> None:
     turned = Calibration.of(spec).with_entry(names[0], zero=0.1, gain=-1.0)
     times, rest = np.array([0.0, 0.1]), np.array([c.rest for c in spec.channels])
     for wire in (Wire.of(spec), Wire.of(spec, turned)):
-        gate, play = Gate(wire), Play(wire, CommandTrack(spec, times, np.tile(rest, (2, 1))))
+        limiter, play = OutputLimiter(wire), Play(wire, CommandTrack(spec, times, np.tile(rest, (2, 1))))
         for wanted in (play.value(-0.01), play.value(0.2), follow_values(wire, ()), Jog(wire, {}).wanted(0.0, 0.0)):
-            np.testing.assert_allclose(gate.driven(wanted), wire.safe, atol=1e-12)
+            np.testing.assert_allclose(limiter.driven(wanted), wire.safe, atol=1e-12)
         assert play.value(0.05).tolist() == [0.0] * 3, "and the track as it is"
     screen = Library().device("electrovibration")
     wire = Wire.of(screen, Calibration.of(screen).with_entry("amplitude", zero=20.0, gain=2.0))
-    assert Gate(wire).driven(Jog(wire, {}).wanted(0.0, 0.0))[0] == 0.0, "0 V stays 0 V"
+    assert OutputLimiter(wire).driven(Jog(wire, {}).wanted(0.0, 0.0))[0] == 0.0, "0 V stays 0 V"
 
 
 def test_safe_states_of_the_presets() -> None:

@@ -16,7 +16,7 @@ KINDS = ("range", "disc", "slew", "not_finite")
 Ramp = tuple[Array, float, float]  # from where [units], how much of it is through [s], how long it takes [s]
 
 
-class Gate:
+class OutputLimiter:
     """Turns wanted values into driven ones that can do no harm; every limit applied is counted.
 
     Time counts only as far as commands leave: after a sleep nobody has moved the device meanwhile, so neither the slew

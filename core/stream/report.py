@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def report(streamer: Streamer) -> dict[str, Any]:
     """Return state, words, rate, lateness, counters and what is driven, as JSON values."""
-    p50, p99 = streamer.pace.lateness.percentiles()
+    p50, p99 = streamer.sample_clock.lateness.percentiles()
     adapter, limiter, wire = streamer.adapter, streamer.limiter, streamer.wire
     words = "; ".join(filter(None, (streamer.words.rstrip("."), streamer.going))) if streamer.going else streamer.words
     out: dict[str, Any] = {

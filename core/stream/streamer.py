@@ -21,13 +21,13 @@ from .links.transport import Gone, Transport
 from .links.url import Url
 from .outbox import Fate, Outbox
 from .output_limiter import OutputLimiter
-from .pace import Pace
 from .protocols import adapter as adapters
 from .protocols.adapter import Adapter
 from .protocols.packets import Reach
 from .protocols.wire import Wire
 from .request import StreamRequest
 from .safe_ramp import SafeRamp
+from .sample_clock import SampleClock
 from .shared_state import Heartbeat
 from .source import Follow, Panel, Play, Screen, Source, follow_values, goes_on, source_of
 
@@ -47,7 +47,7 @@ class Streamer:
 
     Attributes:
         state: for people, see the module. words: the last error or what is waited for.
-        counters: sent, dropped, skipped ... pace: which samples are due, and how late they were.
+        counters: sent, dropped, skipped ... sample_clock: which samples are due, and how late they were.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class Streamer:
         self._open_link, self._load_screen = open_link, load_screen
         self.state, self.words = "disconnected", ""
         self.counters: Counter[str] = Counter()
-        self.pace = Pace(1.0)
+        self.sample_clock = SampleClock(1.0)
         self.request = StreamRequest()
         self.wire: Wire | None = None
         self.limiter: OutputLimiter | None = None
@@ -170,7 +170,7 @@ class Streamer:
         self._name_state()
         if self._phase == "live":  # often enough for a stop, however slow the device
             wait = 0.001 if self._outbox is not None and self._outbox.blocked else 0.004
-            return min(max(self.pace.next - self._horizon(), now), now + wait)
+            return min(max(self.sample_clock.next - self._horizon(), now), now + wait)
         return now + (0.002 if self.link is not None else 0.02)
 
     def _guarded(self, now: float, work: Callable[[], None]) -> None:
@@ -249,8 +249,8 @@ class Streamer:
             spec = self.request.spec()
             self.wire = Wire.of(spec, self.request.calibrated())
             self.rate = self.request.rate or spec.rate
-            self.pace = Pace(self.rate)
-            self.limiter = OutputLimiter(self.wire, self.pace.period)
+            self.sample_clock = SampleClock(self.rate)
+            self.limiter = OutputLimiter(self.wire, self.sample_clock.period)
             self._choose_source(now)
             url = Url(self.request.url)
             self.link = self._open_link(url, self.wire, self.request.protocol)
@@ -323,9 +323,9 @@ class Streamer:
         if pose is None:  # where it is nobody knows; where it may be without harm, the preset does
             pose = self.limiter.last if self._driven and not self.adapter.own_safe else self.wire.safe
         horizon = self._horizon()
-        self.limiter.plan(self.pace.period)
+        self.limiter.plan(self.sample_clock.period)
         self.limiter.begin(pose, now + horizon - 1.0 / self.rate, self.request.ramp)
-        self.pace.start(now + horizon, horizon)
+        self.sample_clock.start(now + horizon, horizon)
         if isinstance(self.source, Panel):
             self.source.begin(now)
         self._phase, self._since = "live", now
@@ -346,7 +346,7 @@ class Streamer:
         if isinstance(self.source, Panel):
             self.source.touched(self.adapter.touch, now)
         horizon = self._horizon()
-        patience = 2 * self.pace.period
+        patience = 2 * self.sample_clock.period
         if self._outbox.held is not None:
             fate = self._outbox.command(*self._outbox.held, now, patience)
             if fate is Fate.HELD:
@@ -354,8 +354,8 @@ class Streamer:
             if fate is Fate.DROPPED:
                 self.limiter.undo()  # nothing was stepped after it
             self._driven |= fate is Fate.SENT
-            self.pace.sent(now, horizon)
-        for moment in self.pace.due(now, horizon):
+            self.sample_clock.sent(now, horizon)
+        for moment in self.sample_clock.due(now, horizon):
             wanted = self.source.wanted(moment if horizon else now + self.request.look_ahead, now)
             play = moment if horizon else None
             fate = self._outbox.command(self.limiter.step(wanted, moment), play, now, patience)
@@ -364,7 +364,7 @@ class Streamer:
             if fate is Fate.DROPPED:
                 self.limiter.undo()
             self._driven |= fate is Fate.SENT
-        self.counters["skipped"] = self.pace.skipped
+        self.counters["skipped"] = self.sample_clock.skipped
 
     def _to_safe(self, now: float) -> None:
         """Begin the way to the safe state."""
@@ -444,7 +444,7 @@ class Streamer:
         if self.adapter is not None:
             self.adapter.wire = self.wire  # its safe pose may be another one
         if self._phase == "live":
-            self.limiter.blend(self.pace.next, RECALIBRATING)
+            self.limiter.blend(self.sample_clock.next, RECALIBRATING)
         if self.armed and self.adapter is not None and self.adapter.watchdog and (before != self.wire.safe).any():
             self.words = "Until you stop and arm again, the device's own safe pose is that of the calibration before"
 
@@ -463,7 +463,7 @@ class Streamer:
             self._to_safe(now)
             self.words = words
         elif self._phase == "live" and not goes_on(self.source, old):
-            self.limiter.blend(self.pace.next, RECALIBRATING)
+            self.limiter.blend(self.sample_clock.next, RECALIBRATING)
 
     def _name_state(self) -> None:
         if self.link is None:

@@ -245,7 +245,7 @@ def test_something_else_to_play_is_blended_in(change: str, tmp_path: Path) -> No
     lab.set(**({"track": other} if change == "track" else {"offset": 5.0}))
     path = [float(lab.at[0])]
     lab.run(0.4, lambda: path.append(float(lab.at[0])))
-    assert np.abs(np.diff(path)).max() <= 1.5 * 80 / 0.3 * lab.streamer.pace.period * 1.05 + count
+    assert np.abs(np.diff(path)).max() <= 1.5 * 80 / 0.3 * lab.streamer.sample_clock.period * 1.05 + count
     assert path[-1] == pytest.approx(20.0, abs=count)
 
 

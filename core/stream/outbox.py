@@ -15,7 +15,7 @@ MEMORY = 0.5  # a link that was congested without a word is not hurried for this
 WAITING_MOST = 16  # messages of the protocol's own that wait for room in the link
 
 
-class Fate(Enum):
+class SendResult(Enum):
     """What became of a command."""
 
     SENT = "it left"
@@ -74,7 +74,7 @@ class Outbox:
                 whole = False
         return whole
 
-    def command(self, values: Array, play: float | None, now: float, patience: float) -> Fate:
+    def command(self, values: Array, play: float | None, now: float, patience: float) -> SendResult:
         """Send one command; tell what became of it.
 
         Args:
@@ -84,15 +84,15 @@ class Outbox:
         free = not self._waiting and self._may_leave(now)
         if free and self.send(self._adapter.command(values, now, play), count=False):
             self._counters["sent"] += 1
-            return Fate.SENT
+            return SendResult.SENT
         if free:
             self._adapter.forget()
             self._refused = now
         if play is not None and play - now > patience:
             self.held = values, play
-            return Fate.HELD
+            return SendResult.HELD
         self._counters["dropped"] += 1
-        return Fate.DROPPED
+        return SendResult.DROPPED
 
     def _may_leave(self, now: float) -> bool:
         """Tell whether the link is through with what has left, as far as its pace and the answers tell."""

@@ -1,8 +1,8 @@
 """The sender's process: reads the shared state, ticks the streamer on a monotonic clock, writes the status.
 
-Its standard input is a lifeline: when that ends, Blender is gone, and the device goes to its safe state, at its own
-speed. The process outlives Blender until it is there and all that waits in the link has left; a signal that asks it to
-end asks for the same, and a second one changes nothing.
+Its standard input is a pipe from its parent: when that ends, Blender is gone, and the device goes to its safe state, at
+its own speed. The process outlives Blender until it is there and all that waits in the link has left; a signal that
+asks it to end asks for the same, and a second one changes nothing.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def run(path: Path, load_screen: Callable[[Path], Screen] | None = None) -> int:
     """Serve a shared state until its owner is gone; return the exit status."""
     shared = SharedState.open(path)
     ended: list[str] = []  # why; an Event would wait for itself where one signal comes while another is handled
-    threading.Thread(target=_lifeline, args=(ended,), daemon=True).start()
+    threading.Thread(target=_watch_parent, args=(ended,), daemon=True).start()
     for name in Signals.NAMES:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), lambda number, _: ended.append(str(number)))
@@ -85,7 +85,7 @@ def _finish(shared: SharedState, streamer: Streamer) -> None:
     shared.remove()  # its owner may be gone without having done so
 
 
-def _lifeline(ended: list[str]) -> None:
+def _watch_parent(ended: list[str]) -> None:
     while sys.stdin.buffer.read(4096):
         pass
     ended.append("standard input")

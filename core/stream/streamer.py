@@ -19,7 +19,7 @@ from .drain import Drain
 from .links import capacity
 from .links.transport import Gone, Transport
 from .links.url import Url
-from .outbox import Fate, Outbox
+from .outbox import Outbox, SendResult
 from .output_limiter import OutputLimiter
 from .protocols import adapter as adapters
 from .protocols.adapter import Adapter
@@ -348,22 +348,22 @@ class Streamer:
         horizon = self._horizon()
         patience = 2 * self.sample_clock.period
         if self._outbox.held is not None:
-            fate = self._outbox.command(*self._outbox.held, now, patience)
-            if fate is Fate.HELD:
+            result = self._outbox.command(*self._outbox.held, now, patience)
+            if result is SendResult.HELD:
                 return
-            if fate is Fate.DROPPED:
+            if result is SendResult.DROPPED:
                 self.limiter.undo()  # nothing was stepped after it
-            self._driven |= fate is Fate.SENT
+            self._driven |= result is SendResult.SENT
             self.sample_clock.sent(now, horizon)
         for moment in self.sample_clock.due(now, horizon):
             wanted = self.source.wanted(moment if horizon else now + self.request.look_ahead, now)
             play = moment if horizon else None
-            fate = self._outbox.command(self.limiter.step(wanted, moment), play, now, patience)
-            if fate is Fate.HELD:
+            result = self._outbox.command(self.limiter.step(wanted, moment), play, now, patience)
+            if result is SendResult.HELD:
                 break
-            if fate is Fate.DROPPED:
+            if result is SendResult.DROPPED:
                 self.limiter.undo()
-            self._driven |= fate is Fate.SENT
+            self._driven |= result is SendResult.SENT
         self.counters["skipped"] = self.sample_clock.skipped
 
     def _to_safe(self, now: float) -> None:

@@ -43,7 +43,7 @@ def published() -> tuple[float | None, bool, tuple[float, ...]]:
 
 @contextmanager
 def beating() -> Iterator[list[tuple[float, Any]]]:
-    """Give a heartbeat at every frame that anything goes to, as the timer may; note the frame and what was published."""
+    """Give a heartbeat at every frame that anything goes to, as the timer may; note it, and what was published."""
     noted: list[tuple[float, Any]] = []
 
     def note(scene: bpy.types.Scene, _depsgraph: Any = None) -> None:

@@ -38,7 +38,7 @@ class SenderClient:
         self._shared = SharedState.create()
         self._request: dict[str, Any] = {}
         self._stops = 0
-        self._ticket = 0
+        self._arm_id = 0
         self._heard, self._closed = 0, 0.0  # last status of a closed one, and when
         self._before: SenderClient | None = None  # has the same port, and is still ending
         self._log = tempfile.TemporaryFile(prefix="dermis-sender-")  # without a name: it goes with its last user
@@ -80,7 +80,7 @@ class SenderClient:
 
     def disconnect(self) -> None:
         """Let the link go; an armed device goes to its safe state first."""
-        self.set(connect=False, arm=0)
+        self.set(connect=False, arm_id=0)
 
     def set(self, **fields: Any) -> None:
         """Change fields of the request.
@@ -95,12 +95,12 @@ class SenderClient:
 
     def arm(self) -> None:
         """Let the device move, once; call it because a person asked for it."""
-        self._ticket += 1
-        self.set(arm=self._ticket, stops=self._stops)
+        self._arm_id += 1
+        self.set(arm_id=self._arm_id, stops=self._stops)
 
     def disarm(self) -> None:
         """Bring the device to its safe state."""
-        self.set(arm=0)
+        self.set(arm_id=0)
 
     def stop(self) -> None:
         """Safe state, now. Works where nothing else does."""

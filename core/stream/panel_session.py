@@ -69,7 +69,7 @@ class PanelSession:
             DermisError: the device is not armed any more, or the source of touches failed.
         """
         streamer, given = self.streamer, self.given
-        streamer.request.arm = 1
+        streamer.request.arm_id = 1
         streamer.apply(streamer.request, time.perf_counter())
         self._run(lambda: ended() or not streamer.armed or (given is not None and given.ended))
         if not streamer.armed:

@@ -145,7 +145,7 @@ class _Player:
                     where=options.url,
                     remedy="Run it in a terminal, or pass --yes",
                 )
-        self._request.arm = 1
+        self._request.arm_id = 1
         self._heartbeat(None)
         streamer.apply(self._request, time.perf_counter())
         end = time.perf_counter() + options.ramp + 0.2 + options.look_ahead

@@ -20,7 +20,7 @@ def report(streamer: Streamer) -> dict[str, Any]:
         "state": streamer.state,
         "words": words,
         "armed": streamer.armed,
-        "ticket": streamer.ticket,
+        "arm_id": streamer.arm_id,
         "pose_known": streamer.pose_known,
         "rate": streamer.rate,
         "jitter_p50_us": _plain(p50 * 1e6),

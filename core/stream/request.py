@@ -29,7 +29,7 @@ class StreamRequest:
     Attributes:
         connect: hold the link. url, protocol: which. device: {"key", "preset"}. calibration: its JSON, or ''.
         mode: of `source.MODES`. track, screen: files for 'play' and 'panel'. jog: values by channel [units].
-        arm: ticket; 0 disarms. stops: number of stops that the person had seen when arming.
+        arm_id: one arms once, and it rises; 0 disarms. stops: number of stops that the person had seen when arming.
         offset: start offset [s]. look_ahead: [s]. ramp: blend from the first pose [s].
         stall: without a heartbeat for this long comes the safe state [s]. play_on: a baked track plays on meanwhile.
         reconnect: try again by itself when a link is lost. rate: of commands [Hz]; 0: the device's own.
@@ -44,7 +44,7 @@ class StreamRequest:
     track: str = ""
     screen: str = ""
     jog: dict[str, float] = field(default_factory=dict)
-    arm: int = 0
+    arm_id: int = 0
     stops: int = 0
     offset: float = 0.0
     look_ahead: float = 0.0

@@ -2,7 +2,7 @@
 
 Life of a link: disconnected -> connecting -> ready -> armed or streaming -> (stalled | fault) -> stopping -> closed.
 Whatever ends it, the device goes to its safe state first, at its own speed, and what waits in the link leaves; only
-then is it closed. Arming takes a ticket that rises; one ticket arms once. After a stop, a stall, a fault or a lost
+then is it closed. Arming takes an arm_id that rises; one of them arms once. After a stop, a stall, a fault or a lost
 link nothing moves until a person arms again.
 """
 
@@ -66,7 +66,7 @@ class Streamer:
         self.rate = 0.0
         self._phase = "idle"  # 'arming', 'live', 'safing', 'draining'
         self._since = 0.0
-        self.ticket = 0
+        self.arm_id = 0
         self._stops = 0
         self._heartbeat: Heartbeat | None = None
         self._heartbeat_at = -math.inf
@@ -94,11 +94,11 @@ class Streamer:
             self._recalibrate(now)
         if self.wire is not None and not self._leaving and not request.same_source(old):
             self._choose_source(now)
-        if request.arm == 0 or request.arm < self.ticket:
+        if request.arm_id == 0 or request.arm_id < self.arm_id:
             if self._phase in ("arming", "live"):
                 self._to_safe(now)
-        elif request.arm > self.ticket:
-            self.ticket = request.arm
+        elif request.arm_id > self.arm_id:
+            self.arm_id = request.arm_id
             if request.stops >= self._stops:
                 self._begin_arming(now)
 
@@ -286,7 +286,7 @@ class Streamer:
         self.link = self.adapter = self._outbox = self._ramp = self._drain = None
         self._phase, self.words = "idle", words
         self._leaving = self._driven = False
-        self.ticket = max(self.ticket, self.request.arm)
+        self.arm_id = max(self.arm_id, self.request.arm_id)
 
     def _send(self, messages: list[bytes]) -> bool:
         return self._outbox is None or self._outbox.send(messages)
@@ -406,7 +406,7 @@ class Streamer:
 
     def _finish_safing(self, now: float) -> None:
         self._phase, self._ramp = "idle", None
-        self.ticket = max(self.ticket, self.request.arm)
+        self.arm_id = max(self.arm_id, self.request.arm_id)
         if self._leaving:
             self._begin_draining(now)
 

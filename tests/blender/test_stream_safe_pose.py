@@ -144,7 +144,7 @@ def test_nothing_is_armed_before_it_is_known_what_the_device_knows(scene: Any) -
     with pytest.raises(RuntimeError, match="not ready to be armed"):
         bpy.ops.dermis.stream_arm()
     wait(state("ready"))
-    assert session._client._request.get("arm", 0) == 0
+    assert session._client._request.get("arm_id", 0) == 0
 
 
 def test_what_cannot_be_connected_leaves_nothing_behind(scene: Any) -> None:

@@ -89,7 +89,7 @@ class Bench:
         """
         if self.streamer.link is None:
             self.streamer = Streamer(open_link)  # one that has lost its link waits for a person
-        self._apply(connect=True, jog=self._jog(self.wire.safe), arm=0)
+        self._apply(connect=True, jog=self._jog(self.wire.safe), arm_id=0)
         self.until(lambda: self.streamer.state in ("ready", "fault") or not self._holds, CONNECTING)
         if self.streamer.state != "ready":
             raise DermisError(self.streamer.words.rstrip(".") or f"{self._request.url} does not answer")
@@ -103,7 +103,7 @@ class Bench:
         if self.streamer.link is None:
             self.connect()
         self._arms += 1
-        self._apply(arm=self._arms, jog=self._jog(self.wire.safe))
+        self._apply(arm_id=self._arms, jog=self._jog(self.wire.safe))
         self.until(lambda: self.streamer.state in ("armed", "streaming"), ARMING)
         self._still_armed()
         limiter = self.streamer.limiter

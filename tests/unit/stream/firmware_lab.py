@@ -95,7 +95,7 @@ class FirmwareLab:
 
     def arm(self) -> None:
         """Arm, as a press of the button does."""
-        self.request.arm += 1
+        self.request.arm_id += 1
         self.streamer.apply(copy.deepcopy(self.request), self.now)
         self.run(0.2)
         assert self.streamer.state == "armed", self.streamer.words

@@ -88,7 +88,7 @@ class Lab:
 
     def arm(self) -> None:
         """Arm, as a press of the button does."""
-        self.set(arm=self.request.arm + 1, stops=self.stops)
+        self.set(arm_id=self.request.arm_id + 1, stops=self.stops)
 
     @property
     def at(self) -> np.ndarray:

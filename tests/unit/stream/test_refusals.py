@@ -126,12 +126,14 @@ def test_a_request_as_it_comes_is_allowed_and_so_are_the_limits() -> None:
         StreamRequest(jog={"a": math.nan}).check()
 
 
-@pytest.mark.parametrize(("name", "value"), [("arm", "1"), ("arm", 1.5), ("connect", 1), ("jog", []), ("ramp", None)])
+@pytest.mark.parametrize(
+    ("name", "value"), [("arm_id", "1"), ("arm_id", 1.5), ("connect", 1), ("jog", []), ("ramp", None)]
+)
 def test_a_field_of_another_kind_is_refused(name: str, value: Any) -> None:
     with pytest.raises(DermisError, match="another kind") as error:
         request_of({name: value})
     assert error.value.where == name
-    assert request_of({"ramp": 2, "arm": 3}) == StreamRequest(ramp=2, arm=3)
+    assert request_of({"ramp": 2, "arm_id": 3}) == StreamRequest(ramp=2, arm_id=3)
 
 
 def test_a_setting_that_cannot_be_ends_a_stream_safely() -> None:
@@ -140,7 +142,7 @@ def test_a_setting_that_cannot_be_ends_a_stream_safely() -> None:
     lab.arm()
     lab.run(0.3)
     device = lab.device
-    lab.set(stall=math.nan, arm=lab.request.arm + 1)
+    lab.set(stall=math.nan, arm_id=lab.request.arm_id + 1)
     lab.run(0.1)
     assert np.abs(list(device.report()["values"].values())).max() < 1e-3
     assert lab.streamer.state == "fault" and "stall" in lab.streamer.words

@@ -146,7 +146,7 @@ def test_an_arming_from_before_a_stop_does_not_count(track_file: Path) -> None:
     lab.stops += 1  # the stop arrives in the same tick as an arming that a person pressed before it
     lab.number += 1
     lab.streamer.heartbeat(Heartbeat(lab.number, lab.stops, False, 0.0, ()), lab.now)
-    lab.set(arm=1, stops=0)
+    lab.set(arm_id=1, stops=0)
     lab.run(0.5)
     assert not lab.device.received
 

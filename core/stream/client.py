@@ -18,7 +18,7 @@ from typing import Any
 from ..errors import DermisError
 from ..work import command, environment
 from .request import request_of
-from .shared_state import MOST_VALUES, SharedState
+from .shared_state import MAX_VALUES, SharedState
 
 GRACE = 0.2  # closing waits this long for the sender [s]; then that finishes by itself
 HUNG = 5.0  # a sender that ends and has said nothing for this long hangs [s]
@@ -109,8 +109,8 @@ class SenderClient:
 
     def heartbeat(self, *, playing: bool = False, time: float | None = None, values: Sequence[float] = ()) -> None:
         """Give a sign of life, with what Blender shows."""
-        if len(values) > MOST_VALUES:
-            raise DermisError("more values than a heartbeat can hold", value=len(values), limit=str(MOST_VALUES))
+        if len(values) > MAX_VALUES:
+            raise DermisError("more values than a heartbeat can hold", value=len(values), limit=str(MAX_VALUES))
         self._shared.write_heartbeat(self._stops, playing, time, tuple(values))
 
     def status(self) -> dict[str, Any]:

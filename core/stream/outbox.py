@@ -12,7 +12,7 @@ from .protocols.adapter import Adapter
 from .protocols.wire import Array
 
 MEMORY = 0.5  # a link that was congested without a word is not hurried for this long [s]
-WAITING_MOST = 16  # messages of the protocol's own that wait for room in the link
+MAX_WAITING = 16  # messages of the protocol's own that wait for room in the link
 
 
 class SendResult(Enum):
@@ -55,7 +55,7 @@ class Outbox:
     def poll(self, now: float) -> None:
         """Send what the protocol itself has to say, in its order; what finds no room waits, the oldest not for ever."""
         self._waiting += self._adapter.poll(now)
-        while len(self._waiting) > WAITING_MOST:
+        while len(self._waiting) > MAX_WAITING:
             self._waiting.popleft()
             self._counters["dropped"] += 1
         while self._waiting and self._link.send(self._waiting[0]):

@@ -23,7 +23,7 @@ MAGIC = b"DERMIS-SHARED 1\0"
 _SLOT = struct.Struct("<QII")  # number, length, CRC-32 of number and record
 _HEARTBEAT = struct.Struct("<QIBddH")
 HEARTBEAT_BYTES, REQUEST_BYTES, STATUS_BYTES = 4096, 1 << 20, 1 << 16
-MOST_VALUES = 255
+MAX_VALUES = 255
 PLAYING, HAS_TIME = 1, 2
 
 

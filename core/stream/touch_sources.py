@@ -17,7 +17,7 @@ from .protocols.osc import read_bundle, read_message
 from .touch_input import Finger, Reading, TouchInput
 
 UNITS = {"m": 1.0, "mm": 1e-3}
-LINE_MOST = 200  # a line without an end is none [bytes]
+MAX_LINE = 200  # a line without an end is none [bytes]
 POLL = 0.0005  # between two looks at a serial port [s]
 KINDS = "device, osc://:PORT, osc://HOST:PORT, serial:PORT?baud=, '-' for standard input, mouse"
 
@@ -59,9 +59,9 @@ class _Lines:
 
     def of(self, data: bytes) -> list[bytes]:
         *whole, self._rest = (self._rest + data).replace(b"\r", b"\n").split(b"\n")
-        if len(self._rest) > LINE_MOST:
+        if len(self._rest) > MAX_LINE:
             whole, self._rest = [*whole, self._rest], b""
-        return [line[: LINE_MOST + 1] for line in whole if line.strip()]
+        return [line[: MAX_LINE + 1] for line in whole if line.strip()]
 
 
 def touch_input(text: str, unit: str, size: tuple[float, float]) -> TouchInput | None:

@@ -403,7 +403,7 @@ OWN = {
     "core.stream.links.sockets:Tcp._queued": "a number of the system's",
     "core.stream.streamer": "a link, not a file",
     "core.stream.links.transport": "the system's list of processes",
-    "core.stream.virtual.others:TorqueDevice.feed": "the other end of the reader 'torque board', in the box",
+    "core.stream.virtual.others:TorqueDevice.feed": "the other end of the reader 'torque board', simulated",
     "core.surrogate.network:train": "unpacks what it packed",
     "core.surrogate.store:save": "writes",
     "core.version:version": "the manifest beside the program",

@@ -171,7 +171,7 @@ class DERMIS_MT_ports(bpy.types.Menu):
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the list as it is known."""
-        box = self.layout.operator("dermis.stream_use_port", text="The device in the box", icon="GHOST_ENABLED")
+        box = self.layout.operator("dermis.stream_use_port", text="The simulated device", icon="GHOST_ENABLED")
         box.port = "virtual:"
         for name, description in session.found_ports():
             self.layout.operator("dermis.stream_use_port", text=f"{name}  {description}").port = name

@@ -127,7 +127,7 @@ class DermisStream(bpy.types.PropertyGroup):
 
     url: StringProperty(
         name="Port",
-        description="Serial port, socket://HOST:PORT, udp://HOST:PORT, or virtual: for the device in the box",
+        description="Serial port, socket://HOST:PORT, udp://HOST:PORT, or virtual: for the simulated device",
         default="virtual:",
         update=_addressed,
         options=set(),

@@ -28,7 +28,7 @@ def add_parser(commands: Any, load_screen: LoadScreen) -> None:
     play = verbs.add_parser("play", help="play a track to a device, once")
     play.add_argument("track", type=Path, metavar="TRACK", help="a command track: CSV, JSON or binary")
     _device_options(play)
-    play.add_argument("--url", required=True, help="port or URL of the device, 'virtual:' for the one in the box")
+    play.add_argument("--url", required=True, help="port or URL of the device, 'virtual:' for the simulated one")
     play.add_argument("--calibration", type=Path, metavar="FILE", help="calibration of this device")
     play.add_argument(
         "--look-ahead", type=_setting("look_ahead"), default=0.1, metavar="S", help="send this far ahead (0.1 s)"

@@ -17,7 +17,7 @@ TELL_TOUCHES = ("native", "osc")  # protocols whose device may have a touch pane
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what `panel` takes beside device and protocol."""
     parser.add_argument("map", type=Path, metavar="MAP", help="a screen's map: NAME.map.npz, as exported")
-    parser.add_argument("--url", required=True, help="port or URL of the device, 'virtual:' for the one in the box")
+    parser.add_argument("--url", required=True, help="port or URL of the device, 'virtual:' for the simulated one")
     parser.add_argument(
         "--touch",
         default="device",

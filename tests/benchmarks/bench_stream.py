@@ -93,7 +93,7 @@ def track(seconds: float) -> str:
 
 @contextmanager
 def streaming_to(url: str, key: str, **request: Any) -> Iterator[Any]:
-    """Connect a sender to a device in the box and let it arm."""
+    """Connect a sender to a simulated device and let it arm."""
     from core.presets import Library
     from core.stream.client import SenderClient
 

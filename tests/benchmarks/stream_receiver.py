@@ -27,7 +27,7 @@ from core.stream.virtual.program import Endpoint
 
 
 class Noting(NativeDevice):
-    """The device in the box, with a memory for times."""
+    """The simulated device, with a memory for times."""
 
     def __init__(self, wire: Wire) -> None:
         super().__init__(wire)

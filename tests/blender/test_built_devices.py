@@ -26,7 +26,7 @@ from .test_stream_calibration import PLAIN, SET, driven, listed
 from .test_undo import push, undo
 
 pytestmark = pytest.mark.real_time
-VIRTUAL = b"VIRTUAL1".hex()  # what the device in the box answers with
+VIRTUAL = b"VIRTUAL1".hex()  # what the simulated device answers with
 
 
 def bake(scene: Any, *fingers: str) -> None:

@@ -1,4 +1,4 @@
-"""Streaming from Blender: a real sender process, the device in the box, and nothing that happens by itself."""
+"""Streaming from Blender: a real sender process, the simulated device, and nothing that happens by itself."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@
     udp://host:port                                         datagrams
     loop://                                                 what is sent comes back
     spy://URL?file=PATH                                     any of them, with a record of the bytes
-    virtual:?loss=0.01&delay=0.02                           the device in the box (see virtual/device.py)
+    virtual:?loss=0.01&delay=0.02                           the simulated device (see virtual/device.py)
 
 Options after the question mark that no transport knows belong to the protocol.
 """
@@ -28,7 +28,7 @@ class Url:
     def __init__(self, text: str) -> None:
         self.text = text.strip()
         if not self.text:
-            raise DermisError("no port is given", remedy="Enter one, or 'virtual:' for the device in the box")
+            raise DermisError("no port is given", remedy="Enter one, or 'virtual:' for the simulated device")
         head, _, query = self.text.partition("?")
         try:
             self.options = dict(parse_qsl(query, strict_parsing=bool(query)))

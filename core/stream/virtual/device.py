@@ -1,4 +1,4 @@
-"""The device in the box: any protocol, with faults; on a link of this process, or as a program of its own.
+"""The simulated device: any protocol, with faults; on a link of this process, or as a program of its own.
 
 Options of the URL: `loss`, `delay`, `jitter`, `corrupt`, `slow` (see faults.py), `stuck` (number of an actuator that
 does not move), `skew` (of its clock), `finger` (1: a finger draws circles on its touch panel), `seed`.

@@ -139,7 +139,7 @@ def sender(receiver: Receiver) -> Iterator[SenderClient]:
     """Give a sender whose device stands far from its safe state."""
     with SenderClient() as client:
         connect(client, receiver)
-        until(receiver.reached, client.heartbeat, f"far from safe ({client.status()['words']})")
+        until(receiver.reached, client.heartbeat, f"far from safe ({client.status()['message']})")
         receiver.ask("mark")
         yield client
     until(lambda: not client.alive, lambda: None, "the sender ends")

@@ -20,7 +20,7 @@ class Shown(NamedTuple):
     """The built device as a panel shows it."""
 
     name: str
-    words: str
+    message: str
     wrong: bool
 
 
@@ -40,14 +40,14 @@ def shown(scene: bpy.types.Scene) -> Shown:
         last = built_devices.device(chosen).made.name if chosen else "Uncalibrated"
     except DermisError as error:
         return Shown("Cannot be read", str(error), True)
-    words = ""
+    message = ""
     if chosen is None:
-        words = UNSAID if one is None and built_devices.devices(owner.rpartition(": ")[2]) else ""
+        message = UNSAID if one is None and built_devices.devices(owner.rpartition(": ")[2]) else ""
     elif chosen != (one.file if one is not None else ""):
-        words = f"'{last}' was chosen last; undo went back behind that."
+        message = f"'{last}' was chosen last; undo went back behind that."
     if one is None:
-        return Shown("Uncalibrated", words, False)
-    return Shown(one.made.name, words, _is_another(one))
+        return Shown("Uncalibrated", message, False)
+    return Shown(one.made.name, message, _is_another(one))
 
 
 def check(scene: bpy.types.Scene) -> None:

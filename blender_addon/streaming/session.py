@@ -59,7 +59,7 @@ def caution(protocol: str) -> str:
 
 def status() -> dict[str, Any]:
     """Return how things stood at the last heartbeat; never asks anybody."""
-    return _status or {"state": "disconnected", "words": "", "armed": False}
+    return _status or {"state": "disconnected", "message": "", "armed": False}
 
 
 def found_ports() -> list[tuple[str, str]]:
@@ -99,7 +99,7 @@ def connect(scene: bpy.types.Scene) -> None:
         close()
         raise
     _scene = scene.session_uid
-    _status = {"state": "connecting", "words": "", "armed": False}
+    _status = {"state": "connecting", "message": "", "armed": False}
     heartbeat()
     _start_timer()
 
@@ -224,8 +224,8 @@ def heartbeat() -> None:
     met = board_identity.meet(scene, _status)
     if _status["armed"] and board_identity.is_another(scene):
         _client.disarm()
-    said = (_note, met, _status.get("words"), (_status.get("received") or {}).get("record"))
-    _status["words"] = "; ".join(filter(None, said))
+    said = (_note, met, _status.get("message"), (_status.get("received") or {}).get("record"))
+    _status["message"] = "; ".join(filter(None, said))
 
 
 def _take_back(scene: bpy.types.Scene) -> None:

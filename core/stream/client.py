@@ -117,19 +117,19 @@ class SenderClient:
         """Return how things stand; `state` is 'dead' where the sender has died."""
         status = self._shared.read_status()
         if self._before is not None:
-            words = self._before._shared.read_status().get("words", "")
+            message = self._before._shared.read_status().get("message", "")
             self._write()
             if self._before is not None:
                 return {
                     **status,
                     "state": "connecting",
                     "armed": False,
-                    "words": f"waiting for the port: its sender of before still has it ({words})",
+                    "message": f"waiting for the port: its sender of before still has it ({message})",
                 }
         if not self.alive:
-            words = self._said() or f"status {self._process.returncode}"
-            return {**status, "state": "dead", "armed": False, "words": f"The sender has ended: {words}"}
-        return status or {"state": "disconnected", "words": "", "armed": False}
+            message = self._said() or f"status {self._process.returncode}"
+            return {**status, "state": "dead", "armed": False, "message": f"The sender has ended: {message}"}
+        return status or {"state": "disconnected", "message": "", "armed": False}
 
     def close(self) -> None:
         """End the sender, the device safe first, and wait a moment for it. Safe to call twice."""
@@ -208,8 +208,8 @@ def _reap() -> None:
 def leaving() -> str:
     """Return what closed senders of this process still do, in words; '' where all have ended."""
     _reap()
-    found = ((str(one._request.get("url", "")), str(one._shared.read_status().get("words", ""))) for one in _ending)
-    return "; ".join(f"{words or 'going to the safe state'} ({url})" for url, words in found)
+    found = ((str(one._request.get("url", "")), str(one._shared.read_status().get("message", ""))) for one in _ending)
+    return "; ".join(f"{message or 'going to the safe state'} ({url})" for url, message in found)
 
 
 def close_all() -> None:

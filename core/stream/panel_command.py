@@ -100,7 +100,7 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
     with contextlib.suppress(OSError):  # a terminal that hung up reads no more
         print(session.summary())
     if session.unsure:
-        raise DermisError(session.streamer.words.rstrip(".") or "0 V could not be made sure of", where=options.url)
+        raise DermisError(session.streamer.message.rstrip(".") or "0 V could not be made sure of", where=options.url)
     return 0
 
 

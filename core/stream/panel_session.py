@@ -42,7 +42,7 @@ class PanelSession:
         """
         streamer = self.streamer
         streamer.apply(request, time.perf_counter())
-        self._run(lambda: streamer.state in ("ready", "fault") or (streamer.link is None and bool(streamer.words)))
+        self._run(lambda: streamer.state in ("ready", "fault") or (streamer.link is None and bool(streamer.message)))
         if streamer.state != "ready" or not isinstance(streamer.source, Panel):
             raise self._refusal("the device cannot be reached")
         if self.given is not None:
@@ -133,5 +133,5 @@ class PanelSession:
         self.volts = min(self.volts[0], volts), max(self.volts[1], volts)
 
     def _refusal(self, otherwise: str) -> DermisError:
-        words = self.streamer.words
-        return DermisError(words.rstrip(".") or otherwise, where=unnamed(self.streamer.request.url, words))
+        message = self.streamer.message
+        return DermisError(message.rstrip(".") or otherwise, where=unnamed(self.streamer.request.url, message))

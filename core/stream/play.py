@@ -127,7 +127,7 @@ class _Player:
         """Connect, ask, arm, ramp, play."""
         options, streamer, track = self._options, self._streamer, self._track
         streamer.apply(self._request, time.perf_counter())
-        self._until(lambda: streamer.state in ("ready", "fault") or (streamer.link is None and bool(streamer.words)))
+        self._until(lambda: streamer.state in ("ready", "fault") or (streamer.link is None and bool(streamer.message)))
         if self._signals.number:
             return
         if streamer.state != "ready":
@@ -202,8 +202,8 @@ class _Player:
         )
 
     def _refusal(self, otherwise: str) -> DermisError:
-        words = self._streamer.words.rstrip(".")
-        return DermisError(words or otherwise, where=unnamed(self._options.url, words))
+        message = self._streamer.message.rstrip(".")
+        return DermisError(message or otherwise, where=unnamed(self._options.url, message))
 
 
 def _say(text: str) -> None:

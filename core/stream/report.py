@@ -12,13 +12,15 @@ if TYPE_CHECKING:
 
 
 def report(streamer: Streamer) -> dict[str, Any]:
-    """Return state, words, rate, lateness, counters and what is driven, as JSON values."""
+    """Return state, message, rate, lateness, counters and what is driven, as JSON values."""
     p50, p99 = streamer.sample_clock.lateness.percentiles()
     adapter, limiter, wire = streamer.adapter, streamer.limiter, streamer.wire
-    words = "; ".join(filter(None, (streamer.words.rstrip("."), streamer.going))) if streamer.going else streamer.words
+    message = (
+        "; ".join(filter(None, (streamer.message.rstrip("."), streamer.going))) if streamer.going else streamer.message
+    )
     out: dict[str, Any] = {
         "state": streamer.state,
-        "words": words,
+        "message": message,
         "armed": streamer.armed,
         "arm_id": streamer.arm_id,
         "pose_known": streamer.pose_known,

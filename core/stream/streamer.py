@@ -46,7 +46,7 @@ class Streamer:
         load_screen: reads a screen map for the mode 'panel'.
 
     Attributes:
-        state: for people, see the module. words: the last error or what is waited for.
+        state: for people, see the module. message: the last error or what is waited for.
         counters: sent, dropped, skipped ... sample_clock: which samples are due, and how late they were.
     """
 
@@ -54,7 +54,7 @@ class Streamer:
         self, open_link: Callable[[Url, Wire, str], Transport], load_screen: Callable[[Path], Screen] | None = None
     ) -> None:
         self._open_link, self._load_screen = open_link, load_screen
-        self.state, self.words = "disconnected", ""
+        self.state, self.message = "disconnected", ""
         self.counters: Counter[str] = Counter()
         self.sample_clock = SampleClock(1.0)
         self.request = StreamRequest()
@@ -120,13 +120,13 @@ class Streamer:
         elif isinstance(self.source, Follow) and self.wire is not None:
             self.source.latest = follow_values(self.wire, heartbeat.values)
 
-    def stop(self, now: float, words: str) -> None:
+    def stop(self, now: float, message: str) -> None:
         """Go to the safe state; nothing moves before the next arming."""
-        self._guarded(now, lambda: self._stop(now, words))
+        self._guarded(now, lambda: self._stop(now, message))
 
-    def _stop(self, now: float, words: str) -> None:
+    def _stop(self, now: float, message: str) -> None:
         if self._phase in ("arming", "live"):
-            self.words = words
+            self.message = message
             self._to_safe(now)
         elif self._phase == "idle" and self.adapter is not None and self.adapter.ready and self.adapter.own_safe:
             self._send(self.adapter.safe())
@@ -134,7 +134,7 @@ class Streamer:
     def shut(self, now: float) -> None:
         """Begin to end: safe state, then nothing more. `finished` tells when; it needs ticks until then."""
         self._closing = True
-        self._guarded(now, lambda: self._leave(now, self.words))
+        self._guarded(now, lambda: self._leave(now, self.message))
 
     @property
     def finished(self) -> bool:
@@ -186,13 +186,13 @@ class Streamer:
             self._retry(now)
             self._close(f"{error}{lost if on_the_way else ''}")
         except DermisError as error:
-            words = str(error)
+            message = str(error)
             self.counters["faults"] += 1
             if self._leaving:  # nothing more can be done with it
-                self._close(words)
+                self._close(message)
                 return
             self._retry(now)
-            self._guarded(now, lambda: self._leave(now, words))
+            self._guarded(now, lambda: self._leave(now, message))
             self.state = "fault"
 
     def _retry(self, now: float) -> None:
@@ -219,7 +219,7 @@ class Streamer:
         if self._phase == "draining":
             assert self._drain is not None
             if self._drain.done(now):
-                self._close("; ".join(filter(None, (self.words, self._drain.words))))
+                self._close("; ".join(filter(None, (self.message, self._drain.message))))
             return
         if self.adapter.fault:
             fault, self.adapter.fault = self.adapter.fault, ""
@@ -242,7 +242,7 @@ class Streamer:
             self._safing(now)
 
     def _connect(self, now: float) -> None:
-        self.state, self.words = "connecting", ""
+        self.state, self.message = "connecting", ""
         self._retry_at = now + RETRY if self.request.reconnect else math.inf
         try:
             self.request.check()
@@ -266,9 +266,9 @@ class Streamer:
         self._outbox = Outbox(self.link, self.adapter, self.counters, bucket)
         self.adapter.opened(now)
 
-    def _leave(self, now: float, words: str) -> None:
+    def _leave(self, now: float, message: str) -> None:
         """Begin to let the link go: the safe state first, then whatever waits, and then it is closed."""
-        self.words, self._leaving = words, self.link is not None
+        self.message, self._leaving = message, self.link is not None
         if self._phase in ("arming", "live"):
             self._to_safe(now)
         elif self._phase == "idle":
@@ -276,15 +276,15 @@ class Streamer:
 
     def _begin_draining(self, now: float) -> None:
         if self.link is None or self.adapter is None or self._outbox is None:
-            self._close(self.words)
+            self._close(self.message)
             return
         self._phase, self._drain = "draining", Drain(self.link, self.adapter, self._outbox, self.counters, now)
 
-    def _close(self, words: str) -> None:
+    def _close(self, message: str) -> None:
         if self.link is not None:
             self.link.close()
         self.link = self.adapter = self._outbox = self._ramp = self._drain = None
-        self._phase, self.words = "idle", words
+        self._phase, self.message = "idle", message
         self._leaving = self._driven = False
         self.arm_id = max(self.arm_id, self.request.arm_id)
 
@@ -295,21 +295,21 @@ class Streamer:
 
     def _begin_arming(self, now: float) -> None:
         if self.adapter is None or not self.adapter.ready or self._leaving or self._closing:
-            self.words = "not connected, so nothing was armed"
+            self.message = "not connected, so nothing was armed"
             return
         if self._phase == "live":  # already; to begin again would lead it back to where it was armed
             return
         if self._phase == "safing":
-            self.words = "not armed before the safe state is reached; arm again then"
+            self.message = "not armed before the safe state is reached; arm again then"
             return
         if self.source is None:
             self._choose_source(now)
             if self.source is None:
                 return
         if self._bound and not self._alive(now):
-            self.words = "Blender gives no sign of life, so nothing was armed"
+            self.message = "Blender gives no sign of life, so nothing was armed"
             return
-        self._phase, self._since, self.words = "arming", now, ""
+        self._phase, self._since, self.message = "arming", now, ""
         self.adapter.arm()
 
     def _arm(self, now: float) -> None:
@@ -317,7 +317,7 @@ class Streamer:
         if not self.adapter.armed:
             if now - self._since > ARMING:
                 self._to_safe(now)
-                self.words = "the device did not arm"
+                self.message = "the device did not arm"
             return
         pose = self.adapter.pose
         if pose is None:  # where it is nobody knows; where it may be without harm, the preset does
@@ -334,11 +334,11 @@ class Streamer:
         assert self.adapter is not None and self.limiter is not None and self.source is not None
         assert self._outbox is not None
         if not self.adapter.armed:
-            self.words = "the device disarmed itself"
+            self.message = "the device disarmed itself"
             self._to_safe(now)
             return
         if self._bound and now - self._heartbeat_at > self.request.stall:
-            self.words = f"Blender gave no sign of life for {self.request.stall:g} s; arm again"
+            self.message = f"Blender gave no sign of life for {self.request.stall:g} s; arm again"
             self.counters["stalls"] += 1
             self._to_safe(now)
             self.state = "stalled"
@@ -401,7 +401,7 @@ class Streamer:
         elif self._ramp.stuck(now):
             self._driven = False
             self.counters["safe states not confirmed"] += 1
-            self.words = "The device takes nothing, so its safe state could not be sent. Switch its supply off"
+            self.message = "The device takes nothing, so its safe state could not be sent. Switch its supply off"
             self._finish_safing(now)
 
     def _finish_safing(self, now: float) -> None:
@@ -446,7 +446,7 @@ class Streamer:
         if self._phase == "live":
             self.limiter.blend(self.sample_clock.next, RECALIBRATING)
         if self.armed and self.adapter is not None and self.adapter.watchdog and (before != self.wire.safe).any():
-            self.words = "Until you stop and arm again, the device's own safe pose is that of the calibration before"
+            self.message = "Until you stop and arm again, the device's own safe pose is that of the calibration before"
 
     def _choose_source(self, now: float) -> None:
         """Make what the mode asks for; what cannot be made leaves the device safe and says why."""
@@ -456,12 +456,12 @@ class Streamer:
             assert self.wire is not None
             self.source = source_of(self.request, self.wire, old, heartbeat, self._load_screen, self._output_hz)
         except DermisError as error:
-            self.words = str(error)
+            self.message = str(error)
         assert self.limiter is not None
         if self.source is None and self.armed:
-            words = self.words
+            message = self.message
             self._to_safe(now)
-            self.words = words
+            self.message = message
         elif self._phase == "live" and not goes_on(self.source, old):
             self.limiter.blend(self.sample_clock.next, RECALIBRATING)
 

@@ -153,7 +153,7 @@ def _pose_after_kill(key: str, jog: dict[str, float], seconds: float) -> float:
         with streaming_to(url, key, mode="jog", jog=jog, ramp=0.0) as client:
             heartbeats(client, seconds, time.sleep)
             if not client.status()["armed"]:
-                raise RuntimeError(client.status()["words"])
+                raise RuntimeError(client.status()["message"])
             killed = time.perf_counter()
             os.kill(client.pid, signal.SIGKILL)
             return receiver.way_since(killed)[1] - killed
@@ -194,7 +194,7 @@ def five() -> Result:
         for client in clients:
             client.arm()
         before = sum(left_out(1.0, playing=False))
-        words = [client.status()["words"] for client in clients if not client.status()["armed"]]
+        words = [client.status()["message"] for client in clients if not client.status()["armed"]]
         missing = sum(left_out(MANY_SECONDS, playing=True)) - before
     _, (received, lost, damaged, late) = receiver.end()
     due, bad = MANY * MANY_SECONDS * RATE, missing + late + lost + damaged

@@ -112,7 +112,7 @@ def armed(receiver: Any, **request: Any) -> Iterator[Any]:
     with streaming_to(receiver.url, "haptip", ramp=0.0, **request) as client:
         heartbeats(client, 0.3, time.sleep)
         if not client.status()["armed"]:
-            raise RuntimeError(client.status()["words"])
+            raise RuntimeError(client.status()["message"])
         yield client
 
 
@@ -188,7 +188,7 @@ def late() -> Result:
     bad = after + lost + damaged + left_out
     peers = {"received": float(received), "late": float(after), "lost": float(lost), "left out": float(left_out)}
     # The first second has no playback yet, and the sender is asked before it stops.
-    error = f"only {received} commands arrived: {status['words']}" if received < LATE_SECONDS * RATE * 0.99 else None
+    error = f"only {received} commands arrived: {status['message']}" if received < LATE_SECONDS * RATE * 0.99 else None
     return Result("stream_late", float(bad), "", None, peers, error)
 
 
@@ -285,7 +285,7 @@ def kill() -> Result:
         with armed(SimpleNamespace(url=relay.url), track=path, look_ahead=LOOK_AHEAD) as client:
             heartbeats(client, 0.4 + 0.013 * k, time.sleep, playing=True)
             if not client.status()["armed"]:
-                raise RuntimeError(client.status()["words"])
+                raise RuntimeError(client.status()["message"])
             killed = time.perf_counter()
             os.kill(client.pid, signal.SIGKILL)
             hidden.append(1e3 * (receiver.way_since(killed)[0] - killed))

@@ -75,8 +75,8 @@ def soak(minutes: float) -> dict[str, Any]:
                 loads.append(os.getloadavg()[0])
             status = client.status()
             if not status["armed"] and now > armed_at + 0.5:
-                if status["words"] and status["words"] not in interrupted[-1:]:
-                    interrupted.append(status["words"])
+                if status["message"] and status["message"] not in interrupted[-1:]:
+                    interrupted.append(status["message"])
                 if status["state"] in ("ready", "stalled"):
                     interrupted.append(f"armed again at {now:.0f} s")
                     client.arm()

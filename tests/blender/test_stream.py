@@ -225,7 +225,7 @@ def test_refusals_are_words_not_tracebacks() -> None:
 def test_a_wrong_port_is_told_in_the_panel(scene: Any) -> None:
     scene.dermis_stream.url = "socket://127.0.0.1:1"
     session.connect(scene)
-    assert "cannot be opened" in wait(state("fault"))["words"]
+    assert "cannot be opened" in wait(state("fault"))["message"]
 
 
 def test_export_of_ranges(scene: Any, tmp_path: Path) -> None:
@@ -322,7 +322,7 @@ def test_a_rate_for_a_slow_link(scene: Any) -> None:
     settings = scene.dermis_stream
     settings.url = "virtual:?slow=11520"
     session.connect(scene)
-    assert "Set Rate to 385 Hz" in wait(state("fault"))["words"]
+    assert "Set Rate to 385 Hz" in wait(state("fault"))["message"]
     settings.rate = 385.0
     session.connect(scene)
     status = wait(state("ready"))

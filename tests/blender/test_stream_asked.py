@@ -100,14 +100,14 @@ def test_a_path_that_comes_under_way_is_refused(scene: Any) -> None:
     scene.dermis_stream["track_file"] = "/dev/zero"  # without a word, as undo does it
     session.changed()
     session.heartbeat()
-    assert "nobody has confirmed" in session.status()["words"] and session._client._request["track"] != "/dev/zero"
+    assert "nobody has confirmed" in session.status()["message"] and session._client._request["track"] != "/dev/zero"
 
 
 def test_a_device_that_knows_no_pose_is_armed_with_fingers_out_only(scene: Any) -> None:
     scene.dermis_stream.protocol = "maestro"
     session.connect(scene)
     status = wait(state("ready"))
-    assert session.pose_unknown() and "words" in status
+    assert session.pose_unknown() and "message" in status
     for arm in (bpy.ops.dermis.stream_arm, lambda: bpy.ops.dermis.stream_arm(fingers_out=False)):
         with pytest.raises(RuntimeError, match="does not know where its motors are"):
             arm()

@@ -80,7 +80,7 @@ def test_a_bake_that_is_forgotten_leaves_the_device_safe(scene: Any) -> None:
     wait(there(a_track().values[500, 2:]))
     store.forget()
     status = wait(lambda s: not s["armed"] and np.abs(heard(s)).max() < 1e-4)
-    assert "nothing to play" in status["words"] and session._client._request["track"] == ""
+    assert "nothing to play" in status["message"] and session._client._request["track"] == ""
 
 
 def test_undo_and_redo_move_the_device_with_the_panel(scene: Any) -> None:
@@ -142,10 +142,10 @@ def test_what_is_refused_stays_to_be_read(scene: Any) -> None:
     channel.gain = 0.0
     for _ in range(3):
         session.heartbeat()
-        assert "gain" in session.status()["words"]
+        assert "gain" in session.status()["message"]
     channel.gain = 1.0
     session.heartbeat()
-    assert session.status()["words"] == ""
+    assert session.status()["message"] == ""
 
 
 def test_streaming_a_loaded_track_shows_the_device_in_the_twin(tmp_path: Path) -> None:

@@ -98,10 +98,10 @@ def test_undo_back_to_jogging_does_not_go_where_the_hand_was(scene: Any) -> None
     scene = bpy.context.scene
     assert scene.dermis_stream.mode == "jog" and jogs(scene)[0] == pytest.approx(-0.3)
     status = wait(lambda s: s["state"] == "ready")
-    assert status["values"] == pytest.approx(safe(), abs=1e-4) and "undo turned to Jog" in status["words"]
+    assert status["values"] == pytest.approx(safe(), abs=1e-4) and "undo turned to Jog" in status["message"]
     session.arm(scene)
     assert jogs(scene) == pytest.approx(safe())
-    assert "undo" not in wait(stands(safe()))["words"]
+    assert "undo" not in wait(stands(safe()))["message"]
 
 
 def test_the_safe_pose_moves_with_the_calibration(scene: Any) -> None:
@@ -213,5 +213,5 @@ def test_the_end_of_a_record_is_said(scene: Any, tmp_path: Path) -> None:
     wait(state("ready"))
     resource.prlimit(session._client.pid, resource.RLIMIT_FSIZE, (100, 100))  # as if the disk were full
     session.arm(scene)
-    words = wait(lambda s: "is not whole" in s["words"])["words"]
+    words = wait(lambda s: "is not whole" in s["message"])["message"]
     assert "record.txt" in words and session.status()["armed"], "the stream goes on"

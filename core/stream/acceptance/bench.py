@@ -92,7 +92,7 @@ class Bench:
         self._apply(connect=True, jog=self._jog(self.wire.safe), arm_id=0)
         self.until(lambda: self.streamer.state in ("ready", "fault") or not self._holds, CONNECTING)
         if self.streamer.state != "ready":
-            raise DermisError(self.streamer.words.rstrip(".") or f"{self._request.url} does not answer")
+            raise DermisError(self.streamer.message.rstrip(".") or f"{self._request.url} does not answer")
 
     def arm(self) -> None:
         """Arm at the safe pose, and wait until the ramp there is over.
@@ -248,16 +248,16 @@ class Bench:
     def end(self) -> str:
         """Leave the device safe, whatever became of it; return why that is not sure, '' where it is."""
         self._heed, self._silent = lambda: None, False
-        words = ""
+        message = ""
         if self._left_alone or (self._arms and self.streamer.link is None):
             try:
                 self.bring_home()
             except DermisError as error:
-                words = str(error).rstrip(".")
+                message = str(error).rstrip(".")
         self.close()
         if self.streamer.counters["safe states not confirmed"]:
-            words = self.streamer.words.rstrip(".")
-        return words
+            message = self.streamer.message.rstrip(".")
+        return message
 
     def _tick(self, now: float) -> None:
         self._number += 1
@@ -267,16 +267,16 @@ class Bench:
 
     def _still_armed(self) -> None:
         if not self.streamer.armed:
-            raise DermisError(self.streamer.words.rstrip(".") or f"{self._request.url} is not armed any more")
+            raise DermisError(self.streamer.message.rstrip(".") or f"{self._request.url} is not armed any more")
 
     def _link(self) -> Transport:
         if self.streamer.link is None:
-            raise DermisError(self.streamer.words.rstrip(".") or f"{self._request.url} is gone")
+            raise DermisError(self.streamer.message.rstrip(".") or f"{self._request.url} is gone")
         return self.streamer.link
 
     @property
     def _holds(self) -> bool:
-        return self.streamer.link is not None or not self.streamer.words
+        return self.streamer.link is not None or not self.streamer.message
 
     def _jog(self, values: Array) -> dict[str, float]:
         """Return what to ask for, so that the calibration makes driven values of it."""

@@ -247,7 +247,7 @@ class Walk:
         outcome, judge = judged(None, {"rate": stayed and sent > 0 and full + bad <= RATE_LOSS * sent})
         figure = f"{sent} sent, {full} that the link had no room for"
         figure += f", {bad} lost or damaged at the board" if native else ""
-        figure += "" if stayed else f"; it did not stay armed: {streamer.words}"
+        figure += "" if stayed else f"; it did not stay armed: {streamer.message}"
         figure += f"; {slept} left out by this computer, which is not judged" if slept else ""
         yield Check("rate", f"{RATE_SECONDS:g} s at {streamer.rate:g} Hz", outcome, judge, figure, "1 in 1000")
 

@@ -61,7 +61,7 @@ class Url:
         return host.strip("[]"), int(port)
 
 
-def unnamed(url: str, words: str) -> str:
-    """Return a URL to name beside words about its link; '' where they name the link already."""
+def unnamed(url: str, message: str) -> str:
+    """Return a URL to name beside a message about its link; '' where that names the link already."""
     place = url.partition("?")[0].removeprefix("spy://").removeprefix("serial:").removesuffix(":")
-    return "" if place in words else url
+    return "" if place in message else url

@@ -98,7 +98,7 @@ class FirmwareLab:
         self.request.arm_id += 1
         self.streamer.apply(copy.deepcopy(self.request), self.now)
         self.run(0.2)
-        assert self.streamer.state == "armed", self.streamer.words
+        assert self.streamer.state == "armed", self.streamer.message
 
     def play(self) -> None:
         """Begin the playback now."""

@@ -120,7 +120,7 @@ def test_connecting_refuses_and_a_lower_rate_is_taken(tmp_path: Path) -> None:
 
         lab.streamer._open_link = slow
         lab.run(0.3)
-        assert lab.streamer.state == state, lab.streamer.words
+        assert lab.streamer.state == state, lab.streamer.message
     lab.arm()
     lab.run(0.2)
     lab.playing = True

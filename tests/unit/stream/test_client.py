@@ -50,9 +50,9 @@ def test_a_port_is_waited_for_in_words_while_its_sender_of_before_finishes() -> 
         with SenderClient() as second:
             second.connect(receiver.url, "maestro", receiver.key, exits.Library().load("devices", receiver.key))
             status = second.status()
-            assert status["state"] == "connecting" and "going to the safe state" in status["words"]
+            assert status["state"] == "connecting" and "going to the safe state" in status["message"]
             second.arm()
-            assert "in use" not in second.wait("ready", 5)["words"]
+            assert "in use" not in second.wait("ready", 5)["message"]
             assert not second.status()["armed"]
             assert receiver.judgement()["safe"] and receiver.judgement()["ahead"] <= exits.AHEAD
 

@@ -68,7 +68,7 @@ def test_kill_9_of_the_sender_behind_a_driver_that_hides_its_backlog(
         client.arm()
         beating(client, 0.4)
         beating(client, 0.5, playing=True)
-        assert client.status()["state"] == "streaming", client.status()["words"]
+        assert client.status()["state"] == "streaming", client.status()["message"]
         killed = time.perf_counter()
         os.kill(client.pid, signal.SIGKILL)
         assert box.safe_at() - killed <= 0.1 + 0.1, "100 ms, and as much again for a machine that is busy"
@@ -145,7 +145,7 @@ def test_unplug_and_plug_in_again(boxes: Any, track_file: str, tmp_path: Path) -
         end = time.monotonic() + 8
         while client.status()["state"] != "ready" and time.monotonic() < end:
             beating(client, 0.1)
-        assert client.status()["state"] == "ready", client.status()["words"]
+        assert client.status()["state"] == "ready", client.status()["message"]
         beating(client, 0.2, playing=True)
         assert not client.status()["armed"], "a person has to arm again"
 
@@ -174,7 +174,7 @@ def test_a_port_in_use_is_named_with_its_holder(boxes: Any) -> None:
         ready(one, box.url)
         two.connect(box.url, "native", "haptip", HAPTIP)
         status = two.wait("fault", 10)
-        assert "the port is in use" in status["words"] and f"process {one.pid}" in status["words"]
+        assert "the port is in use" in status["message"] and f"process {one.pid}" in status["message"]
         assert one.status()["state"] == "ready"
 
 
@@ -189,7 +189,7 @@ def test_two_senders_on_one_udp_device(boxes: Any, track_file: str) -> None:
         stop = time.monotonic() + 5
         while two.status()["state"] != "fault" and time.monotonic() < stop:
             beating(one, 0.05, playing=True)
-        assert "in use by another sender" in two.status()["words"]
+        assert "in use by another sender" in two.status()["message"]
         assert one.status()["state"] == "streaming"
 
 
@@ -202,7 +202,7 @@ def test_the_wrong_device_answers_in_words(boxes: Any) -> None:
         del other["safe"]["values"]["pulley_2"]
         client.connect(box.url, "native", "haptip", other)
         client.heartbeat()
-        assert "wrong device: it has 2 channels" in client.wait("fault", 10)["words"]
+        assert "wrong device: it has 2 channels" in client.wait("fault", 10)["message"]
 
 
 @posix
@@ -239,4 +239,4 @@ def test_kill_9_of_the_device(boxes: Any, track_file: str) -> None:
         while client.status()["armed"]:
             assert time.perf_counter() - killed < 0.3
             time.sleep(0.001)
-        assert "gone" in client.status()["words"]
+        assert "gone" in client.status()["message"]

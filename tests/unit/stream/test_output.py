@@ -89,7 +89,7 @@ def test_three_samples_do_not_become_a_thousand_million(tmp_path: Path) -> None:
     lab.run(0.2)
     lab.arm()
     lab.run(0.2)
-    assert "Sample it evenly" in lab.streamer.words and not lab.streamer.armed
+    assert "Sample it evenly" in lab.streamer.message and not lab.streamer.armed
 
 
 def test_the_loss_is_told_by_channel_in_its_unit() -> None:

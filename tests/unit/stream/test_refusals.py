@@ -35,7 +35,7 @@ def test_limits_that_leave_the_safe_state_outside_are_refused(limits: dict[str, 
     assert "pulley_2" in str(error.value) and told in str(error.value) and error.value.value == "0"
     lab = Lab(mode="jog", calibration=made.dumps())
     lab.streamer.tick(lab.now)
-    assert lab.streamer.state == "fault" and "pulley_2" in lab.streamer.words and lab.streamer.link is None
+    assert lab.streamer.state == "fault" and "pulley_2" in lab.streamer.message and lab.streamer.link is None
 
 
 def test_limits_that_end_at_the_safe_state_are_taken() -> None:
@@ -87,7 +87,7 @@ def test_such_limits_under_way_end_in_the_safe_state(protocol: str) -> None:
     lab.set(calibration=Calibration.of(HAPTIP).with_entry("pulley_1", low=0.2).dumps())
     lab.run(0.1)
     assert np.abs(list(device.report()["values"].values())).max() < 1e-3
-    assert lab.streamer.state == "fault" and "calibrated limits" in lab.streamer.words and not lab.streamer.armed
+    assert lab.streamer.state == "fault" and "calibrated limits" in lab.streamer.message and not lab.streamer.armed
 
 
 # -- numbers
@@ -145,7 +145,7 @@ def test_a_setting_that_cannot_be_ends_a_stream_safely() -> None:
     lab.set(stall=math.nan, arm_id=lab.request.arm_id + 1)
     lab.run(0.1)
     assert np.abs(list(device.report()["values"].values())).max() < 1e-3
-    assert lab.streamer.state == "fault" and "stall" in lab.streamer.words
+    assert lab.streamer.state == "fault" and "stall" in lab.streamer.message
     lab.set(stall=0.5, reconnect=True, connect=False)
     lab.set(connect=True)
     lab.run(0.5)

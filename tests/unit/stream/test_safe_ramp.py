@@ -51,7 +51,7 @@ def follow(lab: Lab, seconds: float, path: list[np.ndarray], words: list[str] | 
     def note() -> None:
         path.append(np.array(list(device.report()["values"].values())))
         if words is not None:
-            words.append(str(lab.streamer.status()["words"]))
+            words.append(str(lab.streamer.status()["message"]))
 
     note()
     lab.run(seconds, note)
@@ -104,7 +104,7 @@ def test_the_ramp_is_told_and_nothing_is_armed_meanwhile() -> None:
     follow(lab, 0.1, path, words)
     assert "going to the safe state, 0.2 s" in words[-1] and lab.streamer.state == "stopping"
     lab.arm()
-    assert "not armed before the safe state is reached" in lab.streamer.words
+    assert "not armed before the safe state is reached" in lab.streamer.message
     follow(lab, 0.3, path)
     assert lab.streamer.state == "ready" and not lab.streamer.armed
     assert np.abs(np.diff(np.array(path), axis=0)).max() <= SPEED * 2 * PERIOD + QUANTUM
@@ -183,9 +183,9 @@ def test_a_board_that_took_nothing_of_it_stands_nobody_knows_where() -> None:
     lab.streamer.link.send = lambda message: False  # type: ignore[method-assign]
     lab.stops += 1
     lab.run(0.9)
-    assert "Switch its supply off" not in lab.streamer.words
+    assert "Switch its supply off" not in lab.streamer.message
     lab.run(0.2)
-    assert "Switch its supply off" in lab.streamer.words and not lab.streamer.pose_known
+    assert "Switch its supply off" in lab.streamer.message and not lab.streamer.pose_known
     assert lab.streamer.counters["safe states not confirmed"] == 1, "by which `stream play` judges its own end"
 
 
@@ -197,7 +197,7 @@ def test_a_link_lost_on_the_way_is_said(stopped: bool) -> None:
     lab.run(0.05)
     lab.cut = True
     lab.run(0.05)
-    assert "lost before the safe state was sure. Switch the device's supply off" in lab.streamer.words
+    assert "lost before the safe state was sure. Switch the device's supply off" in lab.streamer.message
     assert lab.streamer.counters["safe states not confirmed"] == 1
 
 
@@ -297,7 +297,7 @@ def test_a_link_is_closed_when_the_device_has_confirmed() -> None:
     assert not times
     lab.run(0.2)
     assert len(lost) == 12 and lab.device.state == DeviceState.SAFE
-    assert times and times[0] > lost[-1] and lab.streamer.words == ""
+    assert times and times[0] > lost[-1] and lab.streamer.message == ""
 
 
 def test_a_torque_board_confirms_by_its_answer() -> None:
@@ -324,7 +324,7 @@ def test_a_device_that_confirms_nothing_is_given_up_in_words() -> None:
     lab.streamer.shut(lab.now)
     lab.run(DRAIN + 0.1)
     assert lab.streamer.finished and times[0] - began == pytest.approx(DRAIN, abs=0.01)
-    assert "did not confirm its safe state within 1 s. Switch its supply off" in lab.streamer.words
+    assert "did not confirm its safe state within 1 s. Switch its supply off" in lab.streamer.message
 
 
 def test_what_waits_leaves_before_the_link_is_closed_and_what_cannot_is_said() -> None:
@@ -337,7 +337,7 @@ def test_what_waits_leaves_before_the_link_is_closed_and_what_cannot_is_said() -
         link.pending = lambda lab=lab, end=lab.now + 0.35 + seconds: 12 if lab.now < end else 0  # type: ignore[misc]
         lab.set(connect=False)
         lab.run(0.35 + 1.2)
-        assert words in lab.streamer.words and bool(words) is bool(lab.streamer.words)
+        assert words in lab.streamer.message and bool(words) is bool(lab.streamer.message)
         assert times[0] - began >= 0.35 + min(seconds, 0.9)
         assert lab.streamer.counters["bytes thrown away at the end"] == (12 if words else 0)
 
@@ -440,4 +440,4 @@ def test_limits_that_leave_the_safe_state_outside_end_in_a_ramp() -> None:
     lab.set(calibration=made.dumps())
     follow(lab, 0.5, path)
     assert np.abs(np.diff(np.array(path), axis=0)).max() <= SPEED * 2 * PERIOD + QUANTUM
-    assert np.allclose(path[-1], math.radians(20), atol=QUANTUM) and "outside" in lab.streamer.words
+    assert np.allclose(path[-1], math.radians(20), atol=QUANTUM) and "outside" in lab.streamer.message

@@ -162,7 +162,7 @@ def test_a_stalled_blender_holds_and_then_is_safe(track_file: Path) -> None:
     lab.run(0.49)
     assert np.allclose(lab.at, [0.2, -0.1], atol=1e-4), "it holds"
     lab.run(0.04)
-    assert lab.streamer.state == "stalled" and "sign of life" in lab.streamer.words
+    assert lab.streamer.state == "stalled" and "sign of life" in lab.streamer.message
     assert np.abs(lab.at).max() < 1e-4
     lab.heartbeats = True
     lab.run(0.5)
@@ -213,7 +213,7 @@ def test_unplugging_and_reconnecting_never_arms(track_file: Path) -> None:
     lab.run(0.2)
     lab.cut = True
     lab.run(0.1)
-    assert lab.streamer.link is None and "unplugged" in lab.streamer.words
+    assert lab.streamer.link is None and "unplugged" in lab.streamer.message
     lab.cut = False
     lab.run(1.2)
     assert lab.streamer.state == "ready" and not lab.device.received
@@ -229,7 +229,7 @@ def test_ending_goes_through_the_safe_state(track_file: Path) -> None:
         lab.arm()
         lab.playing = True
         lab.run(0.3)
-        assert lab.streamer.state == "streaming", (protocol, lab.streamer.words)
+        assert lab.streamer.state == "streaming", (protocol, lab.streamer.message)
         lab.streamer.shut(lab.now)
         for _ in range(100):
             lab.now += TICK

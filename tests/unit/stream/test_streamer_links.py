@@ -36,7 +36,7 @@ def test_a_device_that_falls_silent_is_given_up_within_100_ms(protocol: str) -> 
     died, ended = lab.now, []
     lab.run(0.15, lambda: ended.append(lab.now) if not lab.streamer.armed and not ended else None)
     assert ended and 0.03 < ended[0] - died <= 0.1
-    assert lab.streamer.state == "fault" and "has not answered for 0.08 s" in lab.streamer.words
+    assert lab.streamer.state == "fault" and "has not answered for 0.08 s" in lab.streamer.message
 
 
 def test_lost_answers_alone_end_nothing() -> None:
@@ -113,7 +113,7 @@ def test_a_safe_state_that_never_finds_room_says_so() -> None:
     full(lab, lambda message: True)
     lab.stops += 1
     lab.run(1.1)
-    assert "Switch its supply off" in lab.streamer.words
+    assert "Switch its supply off" in lab.streamer.message
 
 
 @pytest.mark.parametrize("protocol", ["maestro", "servo-animation"])

@@ -168,7 +168,7 @@ def test_a_wrong_device_is_refused_in_words() -> None:
     lab.streamer._open_link = wrong
     lab.set(connect=True)
     lab.run(0.2)
-    assert lab.streamer.state == "fault" and "wrong device" in lab.streamer.words
+    assert lab.streamer.state == "fault" and "wrong device" in lab.streamer.message
 
 
 def test_play_reads_between_samples_and_is_safe_outside() -> None:

@@ -73,7 +73,7 @@ class Receiver:
         return dict(json.loads(self.process.stdout.readline()))
 
     def reached(self) -> bool:
-        """Tell whether it was told to be far from its safe state."""
+        """Return whether it was told to be far from its safe state."""
         now = self.ask("pose")
         if self.protocol == "torque":
             return bool(np.any(now["told"]))
@@ -127,7 +127,7 @@ def until(done: Callable[[], bool], between: Callable[[], object], what: str, se
 
 
 def runs(pid: int) -> bool:
-    """Tell whether a process still runs."""
+    """Return whether a process still runs."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:

@@ -93,7 +93,7 @@ def meet(scene: bpy.types.Scene, status: Mapping[str, Any]) -> str:
 
 
 def is_another(scene: bpy.types.Scene) -> bool:
-    """Tell whether another device answered than the one that the list is of; a file that is gone tells nothing."""
+    """Return whether another device answered than the one that the list is of; a file that is gone tells nothing."""
     with suppress(DermisError):
         one = device_calibration.worn_by(scene)
         return one is not None and _is_another(one)

@@ -128,7 +128,7 @@ def use(scene: bpy.types.Scene, file: str) -> None:
 
 
 def unsaved(scene: bpy.types.Scene) -> bool:
-    """Tell whether the list says something else than the file of the device that it is of. Reads no file anew."""
+    """Return whether the list says something else than the file of the device that it is of. Reads no file anew."""
     with suppress(DermisError):
         file = scene.dermis_stream.channels_file
         return not same(_listed(scene), built_devices.device(file).made if file else None)
@@ -170,7 +170,7 @@ def begin_calibration(scene: bpy.types.Scene) -> None:
 
 
 def calibrating(scene: bpy.types.Scene) -> bool:
-    """Tell whether a calibration of this scene can be cancelled."""
+    """Return whether a calibration of this scene can be cancelled."""
     return scene.session_uid in _before
 
 

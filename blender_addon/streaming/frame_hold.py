@@ -37,7 +37,7 @@ _rendering = False
 
 
 def held() -> bool:
-    """Tell whether something steps through the frames."""
+    """Return whether something steps through the frames."""
     return handlers.sweeping() or _rendering or bpy.app.is_job_running("RENDER") or _stepping()
 
 

@@ -42,12 +42,12 @@ _ports: list[tuple[str, str]] = []
 
 
 def connected() -> bool:
-    """Tell whether there is a sender."""
+    """Return whether there is a sender."""
     return _client is not None
 
 
 def streams(scene: bpy.types.Scene) -> bool:
-    """Tell whether there is a sender, and this is its scene."""
+    """Return whether there is a sender, and this is its scene."""
     return _client is not None and _scene == scene.session_uid
 
 
@@ -126,7 +126,7 @@ def leaving() -> str:
 
 
 def pose_unknown() -> bool:
-    """Tell whether arming may start with a jump: something moves, and the device has not said where it is."""
+    """Return whether arming may start with a jump: something moves, and the device has not said where it is."""
     now = status()
     known = now.get("pose_known", now.get("pose") is not None)
     return not known and any(unit not in STILL for unit in now.get("units", ()))

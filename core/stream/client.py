@@ -66,7 +66,7 @@ class SenderClient:
 
     @property
     def alive(self) -> bool:
-        """Tell whether the sender still runs."""
+        """Return whether the sender still runs."""
         return self._process.poll() is None
 
     def connect(self, url: str, protocol: str, device: str, preset: Mapping[str, Any], **more: Any) -> None:
@@ -148,7 +148,7 @@ class SenderClient:
         _reap()
 
     def _gone(self) -> bool:
-        """Tell whether a closed sender has ended; one that hangs is killed."""
+        """Return whether a closed sender has ended; one that hangs is killed."""
         if self.alive:
             number = self._shared.status_number
             if number != self._heard:

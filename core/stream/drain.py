@@ -24,7 +24,7 @@ class Drain:
         self.message = ""
 
     def done(self, now: float) -> bool:
-        """Send on what waits; tell whether the link may be closed.
+        """Send on what waits; return whether the link may be closed.
 
         Raises:
             Gone: the link is closed already.

@@ -76,7 +76,7 @@ class Loss:
     span: Array
 
     def __str__(self) -> str:
-        """Say it in words; '' where it is next to nothing."""
+        """Return it as a message; '' where it is next to nothing."""
         parts = []
         for i in np.flatnonzero(self.largest > NOTHING * self.span):
             unit = SHOWN.get(self.units[i], self.units[i])

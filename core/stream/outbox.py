@@ -44,7 +44,7 @@ class Outbox:
 
     @property
     def blocked(self) -> bool:
-        """Tell whether something waits for room."""
+        """Return whether something waits for room."""
         return self.held is not None or bool(self._waiting)
 
     @property
@@ -64,7 +64,7 @@ class Outbox:
             self._refused = now
 
     def send(self, messages: list[bytes], *, count: bool = True) -> bool:
-        """Send messages; tell whether all of them left. Those that did not are counted as dropped, if that is meant."""
+        """Send messages; return whether all of them left. `count`: those that did not are counted as dropped."""
         whole = True
         for message in messages:
             if self._link.send(message):
@@ -75,7 +75,7 @@ class Outbox:
         return whole
 
     def command(self, values: Array, play: float | None, now: float, patience: float) -> SendResult:
-        """Send one command; tell what became of it.
+        """Send one command; return what became of it.
 
         Args:
             play: when it counts [s], or None for at once. patience: a command this close to its time is dropped [s].
@@ -95,7 +95,7 @@ class Outbox:
         return SendResult.DROPPED
 
     def _may_leave(self, now: float) -> bool:
-        """Tell whether the link is through with what has left, as far as its pace and the answers tell."""
+        """Return whether the link is through with what has left, as far as its pace and the answers tell."""
         if self._adapter.congested:
             if now - self._refused > MEMORY:
                 self._crowded = now

@@ -78,7 +78,7 @@ class OutputLimiter:
 
     @property
     def ramping(self) -> bool:
-        """Tell whether the blend from the first pose still goes on."""
+        """Return whether the blend from the first pose still goes on."""
         return self._ramp is not None
 
     def undo(self) -> None:

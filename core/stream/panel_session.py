@@ -49,7 +49,7 @@ class PanelSession:
             streamer.source.finger = self.given.finger
 
     def warn(self, limit: float) -> None:
-        """Say what is about to happen."""
+        """Print what is about to happen."""
         streamer = self.streamer
         assert streamer.wire is not None and streamer.adapter is not None
         most = min(limit, float(streamer.wire.most[streamer.wire.names.index("amplitude")]))

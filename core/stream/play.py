@@ -43,7 +43,7 @@ class Signals:
 
     @contextmanager
     def caught(self) -> Iterator[None]:
-        """Note signals instead of dying of them."""
+        """Remember signals instead of dying of them."""
         numbers = [getattr(signal, name) for name in self.NAMES if hasattr(signal, name)]
         numbers = [n for n in numbers if n == signal.SIGINT or signal.getsignal(n) != signal.SIG_IGN]  # nohup
         before = [(number, signal.signal(number, self._note)) for number in numbers]

@@ -55,11 +55,11 @@ class StreamRequest:
     rate: float = 0.0
 
     def same_link(self, other: StreamRequest) -> bool:
-        """Tell whether another request is about the same link."""
+        """Return whether another request is about the same link."""
         return all(getattr(self, k) == getattr(other, k) for k in _LINK)
 
     def same_source(self, other: StreamRequest) -> bool:
-        """Tell whether another request is moved by the same thing."""
+        """Return whether another request is moved by the same thing."""
         return all(getattr(self, k) == getattr(other, k) for k in _SOURCE)
 
     def check(self) -> None:

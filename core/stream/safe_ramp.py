@@ -41,11 +41,11 @@ class SafeRamp:
 
     @property
     def there(self) -> bool:
-        """Tell whether what was driven last is the safe state."""
+        """Return whether what was driven last is the safe state."""
         return bool((np.abs(self._limiter.last - self._limiter.wire.safe) < 1e-9).all())
 
     def due(self, now: float) -> bool:
-        """Tell whether the next command has to leave."""
+        """Return whether the next command has to leave."""
         return now >= self._next
 
     def step(self, now: float) -> Array:
@@ -54,7 +54,7 @@ class SafeRamp:
         return self._limiter.approach(wire.safe, speeds(wire, self._start), now)
 
     def sent(self, now: float) -> None:
-        """Note that the last step left."""
+        """Count the last step as sent."""
         self._left = now
         self._next = max(self._next + self._period, now)
 
@@ -63,7 +63,7 @@ class SafeRamp:
         self._limiter.undo()
 
     def stuck(self, now: float) -> bool:
-        """Tell whether the link has taken nothing for too long."""
+        """Return whether the link has taken nothing for too long."""
         return now - self._left > STUBBORN
 
 

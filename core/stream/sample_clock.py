@@ -47,7 +47,7 @@ class SampleClock:
             self.sent(now, horizon)
 
     def sent(self, now: float, horizon: float) -> None:
-        """Note that the next sample has left."""
+        """Count the next sample as sent."""
         self.lateness.add(now + horizon - self.next)
         self.next += self.period
 

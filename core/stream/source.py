@@ -84,7 +84,7 @@ class Play:
         self._rate = 1.0 / step if even else 0.0
 
     def plays(self, wire: Wire, track: CommandTrack, output_hz: float) -> bool:
-        """Tell whether this is a track for a device already, whatever its offset."""
+        """Return whether this is a track for a device already, whatever its offset."""
         return self.spec is wire.spec and self.track is track and self.output_hz == output_hz
 
     def _low_pass(self, wire: Wire, output_hz: float) -> None:
@@ -99,7 +99,7 @@ class Play:
 
     @property
     def moving(self) -> bool:
-        """Tell whether the playback runs."""
+        """Return whether the playback runs."""
         return self.clock.running
 
     def wanted(self, moment: float, now: float) -> Array:
@@ -250,7 +250,7 @@ Source = Play | Follow | Jog | Panel
 
 
 def goes_on(source: Source | None, old: Source | None) -> bool:
-    """Tell whether a source takes over from another without a blend: the same track, or a hand that is followed."""
+    """Return whether a source takes over from another without a blend: the same track, or a hand that is followed."""
     if isinstance(source, Play) and isinstance(old, Play):
         return source.track is old.track and source.offset == old.offset
     return type(source) is type(old) and isinstance(source, Follow | Jog)

@@ -138,17 +138,17 @@ class Streamer:
 
     @property
     def finished(self) -> bool:
-        """Tell whether `shut` is through."""
+        """Return whether `shut` is through."""
         return self._closing and self.link is None
 
     @property
     def armed(self) -> bool:
-        """Tell whether the device moves, or may at any moment."""
+        """Return whether the device moves, or may at any moment."""
         return self._phase in ("arming", "live")
 
     @property
     def pose_known(self) -> bool:
-        """Tell whether it is known where the device is: it says so, or this link drove it, and it holds on."""
+        """Return whether it is known where the device is: it says so, or this link drove it, and it holds on."""
         if self.adapter is None or self.wire is None:
             return False
         asked = self.adapter.own_safe  # it goes there by itself, and says so
@@ -433,7 +433,7 @@ class Streamer:
 
     @property
     def _bound(self) -> bool:
-        """Tell whether a Blender that stands still ends this: all but a track or a panel that may play on."""
+        """Return whether a Blender that stands still ends this: all but a track or a panel that may play on."""
         return not (self.request.play_on and isinstance(self.source, Play | Panel))
 
     def _recalibrate(self, now: float) -> None:

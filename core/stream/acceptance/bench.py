@@ -78,7 +78,7 @@ class Bench:
 
     @property
     def answers(self) -> bool:
-        """Tell whether the board speaks the native protocol, whether or not there is a link just now."""
+        """Return whether the board speaks the native protocol, whether or not there is a link just now."""
         return self._request.protocol == Native.name
 
     def connect(self) -> None:

@@ -39,7 +39,7 @@ class Person(Protocol):
         """Ask for something to be done; False: skipped."""
 
     def tell(self, text: str) -> None:
-        """Say what happens now."""
+        """Announce what happens now."""
 
 
 class Walk:

@@ -60,7 +60,7 @@ class DeviceClock:
 
     @property
     def known(self) -> bool:
-        """Tell whether there has been a round trip."""
+        """Return whether there has been a round trip."""
         return bool(self._samples)
 
     @property
@@ -118,7 +118,7 @@ class Lateness:
         self.count = 0
 
     def add(self, seconds: float) -> None:
-        """Note one."""
+        """Take one."""
         self._ring[self.count % len(self._ring)] = seconds
         self.count += 1
 

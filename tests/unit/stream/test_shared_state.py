@@ -14,7 +14,7 @@ from core.stream.shared_state import MAGIC, SharedState
 pytestmark = pytest.mark.real_time
 
 
-def test_a_board_shows_the_newest_whole_note() -> None:
+def test_the_newest_whole_record_counts() -> None:
     shared = SharedState.create()
     other = SharedState.open(shared.path)
     try:
@@ -36,7 +36,7 @@ def test_a_board_shows_the_newest_whole_note() -> None:
         assert heartbeat is not None and heartbeat.number == 4 and heartbeat.playing
         shared.write_request({"url": "ü"})
         assert other.read_request() == {"url": "ü"}
-        other.status({"state": "ready"})
+        other.write_status({"state": "ready"})
         assert shared.read_status() == {"state": "ready"}
         assert shared.path.stat().st_mode & 0o077 == 0, "nobody else may read or write it"
     finally:

@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from .play import Signals
+from .play_command import Signals
 from .request import request_of
 from .shared_state import SharedState
 from .source import Screen

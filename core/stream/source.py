@@ -102,6 +102,10 @@ class Play:
         """Return whether the playback runs."""
         return self.clock.running
 
+    def report(self, time: float, playing: bool, now: float) -> None:
+        """Take what Blender shows at this moment: track time [s] and whether it plays."""
+        self.clock.report(time, playing, now)
+
     def wanted(self, moment: float, now: float) -> Array:
         """Return values [units] at a moment; before and after the track the device is safe."""
         return self.value(self.clock.at(moment, now) + self.offset)

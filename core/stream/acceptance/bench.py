@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import DermisError
-from ..links.transport import Transport
+from ..connection import Connection
 from ..protocols.native import Native
 from ..protocols.packets import DeviceState, Kind, pack
 from ..protocols.wire import Array, Wire
@@ -71,9 +71,20 @@ class Bench:
         self.streamer = Streamer(open_link)
 
     @property
+    def connection(self) -> Connection:
+        """The open link.
+
+        Raises:
+            DermisError: it is gone.
+        """
+        if self.streamer.connection is None:
+            raise DermisError(self.streamer.message.rstrip(".") or f"{self._request.url} is gone")
+        return self.streamer.connection
+
+    @property
     def native(self) -> Native | None:
         """The native protocol's side of the link, None where the board speaks another one."""
-        adapter = self.streamer.adapter
+        adapter = self.streamer.connection.adapter if self.streamer.connection is not None else None
         return adapter if isinstance(adapter, Native) else None
 
     @property
@@ -87,7 +98,7 @@ class Bench:
         Raises:
             DermisError: it has not.
         """
-        if self.streamer.link is None:
+        if self.streamer.drive is None:
             self.streamer = Streamer(open_link)  # one that has lost its link waits for a person
         self._apply(connect=True, jog=self._jog(self.wire.safe), arm_id=0)
         self.until(lambda: self.streamer.state in ("ready", "fault") or not self._holds, CONNECTING)
@@ -100,14 +111,13 @@ class Bench:
         Raises:
             DermisError: it does not arm.
         """
-        if self.streamer.link is None:
+        if self.streamer.drive is None:
             self.connect()
         self._arms += 1
         self._apply(arm_id=self._arms, jog=self._jog(self.wire.safe))
         self.until(lambda: self.streamer.state in ("armed", "streaming"), ARMING)
         self._still_armed()
-        limiter = self.streamer.limiter
-        assert limiter is not None
+        limiter = self.connection.output.limiter
         self.run(self._request.ramp + 0.2)
         self.until(lambda: not self.streamer.armed or bool(np.allclose(limiter.last, self.wire.safe)), RAMPING)
         self._still_armed()
@@ -154,9 +164,7 @@ class Bench:
 
     def believe(self, values: Array) -> None:
         """Take it from a person that the device has gone to driven values [units] by itself."""
-        limiter = self.streamer.limiter
-        assert limiter is not None
-        limiter.begin(values, self._clock(), 0.0)
+        self.connection.output.limiter.begin(values, self._clock(), 0.0)
         self.head_for(values)
 
     def stop(self) -> None:
@@ -168,7 +176,7 @@ class Bench:
 
         Returns: its state by the native protocol, None where nobody can be asked.
         """
-        link, native = self._link(), self.native
+        link, native = self.connection.link, self.native
         start = self._clock()
         end, sent = start + seconds, 0
         while (now := self._clock()) < end:
@@ -187,7 +195,7 @@ class Bench:
     def pose(self) -> Array | None:
         """Ask the board what it drives [units]; None where it does not say."""
         native = self.native
-        if native is None or self.streamer.link is None:
+        if native is None or self.streamer.drive is None:
             return None
         native.pose = None
         self._raw(native.ask_pose())
@@ -199,7 +207,7 @@ class Bench:
 
         The board's watchdog is fed by questions for the pose and the clock alone; the streamer stands still.
         """
-        link, native = self._link(), self.native
+        link, native = self.connection.link, self.native
         assert native is not None
         for message in native.command(values, self._clock(), None):
             self._raw(message)
@@ -249,7 +257,7 @@ class Bench:
         """Leave the device safe, whatever became of it; return why that is not sure, '' where it is."""
         self._heed, self._silent = lambda: None, False
         message = ""
-        if self._left_alone or (self._arms and self.streamer.link is None):
+        if self._left_alone or (self._arms and self.streamer.drive is None):
             try:
                 self.bring_home()
             except DermisError as error:
@@ -269,14 +277,9 @@ class Bench:
         if not self.streamer.armed:
             raise DermisError(self.streamer.message.rstrip(".") or f"{self._request.url} is not armed any more")
 
-    def _link(self) -> Transport:
-        if self.streamer.link is None:
-            raise DermisError(self.streamer.message.rstrip(".") or f"{self._request.url} is gone")
-        return self.streamer.link
-
     @property
     def _holds(self) -> bool:
-        return self.streamer.link is not None or not self.streamer.message
+        return self.streamer.drive is not None or not self.streamer.message
 
     def _jog(self, values: Array) -> dict[str, float]:
         """Return what to ask for, so that the calibration makes driven values of it."""
@@ -289,6 +292,6 @@ class Bench:
         self.streamer.apply(self._request, self._clock())
 
     def _raw(self, message: bytes) -> None:
-        link, end = self._link(), self._clock() + 0.5
+        link, end = self.connection.link, self._clock() + 0.5
         while not link.send(message) and self._clock() < end:
             self._sleep(0.001)

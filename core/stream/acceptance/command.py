@@ -14,7 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...errors import DermisError
-from ..protocols.adapter import NAMES
+from ..device_options import add_device, add_link, request_from
+from ..local_stream import say
+from ..signals import Interrupted, Signals
 from .report import Check
 
 if TYPE_CHECKING:
@@ -37,11 +39,8 @@ def add_parser(verbs: Any) -> None:
         description=INTRODUCTION,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    one.add_argument("--url", required=True, help="port or URL of the device")
-    one.add_argument("--device", required=True, metavar="KEY", help="device preset")
-    one.add_argument("--protocol", default="native", choices=sorted(NAMES), help="what the device speaks (native)")
-    one.add_argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
-    one.add_argument("--calibration", type=Path, metavar="FILE", help="calibration of this device")
+    add_device(one, required=True)
+    add_link(one)
     one.add_argument(
         "--only",
         action="append",
@@ -49,7 +48,6 @@ def add_parser(verbs: Any) -> None:
         metavar="CHECK",
         help=f"one check, more than once: {', '.join(CHECKS)}",
     )
-    one.add_argument("--rate", type=float, default=0.0, metavar="HZ", help="commands a second (the device's own)")
     one.add_argument("--out", type=Path, metavar="FILE", help="report (acceptance_DEVICE_DATE.md in this folder)")
     one.set_defaults(run=run, writes={"out": False})
 
@@ -107,24 +105,11 @@ class Terminal:
 
 def run(options: argparse.Namespace) -> int:
     """Walk through the checks; return 0 where the device is accepted, 1 where it is not or not all was tried."""
-    from ...devices.calibration import Calibration
-    from ...presets import Library
-    from ..play import Interrupted, Signals
-    from ..request import StreamRequest, check_number
     from .bench import Bench
     from .report import Report
     from .walk import Walk
 
-    check_number("rate", options.rate)
-    preset = Library(options.presets).load("devices", options.device)
-    calibration = Calibration.load(options.calibration).dumps() if options.calibration else ""
-    request = StreamRequest(
-        url=options.url,
-        protocol=options.protocol,
-        device={"key": options.device, "preset": preset},
-        calibration=calibration,
-        rate=options.rate,
-    )
+    request = request_from(options, options.device)
     now = datetime.now().astimezone()
     path = options.out or Path(f"acceptance_{_plain(options.device)}_{now:%Y-%m-%d_%H%M}.md")
     if path.suffix == ".json":
@@ -160,11 +145,11 @@ def run(options: argparse.Namespace) -> int:
             _go(Walk(bench, person, play), options.only, report)
             report.interrupted = False
         except Interrupted:
-            _say("Stopping.")
+            say("Stopping.")
         finally:
             if unsure := bench.end():
                 report.unsafe = unsure
-                _say(f"{unsure}. THE DEVICE MAY NOT BE SAFE: switch its supply off")
+                say(f"{unsure}. THE DEVICE MAY NOT BE SAFE: switch its supply off")
             if path.exists():
                 report.write(path, now)
                 with contextlib.suppress(OSError):  # a terminal that was closed
@@ -193,22 +178,18 @@ def _tried(name: str, check: Callable[[], Iterator[Check]]) -> Iterator[Check]:
         yield Check(name, "could not be gone through", "failed", "measured", str(error))
 
 
-def _say(text: str) -> None:
-    with contextlib.suppress(OSError):
-        print(text, file=sys.stderr, flush=True)
-
-
 def _facts(bench: Any) -> dict[str, str]:
     """Return what the device says of itself."""
-    adapter = bench.streamer.adapter
-    facts = {"rate": f"{bench.streamer.rate:g} Hz"}
-    if adapter is not None:
-        facts |= {"serial number": adapter.device or "it says none", "holds for later": f"{adapter.queue} commands"}
-        facts["new values a second"] = f"{adapter.output_hz:g}" if adapter.output_hz else "at every command"
-        facts["pose at the start"] = "not known" if adapter.pose is None else "known"
-        if adapter.caution:
-            facts["caution"] = adapter.caution
-    return facts
+    connection = bench.connection
+    adapter = connection.adapter
+    return {
+        "rate": f"{connection.output.rate:g} Hz",
+        "serial number": adapter.device or "it says none",
+        "holds for later": f"{adapter.queue} commands",
+        "new values a second": f"{adapter.output_hz:g}" if adapter.output_hz else "at every command",
+        "pose at the start": "not known" if adapter.pose is None else "known",
+        **({"caution": adapter.caution} if adapter.caution else {}),
+    }
 
 
 def _plain(text: str) -> str:

@@ -99,9 +99,10 @@ class Walk:
 
     def first_arm(self) -> Iterator[Check]:
         """The first pulses, and the ramp to the retracted pose."""
-        adapter, spec = self.bench.streamer.adapter, self.bench.wire.spec
-        for said in filter(None, (adapter.caution, adapter.notice) if adapter is not None else ()):
-            self.person.tell(said)
+        connection, spec = self.bench.streamer.connection, self.bench.wire.spec
+        if connection is not None:
+            for said in filter(None, (connection.adapter.caution, connection.adapter.notice)):
+                self.person.tell(said)
         if not spec.worn:
             self.person.tell("What cannot be seen, as a voltage, is measured at the output: have a meter there.")
         self.person.tell(f"Arming: it will be {self._home}. A board that knows no pose may jump there.")
@@ -234,7 +235,7 @@ class Walk:
     def rate(self) -> Iterator[Check]:
         """Whether the link and the board take commands as fast as they come."""
         self._ready()
-        streamer, native = self.bench.streamer, self.bench.native
+        streamer, native, rate = self.bench.streamer, self.bench.native, self.bench.connection.output.rate
         before, damaged = dict(streamer.counters), self._at_device()
         self.person.tell(f"It moves slowly to and fro for {RATE_SECONDS:g} s.")
         began = time.perf_counter()  # a board that is told the same again and again is told next to nothing
@@ -249,7 +250,7 @@ class Walk:
         figure += f", {bad} lost or damaged at the board" if native else ""
         figure += "" if stayed else f"; it did not stay armed: {streamer.message}"
         figure += f"; {slept} left out by this computer, which is not judged" if slept else ""
-        yield Check("rate", f"{RATE_SECONDS:g} s at {streamer.rate:g} Hz", outcome, judge, figure, "1 in 1000")
+        yield Check("rate", f"{RATE_SECONDS:g} s at {rate:g} Hz", outcome, judge, figure, "1 in 1000")
 
     def exits(self) -> Iterator[Check]:
         """Every way in which the program that plays may end."""
@@ -368,7 +369,8 @@ class Walk:
         return ", ".join(f"{n} {v:.4g} {u}" for n, v, u in zip(wire.names[:8], pose, wire.units, strict=False))
 
     def _at_device(self) -> int:
-        counters = self.bench.streamer.adapter.counters if self.bench.streamer.adapter else {}
+        connection = self.bench.streamer.connection
+        counters = connection.adapter.counters if connection is not None else {}
         return sum(int(counters.get(f"{name} at the device", 0)) for name in ("lost", "damaged"))
 
 

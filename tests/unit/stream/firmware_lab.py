@@ -106,7 +106,7 @@ class FirmwareLab:
 
     def errors_us(self, since: float, until: float) -> np.ndarray:
         """Return each pulse's width less what the played track asks for at that pulse's own time [us]."""
-        source, wire = self.streamer.source, self.streamer.wire
+        source, wire = self.streamer.output.source, self.streamer.output.wire
         assert isinstance(source, Play) and wire is not None
         out = []
         for channel, start, width in self.board.pulses:

@@ -229,8 +229,8 @@ def bench_for(key: str, protocol: str = "native", url: str = "virtual:", **reque
 
 
 def at(bench: Bench) -> np.ndarray:
-    assert bench.streamer.link is not None
-    return np.array(list(bench.streamer.link.report()["values"].values()))
+    assert bench.streamer.connection is not None
+    return np.array(list(bench.streamer.connection.link.report()["values"].values()))
 
 
 def values(box: Any) -> np.ndarray:
@@ -247,7 +247,7 @@ def test_a_calibrated_device_goes_where_it_is_meant_to() -> None:
     found = [*walk.first_arm(), *walk.motors()]
     assert [check.outcome for check in found] == ["passed"] * 4, found
     assert np.allclose(at(bench), bench.wire.safe, atol=1e-3) and bench.wire.safe[0] > 2.6
-    assert bench.end() == "" and bench.streamer.link is None
+    assert bench.end() == "" and bench.streamer.connection is None
 
 
 @pytest.mark.long
@@ -282,7 +282,7 @@ def test_rubbish_is_tried_also_where_a_watchdog_has_just_ended_the_link() -> Non
     walk = Walk(bench, Yes(), [])
     walk._moved_away()
     bench.silence(0.1)
-    bench.until(lambda: bench.streamer.link is None, 2.0)
+    bench.until(lambda: bench.streamer.connection is None, 2.0)
     assert bench.native is None
     assert [check.outcome for check in walk.flood()] == ["passed"]
     assert bench.end() == ""
@@ -332,8 +332,8 @@ def test_what_another_program_has_left_anywhere_is_brought_home(boxes: Any) -> N
     killed = bench_for("cable_platform", "maestro", box.url)
     killed.arm()
     killed.move(killed.wire.safe + 1.0, 0.5)
-    assert killed.streamer.link is not None
-    killed.streamer.link.close()
+    assert killed.streamer.connection is not None
+    killed.streamer.connection.link.close()
     bench = bench_for("cable_platform", "maestro", box.url)
     bench.connect()
     with bench.apart():

@@ -186,7 +186,7 @@ def test_a_board_that_holds_32_commands_runs_at_1_khz(track_file: Path) -> None:
     lab.run(3.0)
     assert lab.device.received - received == pytest.approx(3000, abs=3)
     assert lab.streamer.counters["sent"] - sent == 3000
-    assert lab.device.late == 0 and not lab.streamer.adapter.counters["refused: queue full"]  # type: ignore[union-attr]
+    assert lab.device.late == 0 and not lab.streamer.connection.adapter.counters["refused: queue full"]  # type: ignore[union-attr]
     assert lab.device.early_least >= 0.0 and lab.device.early_most <= 0.032
 
 

@@ -63,7 +63,7 @@ def test_the_rest_of_the_protocol_is_reckoned_too() -> None:
     before = len(lab.sent)
     lab.run(2.0)
     bytes_a_second = sum(len(message) for _, message in lab.sent[before:]) / 2.0
-    sender = lab.streamer.adapter
+    sender = lab.streamer.connection.adapter
     assert isinstance(sender, Native)
     assert bytes_a_second == pytest.approx(sender.other_bytes + len(sender.ask_pose()) / 0.1, rel=0.05)
 

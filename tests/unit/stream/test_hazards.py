@@ -130,8 +130,8 @@ def test_commands_that_did_not_leave_do_not_count() -> None:
     lab.arm()
     path: list[float] = []
     lab.run(0.25, lambda: path.append(float(lab.at[0])))
-    assert lab.streamer.link is not None
-    link, send = lab.streamer.link, lab.streamer.link.send
+    assert lab.streamer.connection is not None
+    link, send = lab.streamer.connection.link, lab.streamer.connection.link.send
     link.send = lambda message: False  # type: ignore[method-assign]
     lab.run(0.5)
     assert lab.streamer.counters["dropped"] > 400
@@ -209,12 +209,13 @@ def test_the_virtual_panel_repeats_its_touch(screen: ScreenMap) -> None:
     lab.arm()
     lab._answers.append(lab.device.touched(True, 0.0, 0.0, lab.now))
     heard: set[float | None] = set()
-    lab.run(1.0, lambda: heard.add(lab.streamer.adapter.touch.at if lab.streamer.adapter.touch else None))  # type: ignore[union-attr]
+    adapter = lab.streamer.connection.adapter  # type: ignore[union-attr]
+    lab.run(1.0, lambda: heard.add(adapter.touch.at if adapter.touch else None))
     assert len(heard - {None}) == pytest.approx(50, abs=2), "every 20 ms while the finger is down"
     assert lab.streamer.status()["counters"]["touches grown old"] == 0
     lab._answers.append(lab.device.touched(False, 0.0, 0.0, lab.now))
     lab.run(0.1, heard.clear)
-    assert lab.streamer.adapter.touch.down is False  # type: ignore[union-attr]
+    assert adapter.touch.down is False  # type: ignore[union-attr]
 
 
 # -- something else to play
@@ -245,7 +246,7 @@ def test_something_else_to_play_is_blended_in(change: str, tmp_path: Path) -> No
     lab.set(**({"track": other} if change == "track" else {"offset": 5.0}))
     path = [float(lab.at[0])]
     lab.run(0.4, lambda: path.append(float(lab.at[0])))
-    assert np.abs(np.diff(path)).max() <= 1.5 * 80 / 0.3 * lab.streamer.sample_clock.period * 1.05 + count
+    assert np.abs(np.diff(path)).max() <= 1.5 * 80 / 0.3 * lab.streamer.output.sample_clock.period * 1.05 + count
     assert path[-1] == pytest.approx(20.0, abs=count)
 
 

@@ -124,7 +124,7 @@ def test_a_calibration_under_way_says_that_the_device_knows_the_safe_pose_of_bef
     assert lab.streamer.armed and not lab.streamer.message
     lab.stops += 1
     lab.run(0.5)
-    assert lab.streamer.wire is not None and np.allclose(lab.at, lab.streamer.wire.safe, atol=1e-3)
+    assert lab.streamer.output.wire is not None and np.allclose(lab.at, lab.streamer.output.wire.safe, atol=1e-3)
 
 
 @pytest.mark.parametrize("lost", [0, 3])

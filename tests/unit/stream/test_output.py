@@ -130,7 +130,7 @@ def test_a_device_that_states_its_output_gets_the_low_passed_track(tmp_path: Pat
     lab.run(2.0, lambda: off.append(lab.at[0] - expected.value(float(lab.time or 0.0))[0]))
     assert lab.device.received - received == pytest.approx(2000, abs=25)
     assert np.abs(off).max() < 2 * np.pi * 0.2 * 1.2e-3, "no more than a command's age"
-    assert not lab.streamer.limiter.limited  # type: ignore[union-attr]
+    assert not lab.streamer.output.limiter.limited  # type: ignore[union-attr]
 
 
 def test_what_is_live_is_not_low_passed() -> None:
@@ -152,7 +152,7 @@ def test_another_offset_does_not_average_the_track_again(tmp_path: Path, monkeyp
     for offset in (0.0, 0.1, 0.2):
         lab.set(offset=offset)
         lab.run(0.05)
-        assert lab.streamer.source.offset == offset  # type: ignore[union-attr]
+        assert lab.streamer.output.source.offset == offset  # type: ignore[union-attr]
     assert made == [100.0]
 
 

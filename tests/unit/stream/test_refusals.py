@@ -35,7 +35,7 @@ def test_limits_that_leave_the_safe_state_outside_are_refused(limits: dict[str, 
     assert "pulley_2" in str(error.value) and told in str(error.value) and error.value.value == "0"
     lab = Lab(mode="jog", calibration=made.dumps())
     lab.streamer.tick(lab.now)
-    assert lab.streamer.state == "fault" and "pulley_2" in lab.streamer.message and lab.streamer.link is None
+    assert lab.streamer.state == "fault" and "pulley_2" in lab.streamer.message and lab.streamer.connection is None
 
 
 def test_limits_that_end_at_the_safe_state_are_taken() -> None:

@@ -122,7 +122,7 @@ def test_a_link_that_was_full_or_a_sender_that_slept_makes_up_for_nothing() -> N
         if hinder == "slept":
             lab.now += 0.2
         else:
-            link = lab.streamer.link
+            link = lab.streamer.connection.link
             assert link is not None
             send = link.send
             link.send = lambda message: False  # type: ignore[method-assign]
@@ -179,13 +179,13 @@ def test_few_commands_do_not_add_up_to_a_large_step() -> None:
 
 def test_a_board_that_took_nothing_of_it_stands_nobody_knows_where() -> None:
     lab = far_lab("maestro")
-    assert lab.streamer.pose_known and lab.streamer.link is not None
-    lab.streamer.link.send = lambda message: False  # type: ignore[method-assign]
+    assert lab.streamer.status()["pose_known"] and lab.streamer.connection is not None
+    lab.streamer.connection.link.send = lambda message: False  # type: ignore[method-assign]
     lab.stops += 1
     lab.run(0.9)
     assert "Switch its supply off" not in lab.streamer.message
     lab.run(0.2)
-    assert "Switch its supply off" in lab.streamer.message and not lab.streamer.pose_known
+    assert "Switch its supply off" in lab.streamer.message and not lab.streamer.status()["pose_known"]
     assert lab.streamer.counters["safe states not confirmed"] == 1, "by which `stream play` judges its own end"
 
 
@@ -234,11 +234,11 @@ def test_letting_go_where_the_board_can(protocol: str) -> None:
     assert not lab.device.report().get("released") and 0.1 < lab.at[0] < 1.5
     lab.run(0.2)
     assert abs(lab.at[0]) < QUANTUM
-    assert lab.streamer.adapter is not None
+    assert lab.streamer.connection is not None
     if protocol == "maestro":
         assert lab.device.report()["released"]
     else:
-        assert "no word for letting go" in lab.streamer.adapter.caution
+        assert "no word for letting go" in lab.streamer.connection.adapter.caution
 
 
 # -- where the device is, nobody knows
@@ -270,7 +270,7 @@ def test_an_unknown_pose_is_said_and_the_first_command_is_the_safe_pose() -> Non
 
 def closed(lab: Lab) -> list[float]:
     """Note when the link is closed."""
-    link, times = lab.streamer.link, []
+    link, times = lab.streamer.connection.link, []
     assert link is not None
     link.close = lambda: times.append(lab.now)  # type: ignore[method-assign]
     return times
@@ -330,7 +330,7 @@ def test_a_device_that_confirms_nothing_is_given_up_in_words() -> None:
 def test_what_waits_leaves_before_the_link_is_closed_and_what_cannot_is_said() -> None:
     for seconds, words in ((0.3, ""), (math.inf, "12 bytes did not leave within 1 s")):
         lab = far_lab("maestro")
-        link = lab.streamer.link
+        link = lab.streamer.connection.link
         assert link is not None
         times = closed(lab)
         began = lab.now

@@ -52,7 +52,7 @@ def test_it_plays_the_track_in_step_with_blender(track_file: Path) -> None:
     )
     # The sample of this millisecond or of the one before: at most 2 pi 0.2 rad/s for one millisecond and a count.
     assert max(errors) <= 2 * np.pi * 0.2 * 1.5e-3 + step
-    assert not lab.streamer.limiter.limited and not lab.streamer.counters["skipped"]  # type: ignore[union-attr]
+    assert not lab.streamer.output.limiter.limited and not lab.streamer.counters["skipped"]  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize("look_ahead", [0.1, 0.05])
@@ -94,11 +94,11 @@ def test_the_sender_limits_what_a_track_gets_wrong(tmp_path: Path) -> None:
     lab.run(0.1)
     lab.playing = True
     path: list[float] = []
-    lab.run(1.5, lambda: path.append(float(lab.streamer.limiter.last[0])))  # type: ignore[union-attr]
+    lab.run(1.5, lambda: path.append(float(lab.streamer.output.limiter.last[0])))  # type: ignore[union-attr]
     slew = math.radians(2300)
     assert max(path) == pytest.approx(math.radians(24))
     assert np.diff(path).max() <= slew * TICK * (1 + 1e-6)
-    limited = lab.streamer.limiter.limited  # type: ignore[union-attr]
+    limited = lab.streamer.output.limiter.limited  # type: ignore[union-attr]
     assert limited["pulley_1.slew"] == math.floor(math.radians(24) / (slew * TICK)), "10.4 ms to the limit: 10 samples"
     assert limited["pulley_1.range"] > 300 and "pulley_2.range" not in limited
 
@@ -213,7 +213,7 @@ def test_unplugging_and_reconnecting_never_arms(track_file: Path) -> None:
     lab.run(0.2)
     lab.cut = True
     lab.run(0.1)
-    assert lab.streamer.link is None and "unplugged" in lab.streamer.message
+    assert lab.streamer.connection is None and "unplugged" in lab.streamer.message
     lab.cut = False
     lab.run(1.2)
     assert lab.streamer.state == "ready" and not lab.device.received
@@ -266,7 +266,7 @@ def test_jog_moves_one_actuator_through_the_calibration() -> None:
     lab.set(jog={"pulley_2": -0.4})
     lab.run(0.2)
     assert np.allclose(lab.at, [0.0, 0.2], atol=2e-5), "the calibration's own limit holds"
-    assert lab.streamer.limiter.limited["pulley_2.range"]  # type: ignore[union-attr]
+    assert lab.streamer.output.limiter.limited["pulley_2.range"]  # type: ignore[union-attr]
 
 
 def test_not_a_number_is_held_and_counted() -> None:

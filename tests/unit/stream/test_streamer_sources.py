@@ -52,7 +52,7 @@ def test_the_panel_is_answered_by_map_and_law(screen: ScreenMap) -> None:
 
     def slide(x0: float, x1: float) -> None:
         for x in np.linspace(x0, x1, 50):
-            lab.streamer.adapter.receive(lab.device.touched(True, float(x), 0.0, lab.now), lab.now)  # type: ignore[union-attr]
+            lab.streamer.connection.adapter.receive(lab.device.touched(True, float(x), 0.0, lab.now), lab.now)  # type: ignore[union-attr]
             lab.run(0.01)
 
     slide(-0.03, 0.03)
@@ -63,7 +63,7 @@ def test_the_panel_is_answered_by_map_and_law(screen: ScreenMap) -> None:
     assert lab.at[0] == 0.0, "downhill there is nothing to feel"
     slide(-0.03, 0.0)
     assert lab.at[0] > 100
-    lab.streamer.adapter.receive(lab.device.touched(False, 0.0, 0.0, lab.now), lab.now)  # type: ignore[union-attr]
+    lab.streamer.connection.adapter.receive(lab.device.touched(False, 0.0, 0.0, lab.now), lab.now)  # type: ignore[union-attr]
     lab.run(0.005)
     assert lab.at[0] == 0.0, "the finger has left"
     slide(-0.03, 0.0)
@@ -94,7 +94,7 @@ def test_the_position_loop_follows_against_inertia_and_skin(tmp_path: Path) -> N
     inertia, pole, s = 1e-6, 2 * np.pi * 15, 2j * np.pi
     spring = inertia * s**2 + 3 * inertia * pole * s + 0.02 + 3 * inertia * pole**2 + inertia * pole**3 / s
     assert max(errors) == pytest.approx(0.2 * abs((0.029 - 0.02) / spring), rel=0.15)
-    assert np.isfinite(errors).all() and lab.streamer.adapter.counters["torque limited"] == 0  # type: ignore[union-attr]
+    assert np.isfinite(errors).all() and lab.streamer.connection.adapter.counters["torque limited"] == 0  # type: ignore[union-attr]
 
 
 def test_a_torque_board_that_falls_silent_gets_no_torque() -> None:

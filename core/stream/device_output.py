@@ -9,11 +9,13 @@ from typing import Any
 
 from ..devices.calibration import Calibration
 from .output_limiter import OutputLimiter
+from .panel_source import PanelSource, Screen
 from .protocols.wire import Array, Wire
 from .request import StreamRequest
 from .sample_clock import SampleClock
 from .shared_state import Heartbeat
-from .source import Follow, Panel, Play, Screen, Source, follow_values, goes_on, source_of
+from .source import FollowSource, Source, follow_values, goes_on, source_of
+from .track_source import TrackSource
 
 BLEND = 0.3  # what a new calibration, or something else to play, changes is blended in over this long [s]
 
@@ -66,9 +68,9 @@ class DeviceOutput:
 
     def show(self, heartbeat: Heartbeat, now: float) -> None:
         """Take what Blender shows."""
-        if isinstance(self.source, Follow):
+        if isinstance(self.source, FollowSource):
             self.source.latest = follow_values(self.wire, heartbeat.values)
-        elif isinstance(self.source, Play | Panel) and heartbeat.time is not None:
+        elif isinstance(self.source, TrackSource | PanelSource) and heartbeat.time is not None:
             self.source.report(heartbeat.time, heartbeat.playing, now)
 
     def begin(self, pose: Array, now: float, horizon: float, ramp: float) -> None:
@@ -76,7 +78,7 @@ class DeviceOutput:
         self.limiter.plan(self.sample_clock.period)
         self.limiter.begin(pose, now + horizon - 1.0 / self.rate, ramp)
         self.sample_clock.start(now + horizon, horizon)
-        if isinstance(self.source, Panel):
+        if isinstance(self.source, PanelSource):
             self.source.begin(now)
 
     def blend(self) -> None:
@@ -95,7 +97,7 @@ class DeviceOutput:
 
     def limited(self) -> dict[str, int]:
         """Return how many values were limited, by channel and limit."""
-        law = {"amplitude.law": self.source.limited} if isinstance(self.source, Panel) else {}
+        law = {"amplitude.law": self.source.limited} if isinstance(self.source, PanelSource) else {}
         return {**self.limiter.limited, **law}
 
     def status(self) -> dict[str, Any]:
@@ -110,7 +112,7 @@ class DeviceOutput:
             "units": list(self.wire.units),
             "values": self.limiter.last.tolist(),
             "safe_s": plain(self.wire.safe_seconds),
-            "not_rendered": str(self.source.loss or "") if isinstance(self.source, Play) else "",
+            "not_rendered": str(self.source.loss or "") if isinstance(self.source, TrackSource) else "",
         }
 
 

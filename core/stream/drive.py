@@ -13,11 +13,12 @@ from ..devices.calibration import Calibration
 from .connection import Connection
 from .drain import Drain
 from .outbox import SendResult
+from .panel_source import PanelSource
 from .protocols.packets import Reach
 from .protocols.wire import Array
 from .request import StreamRequest
 from .safe_ramp import SafeRamp
-from .source import Panel, Play
+from .track_source import TrackSource
 
 ARMING = 1.0  # a device that is not armed after this long will not be [s]
 REPEAT = 3  # a safe state is written this often where no device confirms it
@@ -193,7 +194,7 @@ class Drive:
         While nothing moves there is nothing to know beforehand; what was sent ahead before a pause plays out first.
         """
         adapter = self.connection.adapter
-        if not (adapter.timed and isinstance(self.output.source, Play) and self.output.moving):
+        if not (adapter.timed and isinstance(self.output.source, TrackSource) and self.output.moving):
             return 0.0
         held = max(adapter.queue - 2, 0) / self.output.rate if adapter.queue else self.request.look_ahead
         return min(self.request.look_ahead, held)
@@ -225,7 +226,7 @@ class Drive:
             self._counters["stalls"] += 1
             self.give_up(now, f"Blender gave no sign of life for {self.request.stall:g} s; arm again")
             return
-        if isinstance(source, Panel):
+        if isinstance(source, PanelSource):
             source.touched(adapter.touch, now)
         horizon = self.horizon
         if outbox.held is not None:
@@ -237,7 +238,7 @@ class Drive:
             if not self._send(output.limiter.step(wanted, moment), moment if horizon else None, now):
                 break
         self._counters["skipped"] = clock.skipped
-        if isinstance(source, Panel):
+        if isinstance(source, PanelSource):
             self._counters["touches grown old"] = source.aged
 
     def _send(self, values: Array, play: float | None, now: float) -> bool:

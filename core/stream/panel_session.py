@@ -8,10 +8,10 @@ import numpy as np
 
 from ..errors import DermisError
 from .local_stream import LocalStream, say
+from .panel_source import PanelSource, Screen
 from .protocols.adapter import Touch
 from .request import StreamRequest
 from .signals import Signals
-from .source import Panel, Screen
 from .streamer import Streamer
 from .touch_input import TouchInput
 from .virtual.link import open_link
@@ -49,7 +49,7 @@ class PanelSession(LocalStream):
         """
         drive = self.connect()
         panel, wire, caution = drive.output.source, drive.output.wire, drive.connection.adapter.caution
-        if not isinstance(panel, Panel):
+        if not isinstance(panel, PanelSource):
             raise self.refusal("the device cannot be reached")
         if self.given is not None:
             panel.finger = self.given.finger
@@ -96,11 +96,11 @@ class PanelSession(LocalStream):
         before = self.streamer.counters["sent"]
         due = super().tick(now)
         panel = self.streamer.output.source if self.streamer.output is not None else None
-        if isinstance(panel, Panel):
+        if isinstance(panel, PanelSource):
             self._note(panel, self.streamer.counters["sent"] > before, time.perf_counter())
         return due
 
-    def _note(self, panel: Panel, sent: bool, now: float) -> None:
+    def _note(self, panel: PanelSource, sent: bool, now: float) -> None:
         """Count what one tick has seen and sent."""
         touch = panel.seen
         if touch is not None and touch is not self._seen:

@@ -15,10 +15,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from .panel_source import Screen
 from .play_command import Signals
 from .request import request_of
 from .shared_state import SharedState
-from .source import Screen
 from .streamer import Streamer
 from .virtual.link import open_link
 

@@ -18,11 +18,12 @@ from .device_output import DeviceOutput
 from .drive import Drive
 from .links.transport import Gone, Transport
 from .links.url import Url
+from .panel_source import PanelSource, Screen
 from .protocols import adapter as adapters
 from .protocols.wire import Wire
 from .request import StreamRequest
 from .shared_state import Heartbeat
-from .source import Panel, Play, Screen
+from .track_source import TrackSource
 
 RETRY = 1.0  # between two attempts to connect again [s]
 
@@ -164,7 +165,7 @@ class Streamer:
             return
         if drive.poll(now):
             source = drive.output.source
-            if isinstance(source, Play) and source.output_hz != drive.connection.output_hz:
+            if isinstance(source, TrackSource) and source.output_hz != drive.connection.output_hz:
                 self._choose_source(now)  # the device has said by now what it can show
             drive.tick(now, alive=self._alive(now))
         elif drive.drained:
@@ -242,7 +243,7 @@ class Streamer:
     def _alive(self, now: float) -> bool:
         """Return whether Blender gives signs of life, or need not: a track or a panel may play on without it."""
         source = self.output.source if self.output is not None else None
-        needless = self.request.play_on and isinstance(source, Play | Panel)
+        needless = self.request.play_on and isinstance(source, TrackSource | PanelSource)
         return needless or now - self._heartbeat_at <= self.request.stall
 
     def _choose_source(self, now: float) -> None:

@@ -16,8 +16,8 @@ from core.stream.protocols.packets import Kind
 from core.stream.protocols.wire import Wire
 from core.stream.request import StreamRequest
 from core.stream.shared_state import Heartbeat
-from core.stream.source import Play
 from core.stream.streamer import Streamer
+from core.stream.track_source import TrackSource
 from core.track import binary
 from core.track.command_track import CommandTrack
 from tests.unit.stream.firmware_board import BAUD, Board, firmware
@@ -107,7 +107,7 @@ class FirmwareLab:
     def errors_us(self, since: float, until: float) -> np.ndarray:
         """Return each pulse's width less what the played track asks for at that pulse's own time [us]."""
         source, wire = self.streamer.output.source, self.streamer.output.wire
-        assert isinstance(source, Play) and wire is not None
+        assert isinstance(source, TrackSource) and wire is not None
         out = []
         for channel, start, width in self.board.pulses:
             time = start - self.play_from

@@ -14,10 +14,10 @@ from core.devices.spec import Channel, DeviceSpec
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
 from core.stream.output_limiter import OutputLimiter
+from core.stream.panel_source import PanelSource
 from core.stream.protocols import osc
 from core.stream.protocols.adapter import Touch
 from core.stream.protocols.wire import Wire
-from core.stream.source import Panel
 from core.stream.virtual.others import OscDevice
 from core.track import csv
 from core.track.command_track import CommandTrack
@@ -161,13 +161,13 @@ def screen() -> ScreenMap:
     )
 
 
-def uphill(panel: Panel, end: float) -> None:
+def uphill(panel: PanelSource, end: float) -> None:
     for k in range(11):
         panel.touched(Touch(True, -0.01 + 0.001 * k, 0.0), end - 0.1 + 0.01 * k)
 
 
 def test_a_touch_that_is_not_repeated_grows_old(screen: ScreenMap) -> None:
-    panel = Panel(Wire.of(Library().device("electrovibration")), screen)
+    panel = PanelSource(Wire.of(Library().device("electrovibration")), screen)
     uphill(panel, 10.0)
     assert panel.wanted(10.199, 10.199)[0] > 100
     assert panel.wanted(10.201, 10.201)[0] == 0.0 and panel.aged == 1

@@ -17,7 +17,8 @@ from core.stream.output_limiter import OutputLimiter
 from core.stream.protocols.clock import DeviceClock, RoundTrips
 from core.stream.protocols.wire import Wire
 from core.stream.request import StreamRequest
-from core.stream.source import Jog, Play, follow_values
+from core.stream.source import JogSource, follow_values
+from core.stream.track_source import TrackSource
 from core.track import csv
 from core.track.command_track import CommandTrack
 from tests.unit.stream.stream_lab import Lab
@@ -174,7 +175,7 @@ def test_a_wrong_device_is_refused_in_words() -> None:
 def test_play_reads_between_samples_and_is_safe_outside() -> None:
     spec = DeviceSpec("d", "D", "t", 10.0, (Channel("a", "m", -1.0, 5.0, rest=-1.0, actuator="m"),))
     for times in (np.array([0.0, 0.1, 0.2]), np.array([0.0, 0.1, 0.3])):
-        play = Play(Wire.of(spec), CommandTrack(spec, times, np.array([[0.0], [1.0], [3.0]])))
+        play = TrackSource(Wire.of(spec), CommandTrack(spec, times, np.array([[0.0], [1.0], [3.0]])))
         assert play.value(0.05)[0] == pytest.approx(0.5)
         assert play.value(float(times[2]))[0] == 3.0 and play.value(0.1)[0] == pytest.approx(1.0)
         assert play.value(-0.01)[0] == -1.0 and play.value(0.31)[0] == -1.0
@@ -188,13 +189,18 @@ def test_what_nobody_asks_for_is_the_safe_state_not_rest() -> None:
     turned = Calibration.of(spec).with_entry(names[0], zero=0.1, gain=-1.0)
     times, rest = np.array([0.0, 0.1]), np.array([c.rest for c in spec.channels])
     for wire in (Wire.of(spec), Wire.of(spec, turned)):
-        limiter, play = OutputLimiter(wire), Play(wire, CommandTrack(spec, times, np.tile(rest, (2, 1))))
-        for wanted in (play.value(-0.01), play.value(0.2), follow_values(wire, ()), Jog(wire, {}).wanted(0.0, 0.0)):
+        limiter, play = OutputLimiter(wire), TrackSource(wire, CommandTrack(spec, times, np.tile(rest, (2, 1))))
+        for wanted in (
+            play.value(-0.01),
+            play.value(0.2),
+            follow_values(wire, ()),
+            JogSource(wire, {}).wanted(0.0, 0.0),
+        ):
             np.testing.assert_allclose(limiter.driven(wanted), wire.safe, atol=1e-12)
         assert play.value(0.05).tolist() == [0.0] * 3, "and the track as it is"
     screen = Library().device("electrovibration")
     wire = Wire.of(screen, Calibration.of(screen).with_entry("amplitude", zero=20.0, gain=2.0))
-    assert OutputLimiter(wire).driven(Jog(wire, {}).wanted(0.0, 0.0))[0] == 0.0, "0 V stays 0 V"
+    assert OutputLimiter(wire).driven(JogSource(wire, {}).wanted(0.0, 0.0))[0] == 0.0, "0 V stays 0 V"
 
 
 def test_safe_states_of_the_presets() -> None:

@@ -20,9 +20,10 @@ from core.errors import DermisError
 from core.presets import Library
 from core.stream.acceptance.bench import Bench
 from core.stream.acceptance.command import CHECKS, _tried
+from core.stream.acceptance.mover import fastest_over
 from core.stream.acceptance.player import slow_track
 from core.stream.acceptance.report import Check, Report, judged
-from core.stream.acceptance.walk import Walk, fastest_over
+from core.stream.acceptance.walk import Walk
 from core.stream.protocols import native
 from core.stream.protocols.wire import Wire
 from core.stream.request import StreamRequest
@@ -280,7 +281,7 @@ def test_rubbish_is_tried_also_where_a_watchdog_has_just_ended_the_link() -> Non
     bench = bench_for("haptip")
     bench.connect()
     walk = Walk(bench, Yes(), [])
-    walk._moved_away()
+    walk.mover.move_away()
     bench.silence(0.1)
     bench.until(lambda: bench.streamer.connection is None, 2.0)
     assert bench.native is None

@@ -76,11 +76,6 @@ class OutputLimiter:
         left = 0.0 if self._ramp is None else self._ramp[2] - self._ramp[1]
         self.begin(self.last, time, max(seconds, left))
 
-    @property
-    def ramping(self) -> bool:
-        """Return whether the blend from the first pose still goes on."""
-        return self._ramp is not None
-
     def undo(self) -> None:
         """Forget the last step: its command did not leave."""
         self.last, self._time, self._step, self._ramp = self._before

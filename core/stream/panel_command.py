@@ -67,7 +67,7 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
     session = PanelSession(request, screen, given, signals)
     with signals.caught():
         try:
-            session.open(screen.device.limit)
+            session.prepare(screen.device.limit)
             if not options.yes:
                 session.confirm("Enter: arm.")
             session.follow()

@@ -37,7 +37,7 @@ class PanelSession(LocalStream):
         self._seen: Touch | None = None
         self._open: Touch | None = None  # seen, and no command has left since
 
-    def open(self, limit: float) -> None:
+    def prepare(self, limit: float) -> None:
         """Open the link, and print what is about to happen.
 
         Args:

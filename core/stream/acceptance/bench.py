@@ -283,7 +283,7 @@ class Bench:
 
     def _jog(self, values: Array) -> dict[str, float]:
         """Return what to ask for, so that the calibration makes driven values of it."""
-        return dict(zip(self.wire.names, ((values - self.wire.zero) / self.wire.gain).tolist(), strict=True))
+        return self.wire.named((values - self.wire.zero) / self.wire.gain)
 
     def _apply(self, **fields: Any) -> None:
         self._request = replace(self._request, **fields)

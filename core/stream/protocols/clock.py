@@ -63,11 +63,6 @@ class DeviceClock:
         """Return whether there has been a round trip."""
         return bool(self._samples)
 
-    @property
-    def round_trip(self) -> float:
-        """The last round trip [s]; NaN before the first."""
-        return self._samples[-1][0] if self._samples else float("nan")
-
     def reply(self, sent: float, received: float, device_us: int) -> None:
         """Take a reply: when it was asked and received [s of the host], and the device's counter."""
         if self._last is None:

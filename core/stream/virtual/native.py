@@ -128,7 +128,7 @@ class NativeDevice:
     def report(self) -> dict[str, object]:
         """Return what it is doing, for people and for the twin; `early_ms` is that of all timed commands so far."""
         return {
-            "values": dict(zip(self.wire.names, self.wire.values(self.counts).tolist(), strict=True)),  # type: ignore[arg-type]
+            "values": self.wire.named(self.wire.values(self.counts)),  # type: ignore[arg-type]
             "state": self.state.name.lower(),
             "received": self.received,
             "lost": self.lost,

@@ -18,7 +18,7 @@ from core.stream.panel_source import PanelSource
 from core.stream.protocols import osc
 from core.stream.protocols.adapter import Touch
 from core.stream.protocols.wire import Wire
-from core.stream.virtual.others import OscDevice
+from core.stream.virtual.osc import OscDevice
 from core.track import csv
 from core.track.command_track import CommandTrack
 from tests.unit.stream.stream_lab import TICK, Lab, sine_track

@@ -141,11 +141,11 @@ def test_what_is_live_is_not_low_passed() -> None:
 
 def test_another_offset_does_not_average_the_track_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A slider is dragged while a device waits for its next command."""
-    from core.stream import source
+    from core.stream import track_source
 
     made: list[float] = []
-    low = source.low_passed
-    monkeypatch.setattr(source, "low_passed", lambda *given: made.append(given[2]) or low(*given))
+    low = track_source.low_passed
+    monkeypatch.setattr(track_source, "low_passed", lambda *given: made.append(given[2]) or low(*given))
     t = np.arange(2001) / 1000
     csv.write(track_of(texture(t, 100.0), t), tmp_path / "t.csv")
     lab = Lab(track=str(tmp_path / "t.csv"), rate=100.0, ramp=0.0)

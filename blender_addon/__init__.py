@@ -4,7 +4,7 @@ from . import commands, handlers, jobs, operators, panels, preferences
 from .design import design_properties
 from .preview import skin_preview
 from .properties import scene_properties, skin_properties, thimble_view_properties
-from .streaming import session, streaming_properties
+from .streaming import session_events, streaming_properties
 from .viewport import overlay, pin_view, platform_view, skin_view, thimble_view
 
 MODULES = (
@@ -24,7 +24,7 @@ MODULES = (
     skin_preview,
     skin_view,
     handlers,
-    session,
+    session_events,
     commands,
 )
 

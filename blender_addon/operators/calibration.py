@@ -12,7 +12,7 @@ from bpy.props import EnumProperty, IntProperty, StringProperty
 from .. import reporting
 from .._core import DermisError
 from ..preferences import user_folder
-from ..streaming import board_identity, built_devices, calibration_offers, device_calibration
+from ..streaming import board_identity, built_devices, calibration_offers, device_calibration, session
 from .stream import File, Streaming
 
 
@@ -33,6 +33,7 @@ class DERMIS_OT_stream_calibrate(Streaming, bpy.types.Operator):
             device_calibration.cancel_calibration(scene)
         else:
             device_calibration.retract(scene)
+        session.changed()
         return None
 
 
@@ -48,6 +49,7 @@ class DERMIS_OT_calibration_use(Streaming, bpy.types.Operator):
     def work(self, context: bpy.types.Context) -> str | None:
         """Put it on."""
         device_calibration.use(context.scene, self.file)
+        session.changed()
         return board_identity.advice(context.scene)
 
 
@@ -177,6 +179,7 @@ class DERMIS_OT_calibration_load(File, bpy.types.Operator):
     def work(self, context: bpy.types.Context) -> str | None:
         """Read the file."""
         found = device_calibration.load(context.scene, Path(bpy.path.abspath(self.filepath)))
+        session.changed()
         reporting.show(found, "Calibration")
         return str(found[0]) if found else "Calibration read"
 

@@ -119,7 +119,7 @@ def _is_another(one: Any) -> bool:
 
 
 def _recognise(scene: bpy.types.Scene) -> str:
-    """Calibrate a finger whose device nobody has chosen as the one that answered; return words.
+    """Calibrate a finger whose device nobody has chosen as the one that answered; return a message.
 
     Only where exactly one is known by this serial number, and nothing was changed by hand.
     """

@@ -15,7 +15,7 @@ import bpy
 
 from .._core import DermisError, core
 from ..preferences import library
-from . import built_devices, calibration_offers, finger_ids, session, streamed_track
+from . import built_devices, calibration_offers, finger_ids, streamed_track
 from .calibration_offers import Shelved, shelve, shelved
 from .calibration_rows import Rows, calibrated, calibration, fill, quietly, rows_for, rows_of, safe_pose, same
 
@@ -110,7 +110,7 @@ def choice(owner: str) -> str | None:
 def use(scene: bpy.types.Scene, file: str) -> None:
     """Put a built device on the finger, or none (''): it is calibrated so from now on, and that is remembered.
 
-    What was changed and not saved goes to the offers.
+    What was changed and not saved goes to the offers. A running sender hears of it by `session.changed`.
 
     Raises:
         DermisError: there is no device, it is another preset's, or a file cannot be read or written.
@@ -124,7 +124,6 @@ def use(scene: bpy.types.Scene, file: str) -> None:
     with quietly(scene):
         _put_by(scene, owner)
         _list(scene, owner, name, file, _by_hand(scene, rows_for(key, made)))
-    session.changed()
 
 
 def unsaved(scene: bpy.types.Scene) -> bool:
@@ -175,7 +174,7 @@ def calibrating(scene: bpy.types.Scene) -> bool:
 
 
 def cancel_calibration(scene: bpy.types.Scene) -> None:
-    """Bring back what was there when the scene's calibration began; a device under way blends back to it."""
+    """Bring back what was there when the scene's calibration began; `session.changed` blends a device back to it."""
     before = _before.pop(scene.session_uid, None)
     if before is None:
         return
@@ -188,7 +187,6 @@ def cancel_calibration(scene: bpy.types.Scene) -> None:
         settings.mode = before.mode
         if before.owner and choice(before.owner) != before.choice:
             _remember(before.owner, before.of, before.choice)
-    session.changed()
 
 
 def forget() -> None:
@@ -220,7 +218,8 @@ def load(scene: bpy.types.Scene, path: Path) -> tuple[Any, ...]:
     spec = library().device(key)
     made.for_spec(spec)  # refuses what does not fit
     fill_channels(scene)
-    _restore(scene, _by_hand(scene, rows_for(key, made)))
+    with quietly(scene):
+        fill(scene.dermis_stream.channels, _by_hand(scene, rows_for(key, made)))
     return tuple(made.findings(spec))
 
 
@@ -236,7 +235,6 @@ def retract(scene: bpy.types.Scene) -> None:
     with quietly(scene):
         for channel in settings.channels:
             channel.jog = safe[channel.name]
-    session.changed()
 
 
 def _subject(scene: bpy.types.Scene, *, give: bool = True) -> tuple[str, str, str]:
@@ -285,9 +283,3 @@ def _list(scene: bpy.types.Scene, owner: str, name: str, file: str, rows: Rows) 
     settings = scene.dermis_stream
     settings.channels_owner, settings.channels_of, settings.channels_file = owner, name, file
     fill(settings.channels, rows)
-
-
-def _restore(scene: bpy.types.Scene, plain: Rows) -> None:
-    with quietly(scene):
-        fill(scene.dermis_stream.channels, plain)
-    session.changed()

@@ -10,7 +10,6 @@ from functools import cache
 from typing import Any
 
 import bpy
-from bpy.app.handlers import persistent
 
 from .._core import DermisError, core
 from ..preferences import library
@@ -21,6 +20,7 @@ from . import (
     calibration_rows,
     device_calibration,
     frame_hold,
+    request_fields,
     streamed_track,
 )
 
@@ -91,7 +91,7 @@ def connect(scene: bpy.types.Scene) -> None:
     preset = library().load("devices", key)
     device_calibration.fill_channels(scene)
     calibration = device_calibration.calibration_of(scene, key)
-    request = _request(scene)
+    request = request_fields.request_fields(scene)
     _client = core.stream.client.SenderClient()
     try:
         _client.connect(settings.url, settings.protocol, key, preset, calibration=calibration.dumps(), **request)
@@ -155,7 +155,8 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
         )
     if scene.dermis_stream.mode == "jog":
         device_calibration.retract(scene)
-    _client.set(**_request(scene))
+        changed()
+    _client.set(**request_fields.request_fields(scene))
     heartbeat()
     if status()["state"] not in READY:
         raise refused("the device is not ready to be armed", value=status()["state"], limit=" or ".join(READY))
@@ -188,7 +189,7 @@ def changed() -> None:
     try:
         device_calibration.fill_channels(scene)
         made = device_calibration.calibration_of(scene, streamed_track.device_key(scene))
-        _client.set(**_request(scene), calibration=made.dumps())
+        _client.set(**request_fields.request_fields(scene), calibration=made.dumps())
         _note = ""
     except DermisError as error:
         _note = str(error)
@@ -216,12 +217,15 @@ def heartbeat() -> None:
         if streamed_track.outdated(scene):
             changed()  # before the time is taken: it counts from the start of the track that the sender has
         playing = any(screen.is_animation_playing for screen in bpy.data.screens)
-        _published = _shown(scene)
+        _published = request_fields.shown(scene, _status.get("names", ()))
     _mode = scene.dermis_stream.mode
     moment, values = _published
     _client.heartbeat(playing=playing, time=moment, values=values)
     _status = _client.status()
+    calibrated_as = scene.dermis_stream.channels_file
     met = board_identity.meet(scene, _status)
+    if scene.dermis_stream.channels_file != calibrated_as:  # as the device that answered
+        changed()
     if _status["armed"] and board_identity.is_another(scene):
         _client.disarm()
     said = (_note, met, _status.get("message"), (_status.get("received") or {}).get("record"))
@@ -243,37 +247,32 @@ def _take_back(scene: bpy.types.Scene) -> None:
         _note = "; ".join(filter(None, (_note, said)))
 
 
-def _shown(scene: bpy.types.Scene) -> tuple[float, tuple[float, ...]]:
-    """Return the track's time of the frame that is shown, and in the mode 'follow' the values."""
-    first, fps = streamed_track.origin(scene)
-    moment = (float(scene.frame_current_final) - first) / fps
-    if scene.dermis_stream.mode != "follow":
-        return moment, ()
-    from . import reported_values
-
-    return moment, reported_values.shown_values(scene)
-
-
-def _request(scene: bpy.types.Scene) -> dict[str, Any]:
-    """Return the fields of the sender's request that the settings decide.
-
-    Raises:
-        DermisError: a file that nobody has confirmed, or a track that cannot be read.
-    """
-    agreed_paths.check(scene.dermis_stream, "track_file", "screen_file")
-    s = scene.dermis_stream
-    jog = {c.name: c.jog for c in s.channels} if s.mode == "jog" else {}
-    names = ("mode", "offset", "look_ahead", "ramp", "stall", "play_on", "reconnect", "rate")
-    return {
-        **{name: getattr(s, name) for name in names},
-        "jog": jog,
-        "track": streamed_track.track_path(scene),
-        "screen": bpy.path.abspath(s.screen_file) if s.screen_file else "",
-    }
-
-
 def _streaming_scene() -> bpy.types.Scene | None:
     return next((s for s in bpy.data.scenes if s.session_uid == _scene), None)
+
+
+def restored() -> None:
+    """Take note that undo or redo has brought other settings back: the next heartbeat passes them on.
+
+    What is changed in there belongs to no step of undo, and the scene that Blender restored is not evaluated yet.
+    """
+    global _restored
+    _restored = _client is not None
+
+
+def end() -> None:
+    """Close the sender and forget what it had: another file is opened, or the add-on goes."""
+    close()
+    streamed_track.forget(files=True)
+    device_calibration.forget()
+
+
+def end_timer() -> None:
+    """Give no more signs of life, nor look after senders that were let go."""
+    global _leaving
+    _leaving = ""
+    if bpy.app.timers.is_registered(_on_timer):
+        bpy.app.timers.unregister(_on_timer)
 
 
 def _start_timer() -> None:
@@ -301,54 +300,3 @@ def _redraw() -> None:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
                 area.tag_redraw()
-
-
-@persistent
-def _on_load(*_: Any) -> None:
-    close()
-    streamed_track.forget(files=True)
-    device_calibration.forget()
-
-
-@persistent
-def _on_history(*_: Any) -> None:
-    # Settings came back without a word. The next heartbeat passes them on: what is changed in here belongs to no step
-    # of undo, and the scene that Blender restored is not evaluated yet.
-    global _restored
-    _restored = _client is not None
-
-
-_keys: list[tuple[Any, Any]] = []
-
-
-def register() -> None:
-    """Watch for files being opened, undo and renders; put the stop on its key."""
-    for found, function in _table():
-        if function not in found:
-            found.append(function)
-    frame_hold.register()
-    configuration = bpy.context.window_manager.keyconfigs.addon if bpy.context.window_manager else None
-    if configuration is not None:
-        keymap = configuration.keymaps.new(name="Window", space_type="EMPTY")
-        _keys.append((keymap, keymap.keymap_items.new("dermis.stream_stop", "ESC", "PRESS", shift=True)))
-
-
-def unregister() -> None:
-    """End streaming with the add-on."""
-    global _leaving
-    while _keys:
-        keymap, item = _keys.pop()
-        keymap.keymap_items.remove(item)
-    _on_load()
-    _leaving = ""
-    if bpy.app.timers.is_registered(_on_timer):
-        bpy.app.timers.unregister(_on_timer)
-    frame_hold.unregister()
-    for found, function in _table():
-        if function in found:
-            found.remove(function)
-
-
-def _table() -> tuple[tuple[list[Any], Any], ...]:
-    on = bpy.app.handlers
-    return (on.load_pre, _on_load), (on.undo_post, _on_history), (on.redo_post, _on_history)

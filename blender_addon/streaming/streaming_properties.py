@@ -8,26 +8,22 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
 
+from .. import handlers
 from .._core import DermisError
 from ..compat import BLEND_RELATIVE
+from . import agreed_paths, calibration_offers, calibration_rows, device_calibration, session, streamed_track
 
 
 def _quiet(self: Any, _context: Any) -> None:
-    from .. import handlers
-
     handlers.expect(self.id_data.name)  # no bake depends on how it is streamed
 
 
 def _changed(self: Any, context: Any) -> None:
-    from . import session
-
     _quiet(self, context)
     session.changed()
 
 
 def _moded(self: Any, context: Any) -> None:
-    from . import calibration_offers, calibration_rows, device_calibration
-
     if self.mode == "jog" and not calibration_rows.restoring() and calibration_offers.is_ours(self) and self.channels:
         with suppress(DermisError):  # the device is gone: connecting says so
             device_calibration.retract(self.id_data)
@@ -35,29 +31,25 @@ def _moded(self: Any, context: Any) -> None:
 
 
 def _addressed(self: Any, context: Any) -> None:
-    _agreed(self, "url")
+    _agree(self, "url")
     _quiet(self, context)
 
 
 def _mapped(self: Any, context: Any) -> None:
-    _agreed(self, "screen_file")
+    _agree(self, "screen_file")
     _changed(self, context)
 
 
 def _tracked(self: Any, context: Any) -> None:
-    _agreed(self, "track_file")
+    _agree(self, "track_file")
     _chosen(self, context)
 
 
-def _agreed(settings: Any, name: str) -> None:
-    from . import agreed_paths
-
+def _agree(settings: Any, name: str) -> None:
     agreed_paths.confirm(agreed_paths.claims(settings, name))  # no file that is opened comes through here
 
 
 def _chosen(self: Any, context: Any) -> None:
-    from . import device_calibration, session
-
     _quiet(self, context)
     if self.channels:  # they are one finger's: the list follows the choice, connected or not
         with suppress(DermisError):
@@ -66,8 +58,6 @@ def _chosen(self: Any, context: Any) -> None:
 
 
 def _outputs(_self: Any, _context: Any, text: str) -> list[str]:
-    from . import streamed_track
-
     return [name for name in streamed_track.output_names() if text.lower() in name.lower()]
 
 

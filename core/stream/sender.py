@@ -9,16 +9,15 @@ from __future__ import annotations
 
 import gc
 import signal
-import sys
-import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
 
+from .links.parent_pipe import when_input_ends
 from .panel_source import Screen
-from .play_command import Signals
 from .request import request_of
 from .shared_state import SharedState
+from .signals import Signals
 from .streamer import Streamer
 from .virtual.link import open_link
 
@@ -29,7 +28,7 @@ def run(path: Path, load_screen: Callable[[Path], Screen] | None = None) -> int:
     """Serve a shared state until its owner is gone; return the exit status."""
     shared = SharedState.open(path)
     ended: list[str] = []  # why; an Event would wait for itself where one signal comes while another is handled
-    threading.Thread(target=_watch_parent, args=(ended,), daemon=True).start()
+    when_input_ends(lambda: ended.append("standard input"))
     for name in Signals.NAMES:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), lambda number, _: ended.append(str(number)))
@@ -83,9 +82,3 @@ def _finish(shared: SharedState, streamer: Streamer) -> None:
         time.sleep(max(due - clock(), 0.0))
     shared.write_status({**streamer.status(), "state": "disconnected", "ended": True})
     shared.remove()  # its owner may be gone without having done so
-
-
-def _watch_parent(ended: list[str]) -> None:
-    while sys.stdin.buffer.read(4096):
-        pass
-    ended.append("standard input")

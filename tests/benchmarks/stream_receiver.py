@@ -18,6 +18,7 @@ import threading
 import numpy as np
 
 from core.presets import Library
+from core.stream.links.parent_pipe import when_input_ends
 from core.stream.protocols import packets
 from core.stream.protocols.packets import DeviceState
 from core.stream.protocols.wire import Wire
@@ -64,13 +65,7 @@ def main(path: str, key: str = "haptip", count: str = "1") -> None:
         for d, link in zip(devices, links, strict=True)
     ]
     ended = threading.Event()
-
-    def watch() -> None:
-        while sys.stdin.buffer.read(4096):
-            pass
-        ended.set()
-
-    threading.Thread(target=watch, daemon=True).start()
+    when_input_ends(ended.set)
     print(json.dumps({"url": links[0].url, "urls": [link.url for link in links]}), flush=True)
     gc.collect()
     gc.freeze()

@@ -268,10 +268,13 @@ class Bench:
         return message
 
     def _tick(self, now: float) -> None:
-        self._number += 1
-        self.streamer.heartbeat(Heartbeat(self._number, 0, False, None, ()), now)
+        self._give_heartbeat(now)
         due = self.streamer.tick(self._clock())
         self._sleep(min(max(due - self._clock(), 0.0), 0.002))
+
+    def _give_heartbeat(self, now: float) -> None:
+        self._number += 1
+        self.streamer.heartbeat(Heartbeat(self._number, 0, False, None, ()), now)
 
     def _still_armed(self) -> None:
         if not self.streamer.armed:
@@ -287,8 +290,7 @@ class Bench:
 
     def _apply(self, **fields: Any) -> None:
         self._request = replace(self._request, **fields)
-        self._number += 1
-        self.streamer.heartbeat(Heartbeat(self._number, 0, False, None, ()), self._clock())
+        self._give_heartbeat(self._clock())
         self.streamer.apply(self._request, self._clock())
 
     def _raw(self, message: bytes) -> None:

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import queue
 import re
-import sys
-import threading
 from collections.abc import Callable, Iterator
 from datetime import datetime
 from pathlib import Path
@@ -17,13 +14,13 @@ from ...errors import DermisError
 from ..device_options import add_device, add_link, request_from
 from ..local_stream import say
 from ..signals import Interrupted, Signals
+from .person import NobodyThere, Terminal
 from .report import Check
 
 if TYPE_CHECKING:
     from .report import Report
     from .walk import Walk
 
-ANSWERS = {"y": True, "yes": True, "n": False, "no": False, "s": None, "skip": None}
 CHECKS = ("link", "first-arm", "motors", "speed", "stop", "silence", "flood", "rate", "exits", "unplug", "switch")
 INTRODUCTION = """\
 FINGERS OUT. From now until the end nobody's finger is in or on the device.
@@ -50,57 +47,6 @@ def add_parser(verbs: Any) -> None:
     )
     one.add_argument("--out", type=Path, metavar="FILE", help="report (acceptance_DEVICE_DATE.md in this folder)")
     one.set_defaults(run=run, writes={"out": False})
-
-
-class NobodyThere(DermisError):
-    """The person has gone: nothing more can be asked."""
-
-
-class Terminal:
-    """The person, by way of a terminal; the device is kept alive while nothing has been typed yet.
-
-    Args:
-        meanwhile: called again and again while an answer is waited for.
-    """
-
-    def __init__(self, meanwhile: Callable[[], None]) -> None:
-        self._meanwhile = meanwhile
-        self._lines: queue.Queue[str] = queue.Queue(100)
-        threading.Thread(target=self._read, daemon=True).start()
-
-    def ask(self, question: str) -> bool | None:
-        """Ask until the answer is one; a word that only begins like one, as 'stop' does, is none."""
-        while True:
-            answer = self._line(f"? {question} [y/n/s] ").lower()
-            if answer in ANSWERS:
-                return ANSWERS[answer]
-
-    def wait(self, request: str) -> bool:
-        """Wait for Enter."""
-        return self._line(f"! {request} (s: skip) ").lower() not in ("s", "skip")
-
-    def tell(self, text: str) -> None:
-        """Print it."""
-        print(f"  {text}", flush=True)
-
-    def _line(self, prompt: str) -> str:
-        while sys.stdin.isatty() and not self._lines.empty():  # typed before the question could be read
-            if not self._lines.get():
-                self._lines.put("")
-                break
-        print(prompt, end="", flush=True)
-        while self._lines.empty():
-            self._meanwhile()
-        line = self._lines.get()
-        if not line:
-            self._lines.put("")  # the end stays the end
-            raise NobodyThere("standard input ended, so nobody is at the bench", remedy="Run it in a terminal")
-        return line.strip()
-
-    def _read(self) -> None:
-        for line in sys.stdin:
-            self._lines.put(line)
-        self._lines.put("")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -6,13 +6,13 @@ import random
 import signal
 import time
 from collections.abc import Callable, Iterator
-from typing import Protocol
 
 import numpy as np
 
 from ..protocols.packets import DeviceState, Reach
 from .bench import FLOODS, SAFE_MS, Bench
 from .mover import Mover, fastest_over
+from .person import Person
 from .player import play_and_end
 from .report import Check, judged
 
@@ -22,19 +22,6 @@ RATE_SECONDS, RATE_LOSS = 5.0, 1e-3
 SPEED_WINDOW = 0.01  # a speed is taken over at least this long [s] ...
 SPEED_SLACK = 1.5  # ... and may seem this much faster, since a pose's age is known to a few milliseconds only
 MOTORS = 8  # that a person is asked about one by one
-
-
-class Person(Protocol):
-    """Whoever stands at the bench."""
-
-    def ask(self, question: str) -> bool | None:
-        """Return the answer to a question; None: skipped."""
-
-    def wait(self, request: str) -> bool:
-        """Ask for something to be done; False: skipped."""
-
-    def tell(self, text: str) -> None:
-        """Announce what happens now."""
 
 
 class Walk:
@@ -86,8 +73,13 @@ class Walk:
             yield Check("link", what, "failed", "measured", "no answer")
             return
         median, most = 1e3 * float(np.median(trips)), 1e3 * float(np.percentile(trips, 95))
-        outcome, judge = judged(None, {"round trip": most <= ROUND_TRIP_MS})
-        yield Check("link", what, outcome, judge, f"{median:.1f} ms, p95 {most:.1f} ms", f"p95 {ROUND_TRIP_MS:g} ms")
+        yield Check(
+            "link",
+            what,
+            *judged(None, {"round trip": most <= ROUND_TRIP_MS}),
+            f"{median:.1f} ms, p95 {most:.1f} ms",
+            f"p95 {ROUND_TRIP_MS:g} ms",
+        )
 
     def first_arm(self) -> Iterator[Check]:
         """The first pulses, and the ramp to the retracted pose."""
@@ -101,8 +93,9 @@ class Walk:
         self.bench.arm()
         seen = self.person.ask(f"Is every motor or output {self._home}, and does it hold still?")
         pose = self.bench.pose()
-        outcome, judge = judged(seen, self.mover.measured(pose))
-        yield Check("first-arm", "armed; to the retracted pose", outcome, judge, self.mover.text(pose))
+        yield Check(
+            "first-arm", "armed; to the retracted pose", *judged(seen, self.mover.measured(pose)), self.mover.text(pose)
+        )
 
     def motors(self) -> Iterator[Check]:
         """Whether each channel moves its own motor, and the right way."""
@@ -116,21 +109,23 @@ class Walk:
             seen = self.person.ask(
                 f"Did {wire.names[k]} move ({way}wards in its values), alone and smoothly, and back?"
             )
-            outcome, judge = judged(seen, None if at is None else {"pose": at})
-            yield Check(f"motor {wire.names[k]}", "moved by itself and back", outcome, judge, self.mover.text(there))
+            yield Check(
+                f"motor {wire.names[k]}",
+                "moved by itself and back",
+                *judged(seen, None if at is None else {"pose": at}),
+                self.mover.text(there),
+            )
         if others := [k for k in range(wire.count) if k not in shown]:
             self.mover.ready()
             self.person.tell(f"All others move in their turn: {wire.names[others[0]]} to {wire.names[others[-1]]}.")
             poses = {wire.names[k]: self.mover.there_and_back(k)[0] for k in others}
             seen = self.person.ask("Did each of them move in its turn, alone, and back?")
             measured = {name: at for name, at in poses.items() if at is not None}
-            outcome, judge = judged(seen, measured)
             bad = [name for name, at in measured.items() if not at]
             yield Check(
                 "all other motors",
                 f"{len(others)} moved in their turn",
-                outcome,
-                judge,
+                *judged(seen, measured),
                 f"not where it was sent: {', '.join(bad[:8])}" if bad else "",
             )
 
@@ -149,13 +144,12 @@ class Walk:
         slew = np.where(np.isfinite(wire.slew), wire.slew, np.inf)
         allowed = slew * SPEED_SLACK
         measured = {"speed": bool((fastest <= allowed).all()), "moved": bool(fastest.max() > 0)}
-        outcome, judge = judged(None, measured)
         k = int(np.argmax(fastest / slew))
         self.bench.stop()
         self.bench.run(self.mover.seconds + 0.3)
         unit = f"{wire.units[k]}/s"
         limit = f"{slew[k]:.3g} {unit} declared, {SPEED_SLACK:g} times that for the poses' age"
-        yield Check("speed", what, outcome, judge, f"{wire.names[k]} {fastest[k]:.3g} {unit}", limit)
+        yield Check("speed", what, *judged(None, measured), f"{wire.names[k]} {fastest[k]:.3g} {unit}", limit)
 
     def stop(self) -> Iterator[Check]:
         """Stop, from a pose away from the safe one."""
@@ -168,9 +162,14 @@ class Walk:
         reached = time.perf_counter() - began
         seen = self.person.ask(f"Did it go back by itself, {self._manner}, and is it {self._home}?")
         soon = {"stopped": told is not None and 1e3 * told <= STOP_MS + ROUND_TRIP_MS} if native is not None else {}
-        outcome, judge = judged(seen, soon | self.mover.measured(pose))
         figure = "" if told is None else f"board safe after {1e3 * told:.0f} ms, its pose after {1e3 * reached:.0f} ms"
-        yield Check("stop", "Stop while moved away", outcome, judge, figure, f"{STOP_MS + ROUND_TRIP_MS:g} ms")
+        yield Check(
+            "stop",
+            "Stop while moved away",
+            *judged(seen, soon | self.mover.measured(pose)),
+            figure,
+            f"{STOP_MS + ROUND_TRIP_MS:g} ms",
+        )
 
     def silence(self) -> Iterator[Check]:
         """When the board's own watchdog acts: the shortest silence after which it is safe, found by halving."""
@@ -182,8 +181,7 @@ class Walk:
                 seen = self.person.ask(f"Is it {self._home}, or has it let go, since the blink of an eye?")
             if seen:
                 self.bench.believe(self.bench.wire.safe)  # or the next command would bring it back at full speed
-            outcome, judge = judged(seen)
-            yield Check("silence", what, outcome, judge, limit=f"{SAFE_MS:g} ms")
+            yield Check("silence", what, *judged(seen), limit=f"{SAFE_MS:g} ms")
             return
         low, high = 0.0, SAFE_MS  # still armed after low, safe after high [ms]
         self.mover.move_away()
@@ -197,9 +195,8 @@ class Walk:
                 else:
                     low = middle
         seen = self.person.ask(f"Did it go back by itself, each time, {self._manner}, and is it {self._home}?")
-        outcome, judge = judged(seen, {"safe": first == DeviceState.SAFE})
         figure = f"between {low:.0f} and {high:.0f} ms" if first == DeviceState.SAFE else f"not within {SAFE_MS:g} ms"
-        yield Check("silence", what, outcome, judge, figure, f"{SAFE_MS:g} ms")
+        yield Check("silence", what, *judged(seen, {"safe": first == DeviceState.SAFE}), figure, f"{SAFE_MS:g} ms")
 
     def flood(self) -> Iterator[Check]:
         """Whether rubbish on the line keeps the watchdog from acting."""
@@ -215,9 +212,10 @@ class Walk:
             safe[name] = state == DeviceState.SAFE
             self.mover.settle()
         seen = self.person.ask(f"Did it go back each time, {self._manner}, without a twitch, and is it {self._home}?")
-        outcome, judge = judged(seen, safe)
         bad = [name for name, good in safe.items() if not good]
-        yield Check("flood", what, outcome, judge, f"not safe after {', '.join(bad)}" if bad else "", f"{SAFE_MS:g} ms")
+        yield Check(
+            "flood", what, *judged(seen, safe), f"not safe after {', '.join(bad)}" if bad else "", f"{SAFE_MS:g} ms"
+        )
 
     def rate(self) -> Iterator[Check]:
         """Whether the link and the board take commands as fast as they come."""
@@ -232,12 +230,17 @@ class Walk:
         stayed = streamer.armed
         sent, full, slept = (streamer.counters[n] - before.get(n, 0) for n in ("sent", "dropped", "skipped"))
         bad = self._at_device() - damaged
-        outcome, judge = judged(None, {"rate": stayed and sent > 0 and full + bad <= RATE_LOSS * sent})
         figure = f"{sent} sent, {full} that the link had no room for"
         figure += f", {bad} lost or damaged at the board" if native else ""
         figure += "" if stayed else f"; it did not stay armed: {streamer.message}"
         figure += f"; {slept} left out by this computer, which is not judged" if slept else ""
-        yield Check("rate", f"{RATE_SECONDS:g} s at {rate:g} Hz", outcome, judge, figure, "1 in 1000")
+        yield Check(
+            "rate",
+            f"{RATE_SECONDS:g} s at {rate:g} Hz",
+            *judged(None, {"rate": stayed and sent > 0 and full + bad <= RATE_LOSS * sent}),
+            figure,
+            "1 in 1000",
+        )
 
     def exits(self) -> Iterator[Check]:
         """Every way in which the program that plays may end."""
@@ -252,8 +255,12 @@ class Walk:
             seen = self.person.ask(f"Is it {self._home} now, or has it let go, if that is its safe state?")
             self.bench.bring_home()
             pose = self.bench.pose()  # a board that is reset when its port is opened has forgotten it
-            outcome, judge = judged(seen, {"played": not said} | self.mover.measured(pose))
-            yield Check(f"exit, {name}", "the playing program ends", outcome, judge, said or self.mover.text(pose))
+            yield Check(
+                f"exit, {name}",
+                "the playing program ends",
+                *judged(seen, {"played": not said} | self.mover.measured(pose)),
+                said or self.mover.text(pose),
+            )
 
     def unplug(self) -> Iterator[Check]:
         """The cable, pulled while armed."""
@@ -265,8 +272,9 @@ class Walk:
         seen = self.person.ask(f"Is it {self._home}, or has it let go?")
         if self.person.wait("Plug it in again, wait until the board has started, then press Enter."):
             self.bench.connect()
-        outcome, judge = judged(seen, {"noticed": noticed})
-        yield Check("unplug", what, outcome, judge, "" if noticed else "this program did not notice")
+        yield Check(
+            "unplug", what, *judged(seen, {"noticed": noticed}), "" if noticed else "this program did not notice"
+        )
 
     def switch(self) -> Iterator[Check]:
         """The switch in the actuators' supply."""
@@ -278,8 +286,7 @@ class Walk:
         self.bench.stop()
         self.mover.settle()
         self.person.wait("Switch the supply on again, then press Enter.")
-        outcome, judge = judged(seen)
-        yield Check("switch", what, outcome, judge)
+        yield Check("switch", what, *judged(seen))
 
     def _moved_away_and(self, request: str) -> bool:
         """Move away and ask for something to be done; False: skipped."""

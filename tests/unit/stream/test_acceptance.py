@@ -180,7 +180,7 @@ def test_a_report_that_cannot_be_written_moves_nothing(tmp_path: Path) -> None:
 
 def test_a_person_is_kept_waiting_without_the_device_falling_asleep() -> None:
     """While an answer is waited for the device hears of its sender; an end of the input is nobody."""
-    from core.stream.acceptance.command import NobodyThere, Terminal
+    from core.stream.acceptance.person import NobodyThere, Terminal
 
     class Slow(Terminal):
         def _read(self) -> None:
@@ -366,7 +366,7 @@ def test_a_device_that_dies_in_the_middle_fails_and_is_not_called_safe(boxes: An
 
 
 def test_only_whole_words_are_answers() -> None:
-    from core.stream.acceptance.command import Terminal
+    from core.stream.acceptance.person import Terminal
 
     class Typed(Terminal):
         def _read(self) -> None:

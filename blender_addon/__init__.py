@@ -4,7 +4,7 @@ from . import commands, handlers, jobs, operators, panels, preferences
 from .design import design_properties
 from .preview import skin_preview
 from .properties import scene_properties, skin_properties, thimble_view_properties
-from .streaming import session, streaming_properties
+from .streaming import session_events, streaming_properties
 from .viewport import overlay, pin_view, platform_view, shown, skin_view, thimble_view
 
 MODULES = (
@@ -25,7 +25,7 @@ MODULES = (
     shown,
     skin_view,
     handlers,
-    session,
+    session_events,
     commands,
 )
 

@@ -71,7 +71,7 @@ class Judged:
 
     @property
     def safe(self) -> bool:
-        """Tell whether the last thing that it was told is its safe state."""
+        """Return whether the last thing that it was told is its safe state."""
         if self._protocol == "native":
             return bool(self.device.state == DeviceState.SAFE)
         if self._protocol == "torque":

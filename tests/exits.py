@@ -73,7 +73,7 @@ class Receiver:
         return dict(json.loads(self.process.stdout.readline()))
 
     def reached(self) -> bool:
-        """Tell whether it was told to be far from its safe state."""
+        """Return whether it was told to be far from its safe state."""
         now = self.ask("pose")
         if self.protocol == "torque":
             return bool(np.any(now["told"]))
@@ -106,9 +106,9 @@ def connect(client: SenderClient, receiver: Receiver) -> None:
     client.connect(
         receiver.url, receiver.protocol, receiver.key, preset, mode="jog", jog=far(receiver.protocol), ramp=0.0
     )
-    client.beat()
+    client.heartbeat()
     client.wait("ready", 20)
-    client.beat()
+    client.heartbeat()
     client.arm()
 
 
@@ -127,7 +127,7 @@ def until(done: Callable[[], bool], between: Callable[[], object], what: str, se
 
 
 def runs(pid: int) -> bool:
-    """Tell whether a process still runs."""
+    """Return whether a process still runs."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
@@ -139,7 +139,7 @@ def sender(receiver: Receiver) -> Iterator[SenderClient]:
     """Give a sender whose device stands far from its safe state."""
     with SenderClient() as client:
         connect(client, receiver)
-        until(receiver.reached, client.beat, f"far from safe ({client.status()['words']})")
+        until(receiver.reached, client.heartbeat, f"far from safe ({client.status()['message']})")
         receiver.ask("mark")
         yield client
     until(lambda: not client.alive, lambda: None, "the sender ends")
@@ -199,7 +199,7 @@ client = SenderClient()
 connect(client, Receiver)
 print(client.pid, flush=True)
 while not select.select([sys.stdin], [], [], 0.02)[0]:
-    client.beat()
+    client.heartbeat()
 """
 
 
@@ -207,14 +207,14 @@ def by_stop(receiver: Receiver) -> None:
     """Press Stop."""
     with sender(receiver) as client:
         client.stop()
-        until(lambda: client.status()["state"] == "ready", client.beat, "stopped")
+        until(lambda: client.status()["state"] == "ready", client.heartbeat, "stopped")
 
 
 def by_disconnect(receiver: Receiver) -> None:
     """Let the link go, the sender stays."""
     with sender(receiver) as client:
         client.disconnect()
-        until(lambda: client.status()["state"] == "disconnected", client.beat, "disconnected")
+        until(lambda: client.status()["state"] == "disconnected", client.heartbeat, "disconnected")
 
 
 def by_close(receiver: Receiver) -> None:

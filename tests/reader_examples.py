@@ -260,6 +260,6 @@ def calibration_text() -> bytes:
     return made.dumps().encode()
 
 
-def wish() -> bytes:
+def request() -> bytes:
     device = {"key": "haptip", "preset": json.loads(preset("devices", "haptip"))}
     return json.dumps({"connect": True, "url": "virtual:", "device": device, "jog": {"pulley_1": 0.1}}).encode()

@@ -30,7 +30,7 @@ from core.stream.protocols.native import Native
 from core.stream.protocols.osc import Osc, bundle, message_head, read_bundle, read_message
 from core.stream.protocols.torque import Torque
 from core.stream.protocols.wire import Wire
-from core.stream.wish import wish_of
+from core.stream.request import request_of
 from core.surrogate import onnx, table
 from core.surrogate import store as surrogate_store
 from core.track import binary, c_header, check, csv, export, json_track
@@ -166,17 +166,17 @@ def _use_torque(path: Path) -> object:
     return adapter
 
 
-def _use_wish(path: Path) -> object:
+def _use_request(path: Path) -> object:
     try:
         plain = json.loads(path.read_bytes())
     except (ValueError, RecursionError):
-        return None  # of the sender's own board: whole or not there, by its check sum
+        return None  # of the shared state: whole or not there, by its check sum
     if not isinstance(plain, dict):
         return None
-    wish = wish_of(plain)
-    wish.check()
-    wish.calibrated()
-    return wish.spec()
+    request = request_of(plain)
+    request.check()
+    request.calibrated()
+    return request.spec()
 
 
 def _either(*readers: Callable[[Path], object]) -> Callable[[Path], object]:
@@ -380,7 +380,7 @@ READERS = (
         _use_torque,
         file=False,
     ),
-    _reader("wish", "", ".json", lambda: [ex.wish()], _use_wish, file=False),
+    _reader("request", "", ".json", lambda: [ex.request()], _use_request, file=False),
 )
 
 # What reads, and reads nothing of others: functions, or whole modules, and why they are in no table.
@@ -393,15 +393,15 @@ OWN = {
     "core.scene.scene_file:save": "writes",
     "core.skin.store:write_model": "writes",
     "core.skin.store:write_table": "writes",
-    "core.stream.board": "a board of its own: whole by its check sum, or not there; what it holds is the reader 'wish'",
+    "core.stream.shared_state": "whole by its check sum, or not there; the reader 'request' has the rest",
     "core.stream.outbox:Outbox._may_leave": "asks whether a bucket is open",
     "core.stream.links.record:_opened": "writes a record",
-    "core.stream.sender": "its own parent's board",
+    "core.stream.sender": "its own parent's shared state",
     "core.stream.links.serial_port": "a port, not a file",
     "core.stream.links.sockets:Tcp._queued": "a number of the system's",
-    "core.stream.streamer": "a link, not a file",
+    "core.stream.connection": "a link, not a file",
     "core.stream.links.transport": "the system's list of processes",
-    "core.stream.virtual.others:TorqueDevice.feed": "the other end of the reader 'torque board', in the box",
+    "core.stream.virtual.torque:TorqueDevice.feed": "the other end of the reader 'torque board', simulated",
     "core.surrogate.network:train": "unpacks what it packed",
     "core.surrogate.store:save": "writes",
     "core.version:version": "the manifest beside the program",

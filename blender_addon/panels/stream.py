@@ -1,4 +1,4 @@
-"""The live link: port, arm, stop, and how things stand. Draws what the last beat brought; asks nobody."""
+"""The live link: port, arm, stop, and how things stand. Draws what the last heartbeat brought; asks nobody."""
 
 from typing import Any
 
@@ -94,17 +94,17 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         row = self.layout.row(align=True)
         row.alert = shown.wrong
         row.menu("DERMIS_MT_built", text=shown.name, icon="ERROR" if shown.wrong else "TOOL_SETTINGS")
-        if shown.words:
-            paragraph(self.layout, context, shown.words, "ERROR" if shown.wrong else "INFO")
+        if shown.message:
+            paragraph(self.layout, context, shown.message, "ERROR" if shown.wrong else "INFO")
 
     def _state(self, context: bpy.types.Context, now: dict[str, Any]) -> None:
         layout = self.layout
         if session.leaving():
             paragraph(layout, context, session.leaving(), "TIME")
         layout.label(text=now["state"].capitalize(), icon=ICONS.get(now["state"], "QUESTION"))
-        if now.get("words"):
+        if now.get("message"):
             wrong = now["state"] != "ready" or board_identity.shown(context.scene).wrong
-            paragraph(layout, context, now["words"], "ERROR" if wrong else "INFO")
+            paragraph(layout, context, now["message"], "ERROR" if wrong else "INFO")
         if caution := session.caution(context.scene.dermis_stream.protocol):
             paragraph(layout, context, caution, "ERROR")
         for key in ("notice", "not_rendered"):
@@ -173,7 +173,7 @@ class DERMIS_MT_ports(bpy.types.Menu):
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the list as it is known."""
-        box = self.layout.operator("dermis.stream_use_port", text="The device in the box", icon="GHOST_ENABLED")
+        box = self.layout.operator("dermis.stream_use_port", text="The simulated device", icon="GHOST_ENABLED")
         box.port = "virtual:"
         for name, description in session.found_ports():
             self.layout.operator("dermis.stream_use_port", text=f"{name}  {description}").port = name

@@ -20,7 +20,7 @@ class Shown(NamedTuple):
     """The built device as a panel shows it."""
 
     name: str
-    words: str
+    message: str
     wrong: bool
 
 
@@ -40,14 +40,14 @@ def shown(scene: bpy.types.Scene) -> Shown:
         last = built_devices.device(chosen).made.name if chosen else "Uncalibrated"
     except DermisError as error:
         return Shown("Cannot be read", str(error), True)
-    words = ""
+    message = ""
     if chosen is None:
-        words = UNSAID if one is None and built_devices.devices(owner.rpartition(": ")[2]) else ""
+        message = UNSAID if one is None and built_devices.devices(owner.rpartition(": ")[2]) else ""
     elif chosen != (one.file if one is not None else ""):
-        words = f"'{last}' was chosen last; undo went back behind that."
+        message = f"'{last}' was chosen last; undo went back behind that."
     if one is None:
-        return Shown("Uncalibrated", words, False)
-    return Shown(one.made.name, words, _is_another(one))
+        return Shown("Uncalibrated", message, False)
+    return Shown(one.made.name, message, _is_another(one))
 
 
 def check(scene: bpy.types.Scene) -> None:
@@ -93,7 +93,7 @@ def meet(scene: bpy.types.Scene, status: Mapping[str, Any]) -> str:
 
 
 def is_another(scene: bpy.types.Scene) -> bool:
-    """Tell whether another device answered than the one that the list is of; a file that is gone tells nothing."""
+    """Return whether another device answered than the one that the list is of; a file that is gone tells nothing."""
     with suppress(DermisError):
         one = device_calibration.worn_by(scene)
         return one is not None and _is_another(one)
@@ -119,7 +119,7 @@ def _is_another(one: Any) -> bool:
 
 
 def _recognise(scene: bpy.types.Scene) -> str:
-    """Calibrate a finger whose device nobody has chosen as the one that answered; return words.
+    """Calibrate a finger whose device nobody has chosen as the one that answered; return a message.
 
     Only where exactly one is known by this serial number, and nothing was changed by hand.
     """

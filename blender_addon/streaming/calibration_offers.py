@@ -31,7 +31,7 @@ class Shelved(NamedTuple):
 
 
 def is_ours(settings: Any) -> bool:
-    """Tell whether the list was made in this session."""
+    """Return whether the list was made in this session."""
     return bool(settings.session == _SESSION)
 
 

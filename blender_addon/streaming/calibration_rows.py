@@ -92,12 +92,12 @@ def calibration(key: str, rows: Rows) -> Any:
 
 
 def calibrated(row: dict[str, Any]) -> bool:
-    """Tell whether an actuator differs from its preset."""
+    """Return whether an actuator differs from its preset."""
     return bool(row["zero"] != 0.0 or row["gain"] != 1.0 or row["use_limits"])
 
 
 def same(rows: Rows, made: Any) -> bool:
-    """Tell whether rows say what a calibration does, None for that of the preset, as exactly as settings can."""
+    """Return whether rows say what a calibration does, None for that of the preset, as exactly as settings can."""
     for row in rows:
         entry = made.entries.get(row["name"]) if made is not None else None
         if entry is None:
@@ -125,5 +125,5 @@ def quietly(scene: bpy.types.Scene) -> Iterator[None]:
 
 
 def restoring() -> bool:
-    """Tell whether settings are being put back, so that half of them are not passed on."""
+    """Return whether settings are being put back, so that half of them are not passed on."""
     return _restoring

@@ -111,7 +111,7 @@ def choice(owner: str) -> str | None:
 def use(scene: bpy.types.Scene, file: str) -> None:
     """Put a built device on the finger, or none (''): it is calibrated so from now on, and that is remembered.
 
-    What was changed and not saved goes to the offers.
+    What was changed and not saved goes to the offers. A running sender hears of it by `session.changed`.
 
     Raises:
         DermisError: there is no device, it is another preset's, or a file cannot be read or written.
@@ -128,7 +128,7 @@ def use(scene: bpy.types.Scene, file: str) -> None:
 
 
 def unsaved(scene: bpy.types.Scene) -> bool:
-    """Tell whether the list says something else than the file of the device that it is of. Reads no file anew."""
+    """Return whether the list says something else than the file of the device that it is of. Reads no file anew."""
     with suppress(DermisError):
         file = scene.dermis_stream.channels_file
         return not same(_listed(scene), built_devices.device(file).made if file else None)
@@ -170,12 +170,12 @@ def begin_calibration(scene: bpy.types.Scene) -> None:
 
 
 def calibrating(scene: bpy.types.Scene) -> bool:
-    """Tell whether a calibration of this scene can be cancelled."""
+    """Return whether a calibration of this scene can be cancelled."""
     return scene.session_uid in _before
 
 
 def cancel_calibration(scene: bpy.types.Scene) -> None:
-    """Bring back what was there when the scene's calibration began; a device under way blends back to it."""
+    """Bring back what was there when the scene's calibration began; `session.changed` blends a device back to it."""
     before = _before.pop(scene.session_uid, None)
     if before is None:
         return
@@ -219,7 +219,8 @@ def load(scene: bpy.types.Scene, path: Path) -> tuple[Any, ...]:
     spec = library().device(key)
     made.for_spec(spec)  # refuses what does not fit
     fill_channels(scene)
-    _restore(scene, _by_hand(scene, rows_for(key, made)))
+    with quietly(scene):
+        fill(scene.dermis_stream.channels, _by_hand(scene, rows_for(key, made)))
     return tuple(made.findings(spec))
 
 
@@ -283,8 +284,3 @@ def _list(scene: bpy.types.Scene, owner: str, name: str, file: str, rows: Rows) 
     settings = scene.dermis_stream
     settings.channels_owner, settings.channels_of, settings.channels_file = owner, name, file
     fill(settings.channels, rows)
-
-
-def _restore(scene: bpy.types.Scene, plain: Rows) -> None:
-    with quietly(scene):
-        fill(scene.dermis_stream.channels, plain)

@@ -27,7 +27,7 @@ def identity(obj: bpy.types.Object) -> str:
 
 
 def is_identity(text: str) -> bool:
-    """Tell whether a text can be an identity."""
+    """Return whether a text can be an identity."""
     return re.fullmatch(r"[0-9a-f]{32}", text) is not None
 
 
@@ -48,7 +48,7 @@ def finger_with(identities: frozenset[str], scene: bpy.types.Scene) -> bpy.types
 
 
 def note() -> None:
-    """Note who is who in a file that has just been opened: what says the same later is a copy."""
+    """Remember who is who in a file that has just been opened: what says the same later is a copy."""
     _given.clear()
     _given.update([(obj.session_uid, own) for obj in _fingers() if (own := identity(obj))])
 

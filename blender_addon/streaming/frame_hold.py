@@ -37,7 +37,7 @@ _rendering = False
 
 
 def held() -> bool:
-    """Tell whether something steps through the frames."""
+    """Return whether something steps through the frames."""
     return changes.sweeping() or _rendering or bpy.app.is_job_running("RENDER") or _stepping()
 
 
@@ -59,7 +59,8 @@ def _on_render_end(*_: Any) -> None:
     _rendering = False
 
 
-def _table() -> tuple[tuple[list[Any], Any], ...]:
+def callbacks() -> tuple[tuple[list[Any], Any], ...]:
+    """Return Blender's lists of handlers, and what watches for renders in each."""
     on = bpy.app.handlers
     return (
         (on.render_init, _on_render_start),
@@ -69,16 +70,6 @@ def _table() -> tuple[tuple[list[Any], Any], ...]:
     )
 
 
-def register() -> None:
-    """Watch for renders."""
-    for found, function in _table():
-        if function not in found:
-            found.append(function)
-
-
-def unregister() -> None:
-    """Watch no more."""
-    for found, function in _table():
-        if function in found:
-            found.remove(function)
+def forget() -> None:
+    """Forget a render that is under way: nobody watches for its end any more."""
     _on_render_end()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import bpy
 import numpy as np
@@ -21,32 +20,39 @@ def preview(scene: bpy.types.Scene) -> Preview | None:
 
     What the device reports comes first; then a track that was loaded from a file.
     """
-    settings = getattr(scene, "dermis_stream", None)
-    if settings is None:
-        return None
-    status = session.status()
-    reported = (status.get("received") or {}).get("values")
-    if reported is None and status.get("pose"):
-        reported = dict(zip(status.get("names", ()), status["pose"], strict=False))
-    track = streamed_track.loaded()
-    loaded = _preview_of_file(scene, track) if settings.track_file and track is not None else None
-    if session.streams(scene) and settings.show_received and reported:
-        found = _reported_in(loaded, reported, "")  # the file's one row is its own, whichever output is chosen
+    loaded, values = of_file(scene), reported(scene)
+    if values:
+        found = with_reported(loaded, values, "")  # the file's one row is its own, whichever output is chosen
         if found is None:
-            found = _reported_in(device_preview.computed(scene), reported, settings.output)
+            found = with_reported(device_preview.computed(scene), values, scene.dermis_stream.output)
         if found is not None:
             return found
     return loaded
 
 
-def _reported_in(shown: Preview | None, reported: dict[str, float], wanted: str) -> Preview | None:
-    """Return a preview with reported values in place of its own; None where they fit no row of it."""
+def reported(scene: bpy.types.Scene) -> dict[str, float]:
+    """Return the values that the scene's device reports, by channel [SI]; empty where there are none to be shown."""
+    settings, status = getattr(scene, "dermis_stream", None), session.status()
+    if settings is None or not (session.streams(scene) and settings.show_received):
+        return {}
+    received: dict[str, float] | None = (status.get("received") or {}).get("values")
+    if received is None and status.get("pose"):
+        received = dict(zip(status.get("names", ()), status["pose"], strict=False))
+    return received or {}
+
+
+def with_reported(shown: Preview | None, reported: dict[str, float], output: str) -> Preview | None:
+    """Return a preview with reported values in place of its own; None where they fit no row of it.
+
+    Args:
+        output: 'finger: device' of the row, '' for the first one that fits.
+    """
     if shown is None:
         return None
     rows: list[Row] = []
     replaced = False
     for row in shown.rows:
-        fits = set(reported) <= set(row.values) and (not wanted or wanted == f"{row.finger}: {row.device}")
+        fits = set(reported) <= set(row.values) and (not output or output == f"{row.finger}: {row.device}")
         if replaced or not fits:
             rows.append(row)
             continue
@@ -61,8 +67,11 @@ def _reported_in(shown: Preview | None, reported: dict[str, float], wanted: str)
     return Preview(shown.frame, "device", "what the device reports", tuple(rows)) if replaced else None
 
 
-def _preview_of_file(scene: bpy.types.Scene, track: Any) -> Preview | None:
-    """Return the preview of a loaded track: on the finger that it names, or on the first one."""
+def of_file(scene: bpy.types.Scene) -> Preview | None:
+    """Return the preview of the track that was loaded from a file: on the finger that it names, or on the first one."""
+    settings, track = getattr(scene, "dermis_stream", None), streamed_track.loaded()
+    if settings is None or not settings.track_file or track is None:
+        return None
     fingers = [o.name for o in scene.objects if o.dermis.role == "FINGER"]
     named = track.meta.get("finger", "")
     if not fingers:

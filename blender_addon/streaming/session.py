@@ -10,12 +10,10 @@ from functools import cache
 from typing import Any
 
 import bpy
-from bpy.app.handlers import persistent
 
 from .. import redraw
 from .._core import DermisError, core
 from ..preferences import library
-from ..preview import device_preview
 from . import (
     agreed_paths,
     board_identity,
@@ -23,33 +21,34 @@ from . import (
     calibration_rows,
     device_calibration,
     frame_hold,
+    request_fields,
     streamed_track,
 )
 
-BEAT = 0.02  # between two signs of life [s]
+HEARTBEAT = 0.02  # between two signs of life [s]
 STILL = frozenset({"V", "Hz"})  # units of actuators that nothing moves
 READY = ("ready", "stalled")  # states in which a device can be armed
-REDRAW = 5  # beats between two redraws of the panel
+REDRAW = 5  # heartbeats between two redraws of the panel
 
 _client: Any = None
 _scene = 0  # session uid of the scene that streams
 _status: dict[str, Any] = {}
 _note = ""  # what Blender's side has to say beside the sender
 _leaving = ""  # what senders still do that were let go
-_published: tuple[float | None, tuple[float, ...]] = (None, ())  # time and values of the last beat
-_mode = ""  # at the last beat
-_beats = 0
+_published: tuple[float | None, tuple[float, ...]] = (None, ())  # time and values of the last heartbeat
+_mode = ""  # at the last heartbeat
+_heartbeats = 0
 _restored = False  # undo or redo has brought other settings, and the sender has not heard of them
 _ports: list[tuple[str, str]] = []
 
 
 def connected() -> bool:
-    """Tell whether there is a sender."""
+    """Return whether there is a sender."""
     return _client is not None
 
 
 def streams(scene: bpy.types.Scene) -> bool:
-    """Tell whether there is a sender, and this is its scene."""
+    """Return whether there is a sender, and this is its scene."""
     return _client is not None and _scene == scene.session_uid
 
 
@@ -60,8 +59,8 @@ def caution(protocol: str) -> str:
 
 
 def status() -> dict[str, Any]:
-    """Return how things stood at the last beat; never asks anybody."""
-    return _status or {"state": "disconnected", "words": "", "armed": False}
+    """Return how things stood at the last heartbeat; never asks anybody."""
+    return _status or {"state": "disconnected", "message": "", "armed": False}
 
 
 def found_ports() -> list[tuple[str, str]]:
@@ -93,16 +92,16 @@ def connect(scene: bpy.types.Scene) -> None:
     preset = library().load("devices", key)
     device_calibration.fill_channels(scene)
     calibration = device_calibration.calibration_of(scene, key)
-    wish = _wish(scene)
+    request = request_fields.request_fields(scene)
     _client = core.stream.client.SenderClient()
     try:
-        _client.connect(settings.url, settings.protocol, key, preset, calibration=calibration.dumps(), **wish)
+        _client.connect(settings.url, settings.protocol, key, preset, calibration=calibration.dumps(), **request)
     except DermisError:
         close()
         raise
     _scene = scene.session_uid
-    _status = {"state": "connecting", "words": "", "armed": False}
-    beat()
+    _status = {"state": "connecting", "message": "", "armed": False}
+    heartbeat()
     _start_timer()
 
 
@@ -123,12 +122,12 @@ def close() -> None:
 
 
 def leaving() -> str:
-    """Return what senders that were let go still did at the last beat, '' where all have ended; never asks anybody."""
+    """Return what senders that were let go still did at the last heartbeat, '' where all have ended; asks nobody."""
     return _leaving
 
 
 def pose_unknown() -> bool:
-    """Tell whether arming may start with a jump: something moves, and the device has not said where it is."""
+    """Return whether arming may start with a jump: something moves, and the device has not said where it is."""
     now = status()
     known = now.get("pose_known", now.get("pose") is not None)
     return not known and any(unit not in STILL for unit in now.get("units", ()))
@@ -158,8 +157,8 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
     if scene.dermis_stream.mode == "jog":
         device_calibration.retract(scene)
         changed()
-    _client.set(**_wish(scene))
-    beat()
+    _client.set(**request_fields.request_fields(scene))
+    heartbeat()
     if status()["state"] not in READY:
         raise refused("the device is not ready to be armed", value=status()["state"], limit=" or ".join(READY))
     board_identity.check(scene)
@@ -191,13 +190,13 @@ def changed() -> None:
     try:
         device_calibration.fill_channels(scene)
         made = device_calibration.calibration_of(scene, streamed_track.device_key(scene))
-        _client.set(**_wish(scene), calibration=made.dumps())
+        _client.set(**request_fields.request_fields(scene), calibration=made.dumps())
         _note = ""
     except DermisError as error:
         _note = str(error)
 
 
-def beat() -> None:
+def heartbeat() -> None:
     """Give a sign of life with what Blender shows; read the status.
 
     While something steps through the frames, what was published last holds: nobody plays then, and nobody scrubs.
@@ -219,19 +218,19 @@ def beat() -> None:
         if streamed_track.outdated(scene):
             changed()  # before the time is taken: it counts from the start of the track that the sender has
         playing = any(screen.is_animation_playing for screen in bpy.data.screens)
-        _published = _shown(scene)
+        _published = request_fields.shown(scene, _status.get("names", ()))
     _mode = scene.dermis_stream.mode
     moment, values = _published
-    _client.beat(playing=playing, time=moment, values=values)
+    _client.heartbeat(playing=playing, time=moment, values=values)
     _status = _client.status()
-    file = scene.dermis_stream.channels_file
+    calibrated_as = scene.dermis_stream.channels_file
     met = board_identity.meet(scene, _status)
-    if scene.dermis_stream.channels_file != file:
-        changed()  # who answered was recognised, and is calibrated as that
+    if scene.dermis_stream.channels_file != calibrated_as:  # as the device that answered
+        changed()
     if _status["armed"] and board_identity.is_another(scene):
         _client.disarm()
-    said = (_note, met, _status.get("words"), (_status.get("received") or {}).get("record"))
-    _status["words"] = "; ".join(filter(None, said))
+    said = (_note, met, _status.get("message"), (_status.get("received") or {}).get("record"))
+    _status["message"] = "; ".join(filter(None, said))
 
 
 def _take_back(scene: bpy.types.Scene) -> None:
@@ -249,113 +248,49 @@ def _take_back(scene: bpy.types.Scene) -> None:
         _note = "; ".join(filter(None, (_note, said)))
 
 
-def _shown(scene: bpy.types.Scene) -> tuple[float, tuple[float, ...]]:
-    """Return the track's time of the frame that is shown, and in the mode 'follow' the values."""
-    first, fps = streamed_track.origin(scene)
-    moment = (float(scene.frame_current_final) - first) / fps
-    if scene.dermis_stream.mode != "follow":
-        return moment, ()
-    return moment, _values_shown(scene)
-
-
-def _values_shown(scene: bpy.types.Scene) -> tuple[float, ...]:
-    """Return what the preview shows for the channels on the wire, in their order."""
-    names = status().get("names") or ()
-    shown, output = device_preview.computed(scene), scene.dermis_stream.output
-    for row in shown.rows if shown is not None else ():
-        if (not output or output == f"{row.finger}: {row.device}") and all(n in row.values for n in names):
-            return tuple(float(row.values[n]) for n in names)
-    return ()
-
-
-def _wish(scene: bpy.types.Scene) -> dict[str, Any]:
-    """Return the fields of the sender's wish that the settings decide.
-
-    Raises:
-        DermisError: a file that nobody has confirmed, or a track that cannot be read.
-    """
-    agreed_paths.check(scene.dermis_stream, "track_file", "screen_file")
-    s = scene.dermis_stream
-    jog = {c.name: c.jog for c in s.channels} if s.mode == "jog" else {}
-    names = ("mode", "offset", "look_ahead", "ramp", "stall", "play_on", "reconnect", "rate")
-    return {
-        **{name: getattr(s, name) for name in names},
-        "jog": jog,
-        "track": streamed_track.track_path(scene),
-        "screen": bpy.path.abspath(s.screen_file) if s.screen_file else "",
-    }
-
-
 def _streaming_scene() -> bpy.types.Scene | None:
     return next((s for s in bpy.data.scenes if s.session_uid == _scene), None)
 
 
-def _start_timer() -> None:
-    if not bpy.app.background and not bpy.app.timers.is_registered(_on_timer):
-        bpy.app.timers.register(_on_timer, first_interval=BEAT, persistent=True)
+def restored() -> None:
+    """Take note that undo or redo has brought other settings back: the next heartbeat passes them on.
+
+    What is changed in there belongs to no step of undo, and the scene that Blender restored is not evaluated yet.
+    """
+    global _restored
+    _restored = _client is not None
 
 
-def _on_timer() -> float | None:
-    global _beats
-    before = _status.get("state"), _leaving
-    try:
-        beat()
-    except Exception:  # Blender ends a timer that raises, and what the panel shows would be true no more
-        close()
-        traceback.print_exc()
-    _beats += 1
-    ended = _client is None and not _leaving
-    if ended or _beats % REDRAW == 0 or before != (_status.get("state"), _leaving):
-        redraw.request()
-    return None if ended else BEAT
-
-
-@persistent
-def _on_load(*_: Any) -> None:
+def end() -> None:
+    """Close the sender and forget what it had: another file is opened, or the add-on goes."""
     close()
     streamed_track.forget(files=True)
     device_calibration.forget()
 
 
-@persistent
-def _on_history(*_: Any) -> None:
-    # Settings came back without a word. The next beat passes them on: what is changed in here belongs to no step of
-    # undo, and the scene that Blender restored is not evaluated yet.
-    global _restored
-    _restored = _client is not None
-
-
-_keys: list[tuple[Any, Any]] = []
-
-
-def register() -> None:
-    """Watch for files being opened, undo and renders; put the stop on its key."""
-    for found, function in _table():
-        if function not in found:
-            found.append(function)
-    frame_hold.register()
-    configuration = bpy.context.window_manager.keyconfigs.addon if bpy.context.window_manager else None
-    if configuration is not None:
-        keymap = configuration.keymaps.new(name="Window", space_type="EMPTY")
-        _keys.append((keymap, keymap.keymap_items.new("dermis.stream_stop", "ESC", "PRESS", shift=True)))
-
-
-def unregister() -> None:
-    """End streaming with the add-on."""
+def end_timer() -> None:
+    """Give no more signs of life, nor look after senders that were let go."""
     global _leaving
-    while _keys:
-        keymap, item = _keys.pop()
-        keymap.keymap_items.remove(item)
-    _on_load()
     _leaving = ""
     if bpy.app.timers.is_registered(_on_timer):
         bpy.app.timers.unregister(_on_timer)
-    frame_hold.unregister()
-    for found, function in _table():
-        if function in found:
-            found.remove(function)
 
 
-def _table() -> tuple[tuple[list[Any], Any], ...]:
-    on = bpy.app.handlers
-    return (on.load_pre, _on_load), (on.undo_post, _on_history), (on.redo_post, _on_history)
+def _start_timer() -> None:
+    if not bpy.app.background and not bpy.app.timers.is_registered(_on_timer):
+        bpy.app.timers.register(_on_timer, first_interval=HEARTBEAT, persistent=True)
+
+
+def _on_timer() -> float | None:
+    global _heartbeats
+    before = _status.get("state"), _leaving
+    try:
+        heartbeat()
+    except Exception:  # Blender ends a timer that raises, and what the panel shows would be true no more
+        close()
+        traceback.print_exc()
+    _heartbeats += 1
+    ended = _client is None and not _leaving
+    if ended or _heartbeats % REDRAW == 0 or before != (_status.get("state"), _leaving):
+        redraw.request()
+    return None if ended else HEARTBEAT

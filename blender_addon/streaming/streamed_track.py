@@ -149,7 +149,7 @@ def track_path(scene: bpy.types.Scene) -> str:
 
 
 def outdated(scene: bpy.types.Scene) -> bool:
-    """Tell whether the sender has another baked track than the one to be played: one was baked, or forgotten."""
+    """Return whether the sender has another baked track than the one to be played: one was baked, or forgotten."""
     if scene.dermis_stream.track_file:
         return False
     mine = _sent is not None and _sent.scene == scene.session_uid

@@ -31,21 +31,21 @@ def _moded(self: Any, context: Any) -> None:
 
 
 def _addressed(self: Any, context: Any) -> None:
-    _agreed(self, "url")
+    _agree(self, "url")
     _quiet(self, context)
 
 
 def _mapped(self: Any, context: Any) -> None:
-    _agreed(self, "screen_file")
+    _agree(self, "screen_file")
     _changed(self, context)
 
 
 def _tracked(self: Any, context: Any) -> None:
-    _agreed(self, "track_file")
+    _agree(self, "track_file")
     _chosen(self, context)
 
 
-def _agreed(settings: Any, name: str) -> None:
+def _agree(settings: Any, name: str) -> None:
     agreed_paths.confirm(agreed_paths.claims(settings, name))  # no file that is opened comes through here
 
 
@@ -117,7 +117,7 @@ class DermisStream(bpy.types.PropertyGroup):
 
     url: StringProperty(
         name="Port",
-        description="Serial port, socket://HOST:PORT, udp://HOST:PORT, or virtual: for the device in the box",
+        description="Serial port, socket://HOST:PORT, udp://HOST:PORT, or virtual: for the simulated device",
         default="virtual:",
         update=_addressed,
         options=set(),

@@ -1,4 +1,4 @@
-"""Blender's side of the sender: starts the process, pins wishes and signs of life, reads the status. Never waits.
+"""Blender's side of the sender: starts the process, writes requests and signs of life, reads the status. Never waits.
 
 A sender that is closed brings its device to the safe state at the device's own speed, which may take longer than
 anybody's patience: it goes on by itself then, and removes what is its own. Who wants its port meanwhile is told so.
@@ -13,8 +13,8 @@ from typing import Any
 
 from ..errors import DermisError
 from ..work.child import ChildProcess, close_at_exit, command
-from .board import MOST_VALUES, Board
-from .wish import wish_of
+from .request import request_of
+from .shared_state import MAX_VALUES, SharedState
 
 MAX_CLOSE_SECONDS = 0.2  # closing waits this long for the sender; then that finishes by itself
 
@@ -29,17 +29,17 @@ class SenderClient:
     """
 
     def __init__(self, verb: Sequence[str] = ("stream", "send")) -> None:
-        self._board = Board.create()
-        self._wish: dict[str, Any] = {}
+        self._shared = SharedState.create()
+        self._request: dict[str, Any] = {}
         self._stops = 0
-        self._ticket = 0
+        self._arm_id = 0
         self._closed = False
         self._before: SenderClient | None = None  # has the same port, and is still ending
         _reap()
         try:
-            self._child = ChildProcess("the sender", command(*verb, "--board", str(self._board.path)))
+            self._child = ChildProcess("the sender", command(*verb, "--board", str(self._shared.path)))
         except DermisError:
-            self._board.remove()
+            self._shared.remove()
             raise
         close_at_exit(self)
 
@@ -54,65 +54,65 @@ class SenderClient:
         return self._child.alive
 
     def connect(self, url: str, protocol: str, device: str, preset: Mapping[str, Any], **more: Any) -> None:
-        """Hold a link; `more` are other fields of `wish.Wish`. Nothing is armed by this.
+        """Hold a link; `more` are other fields of `request.StreamRequest`. Nothing is armed by this.
 
         A port that an earlier sender of this process still needs for its safe state is taken when it lets go.
         """
         _reap()
-        self._before = next((one for one in _ending if one._wish.get("url") == url), None)
+        self._before = next((one for one in _ending if one._request.get("url") == url), None)
         self.set(connect=True, url=url, protocol=protocol, device={"key": device, "preset": dict(preset)}, **more)
 
     def disconnect(self) -> None:
         """Let the link go; an armed device goes to its safe state first."""
-        self.set(connect=False, arm=0)
+        self.set(connect=False, arm_id=0)
 
     def set(self, **fields: Any) -> None:
-        """Change fields of the wish.
+        """Change fields of the request.
 
         Raises:
             DermisError: a field that there is none of, or that cannot be; nothing is changed then.
         """
-        wish_of({**self._wish, **fields}).check()
-        if any(self._wish.get(k, _NONE) != v for k, v in fields.items()):
-            self._wish |= fields
-            self._pin()
+        request_of({**self._request, **fields}).check()
+        if any(self._request.get(k, _NONE) != v for k, v in fields.items()):
+            self._request |= fields
+            self._write()
 
     def arm(self) -> None:
         """Let the device move, once; call it because a person asked for it."""
-        self._ticket += 1
-        self.set(arm=self._ticket, stops=self._stops)
+        self._arm_id += 1
+        self.set(arm_id=self._arm_id, stops=self._stops)
 
     def disarm(self) -> None:
         """Bring the device to its safe state."""
-        self.set(arm=0)
+        self.set(arm_id=0)
 
     def stop(self) -> None:
         """Safe state, now. Works where nothing else does."""
         self._stops += 1
-        self._board.beat(self._stops, False, None)
+        self._shared.write_heartbeat(self._stops, False, None)
 
-    def beat(self, *, playing: bool = False, time: float | None = None, values: Sequence[float] = ()) -> None:
+    def heartbeat(self, *, playing: bool = False, time: float | None = None, values: Sequence[float] = ()) -> None:
         """Give a sign of life, with what Blender shows."""
-        if len(values) > MOST_VALUES:
-            raise DermisError("more values than a beat can hold", value=len(values), limit=str(MOST_VALUES))
-        self._board.beat(self._stops, playing, time, tuple(values))
+        if len(values) > MAX_VALUES:
+            raise DermisError("more values than a heartbeat can hold", value=len(values), limit=str(MAX_VALUES))
+        self._shared.write_heartbeat(self._stops, playing, time, tuple(values))
 
     def status(self) -> dict[str, Any]:
         """Return how things stand; `state` is 'dead' where the sender has died."""
-        status = self._board.read_status()
+        status = self._shared.read_status()
         if self._before is not None:
-            words = self._before._board.read_status().get("words", "")
-            self._pin()
+            message = self._before._shared.read_status().get("message", "")
+            self._write()
             if self._before is not None:
                 return {
                     **status,
                     "state": "connecting",
                     "armed": False,
-                    "words": f"waiting for the port: its sender of before still has it ({words})",
+                    "message": f"waiting for the port: its sender of before still has it ({message})",
                 }
         if not self.alive:
-            return {**status, "state": "dead", "armed": False, "words": f"The sender has ended: {self._child.said()}"}
-        return status or {"state": "disconnected", "words": "", "armed": False}
+            return {**status, "state": "dead", "armed": False, "message": f"The sender has ended: {self._child.said()}"}
+        return status or {"state": "disconnected", "message": "", "armed": False}
 
     def close(self) -> None:
         """End the sender, the device safe first, and wait a moment for it. Safe to call twice."""
@@ -127,17 +127,17 @@ class SenderClient:
 
     def _gone(self) -> bool:
         """Return whether a closed sender has ended, and leave nothing behind then; one that hangs is killed."""
-        gone = self._child.gone(self._board.status_number)
+        gone = self._child.gone(self._shared.status_number)
         if gone:
-            self._board.remove()
+            self._shared.remove()
         return gone
 
-    def _pin(self) -> None:
-        """Pin the wish, unless an earlier sender has the port."""
+    def _write(self) -> None:
+        """Write the request, unless an earlier sender has the port."""
         _reap()
         if self._before not in _ending:
             self._before = None
-            self._board.wish(self._wish)
+            self._shared.write_request(self._request)
 
     def wait(self, state: str, seconds: float = 5.0) -> dict[str, Any]:
         """Wait for a state, giving signs of life meanwhile; for scripts and tests, never for a user interface.
@@ -172,5 +172,5 @@ def _reap() -> None:
 def leaving() -> str:
     """Return what closed senders of this process still do, in words; '' where all have ended."""
     _reap()
-    found = ((str(one._wish.get("url", "")), str(one._board.read_status().get("words", ""))) for one in _ending)
-    return "; ".join(f"{words or 'going to the safe state'} ({url})" for url, words in found)
+    found = ((str(one._request.get("url", "")), str(one._shared.read_status().get("message", ""))) for one in _ending)
+    return "; ".join(f"{message or 'going to the safe state'} ({url})" for url, message in found)

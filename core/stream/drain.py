@@ -15,16 +15,16 @@ class Drain:
     """Empties a link before it is closed, without ever waiting.
 
     Attributes:
-        words: what could not be done, '' if nothing.
+        message: what could not be done, '' if nothing.
     """
 
     def __init__(self, link: Transport, adapter: Adapter, outbox: Outbox, counters: Counter[str], now: float) -> None:
         self._link, self._adapter, self._outbox, self._counters = link, adapter, outbox, counters
         self._until = now + DRAIN
-        self.words = ""
+        self.message = ""
 
     def done(self, now: float) -> bool:
-        """Send on what waits; tell whether the link may be closed.
+        """Send on what waits; return whether the link may be closed.
 
         Raises:
             Gone: the link is closed already.
@@ -38,9 +38,9 @@ class Drain:
             return False
         if waiting:
             self._counters["bytes thrown away at the end"] += waiting
-            self.words = f"{waiting} bytes did not leave within {DRAIN:g} s and were thrown away"
+            self.message = f"{waiting} bytes did not leave within {DRAIN:g} s and were thrown away"
         else:
-            self.words = f"the device did not confirm its safe state within {DRAIN:g} s"
+            self.message = f"the device did not confirm its safe state within {DRAIN:g} s"
         self._counters["safe states not confirmed"] += 1
-        self.words = f"{self.words.capitalize()}. Switch its supply off"
+        self.message = f"{self.message.capitalize()}. Switch its supply off"
         return True

@@ -14,7 +14,7 @@ from ..units import from_si
 from .protocols.wire import Array
 
 FINE = 4  # samples for each value of the output, at least, where a track's own are unevenly spaced
-MOST = 20_000_000  # samples that an uneven track may become: more than an hour at 1 kHz
+MAX_SAMPLES = 20_000_000  # samples that an uneven track may become: more than an hour at 1 kHz
 NOTHING = 1e-3  # part of a channel's span that counts as nothing left out [1]: a servo's dead band is five times that
 SHOWN = {"m": "mm", "rad": "deg"}
 
@@ -38,12 +38,12 @@ def low_passed(times: Array, values: Array, output_hz: float) -> tuple[Array, Ar
     step = float(times[-1] - times[0]) / len(steps)
     if np.abs(steps - step).max() >= 1e-6 * step:
         count = math.ceil((times[-1] - times[0]) / min(step, 1 / (FINE * output_hz))) + 1
-        if count > MOST:
+        if count > MAX_SAMPLES:
             raise DermisError(
                 "a track of uneven steps is too long to be played so finely",
                 where="track",
                 value=f"{count} samples",
-                limit=str(MOST),
+                limit=str(MAX_SAMPLES),
                 remedy="Sample it evenly",
             )
         even = np.linspace(times[0], times[-1], count)
@@ -76,7 +76,7 @@ class Loss:
     span: Array
 
     def __str__(self) -> str:
-        """Say it in words; '' where it is next to nothing."""
+        """Return it as a message; '' where it is next to nothing."""
         parts = []
         for i in np.flatnonzero(self.largest > NOTHING * self.span):
             unit = SHOWN.get(self.units[i], self.units[i])

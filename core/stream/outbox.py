@@ -12,10 +12,10 @@ from .protocols.adapter import Adapter
 from .protocols.wire import Array
 
 MEMORY = 0.5  # a link that was congested without a word is not hurried for this long [s]
-WAITING_MOST = 16  # messages of the protocol's own that wait for room in the link
+MAX_WAITING = 16  # messages of the protocol's own that wait for room in the link
 
 
-class Fate(Enum):
+class SendResult(Enum):
     """What became of a command."""
 
     SENT = "it left"
@@ -44,7 +44,7 @@ class Outbox:
 
     @property
     def blocked(self) -> bool:
-        """Tell whether something waits for room."""
+        """Return whether something waits for room."""
         return self.held is not None or bool(self._waiting)
 
     @property
@@ -55,7 +55,7 @@ class Outbox:
     def poll(self, now: float) -> None:
         """Send what the protocol itself has to say, in its order; what finds no room waits, the oldest not for ever."""
         self._waiting += self._adapter.poll(now)
-        while len(self._waiting) > WAITING_MOST:
+        while len(self._waiting) > MAX_WAITING:
             self._waiting.popleft()
             self._counters["dropped"] += 1
         while self._waiting and self._link.send(self._waiting[0]):
@@ -64,7 +64,7 @@ class Outbox:
             self._refused = now
 
     def send(self, messages: list[bytes], *, count: bool = True) -> bool:
-        """Send messages; tell whether all of them left. Those that did not are counted as dropped, if that is meant."""
+        """Send messages; return whether all of them left. `count`: those that did not are counted as dropped."""
         whole = True
         for message in messages:
             if self._link.send(message):
@@ -74,8 +74,8 @@ class Outbox:
                 whole = False
         return whole
 
-    def command(self, values: Array, play: float | None, now: float, patience: float) -> Fate:
-        """Send one command; tell what became of it.
+    def command(self, values: Array, play: float | None, now: float, patience: float) -> SendResult:
+        """Send one command; return what became of it.
 
         Args:
             play: when it counts [s], or None for at once. patience: a command this close to its time is dropped [s].
@@ -84,18 +84,18 @@ class Outbox:
         free = not self._waiting and self._may_leave(now)
         if free and self.send(self._adapter.command(values, now, play), count=False):
             self._counters["sent"] += 1
-            return Fate.SENT
+            return SendResult.SENT
         if free:
             self._adapter.forget()
             self._refused = now
         if play is not None and play - now > patience:
             self.held = values, play
-            return Fate.HELD
+            return SendResult.HELD
         self._counters["dropped"] += 1
-        return Fate.DROPPED
+        return SendResult.DROPPED
 
     def _may_leave(self, now: float) -> bool:
-        """Tell whether the link is through with what has left, as far as its pace and the answers tell."""
+        """Return whether the link is through with what has left, as far as its pace and the answers tell."""
         if self._adapter.congested:
             if now - self._refused > MEMORY:
                 self._crowded = now

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from ..errors import DermisError
+from .device_options import add_device, add_link, request_from
 
 TELL_TOUCHES = ("native", "osc")  # protocols whose device may have a touch panel of its own
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what `panel` takes beside device and protocol."""
+    """Add what `panel` takes."""
+    add_device(parser)
     parser.add_argument("map", type=Path, metavar="MAP", help="a screen's map: NAME.map.npz, as exported")
-    parser.add_argument("--url", required=True, help="port or URL of the device, 'virtual:' for the one in the box")
+    add_link(parser)
     parser.add_argument(
         "--touch",
         default="device",
@@ -32,8 +33,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("m", "mm"),
         help="of x and y in lines 'x y [down]', from the screen's centre (mm)",
     )
-    parser.add_argument("--calibration", type=Path, metavar="FILE", help="calibration of this device")
-    parser.add_argument("--rate", type=float, default=0.0, metavar="HZ", help="of commands (the device's own)")
     parser.add_argument("--yes", action="store_true", help="arm without asking")
 
 
@@ -43,16 +42,10 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
     Raises:
         DermisError: a map, device, link or source of touches that cannot be used; says which.
     """
-    from ..devices.calibration import Calibration
-    from ..presets import Library
     from .panel_session import PanelSession
-    from .play import Interrupted, Signals
-    from .streamer import Streamer
-    from .touch_input import touch_input
-    from .virtual.link import open_link
-    from .wish import Wish, check_number
+    from .signals import Interrupted, Signals
+    from .touch_sources import touch_input
 
-    check_number("rate", options.rate)
     if options.touch == "-" and not options.yes:
         raise DermisError(
             "standard input cannot both arm and tell touches",
@@ -68,29 +61,16 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
             remedy="Choose a source with --touch",
         )
     screen = load_screen(options.map)
-    key = options.device or "electrovibration"
-    wish = Wish(
-        connect=True,
-        url=options.url,
-        protocol=options.protocol,
-        mode="panel",
-        screen=str(options.map),
-        device={"key": key, "preset": Library(options.presets).load("devices", key)},
-        rate=options.rate,
-        ramp=0.0,
-        calibration=Calibration.load(options.calibration).dumps() if options.calibration else "",
-        play_on=True,
-    )
-    given = touch_input(options.touch, options.unit, screen.size)
-    session = PanelSession(Streamer(open_link, lambda path: screen), given)
-    signals = Signals()
+    more = {"mode": "panel", "screen": str(options.map), "ramp": 0.0, "play_on": True}
+    request = request_from(options, options.device or "electrovibration", connect=True, **more)
+    given, signals = touch_input(options.touch, options.unit, screen.size), Signals()
+    session = PanelSession(request, screen, given, signals)
     with signals.caught():
         try:
-            session.connect(wish)
-            session.warn(screen.device.limit)
+            session.prepare(screen.device.limit)
             if not options.yes:
-                _ask(options.url, signals.line)
-            session.follow(lambda: signals.number > 0)
+                session.confirm("Enter: arm.")
+            session.follow()
         except Interrupted:
             pass
         finally:
@@ -100,20 +80,5 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
     with contextlib.suppress(OSError):  # a terminal that hung up reads no more
         print(session.summary())
     if session.unsure:
-        raise DermisError(session.streamer.words.rstrip(".") or "0 V could not be made sure of", where=options.url)
+        raise session.refusal("0 V could not be made sure of")
     return 0
-
-
-def _ask(url: str, line: Callable[[], str]) -> None:
-    """Wait for a person to press Enter.
-
-    Raises:
-        DermisError: standard input ended before.
-    """
-    print("Enter: arm.", file=sys.stderr)
-    if not line():
-        raise DermisError(
-            "not armed: standard input ended before anybody pressed Enter",
-            where=url,
-            remedy="Run it in a terminal, or pass --yes",
-        )

@@ -2,94 +2,83 @@
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Callable
 
 import numpy as np
 
 from ..errors import DermisError
-from .links.url import unnamed
+from .local_stream import LocalStream, say
+from .panel_source import PanelSource, Screen
 from .protocols.adapter import Touch
-from .source import Panel
+from .request import StreamRequest
+from .signals import Signals
 from .streamer import Streamer
 from .touch_input import TouchInput
-from .wish import Wish
+from .virtual.link import open_link
 
 
-class PanelSession:
+class PanelSession(LocalStream):
     """A screen that follows a finger, from connecting to 0 V.
 
+    Args:
+        screen: answers touches. given: tells them, where that is not the device's own panel.
+
     Attributes:
-        touches, reports: times that a finger came down, and words of where it was. volts: least and most driven.
-        latencies: from a word's arrival here to the command after it [s]. unsure: 0 V could not be made sure of.
+        touches, reports: times that a finger came down, and messages of where it was. volts: least and most driven.
+        latencies: from a message's arrival here to the command after it [s].
     """
 
-    def __init__(self, streamer: Streamer, given: TouchInput | None) -> None:
-        self.streamer, self.given = streamer, given
+    def __init__(self, request: StreamRequest, screen: Screen, given: TouchInput | None, signals: Signals) -> None:
+        super().__init__(Streamer(open_link, lambda _: screen), request, signals)
+        self.given = given
         self.touches = self.reports = 0
         self.volts = (0.0, 0.0)
         self.latencies: list[float] = []
-        self.unsure = False
         self._seen: Touch | None = None
         self._open: Touch | None = None  # seen, and no command has left since
 
-    def connect(self, wish: Wish) -> None:
-        """Open the link and make it ready.
+    def prepare(self, limit: float) -> None:
+        """Open the link, and print what is about to happen.
+
+        Args:
+            limit: of the screen map [V].
 
         Raises:
             DermisError: it cannot be, or the device is none that a touch panel can drive.
+            Interrupted: a signal came first.
         """
-        streamer = self.streamer
-        streamer.apply(wish, time.perf_counter())
-        self._run(lambda: streamer.state in ("ready", "fault") or (streamer.link is None and bool(streamer.words)))
-        if streamer.state != "ready" or not isinstance(streamer.source, Panel):
-            raise self._refusal("the device cannot be reached")
+        drive = self.connect()
+        panel, wire, caution = drive.output.source, drive.output.wire, drive.connection.adapter.caution
+        if not isinstance(panel, PanelSource):
+            raise self.refusal("the device cannot be reached")
         if self.given is not None:
-            streamer.source.finger = self.given.finger
-
-    def warn(self, limit: float) -> None:
-        """Say what is about to happen."""
-        streamer = self.streamer
-        assert streamer.wire is not None and streamer.adapter is not None
-        most = min(limit, float(streamer.wire.most[streamer.wire.names.index("amplitude")]))
-        if streamer.adapter.caution:
-            print(streamer.adapter.caution, file=sys.stderr)
+            panel.finger = self.given.finger
+        if caution:
+            say(caution)
+        most = min(limit, float(wire.most[wire.names.index("amplitude")]))
         source = self.given.name if self.given is not None else "the device's own panel"
-        print(
-            f"{streamer.wire.spec.name} at {streamer.wish.url}: up to {most:.4g} V as soon as a finger moves on it. "
-            f"Touches from {source}. Ctrl-C: 0 V, and the end.",
-            file=sys.stderr,
+        say(
+            f"{wire.spec.name} at {self.request.url}: up to {most:.4g} V as soon as a finger moves on it. "
+            f"Touches from {source}. Ctrl-C: 0 V, and the end."
         )
 
-    def follow(self, ended: Callable[[], bool]) -> None:
-        """Arm, and answer touches until something ends it, or until no more will come.
+    def follow(self) -> None:
+        """Arm, and answer touches until a signal ends it, or until no more will come.
 
         Raises:
             DermisError: the device is not armed any more, or the source of touches failed.
         """
-        streamer, given = self.streamer, self.given
-        streamer.wish.arm = 1
-        streamer.apply(streamer.wish, time.perf_counter())
-        self._run(lambda: ended() or not streamer.armed or (given is not None and given.ended))
-        if not streamer.armed:
-            raise self._refusal("the device disarmed itself")
-        if given is not None and given.fault and not ended():
+        given = self.given
+        self.arm()
+        self.run(lambda: not self.streamer.armed or (given is not None and given.ended))
+        if not self.streamer.armed:
+            raise self.refusal("the device disarmed itself")
+        if given is not None and given.fault and not self.signals.number:
             raise DermisError(f"no more touches: {given.fault.rstrip('.')}")
-
-    def shut(self) -> None:
-        """Go to 0 V, make sure of that as long as it takes, and close the link; safe to call twice."""
-        streamer = self.streamer
-        if streamer.finished:
-            return
-        unsure = streamer.counters["safe states not confirmed"]
-        streamer.shut(time.perf_counter())
-        self._run(lambda: streamer.finished)
-        self.unsure = streamer.counters["safe states not confirmed"] > unsure
 
     def summary(self) -> str:
         """Return touches, volts, latency and whatever was counted."""
-        streamer, latencies = self.streamer, np.array(self.latencies) * 1e3
+        counted, latencies = self.streamer.counted(), np.array(self.latencies) * 1e3
         lines = [f"touches {self.touches}, reports {self.reports}, {self.volts[0]:.4g} to {self.volts[1]:.4g} V"]
         if len(latencies):
             median, late = np.percentile(latencies, (50, 95))
@@ -97,25 +86,21 @@ class PanelSession:
                 f"latency median {median:.2f} ms, p95 {late:.2f} ms from a touch's arrival here to its "
                 f"command leaving ({len(latencies)} of {self.reports} reports)"
             )
-        counters = {**streamer.counters, **(streamer.gate.limited if streamer.gate else {})}
-        if isinstance(streamer.source, Panel):
-            counters |= {"touches grown old": streamer.source.aged, "amplitude.law": streamer.source.limited}
-        if self.given is not None:
-            counters["bad touches"] = self.given.bad
-        lines.append(", ".join(f"{name} {count}" for name, count in sorted(counters.items()) if count))
+        if self.given is not None and self.given.bad:
+            counted["bad touches"] = self.given.bad
+        lines.append(", ".join(f"{name} {count}" for name, count in sorted(counted.items())))
         return "\n".join(filter(None, lines))
 
-    def _run(self, until: Callable[[], bool]) -> None:
-        """Let time pass."""
-        clock, streamer = time.perf_counter, self.streamer
-        while not until():
-            before = streamer.counters["sent"]
-            due = streamer.tick(clock())
-            if isinstance(streamer.source, Panel):
-                self._note(streamer.source, streamer.counters["sent"] > before, clock())
-            time.sleep(max(due - clock(), 0.0))
+    def tick(self, now: float) -> float:
+        """Do what is due, and count what was seen and sent."""
+        before = self.streamer.counters["sent"]
+        due = super().tick(now)
+        panel = self.streamer.output.source if self.streamer.output is not None else None
+        if isinstance(panel, PanelSource):
+            self._note(panel, self.streamer.counters["sent"] > before, time.perf_counter())
+        return due
 
-    def _note(self, panel: Panel, sent: bool, now: float) -> None:
+    def _note(self, panel: PanelSource, sent: bool, now: float) -> None:
         """Count what one tick has seen and sent."""
         touch = panel.seen
         if touch is not None and touch is not self._seen:
@@ -128,10 +113,6 @@ class PanelSession:
         if self._open is not None and self._open.at is not None:
             self.latencies.append(now - self._open.at)
         self._open = None
-        assert self.streamer.gate is not None
-        volts = float(self.streamer.gate.last[panel.wire.names.index("amplitude")])
+        assert self.streamer.output is not None
+        volts = float(self.streamer.output.limiter.last[panel.wire.names.index("amplitude")])
         self.volts = min(self.volts[0], volts), max(self.volts[1], volts)
-
-    def _refusal(self, otherwise: str) -> DermisError:
-        words = self.streamer.words
-        return DermisError(words.rstrip(".") or otherwise, where=unnamed(self.streamer.wish.url, words))

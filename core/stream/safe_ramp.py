@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .gate import Gate, way_seconds
+from .output_limiter import OutputLimiter, way_seconds
 from .protocols.packets import Reach
 from .protocols.wire import SAFE_SWEEP, Array, Wire
 
@@ -27,43 +27,43 @@ class SafeRamp:
         said: how often the safe state was said, once it was reached.
     """
 
-    def __init__(self, gate: Gate, period: float, now: float) -> None:
-        self._gate, self._period = gate, period
-        gate.plan(period)
-        self._start = gate.last
+    def __init__(self, limiter: OutputLimiter, period: float, now: float) -> None:
+        self._limiter, self._period = limiter, period
+        limiter.plan(period)
+        self._start = limiter.last
         self._next = self._left = now
         self.said = 0
 
     @property
     def seconds(self) -> float:
         """How long the rest of the way takes [s]."""
-        return way_seconds(self._gate.wire.safe - self._gate.last, speeds(self._gate.wire, self._start))
+        return way_seconds(self._limiter.wire.safe - self._limiter.last, speeds(self._limiter.wire, self._start))
 
     @property
     def there(self) -> bool:
-        """Tell whether what was driven last is the safe state."""
-        return bool((np.abs(self._gate.last - self._gate.wire.safe) < 1e-9).all())
+        """Return whether what was driven last is the safe state."""
+        return bool((np.abs(self._limiter.last - self._limiter.wire.safe) < 1e-9).all())
 
     def due(self, now: float) -> bool:
-        """Tell whether the next command has to leave."""
+        """Return whether the next command has to leave."""
         return now >= self._next
 
     def step(self, now: float) -> Array:
-        """Return what to drive now [units]; the gate remembers it."""
-        wire = self._gate.wire
-        return self._gate.approach(wire.safe, speeds(wire, self._start), now)
+        """Return what to drive now [units]; the limiter remembers it."""
+        wire = self._limiter.wire
+        return self._limiter.approach(wire.safe, speeds(wire, self._start), now)
 
     def sent(self, now: float) -> None:
-        """Note that the last step left."""
+        """Count the last step as sent."""
         self._left = now
         self._next = max(self._next + self._period, now)
 
     def undo(self) -> None:
         """Forget the last step: its command did not leave."""
-        self._gate.undo()
+        self._limiter.undo()
 
     def stuck(self, now: float) -> bool:
-        """Tell whether the link has taken nothing for too long."""
+        """Return whether the link has taken nothing for too long."""
         return now - self._left > STUBBORN
 
 

@@ -1,4 +1,4 @@
-"""The sender's process: reads the notice board, ticks the streamer on a monotonic clock, pins the status.
+"""The sender's process: reads the shared state, ticks the streamer on a monotonic clock, writes the status.
 
 Its standard input is the parent pipe: when that ends, Blender is gone, and the device goes to its safe state, at its
 own speed. The process outlives Blender until it is there and all that waits in the link has left; a signal that asks it
@@ -14,19 +14,19 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ..work.child import follow_parent
-from .board import Board
-from .play import Signals
-from .source import Screen
+from .panel_source import Screen
+from .request import request_of
+from .shared_state import SharedState
+from .signals import Signals
 from .streamer import Streamer
 from .virtual.link import open_link
-from .wish import wish_of
 
 STATUS_EVERY = 0.05
 
 
 def run(path: Path, load_screen: Callable[[Path], Screen] | None = None) -> int:
-    """Serve a board until its owner is gone; return the exit status."""
-    board = Board.open(path)
+    """Serve a shared state until its owner is gone; return the exit status."""
+    shared = SharedState.open(path)
     ended: list[str] = []  # why; an Event would wait for itself where one signal comes while another is handled
     follow_parent(lambda: ended.append("parent pipe"))
     for name in Signals.NAMES:
@@ -36,41 +36,41 @@ def run(path: Path, load_screen: Callable[[Path], Screen] | None = None) -> int:
     gc.collect()
     gc.freeze()  # a collection in the middle of a stream then has little to look at
     try:
-        _loop(board, streamer, ended)
+        _loop(shared, streamer, ended)
     finally:  # a defect must not leave a device under voltage either
-        _finish(board, streamer)
+        _finish(shared, streamer)
     return 0
 
 
-def _loop(board: Board, streamer: Streamer, ended: list[str]) -> None:
+def _loop(shared: SharedState, streamer: Streamer, ended: list[str]) -> None:
     clock = time.perf_counter
-    seen_wish = seen_beat = 0
+    seen_request = seen_heartbeat = 0
     status_at, shown = 0.0, ""
     while not ended:
         now = clock()
-        if board.beat_number != seen_beat:
-            beat = board.read_beat()
-            if beat is not None and beat.number != seen_beat:
-                seen_beat = beat.number
-                streamer.beat(beat, now)
-        if board.wish_number != seen_wish:
-            number = board.wish_number
-            wish = board.read_wish()
-            if wish:
-                seen_wish = number
-                streamer.apply(wish_of(wish), clock())
+        if shared.heartbeat_number != seen_heartbeat:
+            heartbeat = shared.read_heartbeat()
+            if heartbeat is not None and heartbeat.number != seen_heartbeat:
+                seen_heartbeat = heartbeat.number
+                streamer.heartbeat(heartbeat, now)
+        if shared.request_number != seen_request:
+            number = shared.request_number
+            request = shared.read_request()
+            if request:
+                seen_request = number
+                streamer.apply(request_of(request), clock())
         due = streamer.tick(clock())
         now = clock()
         if now >= status_at or streamer.state != shown:
             shown, status_at = streamer.state, now + STATUS_EVERY
-            board.status(streamer.status())
+            shared.write_status(streamer.status())
             now = clock()
         if due > now:
             time.sleep(due - now)
 
 
-def _finish(board: Board, streamer: Streamer) -> None:
-    """Bring the device to its safe state however long its ramp takes, let the link go, and remove the board."""
+def _finish(shared: SharedState, streamer: Streamer) -> None:
+    """Bring the device to its safe state however long its ramp takes, let the link go, and remove the shared state."""
     clock = time.perf_counter
     streamer.shut(clock())
     status_at = 0.0
@@ -78,7 +78,7 @@ def _finish(board: Board, streamer: Streamer) -> None:
         due, now = streamer.tick(clock()), clock()
         if now >= status_at:
             status_at = now + STATUS_EVERY
-            board.status(streamer.status())
+            shared.write_status(streamer.status())
         time.sleep(max(due - clock(), 0.0))
-    board.status({**streamer.status(), "state": "disconnected", "ended": True})
-    board.remove()  # its owner may be gone without having done so
+    shared.write_status({**streamer.status(), "state": "disconnected", "ended": True})
+    shared.remove()  # its owner may be gone without having done so

@@ -1,9 +1,7 @@
-"""The sender's mind: connecting, arming, stopping, and what goes out when. It knows no process and no real time.
+"""What is streamed, by requests and signs of life: connecting, arming, stopping. It knows no process and no real time.
 
 Life of a link: disconnected -> connecting -> ready -> armed or streaming -> (stalled | fault) -> stopping -> closed.
-Whatever ends it, the device goes to its safe state first, at its own speed, and what waits in the link leaves; only
-then is it closed. Arming takes a ticket that rises; one ticket arms once. After a stop, a stall, a fault or a lost
-link nothing moves until a person arms again.
+What happens while a link is open stands in drive.py. Arming takes an id that rises; one of them arms once.
 """
 
 from __future__ import annotations
@@ -15,462 +13,252 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import DermisError
-from .board import Beat
-from .drain import Drain
-from .gate import Gate
-from .links import capacity
+from .connection import Connection
+from .device_output import DeviceOutput
+from .drive import Drive
 from .links.transport import Gone, Transport
 from .links.url import Url
-from .outbox import Fate, Outbox
-from .pace import Pace
+from .panel_source import PanelSource, Screen
 from .protocols import adapter as adapters
-from .protocols.adapter import Adapter
-from .protocols.packets import Reach
 from .protocols.wire import Wire
-from .safe_ramp import SafeRamp
-from .source import Follow, Panel, Play, Screen, Source, follow_values, goes_on, source_of
-from .wish import Wish
+from .request import StreamRequest
+from .shared_state import Heartbeat
+from .track_source import TrackSource
 
-HANDSHAKE = 3.0  # a device that has not said who it is after this long is none [s]
 RETRY = 1.0  # between two attempts to connect again [s]
-ARMING = 1.0  # a device that is not armed after this long will not be [s]
-REPEAT = 3  # a safe state is written this often where no device confirms it
-RECALIBRATING = 0.3  # what a new calibration, or something else to play, changes is blended in over this long [s]
 
 
 class Streamer:
-    """Does what wishes and beats ask for, a tick at a time.
+    """Does what requests and heartbeats ask for, a tick at a time.
 
     Args:
         open_link: opens a URL for a device and a protocol; may raise DermisError.
         load_screen: reads a screen map for the mode 'panel'.
 
     Attributes:
-        state: for people, see the module. words: the last error or what is waited for.
-        counters: sent, dropped, skipped ... pace: which samples are due, and how late they were.
+        request: what is wanted now. counters: sent, dropped, skipped ... on this link and its next attempts.
+        output: what the device gets, None before the first connection. drive: of the open link, None without one.
     """
 
     def __init__(
         self, open_link: Callable[[Url, Wire, str], Transport], load_screen: Callable[[Path], Screen] | None = None
     ) -> None:
         self._open_link, self._load_screen = open_link, load_screen
-        self.state, self.words = "disconnected", ""
+        self.request = StreamRequest()
         self.counters: Counter[str] = Counter()
-        self.pace = Pace(1.0)
-        self.wish = Wish()
-        self.wire: Wire | None = None
-        self.gate: Gate | None = None
-        self.adapter: Adapter | None = None
-        self.link: Transport | None = None
-        self.source: Source | None = None
-        self.rate = 0.0
-        self._phase = "idle"  # 'arming', 'live', 'safing', 'draining'
-        self._since = 0.0
-        self.ticket = 0
-        self._stops = 0
-        self._beat: Beat | None = None
-        self._beat_at = -math.inf
+        self.output: DeviceOutput | None = None
+        self.drive: Drive | None = None
+        self._message = ""  # while there is no link, which has its own
+        self._faulty = self._closing = False
+        self._arm_id = self._stops = 0  # of the last arming and stop that were heard of
+        self._heartbeat: Heartbeat | None = None
+        self._heartbeat_at = -math.inf
         self._retry_at = 0.0
-        self._ramp: SafeRamp | None = None
-        self._drain: Drain | None = None
-        self._outbox: Outbox | None = None
-        self._driven = False  # whether this link has brought the device where the gate believes it
-        self._leaving = self._closing = False
 
     # -- what comes from outside
 
-    def apply(self, wish: Wish, now: float) -> None:
-        """Take a new wish."""
-        self._guarded(now, lambda: self._apply(wish, now))
+    def apply(self, request: StreamRequest, now: float) -> None:
+        """Take a new request."""
+        self._guarded(now, lambda: self._apply(request, now))
 
-    def _apply(self, wish: Wish, now: float) -> None:
-        old, self.wish = self.wish, wish
-        wish.check()
-        if not wish.same_link(old):
+    def _apply(self, request: StreamRequest, now: float) -> None:
+        old, self.request = self.request, request
+        before, self._arm_id = self._arm_id, max(self._arm_id, request.arm_id)
+        if self.drive is not None:
+            self.drive.request = request
+        request.check()
+        if not request.same_link(old):
             self.counters.clear()
             self._leave(now, "")
             self._retry_at = now
-        if self.link is not None and not self._leaving and wish.calibration != old.calibration:
-            self._recalibrate(now)
-        if self.wire is not None and not self._leaving and not wish.same_source(old):
+        leaving = self.drive is not None and self.drive.leaving
+        if self.drive is not None and not leaving and request.calibration != old.calibration:
+            self.drive.recalibrate(request.calibrated())
+        if self.output is not None and not leaving and not request.same_source(old):
             self._choose_source(now)
-        if wish.arm == 0 or wish.arm < self.ticket:
-            if self._phase in ("arming", "live"):
-                self._to_safe(now)
-        elif wish.arm > self.ticket:
-            self.ticket = wish.arm
-            if wish.stops >= self._stops:
-                self._begin_arming(now)
+        if request.arm_id == 0 or request.arm_id < before:
+            if self.drive is not None:
+                self.drive.give_up(now, self.drive.message)
+        elif request.arm_id > before and request.stops >= self._stops:
+            self._arm(now)
 
-    def beat(self, beat: Beat, now: float) -> None:
+    def heartbeat(self, heartbeat: Heartbeat, now: float) -> None:
         """Take a sign of life."""
-        if self._beat is not None and beat.stops != self._beat.stops or self._beat is None and beat.stops:
-            self._stops = beat.stops
+        if heartbeat.stops != (self._heartbeat.stops if self._heartbeat is not None else 0):
+            self._stops = heartbeat.stops
             self.stop(now, "Stopped")
-        self._beat, self._beat_at = beat, now
-        if isinstance(self.source, Play) and beat.time is not None:
-            self.source.clock.report(beat.time, beat.playing, now)
-        elif isinstance(self.source, Panel) and beat.time is not None:
-            self.source.report(beat.time, beat.playing, now)
-        elif isinstance(self.source, Follow) and self.wire is not None:
-            self.source.latest = follow_values(self.wire, beat.values)
+        self._heartbeat, self._heartbeat_at = heartbeat, now
+        if self.output is not None:
+            self.output.show(heartbeat, now)
 
-    def stop(self, now: float, words: str) -> None:
+    def stop(self, now: float, message: str) -> None:
         """Go to the safe state; nothing moves before the next arming."""
-        self._guarded(now, lambda: self._stop(now, words))
-
-    def _stop(self, now: float, words: str) -> None:
-        if self._phase in ("arming", "live"):
-            self.words = words
-            self._to_safe(now)
-        elif self._phase == "idle" and self.adapter is not None and self.adapter.ready and self.adapter.own_safe:
-            self._send(self.adapter.safe())
+        if (drive := self.drive) is not None:
+            self._guarded(now, lambda: drive.stop(now, message))
 
     def shut(self, now: float) -> None:
         """Begin to end: safe state, then nothing more. `finished` tells when; it needs ticks until then."""
         self._closing = True
-        self._guarded(now, lambda: self._leave(now, self.words))
+        self._guarded(now, lambda: self._leave(now, self.message))
+
+    def tick(self, now: float) -> float:
+        """Do what is due; return when the next thing will be [s]."""
+        self._guarded(now, lambda: self._tick(now))
+        return self.drive.next(now) if self.drive is not None else now + 0.02
+
+    # -- how it stands
 
     @property
-    def finished(self) -> bool:
-        """Tell whether `shut` is through."""
-        return self._closing and self.link is None
+    def state(self) -> str:
+        """How the link stands in a word, for people: see the module."""
+        if self._faulty and (self.drive is not None or self.request.connect):
+            return "fault"
+        return self.drive.state if self.drive is not None else "disconnected"
+
+    @property
+    def message(self) -> str:
+        """The last error, or what is waited for."""
+        return self.drive.message if self.drive is not None else self._message
+
+    @property
+    def connection(self) -> Connection | None:
+        """The open link, None without one."""
+        return self.drive.connection if self.drive is not None else None
 
     @property
     def armed(self) -> bool:
-        """Tell whether the device moves, or may at any moment."""
-        return self._phase in ("arming", "live")
+        """Whether the device moves, or may at any moment."""
+        return self.drive is not None and self.drive.armed
 
     @property
-    def pose_known(self) -> bool:
-        """Tell whether it is known where the device is: it says so, or this link drove it, and it holds on."""
-        if self.adapter is None or self.wire is None:
-            return False
-        asked = self.adapter.own_safe  # it goes there by itself, and says so
-        lets_go = asked or self.adapter.lets_go or self.wire.reach == Reach.RELEASE
-        return self.adapter.pose is not None or (self._driven and (self.armed or not lets_go))
+    def finished(self) -> bool:
+        """Whether `shut` is through."""
+        return self._closing and self.drive is None
 
-    @property
-    def going(self) -> str:
-        """Say what still happens before the device is safe or the link closed, '' for nothing."""
-        if self._phase == "safing" and self._ramp is not None:
-            return f"going to the safe state, {self._ramp.seconds:.1f} s"
-        return "making sure of the safe state" if self._phase == "draining" else ""
+    def counted(self) -> dict[str, int]:
+        """Return all that was counted, and more than never, by name."""
+        counted = {**self.counters, **(self.output.limited() if self.output is not None else {})}
+        return {name: count for name, count in sorted(counted.items()) if count}
 
-    # -- time passes
+    def status(self) -> dict[str, Any]:
+        """Return how things stand as plain JSON values: state, message, counters, and what is driven."""
+        drive, message = self.drive, self.message
+        going = drive.going if drive is not None else ""
+        return {
+            "state": self.state,
+            "message": "; ".join(filter(None, (message.rstrip("."), going))) if going else message,
+            "armed": self.armed,
+            "arm_id": self._arm_id,
+            "pose_known": drive is not None and drive.pose_known,
+            "counters": dict(self.counters),
+            **(self.output.status() if self.output is not None else {}),
+            **(drive.connection.status() if drive is not None else {}),
+        }
 
-    def tick(self, now: float) -> float:
-        """Do what is due; return when the next thing will be."""
-        self._guarded(now, lambda: self._tick(now))
-        self._name_state()
-        if self._phase == "live":  # often enough for a stop, however slow the device
-            wait = 0.001 if self._outbox is not None and self._outbox.blocked else 0.004
-            return min(max(self.pace.next - self._horizon(), now), now + wait)
-        return now + (0.002 if self.link is not None else 0.02)
+    # -- the link
+
+    def _tick(self, now: float) -> None:
+        drive = self.drive
+        if drive is None:
+            if self.request.connect and not self._closing and now >= self._retry_at:
+                self._connect(now)
+            return
+        if drive.poll(now):
+            source = drive.output.source
+            if isinstance(source, TrackSource) and source.output_hz != drive.connection.output_hz:
+                self._choose_source(now)  # the device has said by now what it can show
+            drive.tick(now, alive=self._alive(now))
+        elif drive.drained:
+            self._close(drive.message)
+
+    def _connect(self, now: float) -> None:
+        """Open the link, and ask who is there.
+
+        Raises:
+            DermisError: a setting that cannot be, or the link cannot be opened or used.
+        """
+        request = self.request
+        self._faulty, self._message = False, ""
+        self._plan_retry(now)
+        request.check()
+        output = self.output = DeviceOutput(request, self.output.source if self.output is not None else None)
+        self._choose_source(now)
+        url = Url(request.url)
+        link = self._open_link(url, output.wire, request.protocol)
+        try:
+            adapter = adapters.make(request.protocol, output.wire, url.options)
+            connection = Connection(link, adapter, output, self.counters, now)
+        except DermisError:
+            link.close()
+            raise
+        self.drive = Drive(connection, request, self.counters, self._message)
 
     def _guarded(self, now: float, work: Callable[[], None]) -> None:
         """Do something with the link; if that is gone or refuses, disconnect and say so."""
         try:
             work()
         except Gone as error:
+            astray = self.drive is not None and self.drive.astray
             self.counters["links lost"] += 1
-            watched = self.adapter is not None and self.adapter.watchdog  # then the device sees to itself
-            on_the_way = self._driven and self._phase in ("safing", "draining", "" if watched else "live")
-            self.counters["safe states not confirmed"] += on_the_way
+            self.counters["safe states not confirmed"] += astray
             lost = " The link was lost before the safe state was sure. Switch the device's supply off"
-            self._retry(now)
-            self._close(f"{error}{lost if on_the_way else ''}")
+            self._plan_retry(now)
+            self._close(f"{error}{lost if astray else ''}")
         except DermisError as error:
-            words = str(error)
+            message, drive = str(error), self.drive
             self.counters["faults"] += 1
-            if self._leaving:  # nothing more can be done with it
-                self._close(words)
+            if drive is not None and drive.leaving:  # nothing more can be done with it
+                self._close(message)
                 return
-            self._retry(now)
-            self._guarded(now, lambda: self._leave(now, words))
-            self.state = "fault"
+            self._faulty = True
+            self._plan_retry(now)
+            self._guarded(now, lambda: self._leave(now, message))
 
-    def _retry(self, now: float) -> None:
-        """Say when to connect again; a link that is being let go has no say in when the next one is opened."""
-        if not self._leaving:
-            self._retry_at = now + RETRY if self.wish.reconnect else math.inf
+    def _plan_retry(self, now: float) -> None:
+        """Plan when to connect again; a link that is being let go has no say in when the next one is opened."""
+        if self.drive is None or not self.drive.leaving:
+            self._retry_at = now + RETRY if self.request.reconnect else math.inf
 
-    def status(self) -> dict[str, Any]:
-        """Return how things stand as plain JSON values."""
-        from .report import report
+    def _leave(self, now: float, message: str) -> None:
+        if self.drive is None:
+            self._message = message
+        else:
+            self.drive.leave(now, message)
 
-        return report(self)
+    def _close(self, message: str) -> None:
+        drive, self.drive, self._message = self.drive, None, message
+        if drive is not None:
+            drive.connection.link.close()
 
-    # -- the link
-
-    def _tick(self, now: float) -> None:
-        if self.link is None:
-            if self.wish.connect and not self._closing and now >= self._retry_at:
-                self._connect(now)
-            return
-        assert self.adapter is not None
-        for data in self.link.receive():
-            self.adapter.receive(data, now)
-        if self._phase == "draining":
-            assert self._drain is not None
-            if self._drain.done(now):
-                self._close("; ".join(filter(None, (self.words, self._drain.words))))
-            return
-        if self.adapter.fault:
-            fault, self.adapter.fault = self.adapter.fault, ""
-            raise DermisError(fault, where=self.link.name)
-        if self._outbox is not None:
-            self._outbox.poll(now)
-        if not self.adapter.ready:
-            if now - self._since > HANDSHAKE:
-                raise DermisError(
-                    f"nobody answered within {HANDSHAKE:g} s", where=self.link.name, remedy=self.adapter.silence
-                )
-            return
-        if isinstance(self.source, Play) and self.source.output_hz != self._output_hz:
-            self._choose_source(now)  # the device has said by now what it can show
-        if self._phase == "arming":
-            self._arm(now)
-        if self._phase == "live":
-            self._live(now)
-        if self._phase == "safing":
-            self._safing(now)
-
-    def _connect(self, now: float) -> None:
-        self.state, self.words = "connecting", ""
-        self._retry_at = now + RETRY if self.wish.reconnect else math.inf
-        try:
-            self.wish.check()
-            spec = self.wish.spec()
-            self.wire = Wire.of(spec, self.wish.calibrated())
-            self.rate = self.wish.rate or spec.rate
-            self.pace = Pace(self.rate)
-            self.gate = Gate(self.wire, self.pace.period)
-            self._choose_source(now)
-            url = Url(self.wish.url)
-            self.link = self._open_link(url, self.wire, self.wish.protocol)
-            self.adapter = adapters.make(self.wish.protocol, self.wire, url.options)
-        except DermisError:
-            self._close("")
-            raise
-        if self.adapter.datagrams and not self.link.datagrams:
-            raise DermisError(f"{self.adapter.title} goes over udp://", where=self.wish.url)
-        self._phase, self._since = "idle", now
-        capacity.check(self.adapter, self.link, self.rate)
-        bucket = capacity.bucket(self.adapter, self.link, self.rate)
-        self._outbox = Outbox(self.link, self.adapter, self.counters, bucket)
-        self.adapter.opened(now)
-
-    def _leave(self, now: float, words: str) -> None:
-        """Begin to let the link go: the safe state first, then whatever waits, and then it is closed."""
-        self.words, self._leaving = words, self.link is not None
-        if self._phase in ("arming", "live"):
-            self._to_safe(now)
-        elif self._phase == "idle":
-            self._begin_draining(now)
-
-    def _begin_draining(self, now: float) -> None:
-        if self.link is None or self.adapter is None or self._outbox is None:
-            self._close(self.words)
-            return
-        self._phase, self._drain = "draining", Drain(self.link, self.adapter, self._outbox, self.counters, now)
-
-    def _close(self, words: str) -> None:
-        if self.link is not None:
-            self.link.close()
-        self.link = self.adapter = self._outbox = self._ramp = self._drain = None
-        self._phase, self.words = "idle", words
-        self._leaving = self._driven = False
-        self.ticket = max(self.ticket, self.wish.arm)
-
-    def _send(self, messages: list[bytes]) -> bool:
-        return self._outbox is None or self._outbox.send(messages)
-
-    # -- arming, streaming, safe state
-
-    def _begin_arming(self, now: float) -> None:
-        if self.adapter is None or not self.adapter.ready or self._leaving or self._closing:
-            self.words = "not connected, so nothing was armed"
-            return
-        if self._phase == "live":  # already; to begin again would lead it back to where it was armed
-            return
-        if self._phase == "safing":
-            self.words = "not armed before the safe state is reached; arm again then"
-            return
-        if self.source is None:
-            self._choose_source(now)
-            if self.source is None:
-                return
-        if self._bound and not self._alive(now):
-            self.words = "Blender gives no sign of life, so nothing was armed"
-            return
-        self._phase, self._since, self.words = "arming", now, ""
-        self.adapter.arm()
+    # -- arming, and what is streamed
 
     def _arm(self, now: float) -> None:
-        assert self.adapter is not None and self.gate is not None and self.wire is not None
-        if not self.adapter.armed:
-            if now - self._since > ARMING:
-                self._to_safe(now)
-                self.words = "the device did not arm"
+        if self.drive is None:
+            self._message = "not connected, so nothing was armed"
             return
-        pose = self.adapter.pose
-        if pose is None:  # where it is nobody knows; where it may be without harm, the preset does
-            pose = self.gate.last if self._driven and not self.adapter.own_safe else self.wire.safe
-        horizon = self._horizon()
-        self.gate.plan(self.pace.period)
-        self.gate.begin(pose, now + horizon - 1.0 / self.rate, self.wish.ramp)
-        self.pace.start(now + horizon, horizon)
-        if isinstance(self.source, Panel):
-            self.source.begin(now)
-        self._phase, self._since = "live", now
-
-    def _live(self, now: float) -> None:
-        assert self.adapter is not None and self.gate is not None and self.source is not None
-        assert self._outbox is not None
-        if not self.adapter.armed:
-            self.words = "the device disarmed itself"
-            self._to_safe(now)
-            return
-        if self._bound and now - self._beat_at > self.wish.stall:
-            self.words = f"Blender gave no sign of life for {self.wish.stall:g} s; arm again"
-            self.counters["stalls"] += 1
-            self._to_safe(now)
-            self.state = "stalled"
-            return
-        if isinstance(self.source, Panel):
-            self.source.touched(self.adapter.touch, now)
-        horizon = self._horizon()
-        patience = 2 * self.pace.period
-        if self._outbox.held is not None:
-            fate = self._outbox.command(*self._outbox.held, now, patience)
-            if fate is Fate.HELD:
-                return
-            if fate is Fate.DROPPED:
-                self.gate.undo()  # nothing was stepped after it
-            self._driven |= fate is Fate.SENT
-            self.pace.sent(now, horizon)
-        for moment in self.pace.due(now, horizon):
-            wanted = self.source.wanted(moment if horizon else now + self.wish.look_ahead, now)
-            play = moment if horizon else None
-            fate = self._outbox.command(self.gate.step(wanted, moment), play, now, patience)
-            if fate is Fate.HELD:
-                break
-            if fate is Fate.DROPPED:
-                self.gate.undo()
-            self._driven |= fate is Fate.SENT
-        self.counters["skipped"] = self.pace.skipped
-
-    def _to_safe(self, now: float) -> None:
-        """Begin the way to the safe state."""
-        assert self.adapter is not None and self.gate is not None and self.wire is not None
-        live = self._phase == "live"
-        self._phase, self._since = "safing", now
-        if self._outbox is not None:
-            self._outbox.held = None
-        if self.adapter.own_safe or not live:
-            self._send(self.adapter.safe())
-            self.gate.last = self.wire.safe.copy()
-            self._finish_safing(now)
-            return
-        assert self.link is not None
-        period = capacity.ramp_period(self.adapter, self.link, self.rate, self.wire.spec.rate)
-        self._ramp = SafeRamp(self.gate, period, now)
-        self._safing(now)
-
-    def _safing(self, now: float) -> None:
-        assert self.adapter is not None and self.wire is not None and self._ramp is not None
-        if self._ramp.due(now):
-            if self._send(self.adapter.command(self._ramp.step(now), now, None)):
-                self._ramp.sent(now)
-            else:
-                self.adapter.forget()
-                self._ramp.undo()
-        while self._ramp.there and self._ramp.said < REPEAT:
-            self.adapter.forget()  # said again in full
-            if not self._send(self.adapter.safe() or self.adapter.command(self.wire.safe, now, None)):
-                break
-            self._ramp.said += 1
-        if self._ramp.said == REPEAT:
-            self._finish_safing(now)
-        elif self._ramp.stuck(now):
-            self._driven = False
-            self.counters["safe states not confirmed"] += 1
-            self.words = "The device takes nothing, so its safe state could not be sent. Switch its supply off"
-            self._finish_safing(now)
-
-    def _finish_safing(self, now: float) -> None:
-        self._phase, self._ramp = "idle", None
-        self.ticket = max(self.ticket, self.wish.arm)
-        if self._leaving:
-            self._begin_draining(now)
-
-    # -- helpers
+        if self.drive.output.source is None and not self.drive.leaving:
+            self._choose_source(now)
+        self.drive.arm(now, alive=self._alive(now))
 
     def _alive(self, now: float) -> bool:
-        return now - self._beat_at <= self.wish.stall
-
-    def _horizon(self) -> float:
-        """Return how far ahead samples are sent now [s]: only while a playback runs, and no more than the device holds.
-
-        While nothing moves there is nothing to know beforehand; what was sent ahead before a pause plays out first.
-        """
-        adapter, source = self.adapter, self.source
-        if adapter is None or not adapter.timed or not isinstance(source, Play) or not source.moving:
-            return 0.0
-        return min(self.wish.look_ahead, max(adapter.queue - 2, 0) / self.rate if adapter.queue else math.inf)
-
-    @property
-    def _output_hz(self) -> float:
-        """Values a second that reach the actuators [Hz]: as many as are sent, or fewer where the device says so."""
-        stated = self.adapter.output_hz if self.adapter is not None else 0.0
-        return min(stated, self.rate) if stated else self.rate
-
-    @property
-    def _bound(self) -> bool:
-        """Tell whether a Blender that stands still ends this: all but a track or a panel that may play on."""
-        return not (self.wish.play_on and isinstance(self.source, Play | Panel))
-
-    def _recalibrate(self, now: float) -> None:
-        """Take another calibration under way: the device blends over to it."""
-        assert self.wire is not None and self.gate is not None
-        before, self.wire = self.wire.safe, Wire.of(self.wire.spec, self.wish.calibrated())
-        self.gate.wire = self.wire
-        if self.adapter is not None:
-            self.adapter.wire = self.wire  # its safe pose may be another one
-        if self._phase == "live":
-            self.gate.blend(self.pace.next, RECALIBRATING)
-        if self.armed and self.adapter is not None and self.adapter.watchdog and (before != self.wire.safe).any():
-            self.words = "Until you stop and arm again, the device's own safe pose is that of the calibration before"
+        """Return whether Blender gives signs of life, or need not: a track or a panel may play on without it."""
+        source = self.output.source if self.output is not None else None
+        needless = self.request.play_on and isinstance(source, TrackSource | PanelSource)
+        return needless or now - self._heartbeat_at <= self.request.stall
 
     def _choose_source(self, now: float) -> None:
         """Make what the mode asks for; what cannot be made leaves the device safe and says why."""
-        old, self.source = self.source, None
+        output, drive = self.output, self.drive
+        assert output is not None
+        shown = self._heartbeat.values if self._heartbeat is not None else ()
+        output_hz = drive.connection.output_hz if drive is not None else output.rate
         try:
-            beat = self._beat.values if self._beat else ()
-            assert self.wire is not None
-            self.source = source_of(self.wish, self.wire, old, beat, self._load_screen, self._output_hz)
+            goes_on = output.choose_source(self.request, shown, self._load_screen, output_hz)
         except DermisError as error:
-            self.words = str(error)
-        assert self.gate is not None
-        if self.source is None and self.armed:
-            words = self.words
-            self._to_safe(now)
-            self.words = words
-        elif self._phase == "live" and not goes_on(self.source, old):
-            self.gate.blend(self.pace.next, RECALIBRATING)
-
-    def _name_state(self) -> None:
-        if self.link is None:
-            if self.state not in ("fault",) or not self.wish.connect:
-                self.state = "disconnected"
-        elif self._phase in ("safing", "draining"):
-            if self.state not in ("fault", "stalled"):
-                self.state = "stopping"
-        elif self.adapter is not None and not self.adapter.ready:
-            self.state = "connecting"
-        elif self._phase in ("arming", "live"):
-            moving = self._phase == "live" and self.source is not None and self.source.moving
-            self.state = "streaming" if moving else "armed"
-        elif self.state != "stalled":
-            self.state = "ready"
+            if drive is not None:
+                drive.give_up(now, str(error))
+            else:
+                self._message = str(error)
+        else:
+            if drive is not None and not goes_on:
+                drive.blend()

@@ -17,7 +17,7 @@ from pathlib import Path
 from tests import exits
 
 from . import Result, benchmark
-from .bench_stream import BEAT, LOOK_AHEAD, RATE, Receiver, beats, streaming_to, track
+from .bench_stream import HEARTBEAT, LOOK_AHEAD, RATE, Receiver, heartbeats, streaming_to, track
 
 ROUNDS = 5  # of 8 exits with 5 protocols
 KILLS = 5
@@ -90,11 +90,11 @@ def blender() -> Iterator[dict[str, Exit]]:
         settings = scene.dermis_stream
         settings.url, settings.protocol, settings.mode, settings.ramp = receiver.url, receiver.protocol, "jog", 0.0
         session.connect(scene)
-        exits.until(lambda: session.status()["state"] == "ready", session.beat, str(session.status()))
+        exits.until(lambda: session.status()["state"] == "ready", session.heartbeat, str(session.status()))
         session.arm(scene, fingers_out=True)
         for channel in settings.channels:
             channel.jog = exits.far(receiver.protocol)[channel.name]
-        exits.until(receiver.reached, session.beat, f"far from safe: {session.status()}")
+        exits.until(receiver.reached, session.heartbeat, f"far from safe: {session.status()}")
         receiver.ask("mark")
 
     def ended() -> None:
@@ -127,7 +127,7 @@ def kill_pose() -> Result:
     For each preset the worst of some; what the device needs for the way alone is what its preset's speed says.
     """
     from core.presets import Library
-    from core.stream.gate import way_seconds
+    from core.stream.output_limiter import way_seconds
     from core.stream.protocols.packets import Reach
     from core.stream.protocols.wire import Wire
 
@@ -151,9 +151,9 @@ def _pose_after_kill(key: str, jog: dict[str, float], seconds: float) -> float:
     try:
         url = f"{receiver.url}?baud=1000000"  # 128 pins are more than the usual line carries
         with streaming_to(url, key, mode="jog", jog=jog, ramp=0.0) as client:
-            beats(client, seconds, time.sleep)
+            heartbeats(client, seconds, time.sleep)
             if not client.status()["armed"]:
-                raise RuntimeError(client.status()["words"])
+                raise RuntimeError(client.status()["message"])
             killed = time.perf_counter()
             os.kill(client.pid, signal.SIGKILL)
             return receiver.way_since(killed)[1] - killed
@@ -171,30 +171,30 @@ def five() -> Result:
     from core.stream.client import SenderClient
 
     receiver, preset = Receiver("haptip", MANY), Library().load("devices", "haptip")
-    wish = {"track": track(MANY_SECONDS + 20), "look_ahead": LOOK_AHEAD, "ramp": 0.0}
+    request = {"track": track(MANY_SECONDS + 20), "look_ahead": LOOK_AHEAD, "ramp": 0.0}
     with ExitStack() as stack:
         clients = [stack.enter_context(SenderClient()) for _ in receiver.urls]
         for client, url in zip(clients, receiver.urls, strict=True):
-            client.connect(url, "native", "haptip", preset, **wish)
+            client.connect(url, "native", "haptip", preset, **request)
 
         def left_out(seconds: float, *, playing: bool) -> list[int]:
             """Give all of them signs of life for a time; return how many commands each left out so far."""
             start = time.perf_counter()
             while (now := time.perf_counter() - start) < seconds:
                 for client in clients:
-                    client.beat(playing=playing, time=now if playing else 0.0)
-                time.sleep(BEAT)
+                    client.heartbeat(playing=playing, time=now if playing else 0.0)
+                time.sleep(HEARTBEAT)
             return [sum(c.status().get("counters", {}).get(n, 0) for n in ("skipped", "dropped")) for c in clients]
 
         exits.until(
             lambda: all(client.status()["state"] == "ready" for client in clients),
-            lambda: left_out(BEAT, playing=False),
+            lambda: left_out(HEARTBEAT, playing=False),
             "all five connected",
         )
         for client in clients:
             client.arm()
         before = sum(left_out(1.0, playing=False))
-        words = [client.status()["words"] for client in clients if not client.status()["armed"]]
+        words = [client.status()["message"] for client in clients if not client.status()["armed"]]
         missing = sum(left_out(MANY_SECONDS, playing=True)) - before
     _, (received, lost, damaged, late) = receiver.end()
     due, bad = MANY * MANY_SECONDS * RATE, missing + late + lost + damaged

@@ -21,7 +21,7 @@ from typing import Any
 
 from . import Result, benchmark, measure, timing
 
-BEAT = 0.02
+HEARTBEAT = 0.02
 RATE = 1000.0
 JITTER_SECONDS, LATE_SECONDS = 20.0, 60.0
 LOOK_AHEAD = 0.1
@@ -92,36 +92,36 @@ def track(seconds: float) -> str:
 
 
 @contextmanager
-def streaming_to(url: str, key: str, **wish: Any) -> Iterator[Any]:
-    """Connect a sender to a device in the box and let it arm."""
+def streaming_to(url: str, key: str, **request: Any) -> Iterator[Any]:
+    """Connect a sender to a simulated device and let it arm."""
     from core.presets import Library
     from core.stream.client import SenderClient
 
     with SenderClient() as client:
-        client.connect(url, "native", key, Library().load("devices", key), **wish)
-        client.beat()
+        client.connect(url, "native", key, Library().load("devices", key), **request)
+        client.heartbeat()
         client.wait("ready", 20)
-        client.beat()
+        client.heartbeat()
         client.arm()
         yield client
 
 
 @contextmanager
-def armed(receiver: Any, **wish: Any) -> Iterator[Any]:
+def armed(receiver: Any, **request: Any) -> Iterator[Any]:
     """Connect and arm a sender."""
-    with streaming_to(receiver.url, "haptip", ramp=0.0, **wish) as client:
-        beats(client, 0.3, time.sleep)
+    with streaming_to(receiver.url, "haptip", ramp=0.0, **request) as client:
+        heartbeats(client, 0.3, time.sleep)
         if not client.status()["armed"]:
-            raise RuntimeError(client.status()["words"])
+            raise RuntimeError(client.status()["message"])
         yield client
 
 
-def beats(client: Any, seconds: float, between: Callable[[float], Any], *, playing: bool = False) -> None:
+def heartbeats(client: Any, seconds: float, between: Callable[[float], Any], *, playing: bool = False) -> None:
     """Give signs of life as Blender's timer does, and do something between them."""
     start = time.perf_counter()
     while (now := time.perf_counter() - start) < seconds:
-        client.beat(playing=playing, time=now if playing else 0.0)
-        between(BEAT)
+        client.heartbeat(playing=playing, time=now if playing else 0.0)
+        between(HEARTBEAT)
 
 
 @contextmanager
@@ -155,7 +155,7 @@ def intervals_us(between: Callable[[float], Any]) -> tuple[float, float, float, 
 
     receiver = Receiver()
     with armed(receiver, track=track(JITTER_SECONDS + 5), look_ahead=0.0) as client:
-        beats(client, JITTER_SECONDS, between, playing=True)
+        heartbeats(client, JITTER_SECONDS, between, playing=True)
         status = client.status()
     arrived, _ = receiver.end()
     arrived = arrived[arrived > arrived[-1] - JITTER_SECONDS + 1]
@@ -181,30 +181,30 @@ def late() -> Result:
     path = track(LATE_SECONDS + 5)
     with blender() as evaluate, armed(receiver, track=path, look_ahead=LOOK_AHEAD) as client:
         before = client.status()["counters"]  # at rest nothing is timed, so nothing can be late
-        beats(client, LATE_SECONDS, evaluate, playing=True)
+        heartbeats(client, LATE_SECONDS, evaluate, playing=True)
         status = client.status()
     arrived, (received, lost, damaged, after) = receiver.end()
     left_out = sum(status["counters"].get(n, 0) - before.get(n, 0) for n in ("skipped", "dropped"))
     bad = after + lost + damaged + left_out
     peers = {"received": float(received), "late": float(after), "lost": float(lost), "left out": float(left_out)}
     # The first second has no playback yet, and the sender is asked before it stops.
-    error = f"only {received} commands arrived: {status['words']}" if received < LATE_SECONDS * RATE * 0.99 else None
+    error = f"only {received} commands arrived: {status['message']}" if received < LATE_SECONDS * RATE * 0.99 else None
     return Result("stream_late", float(bad), "", None, peers, error)
 
 
 @benchmark("encode_us", limit=40.0)
 def encode() -> Result:
-    """Time one command of 128 channels: counts, packet, check sum, byte stuffing; beside it what the gate costs."""
+    """Time one command of 128 channels: counts, packet, check sum, byte stuffing; beside it what the limiter costs."""
     import numpy as np
 
     from core.devices.spec import Channel, DeviceSpec
-    from core.stream.gate import Gate
+    from core.stream.output_limiter import OutputLimiter
     from core.stream.protocols import adapter
     from core.stream.protocols.wire import Wire
 
     channels = tuple(Channel(f"c{i}", "m", -1e-3, 1e-3, 0.1, 0.0, f"m{i}") for i in range(128))
     wire = Wire.of(DeviceSpec("many", "Many", "t", RATE, channels))
-    native, gate = adapter.make("native", wire, {}), Gate(wire)
+    native, limiter = adapter.make("native", wire, {}), OutputLimiter(wire)
     many = 256
     phases = np.random.default_rng(1).uniform(0, 2 * np.pi, 128)
     rows = 9e-4 * np.sin(2 * np.pi * 5 * np.arange(many)[:, None] / RATE + phases)
@@ -215,7 +215,7 @@ def encode() -> Result:
 
     def gated() -> None:
         for k, row in enumerate(rows):
-            gate.step(row, k / RATE)
+            limiter.step(row, k / RATE)
 
     def others() -> None:
         import struct
@@ -239,7 +239,7 @@ def encode() -> Result:
         ours.median * each,
         "us",
         ours.p95 * each,
-        {"byte by byte": plain.median * each, "and the gate": limits.median * each},
+        {"byte by byte": plain.median * each, "and the limiter": limits.median * each},
     )
 
 
@@ -249,13 +249,13 @@ def stop() -> Result:
     receiver, path, times = Receiver(), track(TIMES + 30), []
     with blender() as evaluate, armed(receiver, track=path, look_ahead=LOOK_AHEAD) as client:
         for k in range(TIMES):
-            beats(client, 0.5 + 0.037 * k, evaluate, playing=True)
+            heartbeats(client, 0.5 + 0.037 * k, evaluate, playing=True)
             pressed = time.perf_counter()
             client.stop()
             times.append(1e3 * (receiver.safe_since(pressed) - pressed))
-            beats(client, 0.1, time.sleep)
+            heartbeats(client, 0.1, time.sleep)
             client.arm()
-            beats(client, 0.3, time.sleep)
+            heartbeats(client, 0.3, time.sleep)
     receiver.end()
     return Result("stop_ms", max(times), "ms", timing(times).p95, {"median": timing(times).median})
 
@@ -275,7 +275,7 @@ def kill() -> Result:
     for k in range(TIMES):
         receiver = Receiver()
         with armed(receiver, track=path) as client:
-            beats(client, 0.4 + 0.013 * k, time.sleep, playing=True)
+            heartbeats(client, 0.4 + 0.013 * k, time.sleep, playing=True)
             killed = time.perf_counter()
             os.kill(client.pid, signal.SIGKILL)
             sender.append(1e3 * (receiver.way_since(killed)[0] - killed))
@@ -283,9 +283,9 @@ def kill() -> Result:
         receiver = Receiver()
         relay = Relay(receiver.url, 11_520.0)
         with armed(SimpleNamespace(url=relay.url), track=path, look_ahead=LOOK_AHEAD) as client:
-            beats(client, 0.4 + 0.013 * k, time.sleep, playing=True)
+            heartbeats(client, 0.4 + 0.013 * k, time.sleep, playing=True)
             if not client.status()["armed"]:
-                raise RuntimeError(client.status()["words"])
+                raise RuntimeError(client.status()["message"])
             killed = time.perf_counter()
             os.kill(client.pid, signal.SIGKILL)
             hidden.append(1e3 * (receiver.way_since(killed)[0] - killed))
@@ -294,7 +294,7 @@ def kill() -> Result:
         for how, list_ in ((signal.SIGKILL, receiver_gone), (signal.SIGSTOP, receiver_stopped)):
             receiver = Receiver()
             with armed(receiver, track=path) as client:
-                beats(client, 0.4 + 0.013 * k, time.sleep, playing=True)
+                heartbeats(client, 0.4 + 0.013 * k, time.sleep, playing=True)
                 died = time.perf_counter()
                 os.kill(receiver.process.pid, how)
                 list_.append(1e3 * (disarmed(client) - died))
@@ -312,7 +312,7 @@ def disarmed(client: Any) -> float:
     """Return when the sender says that nothing is armed any more [s]."""
     start = time.perf_counter()
     while client.status()["armed"]:
-        client.beat(playing=True, time=0.5)
+        client.heartbeat(playing=True, time=0.5)
         if time.perf_counter() - start > 2:
             raise RuntimeError("the sender never noticed")
         time.sleep(0.001)

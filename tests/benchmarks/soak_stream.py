@@ -21,7 +21,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from .bench_stream import BEAT, LOOK_AHEAD, armed, track
+from .bench_stream import HEARTBEAT, LOOK_AHEAD, armed, track
 
 EVERY = 10.0
 DRIFT_MS, GROWTH = 1.0, 2_000_000
@@ -68,20 +68,20 @@ def soak(minutes: float) -> dict[str, Any]:
     with armed(device, track=track(seconds + 30), look_ahead=LOOK_AHEAD, reconnect=True) as client:
         before, start, due = client.status()["counters"], time.perf_counter(), EVERY
         while (now := time.perf_counter() - start) < seconds:
-            client.beat(playing=True, time=now)
+            client.heartbeat(playing=True, time=now)
             if now > due:
                 due += EVERY
                 sizes.append((memory(client.pid), memory(device.process.pid)))
                 loads.append(os.getloadavg()[0])
             status = client.status()
             if not status["armed"] and now > armed_at + 0.5:
-                if status["words"] and status["words"] not in interrupted[-1:]:
-                    interrupted.append(status["words"])
+                if status["message"] and status["message"] not in interrupted[-1:]:
+                    interrupted.append(status["message"])
                 if status["state"] in ("ready", "stalled"):
                     interrupted.append(f"armed again at {now:.0f} s")
                     client.arm()
                     armed_at = now
-            time.sleep(BEAT)
+            time.sleep(HEARTBEAT)
         status = client.status()
     assert device.process.stdin is not None
     device.process.stdin.close()

@@ -24,10 +24,11 @@ from core.stream.protocols.wire import Wire
 from core.stream.virtual.device import Server
 from core.stream.virtual.native import NativeDevice
 from core.stream.virtual.program import Endpoint
+from core.work.child import follow_parent
 
 
 class Noting(NativeDevice):
-    """The device in the box, with a memory for times."""
+    """The simulated device, with a memory for times."""
 
     def __init__(self, wire: Wire) -> None:
         super().__init__(wire)
@@ -64,13 +65,7 @@ def main(path: str, key: str = "haptip", count: str = "1") -> None:
         for d, link in zip(devices, links, strict=True)
     ]
     ended = threading.Event()
-
-    def watch() -> None:
-        while sys.stdin.buffer.read(4096):
-            pass
-        ended.set()
-
-    threading.Thread(target=watch, daemon=True).start()
+    follow_parent(ended.set)
     print(json.dumps({"url": links[0].url, "urls": [link.url for link in links]}), flush=True)
     gc.collect()
     gc.freeze()

@@ -26,7 +26,7 @@ from .test_stream_calibration import PLAIN, SET, driven, listed
 from .test_undo import push, undo
 
 pytestmark = pytest.mark.real_time
-VIRTUAL = b"VIRTUAL1".hex()  # what the device in the box answers with
+VIRTUAL = b"VIRTUAL1".hex()  # what the simulated device answers with
 
 
 def bake(scene: Any, *fingers: str) -> None:
@@ -233,12 +233,12 @@ def test_after_undo_panel_list_and_device_agree(scene: Any) -> None:
     assert driven(scene)["pulley_1"].zero == 0.125
     undo()
     scene = bpy.context.scene
-    session.beat()  # in the window at most 20 ms later
+    session.heartbeat()  # in the window at most 20 ms later
     assert listed(scene) == PLAIN and driven(scene) == {}
     shown = board_identity.shown(scene)
-    assert shown.name == "Uncalibrated" and "'left, red tape' was chosen last" in shown.words
+    assert shown.name == "Uncalibrated" and "'left, red tape' was chosen last" in shown.message
     bpy.ops.dermis.calibration_use(file="haptip-left-red-tape.json")
-    assert listed(scene) == SET and board_identity.shown(scene).words == ""
+    assert listed(scene) == SET and board_identity.shown(scene).message == ""
 
 
 def test_a_device_whose_file_is_gone_can_be_changed_for_another(scene: Any) -> None:
@@ -258,8 +258,8 @@ def test_the_device_that_answers_is_recognised(scene: Any) -> None:
     built_devices.save(made.with_entry("pulley_1", zero=0.125, gain=-1.0).owned_by("in the box", VIRTUAL))
     session.connect(scene)
     assert listed(scene) == PLAIN
-    status = wait(lambda s: s["state"] == "ready" and "in the box" in s["words"])
-    assert "serial number" in status["words"] and board_identity.answered() == (VIRTUAL,)
+    status = wait(lambda s: s["state"] == "ready" and "in the box" in s["message"])
+    assert "serial number" in status["message"] and board_identity.answered() == (VIRTUAL,)
     assert listed(scene) == SET and driven(scene)["pulley_1"].zero == 0.125
     assert built_devices.choice(finger_ids.identity(bpy.data.objects["Index"]), HAPTIP) == "haptip-in-the-box.json"
 
@@ -268,16 +268,16 @@ def test_going_without_is_a_choice_that_nothing_overrides(scene: Any) -> None:
     mark(scene, serial=VIRTUAL)
     bpy.ops.dermis.calibration_use(file="")
     session.connect(scene)
-    wait(lambda s: s["state"] == "ready" and "left, red tape" in s["words"])
+    wait(lambda s: s["state"] == "ready" and "left, red tape" in s["message"])
     assert listed(scene) == PLAIN and driven(scene) == {}
 
 
 def test_another_device_than_the_chosen_one_is_not_armed(scene: Any) -> None:
     mark(scene, serial="0102030405060708")
     session.connect(scene)
-    status = wait(lambda s: s["state"] == "ready" and "another device answered" in s["words"])
+    status = wait(lambda s: s["state"] == "ready" and "another device answered" in s["message"])
     assert board_identity.shown(scene).wrong
-    assert "left, red tape" in status["words"] and VIRTUAL in status["words"]
+    assert "left, red tape" in status["message"] and VIRTUAL in status["message"]
     with pytest.raises(RuntimeError, match="another device answered"):
         bpy.ops.dermis.stream_arm()
     wait(state("ready"))
@@ -296,7 +296,7 @@ def test_under_way_the_calibration_of_another_device_ends_the_stream(scene: Any)
     bpy.ops.dermis.stream_arm()
     wait(lambda s: s["armed"])
     bpy.ops.dermis.calibration_use(file="haptip-left-red-tape.json")
-    wait(lambda s: not s["armed"] and "another device answered" in s["words"])
+    wait(lambda s: not s["armed"] and "another device answered" in s["message"])
 
 
 def test_an_id_that_boards_share_tells_none_apart() -> None:

@@ -1,4 +1,4 @@
-"""Streaming from Blender: a real sender process, the device in the box, and nothing that happens by itself."""
+"""Streaming from Blender: a real sender process, the simulated device, and nothing that happens by itself."""
 
 from __future__ import annotations
 
@@ -55,10 +55,10 @@ def scene() -> Any:
 
 
 def wait(what: Any, seconds: float = 10.0) -> dict[str, Any]:
-    """Beat as the timer does until something holds."""
+    """Give heartbeats as the timer does until something holds."""
     end = time.monotonic() + seconds
     while True:
-        session.beat()
+        session.heartbeat()
         status = session.status()
         if what(status):
             return status
@@ -187,7 +187,7 @@ def test_unregistering_ends_the_sender(scene: Any) -> None:
     client = session._client
     blender_addon.unregister()
     try:
-        assert ended(client) and not client._board.path.exists()
+        assert ended(client) and not client._shared.path.exists()
     finally:
         blender_addon.register()
 
@@ -225,7 +225,7 @@ def test_refusals_are_words_not_tracebacks() -> None:
 def test_a_wrong_port_is_told_in_the_panel(scene: Any) -> None:
     scene.dermis_stream.url = "socket://127.0.0.1:1"
     session.connect(scene)
-    assert "cannot be opened" in wait(state("fault"))["words"]
+    assert "cannot be opened" in wait(state("fault"))["message"]
 
 
 def test_export_of_ranges(scene: Any, tmp_path: Path) -> None:
@@ -302,7 +302,7 @@ def test_only_boards_without_a_watchdog_are_warned_of() -> None:
 
 
 def test_a_beat_costs_next_to_nothing_while_the_sender_hangs(scene: Any) -> None:
-    """No time is measured: a sender that is stopped answers nothing, and the beats go on all the same."""
+    """No time is measured: a sender that is stopped answers nothing, and the heartbeats go on all the same."""
     import os
     import signal
 
@@ -311,7 +311,7 @@ def test_a_beat_costs_next_to_nothing_while_the_sender_hangs(scene: Any) -> None
     os.kill(session._client.pid, signal.SIGSTOP)
     try:
         for _ in range(200):
-            session.beat()
+            session.heartbeat()
     finally:
         os.kill(session._client.pid, signal.SIGCONT)
     assert session.connected()
@@ -322,7 +322,7 @@ def test_a_rate_for_a_slow_link(scene: Any) -> None:
     settings = scene.dermis_stream
     settings.url = "virtual:?slow=11520"
     session.connect(scene)
-    assert "Set Rate to 385 Hz" in wait(state("fault"))["words"]
+    assert "Set Rate to 385 Hz" in wait(state("fault"))["message"]
     settings.rate = 385.0
     session.connect(scene)
     status = wait(state("ready"))

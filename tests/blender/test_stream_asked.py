@@ -99,19 +99,19 @@ def test_a_path_that_comes_under_way_is_refused(scene: Any) -> None:
     wait(state("ready"))
     scene.dermis_stream["track_file"] = "/dev/zero"  # without a word, as undo does it
     session.changed()
-    session.beat()
-    assert "nobody has confirmed" in session.status()["words"] and session._client._wish["track"] != "/dev/zero"
+    session.heartbeat()
+    assert "nobody has confirmed" in session.status()["message"] and session._client._request["track"] != "/dev/zero"
 
 
 def test_a_device_that_knows_no_pose_is_armed_with_fingers_out_only(scene: Any) -> None:
     scene.dermis_stream.protocol = "maestro"
     session.connect(scene)
     status = wait(state("ready"))
-    assert session.pose_unknown() and "words" in status
+    assert session.pose_unknown() and "message" in status
     for arm in (bpy.ops.dermis.stream_arm, lambda: bpy.ops.dermis.stream_arm(fingers_out=False)):
         with pytest.raises(RuntimeError, match="does not know where its motors are"):
             arm()
-    session.beat()
+    session.heartbeat()
     assert not session.status()["armed"]
     bpy.ops.dermis.stream_arm(fingers_out=True)
     wait(lambda s: s["armed"])
@@ -161,7 +161,7 @@ def test_the_panel_hears_of_a_sender_that_is_still_on_the_way(scene: Any) -> Non
         end = time.monotonic() + 10
         while session.leaving():
             assert time.monotonic() < end, session.leaving()
-            session.beat()
+            session.heartbeat()
             time.sleep(0.02)
     finally:
         path.unlink()

@@ -39,7 +39,7 @@ def listed(scene: Any) -> list[tuple[float, float, bool]]:
 
 def driven(scene: Any) -> dict[str, Any]:
     """Return the calibration that the sender was told."""
-    return dict(core.devices.calibration.Calibration.loads(session._client._wish["calibration"]).entries)
+    return dict(core.devices.calibration.Calibration.loads(session._client._request["calibration"]).entries)
 
 
 PLAIN = [(0.0, 1.0, False)] * 2

@@ -41,7 +41,7 @@ def redo() -> None:
 
 def sent() -> Any:
     """Return the track that the sender was told to play."""
-    return core.track.export.read(Path(session._client._wish["track"]))
+    return core.track.export.read(Path(session._client._request["track"]))
 
 
 def there(values: Any) -> Any:
@@ -64,13 +64,13 @@ def test_another_bake_comes_with_its_own_first_frame(scene: Any) -> None:
     wait(there(a_track().values[500, 2:]))
     track = another_bake(scene, 7)
     assert streamed_track.origin(scene) == (1.0, 24.0), "the sender has the old track still"
-    session.beat()
+    session.heartbeat()
     assert np.allclose(sent().values, track.values, atol=1e-7), "it was given the new one without a setting's help"
-    assert session._client._board.read_beat().time == pytest.approx(0.25)
+    assert session._client._shared.read_heartbeat().time == pytest.approx(0.25)
     wait(there(track.values[250, 2:]))
-    number = session._client._board.wish_number
-    session.beat()
-    assert session._client._board.wish_number == number, "once"
+    number = session._client._shared.request_number
+    session.heartbeat()
+    assert session._client._shared.request_number == number, "once"
 
 
 def test_a_bake_that_is_forgotten_leaves_the_device_safe(scene: Any) -> None:
@@ -80,7 +80,7 @@ def test_a_bake_that_is_forgotten_leaves_the_device_safe(scene: Any) -> None:
     wait(there(a_track().values[500, 2:]))
     store.forget()
     status = wait(lambda s: not s["armed"] and np.abs(heard(s)).max() < 1e-4)
-    assert "nothing to play" in status["words"] and session._client._wish["track"] == ""
+    assert "nothing to play" in status["message"] and session._client._request["track"] == ""
 
 
 def test_undo_and_redo_move_the_device_with_the_panel(scene: Any) -> None:
@@ -114,7 +114,7 @@ def test_undo_across_connecting_leaves_the_actuators_listed(scene: Any) -> None:
     undo()
     settings = bpy.context.scene.dermis_stream
     assert not settings.channels, "Blender's undo is left alone: what is changed in it belongs to no step"
-    session.beat()
+    session.heartbeat()
     assert [c.name for c in settings.channels] == ["pulley_1", "pulley_2"]
     settings.channels[0].jog = 0.1
     wait(there([0.1, 0.0]))
@@ -131,7 +131,7 @@ def test_a_scene_that_is_gone_ends_its_stream(scene: Any) -> None:
     client = session._client
     wait(state("ready"))
     bpy.data.scenes.remove(other)
-    session.beat()
+    session.heartbeat()
     assert not session.connected() and ended(client)
 
 
@@ -141,11 +141,11 @@ def test_what_is_refused_stays_to_be_read(scene: Any) -> None:
     channel = scene.dermis_stream.channels[0]
     channel.gain = 0.0
     for _ in range(3):
-        session.beat()
-        assert "gain" in session.status()["words"]
+        session.heartbeat()
+        assert "gain" in session.status()["message"]
     channel.gain = 1.0
-    session.beat()
-    assert session.status()["words"] == ""
+    session.heartbeat()
+    assert session.status()["message"] == ""
 
 
 def test_streaming_a_loaded_track_shows_the_device_in_the_twin(tmp_path: Path) -> None:
@@ -178,6 +178,6 @@ def test_nothing_of_this_makes_a_bake_out_of_date(scene: Any) -> None:
     session.connect(scene)
     changes.clear_dirty()
     scene.dermis_stream.output = "Finger: haptip"
-    session.beat()
+    session.heartbeat()
     bpy.context.view_layer.update()
     assert not changes.dirty() and store.state(scene) == "fresh"

@@ -38,17 +38,17 @@ def scene() -> Any:
 
 def published() -> tuple[float | None, bool, tuple[float, ...]]:
     """Return time, playing and values as the sender reads them."""
-    beat = session._client._board.read_beat()
-    return beat.time, beat.playing, beat.values
+    heartbeat = session._client._shared.read_heartbeat()
+    return heartbeat.time, heartbeat.playing, heartbeat.values
 
 
 @contextmanager
 def beating() -> Iterator[list[tuple[float, Any]]]:
-    """Beat at every frame that anything goes to, as the timer may; note the frame, and what was published."""
+    """Give a heartbeat at every frame that anything goes to, as the timer may; note it, and what was published."""
     noted: list[tuple[float, Any]] = []
 
     def note(scene: bpy.types.Scene, _depsgraph: Any = None) -> None:
-        session.beat()
+        session.heartbeat()
         noted.append((scene.frame_current_final, published()))
 
     bpy.app.handlers.frame_change_post.append(note)
@@ -103,12 +103,12 @@ def test_what_was_published_last_holds(
     scene.dermis_stream.mode = mode
     session.connect(scene)
     wait(state("ready"))
-    session.beat()
+    session.heartbeat()
     before = published()
     wanted = a_track().values[500, 2:] if mode == "follow" else ()
     assert before[0] == pytest.approx(0.5) and before[2] == pytest.approx(wanted, abs=1e-12)
     with beating() as noted, playback():
-        session.beat()
+        session.heartbeat()
         assert published() == (before[0], True, before[2]), "Blender plays, and nothing sweeps yet"
         sweep(scene, tmp_path)
     frames = [frame for frame, _ in noted]
@@ -116,23 +116,23 @@ def test_what_was_published_last_holds(
     assert {(time, values) for _, (time, _, values) in noted} == {(before[0], before[2])}
     assert not any(playing for frame, (_, playing, _) in noted if frame != 13), "13 is where all of them end"
     scene.frame_set(25)
-    session.beat()
+    session.heartbeat()
     assert published()[0] == pytest.approx(1.0), "a person's frame counts again afterwards"
 
 
 def test_a_bake_that_is_cancelled_ends_the_hold(scene: Any) -> None:
     session.connect(scene)
-    session.beat()
+    session.heartbeat()
     steps = jobs.bake(scene, library())
     while scene.frame_current != 3:
         next(steps)
     assert frame_hold.held()
-    session.beat()
+    session.heartbeat()
     assert published()[0] == pytest.approx(0.5)
     steps.close()
     assert not frame_hold.held() and scene.frame_current == 13
     scene.frame_set(1)
-    session.beat()
+    session.heartbeat()
     assert published()[0] == pytest.approx(0.0)
 
 
@@ -154,7 +154,7 @@ def test_connecting_during_a_sweep_publishes_no_time(scene: Any) -> None:
     session.connect(scene)
     assert published() == (None, False, ())
     chunks.close()
-    session.beat()
+    session.heartbeat()
     assert published()[0] == pytest.approx(0.5)
 
 
@@ -170,11 +170,11 @@ def test_a_bake_that_is_kept_is_sent_only_after_its_sweep(scene: Any) -> None:
     """The bake's frames pass with the old track held; the new one and its own times come together."""
     pipeline = core.pipeline.render
     session.connect(scene)
-    old = session._client._wish["track"]
+    old = session._client._request["track"]
     scene.frame_start = 7
     with beating() as noted:
         drain(jobs.bake(scene, library()))
-    assert {shown[0] for _, shown in noted} == {0.5} and session._client._wish["track"] == old
+    assert {shown[0] for _, shown in noted} == {0.5} and session._client._request["track"] == old
     store.keep(scene, pipeline.Bake((pipeline.Output("Finger", HAPTIP, a_track(), {}, ()),), (), {}, "new"))
-    session.beat()
-    assert published()[0] == pytest.approx(0.25) and session._client._wish["track"] != old
+    session.heartbeat()
+    assert published()[0] == pytest.approx(0.25) and session._client._request["track"] != old

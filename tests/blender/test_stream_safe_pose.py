@@ -98,10 +98,10 @@ def test_undo_back_to_jogging_does_not_go_where_the_hand_was(scene: Any) -> None
     scene = bpy.context.scene
     assert scene.dermis_stream.mode == "jog" and jogs(scene)[0] == pytest.approx(-0.3)
     status = wait(lambda s: s["state"] == "ready")
-    assert status["values"] == pytest.approx(safe(), abs=1e-4) and "undo turned to Jog" in status["words"]
+    assert status["values"] == pytest.approx(safe(), abs=1e-4) and "undo turned to Jog" in status["message"]
     session.arm(scene)
     assert jogs(scene) == pytest.approx(safe())
-    assert "undo" not in wait(stands(safe()))["words"]
+    assert "undo" not in wait(stands(safe()))["message"]
 
 
 def test_the_safe_pose_moves_with_the_calibration(scene: Any) -> None:
@@ -120,7 +120,7 @@ def test_what_a_preview_does_not_show_is_followed_to_the_safe_pose(scene: Any) -
     session.arm(scene)
     scene.objects["Finger"].dermis.finger.devices[0].enabled = False
     scene.frame_set(3)
-    session.beat()
+    session.heartbeat()
     assert session._published[1] == ()
     wait(stands(safe()))
 
@@ -133,8 +133,8 @@ def test_only_the_scene_that_is_connected_is_armed(scene: Any) -> None:
     other.dermis_stream.channels[0].jog = 0.0
     with pytest.raises(core.errors.DermisError, match="another scene is connected"):
         session.arm(other)
-    session.beat()
-    assert not session.status()["armed"] and session._client._wish["jog"]["servo_1"] == pytest.approx(safe()[0])
+    session.heartbeat()
+    assert not session.status()["armed"] and session._client._request["jog"]["servo_1"] == pytest.approx(safe()[0])
 
 
 def test_nothing_is_armed_before_it_is_known_what_the_device_knows(scene: Any) -> None:
@@ -144,7 +144,7 @@ def test_nothing_is_armed_before_it_is_known_what_the_device_knows(scene: Any) -
     with pytest.raises(RuntimeError, match="not ready to be armed"):
         bpy.ops.dermis.stream_arm()
     wait(state("ready"))
-    assert session._client._wish.get("arm", 0) == 0
+    assert session._client._request.get("arm_id", 0) == 0
 
 
 def test_what_cannot_be_connected_leaves_nothing_behind(scene: Any) -> None:
@@ -213,5 +213,5 @@ def test_the_end_of_a_record_is_said(scene: Any, tmp_path: Path) -> None:
     wait(state("ready"))
     resource.prlimit(session._client.pid, resource.RLIMIT_FSIZE, (100, 100))  # as if the disk were full
     session.arm(scene)
-    words = wait(lambda s: "is not whole" in s["words"])["words"]
+    words = wait(lambda s: "is not whole" in s["message"])["message"]
     assert "record.txt" in words and session.status()["armed"], "the stream goes on"

@@ -156,14 +156,14 @@ class Walk:
             if what < 0.55:
                 undone += ed("undo") if what < 0.3 else 0
                 redone += ed("redo") if what >= 0.3 else 0
-                session.beat()
+                session.heartbeat()
                 self.check()
             else:
                 self.chance.choice(changes)()
                 ed("undo_push", message="change")
             if self.chance.random() < 0.3:
                 bpy.context.view_layer.update()
-            session.beat()
+            session.heartbeat()
             assert session.connected() and session.status()["state"] not in ENDED, session.status()
             if session.status()["state"] == "ready" and self.chance.random() < 0.3:
                 session.arm(bpy.context.scene)
@@ -171,13 +171,13 @@ class Walk:
 
     def check(self) -> None:
         """Compare what the panel says with what the sender was last told."""
-        scene, wish = bpy.context.scene, session._client._wish
+        scene, request = bpy.context.scene, session._client._request
         assert all(isinstance(o, bpy.types.Object) for o in scene.collection.objects)
         assert [c.name for c in self.stream.channels] == ["pulley_1", "pulley_2"]
-        assert wish["mode"] == self.stream.mode and session._note == ""
-        assert wish["jog"] == ({c.name: c.jog for c in self.stream.channels} if self.stream.mode == "jog" else {})
+        assert request["mode"] == self.stream.mode and session._note == ""
+        assert request["jog"] == ({c.name: c.jog for c in self.stream.channels} if self.stream.mode == "jog" else {})
         made = device_calibration.calibration_of(scene, streamed_track.device_key(scene))
-        assert wish["calibration"] == made.dumps()
+        assert request["calibration"] == made.dumps()
 
 
 @pytest.mark.parametrize("seed", (1, 2))

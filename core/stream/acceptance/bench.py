@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 
 from ...errors import DermisError
-from ..board import Beat
-from ..links.transport import Transport
+from ..connection import Connection
 from ..protocols.native import Native
 from ..protocols.packets import DeviceState, Kind, pack
 from ..protocols.wire import Array, Wire
+from ..request import StreamRequest
+from ..shared_state import Heartbeat
 from ..streamer import Streamer
 from ..virtual.link import open_link
-from ..wish import Wish
 
 SAFE_MS = 100.0  # by then silence or a flood has ended in the safe state [ms]
 FLOOD_RATE = 50_000.0  # as fast as a serial line of 500,000 baud [bytes/s]
@@ -48,7 +48,7 @@ class Bench:
     """Holds a link to one device by a streamer of its own.
 
     Args:
-        wish: link, device and calibration. heed: called all the time; raises what shall end the walk.
+        request: link, device and calibration. heed: called all the time; raises what shall end the walk.
         clock, sleep: of this computer.
 
     Attributes:
@@ -57,7 +57,7 @@ class Bench:
 
     def __init__(
         self,
-        wish: Wish,
+        request: StreamRequest,
         heed: Callable[[], None] = lambda: None,
         *,
         clock: Callable[[], float] = time.perf_counter,
@@ -65,21 +65,32 @@ class Bench:
     ) -> None:
         self._heed, self._clock, self._sleep = heed, clock, sleep
         self._silent = self._left_alone = False
-        self._wish = replace(wish, connect=True, mode="jog", ramp=1.0, stall=60.0)
+        self._request = replace(request, connect=True, mode="jog", ramp=1.0, stall=60.0)
         self._number = self._arms = 0
-        self.wire = Wire.of(wish.spec(), wish.calibrated())
+        self.wire = Wire.of(request.spec(), request.calibrated())
         self.streamer = Streamer(open_link)
+
+    @property
+    def connection(self) -> Connection:
+        """The open link.
+
+        Raises:
+            DermisError: it is gone.
+        """
+        if self.streamer.connection is None:
+            raise DermisError(self.streamer.message.rstrip(".") or f"{self._request.url} is gone")
+        return self.streamer.connection
 
     @property
     def native(self) -> Native | None:
         """The native protocol's side of the link, None where the board speaks another one."""
-        adapter = self.streamer.adapter
+        adapter = self.streamer.connection.adapter if self.streamer.connection is not None else None
         return adapter if isinstance(adapter, Native) else None
 
     @property
     def answers(self) -> bool:
-        """Tell whether the board speaks the native protocol, whether or not there is a link just now."""
-        return self._wish.protocol == Native.name
+        """Return whether the board speaks the native protocol, whether or not there is a link just now."""
+        return self._request.protocol == Native.name
 
     def connect(self) -> None:
         """Connect, and wait until the device has been recognised.
@@ -87,12 +98,12 @@ class Bench:
         Raises:
             DermisError: it has not.
         """
-        if self.streamer.link is None:
+        if self.streamer.drive is None:
             self.streamer = Streamer(open_link)  # one that has lost its link waits for a person
-        self._apply(connect=True, jog=self._jog(self.wire.safe), arm=0)
+        self._apply(connect=True, jog=self._jog(self.wire.safe), arm_id=0)
         self.until(lambda: self.streamer.state in ("ready", "fault") or not self._holds, CONNECTING)
         if self.streamer.state != "ready":
-            raise DermisError(self.streamer.words.rstrip(".") or f"{self._wish.url} does not answer")
+            raise DermisError(self.streamer.message.rstrip(".") or f"{self._request.url} does not answer")
 
     def arm(self) -> None:
         """Arm at the safe pose, and wait until the ramp there is over.
@@ -100,16 +111,15 @@ class Bench:
         Raises:
             DermisError: it does not arm.
         """
-        if self.streamer.link is None:
+        if self.streamer.drive is None:
             self.connect()
         self._arms += 1
-        self._apply(arm=self._arms, jog=self._jog(self.wire.safe))
+        self._apply(arm_id=self._arms, jog=self._jog(self.wire.safe))
         self.until(lambda: self.streamer.state in ("armed", "streaming"), ARMING)
         self._still_armed()
-        gate = self.streamer.gate
-        assert gate is not None
-        self.run(self._wish.ramp + 0.2)
-        self.until(lambda: not self.streamer.armed or bool(np.allclose(gate.last, self.wire.safe)), RAMPING)
+        limiter = self.connection.output.limiter
+        self.run(self._request.ramp + 0.2)
+        self.until(lambda: not self.streamer.armed or bool(np.allclose(limiter.last, self.wire.safe)), RAMPING)
         self._still_armed()
 
     def move(self, values: Array, seconds: float) -> None:
@@ -154,9 +164,7 @@ class Bench:
 
     def believe(self, values: Array) -> None:
         """Take it from a person that the device has gone to driven values [units] by itself."""
-        gate = self.streamer.gate
-        assert gate is not None
-        gate.begin(values, self._clock(), 0.0)
+        self.connection.output.limiter.begin(values, self._clock(), 0.0)
         self.head_for(values)
 
     def stop(self) -> None:
@@ -168,7 +176,7 @@ class Bench:
 
         Returns: its state by the native protocol, None where nobody can be asked.
         """
-        link, native = self._link(), self.native
+        link, native = self.connection.link, self.native
         start = self._clock()
         end, sent = start + seconds, 0
         while (now := self._clock()) < end:
@@ -187,7 +195,7 @@ class Bench:
     def pose(self) -> Array | None:
         """Ask the board what it drives [units]; None where it does not say."""
         native = self.native
-        if native is None or self.streamer.link is None:
+        if native is None or self.streamer.drive is None:
             return None
         native.pose = None
         self._raw(native.ask_pose())
@@ -199,7 +207,7 @@ class Bench:
 
         The board's watchdog is fed by questions for the pose and the clock alone; the streamer stands still.
         """
-        link, native = self._link(), self.native
+        link, native = self.connection.link, self.native
         assert native is not None
         for message in native.command(values, self._clock(), None):
             self._raw(message)
@@ -248,47 +256,44 @@ class Bench:
     def end(self) -> str:
         """Leave the device safe, whatever became of it; return why that is not sure, '' where it is."""
         self._heed, self._silent = lambda: None, False
-        words = ""
-        if self._left_alone or (self._arms and self.streamer.link is None):
+        message = ""
+        if self._left_alone or (self._arms and self.streamer.drive is None):
             try:
                 self.bring_home()
             except DermisError as error:
-                words = str(error).rstrip(".")
+                message = str(error).rstrip(".")
         self.close()
         if self.streamer.counters["safe states not confirmed"]:
-            words = self.streamer.words.rstrip(".")
-        return words
+            message = self.streamer.message.rstrip(".")
+        return message
 
     def _tick(self, now: float) -> None:
-        self._number += 1
-        self.streamer.beat(Beat(self._number, 0, False, None, ()), now)
+        self._give_heartbeat(now)
         due = self.streamer.tick(self._clock())
         self._sleep(min(max(due - self._clock(), 0.0), 0.002))
 
+    def _give_heartbeat(self, now: float) -> None:
+        self._number += 1
+        self.streamer.heartbeat(Heartbeat(self._number, 0, False, None, ()), now)
+
     def _still_armed(self) -> None:
         if not self.streamer.armed:
-            raise DermisError(self.streamer.words.rstrip(".") or f"{self._wish.url} is not armed any more")
-
-    def _link(self) -> Transport:
-        if self.streamer.link is None:
-            raise DermisError(self.streamer.words.rstrip(".") or f"{self._wish.url} is gone")
-        return self.streamer.link
+            raise DermisError(self.streamer.message.rstrip(".") or f"{self._request.url} is not armed any more")
 
     @property
     def _holds(self) -> bool:
-        return self.streamer.link is not None or not self.streamer.words
+        return self.streamer.drive is not None or not self.streamer.message
 
     def _jog(self, values: Array) -> dict[str, float]:
         """Return what to ask for, so that the calibration makes driven values of it."""
-        return dict(zip(self.wire.names, ((values - self.wire.zero) / self.wire.gain).tolist(), strict=True))
+        return self.wire.named((values - self.wire.zero) / self.wire.gain)
 
     def _apply(self, **fields: Any) -> None:
-        self._wish = replace(self._wish, **fields)
-        self._number += 1
-        self.streamer.beat(Beat(self._number, 0, False, None, ()), self._clock())
-        self.streamer.apply(self._wish, self._clock())
+        self._request = replace(self._request, **fields)
+        self._give_heartbeat(self._clock())
+        self.streamer.apply(self._request, self._clock())
 
     def _raw(self, message: bytes) -> None:
-        link, end = self._link(), self._clock() + 0.5
+        link, end = self.connection.link, self._clock() + 0.5
         while not link.send(message) and self._clock() < end:
             self._sleep(0.001)

@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import queue
 import re
-import sys
-import threading
 from collections.abc import Callable, Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...errors import DermisError
-from ..protocols.adapter import NAMES
+from ..device_options import add_device, add_link, request_from
+from ..local_stream import say
+from ..signals import Interrupted, Signals
+from .person import NobodyThere, Terminal
 from .report import Check
 
 if TYPE_CHECKING:
     from .report import Report
     from .walk import Walk
 
-ANSWERS = {"y": True, "yes": True, "n": False, "no": False, "s": None, "skip": None}
 CHECKS = ("link", "first-arm", "motors", "speed", "stop", "silence", "flood", "rate", "exits", "unplug", "switch")
 INTRODUCTION = """\
 FINGERS OUT. From now until the end nobody's finger is in or on the device.
@@ -37,11 +36,8 @@ def add_parser(verbs: Any) -> None:
         description=INTRODUCTION,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    one.add_argument("--url", required=True, help="port or URL of the device")
-    one.add_argument("--device", required=True, metavar="KEY", help="device preset")
-    one.add_argument("--protocol", default="native", choices=sorted(NAMES), help="what the device speaks (native)")
-    one.add_argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
-    one.add_argument("--calibration", type=Path, metavar="FILE", help="calibration of this device")
+    add_device(one, required=True)
+    add_link(one)
     one.add_argument(
         "--only",
         action="append",
@@ -49,82 +45,17 @@ def add_parser(verbs: Any) -> None:
         metavar="CHECK",
         help=f"one check, more than once: {', '.join(CHECKS)}",
     )
-    one.add_argument("--rate", type=float, default=0.0, metavar="HZ", help="commands a second (the device's own)")
     one.add_argument("--out", type=Path, metavar="FILE", help="report (acceptance_DEVICE_DATE.md in this folder)")
     one.set_defaults(run=run, writes={"out": False})
 
 
-class NobodyThere(DermisError):
-    """The person has gone: nothing more can be asked."""
-
-
-class Terminal:
-    """The person, by way of a terminal; the device is kept alive while nothing has been typed yet.
-
-    Args:
-        meanwhile: called again and again while an answer is waited for.
-    """
-
-    def __init__(self, meanwhile: Callable[[], None]) -> None:
-        self._meanwhile = meanwhile
-        self._lines: queue.Queue[str] = queue.Queue(100)
-        threading.Thread(target=self._read, daemon=True).start()
-
-    def ask(self, question: str) -> bool | None:
-        """Ask until the answer is one; a word that only begins like one, as 'stop' does, is none."""
-        while True:
-            answer = self._line(f"? {question} [y/n/s] ").lower()
-            if answer in ANSWERS:
-                return ANSWERS[answer]
-
-    def wait(self, request: str) -> bool:
-        """Wait for Enter."""
-        return self._line(f"! {request} (s: skip) ").lower() not in ("s", "skip")
-
-    def tell(self, text: str) -> None:
-        """Print it."""
-        print(f"  {text}", flush=True)
-
-    def _line(self, prompt: str) -> str:
-        while sys.stdin.isatty() and not self._lines.empty():  # typed before the question could be read
-            if not self._lines.get():
-                self._lines.put("")
-                break
-        print(prompt, end="", flush=True)
-        while self._lines.empty():
-            self._meanwhile()
-        line = self._lines.get()
-        if not line:
-            self._lines.put("")  # the end stays the end
-            raise NobodyThere("standard input ended, so nobody is at the bench", remedy="Run it in a terminal")
-        return line.strip()
-
-    def _read(self) -> None:
-        for line in sys.stdin:
-            self._lines.put(line)
-        self._lines.put("")
-
-
 def run(options: argparse.Namespace) -> int:
     """Walk through the checks; return 0 where the device is accepted, 1 where it is not or not all was tried."""
-    from ...devices.calibration import Calibration
-    from ...presets import Library
-    from ..play import Interrupted, Signals
-    from ..wish import Wish, check_number
     from .bench import Bench
     from .report import Report
     from .walk import Walk
 
-    check_number("rate", options.rate)
-    preset = Library(options.presets).load("devices", options.device)
-    calibration = Calibration.load(options.calibration).dumps() if options.calibration else ""
-    wish = Wish(
-        url=options.url,
-        protocol=options.protocol,
-        device={"key": options.device, "preset": preset},
-        calibration=calibration,
-        rate=options.rate,
-    )
+    request = request_from(options, options.device)
     now = datetime.now().astimezone()
     path = options.out or Path(f"acceptance_{_plain(options.device)}_{now:%Y-%m-%d_%H%M}.md")
     if path.suffix == ".json":
@@ -142,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
         if signals.number:
             raise Interrupted
 
-    bench = Bench(wish, heed)
+    bench = Bench(request, heed)
     person = Terminal(lambda: bench.run(0.01))
     play = ["--url", options.url, "--device", options.device, "--protocol", options.protocol]
     for name in ("presets", "calibration", "rate"):
@@ -160,11 +91,11 @@ def run(options: argparse.Namespace) -> int:
             _go(Walk(bench, person, play), options.only, report)
             report.interrupted = False
         except Interrupted:
-            _say("Stopping.")
+            say("Stopping.")
         finally:
             if unsure := bench.end():
                 report.unsafe = unsure
-                _say(f"{unsure}. THE DEVICE MAY NOT BE SAFE: switch its supply off")
+                say(f"{unsure}. THE DEVICE MAY NOT BE SAFE: switch its supply off")
             if path.exists():
                 report.write(path, now)
                 with contextlib.suppress(OSError):  # a terminal that was closed
@@ -193,22 +124,18 @@ def _tried(name: str, check: Callable[[], Iterator[Check]]) -> Iterator[Check]:
         yield Check(name, "could not be gone through", "failed", "measured", str(error))
 
 
-def _say(text: str) -> None:
-    with contextlib.suppress(OSError):
-        print(text, file=sys.stderr, flush=True)
-
-
 def _facts(bench: Any) -> dict[str, str]:
     """Return what the device says of itself."""
-    adapter = bench.streamer.adapter
-    facts = {"rate": f"{bench.streamer.rate:g} Hz"}
-    if adapter is not None:
-        facts |= {"serial number": adapter.device or "it says none", "holds for later": f"{adapter.queue} commands"}
-        facts["new values a second"] = f"{adapter.output_hz:g}" if adapter.output_hz else "at every command"
-        facts["pose at the start"] = "not known" if adapter.pose is None else "known"
-        if adapter.caution:
-            facts["caution"] = adapter.caution
-    return facts
+    connection = bench.connection
+    adapter = connection.adapter
+    return {
+        "rate": f"{connection.output.rate:g} Hz",
+        "serial number": adapter.device or "it says none",
+        "holds for later": f"{adapter.queue} commands",
+        "new values a second": f"{adapter.output_hz:g}" if adapter.output_hz else "at every command",
+        "pose at the start": "not known" if adapter.pose is None else "known",
+        **({"caution": adapter.caution} if adapter.caution else {}),
+    }
 
 
 def _plain(text: str) -> str:

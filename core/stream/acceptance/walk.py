@@ -2,44 +2,26 @@
 
 from __future__ import annotations
 
-import contextlib
 import random
 import signal
 import time
 from collections.abc import Callable, Iterator
-from typing import Protocol
 
 import numpy as np
 
-from ...errors import DermisError
 from ..protocols.packets import DeviceState, Reach
-from ..protocols.wire import Array
 from .bench import FLOODS, SAFE_MS, Bench
+from .mover import Mover, fastest_over
+from .person import Person
 from .player import play_and_end
 from .report import Check, judged
 
 STOP_MS = 20.0  # by then a stop has arrived at the board [ms]
 ROUND_TRIP_MS = 20.0  # a link slower than this cannot stop in time [ms]
 RATE_SECONDS, RATE_LOSS = 5.0, 1e-3
-AWAY = 0.3  # part of the way from the safe pose to the far end of the range that the checks move by
 SPEED_WINDOW = 0.01  # a speed is taken over at least this long [s] ...
 SPEED_SLACK = 1.5  # ... and may seem this much faster, since a pose's age is known to a few milliseconds only
-CLOSE = 0.02  # part of the range within which a pose counts as reached
 MOTORS = 8  # that a person is asked about one by one
-ATTEMPTS = 3  # to be armed and moved away
-
-
-class Person(Protocol):
-    """Whoever stands at the bench."""
-
-    def ask(self, question: str) -> bool | None:
-        """Return the answer to a question; None: skipped."""
-
-    def wait(self, request: str) -> bool:
-        """Ask for something to be done; False: skipped."""
-
-    def tell(self, text: str) -> None:
-        """Say what happens now."""
 
 
 class Walk:
@@ -52,12 +34,9 @@ class Walk:
     def __init__(self, bench: Bench, person: Person, play: list[str]) -> None:
         self.bench, self.person, self.play = bench, person, play
         wire = bench.wire
-        span = np.where(np.isfinite(wire.most - wire.least), wire.most - wire.least, 0.0)
-        far = np.where(wire.most - wire.safe >= wire.safe - wire.least, wire.most, wire.least)
-        self._span = span
+        self.mover = Mover(bench)
         self._home = "in its retracted pose" if wire.spec.worn else "in its safe state (no force, no voltage)"
         self._manner = "at once" if wire.reach == Reach.AT_ONCE else "at an even speed"
-        self._away: Array = wire.safe + AWAY * np.where(np.isfinite(far), far - wire.safe, 0.0)
 
     def checks(self) -> dict[str, Callable[[], Iterator[Check]]]:
         """Return every check by its name, in the order in which they are tried."""
@@ -94,51 +73,59 @@ class Walk:
             yield Check("link", what, "failed", "measured", "no answer")
             return
         median, most = 1e3 * float(np.median(trips)), 1e3 * float(np.percentile(trips, 95))
-        outcome, judge = judged(None, {"round trip": most <= ROUND_TRIP_MS})
-        yield Check("link", what, outcome, judge, f"{median:.1f} ms, p95 {most:.1f} ms", f"p95 {ROUND_TRIP_MS:g} ms")
+        yield Check(
+            "link",
+            what,
+            *judged(None, {"round trip": most <= ROUND_TRIP_MS}),
+            f"{median:.1f} ms, p95 {most:.1f} ms",
+            f"p95 {ROUND_TRIP_MS:g} ms",
+        )
 
     def first_arm(self) -> Iterator[Check]:
         """The first pulses, and the ramp to the retracted pose."""
-        adapter, spec = self.bench.streamer.adapter, self.bench.wire.spec
-        for said in filter(None, (adapter.caution, adapter.notice) if adapter is not None else ()):
-            self.person.tell(said)
+        connection, spec = self.bench.streamer.connection, self.bench.wire.spec
+        if connection is not None:
+            for said in filter(None, (connection.adapter.caution, connection.adapter.notice)):
+                self.person.tell(said)
         if not spec.worn:
             self.person.tell("What cannot be seen, as a voltage, is measured at the output: have a meter there.")
         self.person.tell(f"Arming: it will be {self._home}. A board that knows no pose may jump there.")
         self.bench.arm()
         seen = self.person.ask(f"Is every motor or output {self._home}, and does it hold still?")
         pose = self.bench.pose()
-        measured = None if pose is None else {"pose": self._at(pose, self.bench.wire.safe)}
-        outcome, judge = judged(seen, measured)
-        yield Check("first-arm", "armed; to the retracted pose", outcome, judge, self._words(pose))
+        yield Check(
+            "first-arm", "armed; to the retracted pose", *judged(seen, self.mover.measured(pose)), self.mover.text(pose)
+        )
 
     def motors(self) -> Iterator[Check]:
         """Whether each channel moves its own motor, and the right way."""
         wire = self.bench.wire
         shown = range(wire.count) if wire.count <= MOTORS else (0, wire.count // 2, wire.count - 1)
         for k in shown:
-            self._ready()
+            self.mover.ready()
             self.person.tell(f"{wire.names[k]} moves there and back.")
-            at, there = self._there_and_back(k)
-            way = "up" if self._away[k] > wire.safe[k] else "down"
+            at, there = self.mover.there_and_back(k)
+            way = "up" if self.mover.away[k] > wire.safe[k] else "down"
             seen = self.person.ask(
                 f"Did {wire.names[k]} move ({way}wards in its values), alone and smoothly, and back?"
             )
-            outcome, judge = judged(seen, None if at is None else {"pose": at})
-            yield Check(f"motor {wire.names[k]}", "moved by itself and back", outcome, judge, self._words(there))
+            yield Check(
+                f"motor {wire.names[k]}",
+                "moved by itself and back",
+                *judged(seen, None if at is None else {"pose": at}),
+                self.mover.text(there),
+            )
         if others := [k for k in range(wire.count) if k not in shown]:
-            self._ready()
+            self.mover.ready()
             self.person.tell(f"All others move in their turn: {wire.names[others[0]]} to {wire.names[others[-1]]}.")
-            poses = {wire.names[k]: self._there_and_back(k)[0] for k in others}
+            poses = {wire.names[k]: self.mover.there_and_back(k)[0] for k in others}
             seen = self.person.ask("Did each of them move in its turn, alone, and back?")
             measured = {name: at for name, at in poses.items() if at is not None}
-            outcome, judge = judged(seen, measured)
             bad = [name for name, at in measured.items() if not at]
             yield Check(
                 "all other motors",
                 f"{len(others)} moved in their turn",
-                outcome,
-                judge,
+                *judged(seen, measured),
                 f"not where it was sent: {', '.join(bad[:8])}" if bad else "",
             )
 
@@ -151,67 +138,65 @@ class Walk:
         if not self.bench.answers:
             yield Check("speed", what, "not tried", limit="this board does not report a pose")
             return
-        self._ready()
-        poses = list(self.bench.past_the_limiter(self._away, self._seconds(self._away) + 0.1))
+        self.mover.ready()
+        poses = list(self.bench.past_the_limiter(self.mover.away, self.mover.seconds + 0.1))
         fastest = fastest_over(poses, SPEED_WINDOW) if poses else np.zeros(wire.count)
         slew = np.where(np.isfinite(wire.slew), wire.slew, np.inf)
         allowed = slew * SPEED_SLACK
         measured = {"speed": bool((fastest <= allowed).all()), "moved": bool(fastest.max() > 0)}
-        outcome, judge = judged(None, measured)
         k = int(np.argmax(fastest / slew))
         self.bench.stop()
-        self.bench.run(self._seconds(self._away) + 0.3)
+        self.bench.run(self.mover.seconds + 0.3)
         unit = f"{wire.units[k]}/s"
         limit = f"{slew[k]:.3g} {unit} declared, {SPEED_SLACK:g} times that for the poses' age"
-        yield Check("speed", what, outcome, judge, f"{wire.names[k]} {fastest[k]:.3g} {unit}", limit)
+        yield Check("speed", what, *judged(None, measured), f"{wire.names[k]} {fastest[k]:.3g} {unit}", limit)
 
     def stop(self) -> Iterator[Check]:
         """Stop, from a pose away from the safe one."""
-        self._moved_away()
+        self.mover.move_away()
         native = self.bench.native
         began = time.perf_counter()
         self.bench.stop()
         told = self.bench.until(lambda: native is not None and native.state == DeviceState.SAFE, 0.5)
-        pose = self._settle()
+        pose = self.mover.settle()
         reached = time.perf_counter() - began
         seen = self.person.ask(f"Did it go back by itself, {self._manner}, and is it {self._home}?")
-        measured = None
-        if native is not None:
-            measured = {"stopped": told is not None and 1e3 * told <= STOP_MS + ROUND_TRIP_MS}
-            if pose is not None:
-                measured["pose"] = self._at(pose, self.bench.wire.safe)
-        outcome, judge = judged(seen, measured)
+        soon = {"stopped": told is not None and 1e3 * told <= STOP_MS + ROUND_TRIP_MS} if native is not None else {}
         figure = "" if told is None else f"board safe after {1e3 * told:.0f} ms, its pose after {1e3 * reached:.0f} ms"
-        yield Check("stop", "Stop while moved away", outcome, judge, figure, f"{STOP_MS + ROUND_TRIP_MS:g} ms")
+        yield Check(
+            "stop",
+            "Stop while moved away",
+            *judged(seen, soon | self.mover.measured(pose)),
+            figure,
+            f"{STOP_MS + ROUND_TRIP_MS:g} ms",
+        )
 
     def silence(self) -> Iterator[Check]:
         """When the board's own watchdog acts: the shortest silence after which it is safe, found by halving."""
         what = "nothing is sent while armed and moved away"
         if not self.bench.answers:
-            self._moved_away()
+            self.mover.move_away()
             self.person.tell("This program is silent until you have answered.")
             with self.bench.silent():
                 seen = self.person.ask(f"Is it {self._home}, or has it let go, since the blink of an eye?")
             if seen:
                 self.bench.believe(self.bench.wire.safe)  # or the next command would bring it back at full speed
-            outcome, judge = judged(seen)
-            yield Check("silence", what, outcome, judge, limit=f"{SAFE_MS:g} ms")
+            yield Check("silence", what, *judged(seen), limit=f"{SAFE_MS:g} ms")
             return
         low, high = 0.0, SAFE_MS  # still armed after low, safe after high [ms]
-        self._moved_away()
+        self.mover.move_away()
         first = self.bench.silence(high / 1e3)
         if first == DeviceState.SAFE:
             while high - low > 8.0:
-                self._moved_away()
+                self.mover.move_away()
                 middle = 0.5 * (low + high)
                 if self.bench.silence(middle / 1e3) == DeviceState.SAFE:
                     high = middle
                 else:
                     low = middle
         seen = self.person.ask(f"Did it go back by itself, each time, {self._manner}, and is it {self._home}?")
-        outcome, judge = judged(seen, {"safe": first == DeviceState.SAFE})
         figure = f"between {low:.0f} and {high:.0f} ms" if first == DeviceState.SAFE else f"not within {SAFE_MS:g} ms"
-        yield Check("silence", what, outcome, judge, figure, f"{SAFE_MS:g} ms")
+        yield Check("silence", what, *judged(seen, {"safe": first == DeviceState.SAFE}), figure, f"{SAFE_MS:g} ms")
 
     def flood(self) -> Iterator[Check]:
         """Whether rubbish on the line keeps the watchdog from acting."""
@@ -222,34 +207,40 @@ class Walk:
         safe = {}
         self.person.tell(f"{len(FLOODS)} times: moved away, then rubbish on the line instead of commands.")
         for k, (name, pattern) in enumerate(FLOODS.items()):
-            self._moved_away()
+            self.mover.move_away()
             state = self.bench.silence(SAFE_MS / 1e3, pattern(random.Random(k)))
             safe[name] = state == DeviceState.SAFE
-            self._settle()
+            self.mover.settle()
         seen = self.person.ask(f"Did it go back each time, {self._manner}, without a twitch, and is it {self._home}?")
-        outcome, judge = judged(seen, safe)
         bad = [name for name, good in safe.items() if not good]
-        yield Check("flood", what, outcome, judge, f"not safe after {', '.join(bad)}" if bad else "", f"{SAFE_MS:g} ms")
+        yield Check(
+            "flood", what, *judged(seen, safe), f"not safe after {', '.join(bad)}" if bad else "", f"{SAFE_MS:g} ms"
+        )
 
     def rate(self) -> Iterator[Check]:
         """Whether the link and the board take commands as fast as they come."""
-        self._ready()
-        streamer, native = self.bench.streamer, self.bench.native
+        self.mover.ready()
+        streamer, native, rate = self.bench.streamer, self.bench.native, self.bench.connection.output.rate
         before, damaged = dict(streamer.counters), self._at_device()
         self.person.tell(f"It moves slowly to and fro for {RATE_SECONDS:g} s.")
         began = time.perf_counter()  # a board that is told the same again and again is told next to nothing
         while (through := time.perf_counter() - began) < RATE_SECONDS and streamer.armed:
-            self.bench.head_for(self._part(0.5 - 0.5 * np.cos(2 * np.pi * through / RATE_SECONDS)))
+            self.bench.head_for(self.mover.part(0.5 - 0.5 * np.cos(2 * np.pi * through / RATE_SECONDS)))
             self.bench.run(0.01)
         stayed = streamer.armed
         sent, full, slept = (streamer.counters[n] - before.get(n, 0) for n in ("sent", "dropped", "skipped"))
         bad = self._at_device() - damaged
-        outcome, judge = judged(None, {"rate": stayed and sent > 0 and full + bad <= RATE_LOSS * sent})
         figure = f"{sent} sent, {full} that the link had no room for"
         figure += f", {bad} lost or damaged at the board" if native else ""
-        figure += "" if stayed else f"; it did not stay armed: {streamer.words}"
+        figure += "" if stayed else f"; it did not stay armed: {streamer.message}"
         figure += f"; {slept} left out by this computer, which is not judged" if slept else ""
-        yield Check("rate", f"{RATE_SECONDS:g} s at {streamer.rate:g} Hz", outcome, judge, figure, "1 in 1000")
+        yield Check(
+            "rate",
+            f"{RATE_SECONDS:g} s at {rate:g} Hz",
+            *judged(None, {"rate": stayed and sent > 0 and full + bad <= RATE_LOSS * sent}),
+            figure,
+            "1 in 1000",
+        )
 
     def exits(self) -> Iterator[Check]:
         """Every way in which the program that plays may end."""
@@ -260,123 +251,50 @@ class Walk:
                 continue
             self.person.tell(f"Another program plays a slow movement and is ended: {name}.")
             with self.bench.apart():
-                said = play_and_end(
-                    self.bench, self._away, self.play, getattr(signal, number), self._seconds(self._away)
-                )
+                said = play_and_end(self.bench, self.mover.away, self.play, getattr(signal, number), self.mover.seconds)
             seen = self.person.ask(f"Is it {self._home} now, or has it let go, if that is its safe state?")
             self.bench.bring_home()
             pose = self.bench.pose()  # a board that is reset when its port is opened has forgotten it
-            measured = {"played": not said}
-            if pose is not None:
-                measured["pose"] = self._at(pose, self.bench.wire.safe)
-            outcome, judge = judged(seen, measured)
-            yield Check(f"exit, {name}", "the playing program ends", outcome, judge, said or self._words(pose))
+            yield Check(
+                f"exit, {name}",
+                "the playing program ends",
+                *judged(seen, {"played": not said} | self.mover.measured(pose)),
+                said or self.mover.text(pose),
+            )
 
     def unplug(self) -> Iterator[Check]:
         """The cable, pulled while armed."""
         what = "the cable to the computer pulled while armed and moved away"
-        self._moved_away()
-        if not self.person.wait("Pull the cable to the COMPUTER now (not the supply's), look, then press Enter."):
+        if not self._moved_away_and("Pull the cable to the COMPUTER now (not the supply's), look, then press Enter."):
             yield Check("unplug", what, "not tried")
             return
         noticed = self.bench.until(lambda: not self.bench.streamer.armed, 1.0) is not None
         seen = self.person.ask(f"Is it {self._home}, or has it let go?")
         if self.person.wait("Plug it in again, wait until the board has started, then press Enter."):
             self.bench.connect()
-        outcome, judge = judged(seen, {"noticed": noticed})
-        yield Check("unplug", what, outcome, judge, "" if noticed else "this program did not notice")
+        yield Check(
+            "unplug", what, *judged(seen, {"noticed": noticed}), "" if noticed else "this program did not notice"
+        )
 
     def switch(self) -> Iterator[Check]:
         """The switch in the actuators' supply."""
         what = "the actuators' supply switched off while armed and moved away"
-        self._moved_away()
-        if not self.person.wait("Switch the actuators' SUPPLY off now, as you would in need, then press Enter."):
+        if not self._moved_away_and("Switch the actuators' SUPPLY off now, as you would in need, then press Enter."):
             yield Check("switch", what, "not tried")
             return
         seen = self.person.ask("Did the force go at once, and can the mechanism be moved away by hand?")
         self.bench.stop()
-        self._settle()
+        self.mover.settle()
         self.person.wait("Switch the supply on again, then press Enter.")
-        outcome, judge = judged(seen)
-        yield Check("switch", what, outcome, judge)
+        yield Check("switch", what, *judged(seen))
 
-    # -- helpers
-
-    def _ready(self) -> None:
-        """Be armed, at the safe pose."""
-        self._tried(self._armed)
-
-    def _moved_away(self) -> None:
-        def move() -> None:
-            self._armed()
-            self.bench.move(self._away, self._seconds(self._away) + 0.2)
-
-        self._tried(move)
-
-    def _armed(self) -> None:
-        if not self.bench.streamer.armed:
-            self._settle()
-            self.bench.arm()
-
-    def _tried(self, work: Callable[[], object]) -> None:
-        """Do something again: a computer that stands still for a moment trips a watchdog, which is no fault of it."""
-        for _ in range(ATTEMPTS - 1):
-            with contextlib.suppress(DermisError):
-                work()
-                return
-        work()
-
-    def _there_and_back(self, k: int) -> tuple[bool | None, Array | None]:
-        """Move one channel away and back; return whether the board says that it was there alone, and its pose."""
-        values, home = self._part(0.0), self._part(0.0)
-        values[k] = self._away[k]
-        self.bench.move(values, self._seconds(values) + 0.3)
-        there = self.bench.pose()
-        self.bench.move(home, self._seconds(values) + 0.3)
-        return None if there is None else self._at(there, values), there
-
-    def _part(self, part: float) -> Array:
-        """Return the pose so far on the way from the safe one away [units]."""
-        safe = self.bench.wire.safe
-        return safe + part * (self._away - safe)
-
-    def _settle(self) -> Array | None:
-        """Wait until the board says that it is at its safe pose, or as long as the way there takes; return the pose."""
-        end = time.perf_counter() + self._seconds(self._away) + 0.5
-        pose = None
-        while time.perf_counter() < end:
-            pose = self.bench.pose()
-            if pose is not None and self._at(pose, self.bench.wire.safe):
-                break
-            self.bench.run(0.02)
-        return pose
-
-    def _seconds(self, values: Array) -> float:
-        """Return how long the way between a pose and the safe one takes, ramps included [s]."""
-        wire = self.bench.wire
-        with np.errstate(invalid="ignore", divide="ignore"):
-            times = np.abs(values - wire.safe) / wire.slew
-        return float(np.nan_to_num(times, nan=0.0, posinf=0.0).max(initial=0.0)) + 0.1
-
-    def _at(self, pose: Array, goal: Array) -> bool:
-        return bool((np.abs(pose - goal) <= CLOSE * self._span + 1e-9).all())
-
-    def _words(self, pose: Array | None) -> str:
-        wire = self.bench.wire
-        if pose is None:
-            return "the board reports no pose"
-        return ", ".join(f"{n} {v:.4g} {u}" for n, v, u in zip(wire.names[:8], pose, wire.units, strict=False))
+    def _moved_away_and(self, request: str) -> bool:
+        """Move away and ask for something to be done; False: skipped."""
+        self.mover.move_away()
+        return self.person.wait(request)
 
     def _at_device(self) -> int:
-        counters = self.bench.streamer.adapter.counters if self.bench.streamer.adapter else {}
+        """Return how many packets the board says to have lost or found damaged."""
+        connection = self.bench.streamer.connection
+        counters = connection.adapter.counters if connection is not None else {}
         return sum(int(counters.get(f"{name} at the device", 0)) for name in ("lost", "damaged"))
-
-
-def fastest_over(poses: list[tuple[float, Array]], window: float) -> Array:
-    """Return each channel's largest speed [units/s] between poses that lie at least a window [s] apart."""
-    fastest, (before, start) = np.zeros(len(poses[0][1])), poses[0]
-    for at, pose in poses[1:]:
-        if at - before >= window:
-            fastest = np.maximum(fastest, np.abs(pose - start) / (at - before))
-            before, start = at, pose
-    return fastest

@@ -26,16 +26,16 @@ def bucket(adapter: Adapter, link: Transport, rate: float) -> TokenBucket:
     return TokenBucket(need, max(need / SHARE, SHARE * (link.carries or 0.0)))
 
 
-def ramp_period(adapter: Adapter, link: Transport, wished: float, declared: float) -> float:
+def ramp_period(adapter: Adapter, link: Transport, requested: float, declared: float) -> float:
     """Return the time between the commands of a ramp [s]: the preset's own, however few the stream was asked to send.
 
     A ramp of few commands would be a few jumps. A link that carries no more gets no more.
 
     Args:
-        wished, declared: rates of the stream and of the preset [Hz].
+        requested, declared: rates of the stream and of the preset [Hz].
     """
     fits = math.inf if link.carries is None else (SHARE * link.carries - adapter.other_bytes) / adapter.command_bytes
-    return 1.0 / max(wished, min(declared, fits))
+    return 1.0 / max(requested, min(declared, fits))
 
 
 def check(adapter: Adapter, link: Transport, rate: float) -> None:

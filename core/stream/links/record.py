@@ -60,7 +60,7 @@ class Record:
                 file.close()
 
     def _end(self, error: Exception) -> None:
-        """Say once that the record is not whole, and give it up."""
+        """Print once that the record is not whole, and give it up."""
         if self.ended:
             return
         self.ended = f"the record {self._path or 'on standard error'} is not whole: {_reason(error)}"

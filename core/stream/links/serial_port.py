@@ -10,7 +10,7 @@ from typing import Any
 from ...errors import DermisError
 from .transport import Gone, Stream, cannot_open
 
-QUEUED_MOST = 0.02  # bytes may wait in a serial driver for this long [s]; then a newer value is better than an older
+MAX_QUEUED = 0.02  # bytes may wait in a serial driver for this long [s]; then a newer value is better than an older
 
 
 class Serial(Stream):
@@ -30,7 +30,7 @@ class Serial(Stream):
         except (OSError, ValueError) as error:  # SerialException is an OSError
             raise cannot_open(place, error) from error
         self.carries = baud / 10  # eight bits, a start and a stop
-        self._budget = max(int(self.carries * QUEUED_MOST), 64)
+        self._budget = max(int(self.carries * MAX_QUEUED), 64)
         self._fd = self._port.fileno() if hasattr(select, "poll") else -1
         self._poll: Any = None
         if self._fd >= 0:

@@ -57,7 +57,7 @@ class Tcp(Stream):
         return 0
 
     def close(self) -> None:
-        """Say that nothing more comes, then close: the system sends what it still holds."""
+        """Announce that nothing more comes, then close: the system sends what it still holds."""
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_WR)
         self._socket.close()

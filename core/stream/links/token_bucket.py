@@ -19,7 +19,7 @@ class TokenBucket:
         self._tokens, self._when = 0.0, -math.inf
 
     def open(self, now: float, *, prompt: bool) -> bool:
-        """Tell whether something may leave; `prompt`: nothing waits on the way."""
+        """Return whether something may leave; `prompt`: nothing waits on the way."""
         if self._pace == math.inf:
             return True
         pace = self._most if prompt else self._pace
@@ -28,5 +28,5 @@ class TokenBucket:
         return self._tokens > 0
 
     def take(self, size: int) -> None:
-        """Note that bytes have left, allowed or not."""
+        """Take out the bytes that have left, allowed or not."""
         self._tokens -= size

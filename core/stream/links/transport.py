@@ -96,7 +96,7 @@ class Stream(Transport):
 
 
 def cannot_open(place: str, error: Exception) -> DermisError:
-    """Say why a link could not be opened, who has it, and what to do."""
+    """Return why a link could not be opened, who has it, and what to do."""
     number = getattr(error, "errno", None)
     text = str(getattr(error, "strerror", None) or error)
     if place in text:  # pyserial repeats the port's name
@@ -141,7 +141,7 @@ def holder_of(place: str) -> str:
 
 
 def _serves(process: Path, opened: Mapping[str, str], wanted: str) -> bool:
-    """Tell whether a process holds the other end of a pseudo-terminal."""
+    """Return whether a process holds the other end of a pseudo-terminal."""
     folder, _, number = wanted.rpartition("/")
     if folder != "/dev/pts":
         return False

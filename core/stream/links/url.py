@@ -5,7 +5,7 @@
     udp://host:port                                         datagrams
     loop://                                                 what is sent comes back
     spy://URL?file=PATH                                     any of them, with a record of the bytes
-    virtual:?loss=0.01&delay=0.02                           the device in the box (see virtual/device.py)
+    virtual:?loss=0.01&delay=0.02                           the simulated device (see virtual/device.py)
 
 Options after the question mark that no transport knows belong to the protocol.
 """
@@ -28,7 +28,7 @@ class Url:
     def __init__(self, text: str) -> None:
         self.text = text.strip()
         if not self.text:
-            raise DermisError("no port is given", remedy="Enter one, or 'virtual:' for the device in the box")
+            raise DermisError("no port is given", remedy="Enter one, or 'virtual:' for the simulated device")
         head, _, query = self.text.partition("?")
         try:
             self.options = dict(parse_qsl(query, strict_parsing=bool(query)))
@@ -61,7 +61,7 @@ class Url:
         return host.strip("[]"), int(port)
 
 
-def unnamed(url: str, words: str) -> str:
-    """Return a URL to name beside words about its link; '' where they name the link already."""
+def unnamed(url: str, message: str) -> str:
+    """Return a URL to name beside a message about its link; '' where that names the link already."""
     place = url.partition("?")[0].removeprefix("spy://").removeprefix("serial:").removesuffix(":")
-    return "" if place in words else url
+    return "" if place in message else url

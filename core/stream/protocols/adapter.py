@@ -115,7 +115,7 @@ class Adapter:
 
     @property
     def settled(self) -> bool:
-        """Tell whether the device has confirmed the last `safe`; True where its protocol confirms nothing."""
+        """Return whether the device has confirmed the last `safe`; True where its protocol confirms nothing."""
         return True
 
     def number(self, name: str, default: float) -> float:

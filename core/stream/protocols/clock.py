@@ -60,13 +60,8 @@ class DeviceClock:
 
     @property
     def known(self) -> bool:
-        """Tell whether there has been a round trip."""
+        """Return whether there has been a round trip."""
         return bool(self._samples)
-
-    @property
-    def round_trip(self) -> float:
-        """The last round trip [s]; NaN before the first."""
-        return self._samples[-1][0] if self._samples else float("nan")
 
     def reply(self, sent: float, received: float, device_us: int) -> None:
         """Take a reply: when it was asked and received [s of the host], and the device's counter."""
@@ -118,7 +113,7 @@ class Lateness:
         self.count = 0
 
     def add(self, seconds: float) -> None:
-        """Note one."""
+        """Take one."""
         self._ring[self.count % len(self._ring)] = seconds
         self.count += 1
 

@@ -149,7 +149,7 @@ class Native(Adapter):
 
     @property
     def settled(self) -> bool:
-        """Tell whether the device has answered SAFE, or was never there to be told."""
+        """Return whether the device has answered SAFE, or was never there to be told."""
         return not self._unconfirmed
 
     def _draw_session(self) -> None:
@@ -221,7 +221,7 @@ class Native(Adapter):
             self._device_state(welcome.state)
 
     def _judge_link(self, now: float) -> None:
-        """Tell by answers that stay away what waits in a driver that does not tell."""
+        """Judge by answers that stay away what waits in a driver that does not tell."""
         self.congested = now - self._oldest > max(self._trips.shortest + BEHIND, self._trips.usual + PROMPT)
         self.prompt = self.round_trip < self._trips.usual + PROMPT
 

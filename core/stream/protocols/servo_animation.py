@@ -18,7 +18,7 @@ from .wire import Array, Wire
 
 START, END, TRAP = 0x3C, 0x3E, 0x3C
 REFRESH = 0.1
-MOST = 32767  # an int of the receiver has 16 bits
+MAX_POSITION = 32767  # an int of the receiver has 16 bits
 
 
 class ServoAnimation(Adapter):
@@ -46,7 +46,10 @@ class ServoAnimation(Adapter):
         first = self.whole("first", 0, 0, ids[len(ids) - wire.count])
         self.ids = [i for i in ids if i >= first][: wire.count]
         self.command_bytes = wire.count * len(command(0, 0))  # where all of them change
-        self.low, self.high = self.whole("position_low", 1000, 0, MOST), self.whole("position_high", 2000, 0, MOST)
+        self.low, self.high = (
+            self.whole("position_low", 1000, 0, MAX_POSITION),
+            self.whole("position_high", 2000, 0, MAX_POSITION),
+        )
         if self.low == self.high:
             raise DermisError(
                 "both ends of a range have one position",

@@ -155,7 +155,7 @@ class Torque(Adapter):
 
     @property
     def settled(self) -> bool:
-        """Tell whether the board has answered a datagram without torque."""
+        """Return whether the board has answered a datagram without torque."""
         return self._let_go is None
 
     def _pack(self, torque: Array, now: float) -> bytes:

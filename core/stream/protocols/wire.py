@@ -168,6 +168,10 @@ class Wire:
         """Return counts as values [units]."""
         return self.low + (self.high - self.low) * (counts / full)
 
+    def named(self, values: Array) -> dict[str, float]:
+        """Return values by the names of their channels, for people and JSON."""
+        return dict(zip(self.names, values.tolist(), strict=True))
+
     def slew_counts(self, full: int = FULL) -> NDArray[np.uint16]:
         """Return the largest change in counts a millisecond, at least 1 and at most 65535."""
         part = self.slew / (self.high - self.low) * full / 1000.0

@@ -1,4 +1,4 @@
-"""The device in the box: any protocol, with faults; on a link of this process, or as a program of its own.
+"""The simulated device: any protocol, with faults; on a link of this process, or as a program of its own.
 
 Options of the URL: `loss`, `delay`, `jitter`, `corrupt`, `slow` (see faults.py), `stuck` (number of an actuator that
 does not move), `skew` (of its clock), `finger` (1: a finger draws circles on its touch panel), `seed`.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from importlib import import_module
 from typing import Protocol
 
 from ...errors import DermisError
@@ -17,7 +18,13 @@ from ..protocols.wire import Wire
 from . import faults as faults_module
 from .faults import Faults
 
-PROTOCOLS = ("native", "maestro", "servo-animation", "torque", "osc")
+KINDS = {
+    "native": ("native", "NativeDevice"),
+    "maestro": ("maestro", "MaestroDevice"),
+    "servo-animation": ("servo_animation", "ServoAnimationDevice"),
+    "torque": ("torque", "TorqueDevice"),
+    "osc": ("osc", "OscDevice"),
+}
 IDLE = 0.001  # between two looks at the clock where nothing arrives [s]
 FINGER_HZ = 100.0
 
@@ -38,23 +45,15 @@ def make(protocol: str, wire: Wire, options: dict[str, float]) -> Device:
     Raises:
         DermisError: no such protocol.
     """
-    from . import others as others
-    from .native import NativeDevice
-
     stuck = int(options.get("stuck", -1))
     if not -1 <= stuck < wire.count:
         raise DermisError("no such actuator", where="stuck", value=stuck, limit=f"0 to {wire.count - 1}")
-    if protocol == "native":
-        return NativeDevice(wire, stuck=stuck, skew=options.get("skew", 0.0))
-    if protocol == "maestro":
-        return others.MaestroDevice(wire, stuck=stuck)
-    if protocol == "servo-animation":
-        return others.ServoAnimationDevice(wire, stuck=stuck)
-    if protocol == "torque":
-        return others.TorqueDevice(wire, stuck=stuck)
-    if protocol == "osc":
-        return others.OscDevice(wire, stuck=stuck)
-    raise DermisError("no such protocol", value=protocol, limit=", ".join(PROTOCOLS))
+    if protocol not in KINDS:
+        raise DermisError("no such protocol", value=protocol, limit=", ".join(KINDS))
+    module, name = KINDS[protocol]
+    clock = {"skew": options.get("skew", 0.0)} if protocol == "native" else {}  # the others have none
+    made: Device = getattr(import_module(f".{module}", __package__), name)(wire, stuck=stuck, **clock)
+    return made
 
 
 def options_of(url: Url) -> dict[str, float]:

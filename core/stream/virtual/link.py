@@ -1,4 +1,4 @@
-"""The link 'virtual:': a device in the box on a thread of this process; and the door to every link."""
+"""The link 'virtual:': a simulated device on a thread of this process; and the door to every link."""
 
 from __future__ import annotations
 

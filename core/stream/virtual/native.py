@@ -18,7 +18,7 @@ DEVICE_ID = b"VIRTUAL1"
 TOUCH_EVERY = 0.02  # a finger that stays down is reported again this often [s]
 NACK_EVERY = 0.005  # one NACK in this time at most: a flood gets no answer to each of its frames [s]
 WINDOW = 1024  # packets: what is further ahead was not lost on the way, it is old
-MOST_STEP = 5.0  # what a device that stood still may make up for [ms]: no jump
+MAX_STEP = 5.0  # what a device that stood still may make up for [ms]: no jump
 AT_ONCE = 1e9  # [counts a millisecond]
 WATCHDOGS = range(10, 81)  # silences that may be asked for [ms]
 
@@ -102,7 +102,7 @@ class NativeDevice:
 
     def tick(self, now: float) -> list[bytes]:
         """Let time pass: play what is due, move, watch for silence, say again that a finger is down."""
-        step = 0.0 if self._ticked is None else min((now - self._ticked) * 1e3, MOST_STEP)
+        step = 0.0 if self._ticked is None else min((now - self._ticked) * 1e3, MAX_STEP)
         self._ticked = now
         if self.state == DeviceState.ARMED and now - self._heard > self._timeout:
             self.watchdogs += 1
@@ -128,7 +128,7 @@ class NativeDevice:
     def report(self) -> dict[str, object]:
         """Return what it is doing, for people and for the twin; `early_ms` is that of all timed commands so far."""
         return {
-            "values": dict(zip(self.wire.names, self.wire.values(self.counts).tolist(), strict=True)),  # type: ignore[arg-type]
+            "values": self.wire.named(self.wire.values(self.counts)),  # type: ignore[arg-type]
             "state": self.state.name.lower(),
             "received": self.received,
             "lost": self.lost,

@@ -8,13 +8,13 @@ import math
 import os
 import select
 import socket
-import sys
 import threading
 import time
 from collections.abc import Callable
 from typing import Any
 
 from ...errors import DermisError
+from ...work.child import follow_parent
 from ..protocols.wire import Wire
 from .device import Server, make
 
@@ -31,7 +31,7 @@ def serve(protocol: str, wire: Wire, at: str, options: dict[str, float], *, ever
     server = Server(device, lambda wait: link.read(wait, server.read_most), link.write, options)
     print(json.dumps({"url": link.url}), flush=True)  # once nothing can be refused any more
     ended = threading.Event()
-    threading.Thread(target=_watch_input, args=(ended,), daemon=True).start()
+    follow_parent(ended.set)
     due, safe = time.perf_counter() + every, None
     while not ended.is_set() and server.step():
         reached = getattr(device, "safe_at", None)
@@ -125,9 +125,3 @@ class Endpoint:
         if self._peer is not None:
             with contextlib.suppress(OSError):
                 self._peer.sendall(message)
-
-
-def _watch_input(ended: threading.Event) -> None:
-    while sys.stdin.buffer.read(4096):
-        pass
-    ended.set()

@@ -1,4 +1,4 @@
-"""`python -m core stream play`: a track to the device in the box, and nothing moves that nobody armed."""
+"""`python -m core stream play`: a track to the simulated device, and nothing moves that nobody armed."""
 
 from __future__ import annotations
 

@@ -22,10 +22,10 @@ def through(protocol: str, reach: str, jog: dict[str, float] = FAR) -> Lab:
     lab.run(0.1)
     if protocol == "native":
         lab.device.pose_known = False  # servos, which cannot be asked
-        lab.streamer.adapter.pose = None  # type: ignore[union-attr]
+        lab.streamer.connection.adapter.pose = None  # type: ignore[union-attr]
     lab.arm()
     lab.run(0.6)
-    assert lab.streamer.armed and lab.streamer.pose_known
+    assert lab.streamer.armed and lab.streamer.status()["pose_known"]
     lab.stops += 1
     lab.run(0.6)
     return lab

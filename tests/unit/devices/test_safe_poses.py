@@ -112,7 +112,7 @@ def test_a_device_goes_to_its_safe_pose_with_all_channels_together() -> None:
     lab.run(0.1)
     lab.arm()
     lab.run(0.5)
-    start, safe, way = lab.at, Wire.of(lab.streamer.wire.spec).safe, []
+    start, safe, way = lab.at, Wire.of(lab.streamer.output.wire.spec).safe, []
     assert start == pytest.approx([-0.6, 0.1, -0.2], abs=1e-3)
     lab.stops += 1
     lab.run(0.15, each=lambda: way.append((lab.at - start) / (safe - start)))

@@ -14,9 +14,9 @@ from core.effects.heading import REST_RADIUS, STILL_SPEED, Heading
 from core.effects.slide import directions
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
+from core.stream.panel_source import PanelSource
 from core.stream.protocols.adapter import Touch
 from core.stream.protocols.wire import Wire
-from core.stream.source import Panel
 from tests.unit.stream.stream_lab import Lab
 
 SPEC = Library().device("electrovibration")
@@ -46,7 +46,7 @@ def ramp(maps: int = 1, **more: Any) -> ScreenMap:
     )
 
 
-def felt(panel: Panel, times: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def felt(panel: PanelSource, times: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return the volts after each report of a finger that stays down."""
     volts = []
     for t, at_x, at_y in zip(times.tolist(), x.tolist(), y.tolist(), strict=True):
@@ -66,7 +66,7 @@ def stroke(rate: float, *legs: tuple[float, float], start: float = -0.03) -> tup
 @pytest.mark.parametrize("rate", [30.0, 60.0, 240.0, 1000.0])
 def test_the_voltage_stays_while_the_finger_rests(rate: float) -> None:
     times, x = stroke(rate, (0.3, SPEED), (5.0, 0.0))
-    volts = felt(Panel(WIRE, ramp()), times, x, 0 * x)
+    volts = felt(PanelSource(WIRE, ramp()), times, x, 0 * x)
     assert volts[times > 0.1] == pytest.approx(FULL, rel=1e-3), "[S4]: the direction is held"
 
 
@@ -90,7 +90,7 @@ def test_jitter_of_a_resting_finger_switches_nothing(rate: float, size: float, k
         rng = np.random.default_rng(seed)
         noise = rng.normal(0, size, (2, 5000)) if kind == "normal" else rng.uniform(-size, size, (2, 5000))
         times, x = stroke(rate, (0.3, SPEED), (6.0, 0.0))
-        volts = felt(Panel(WIRE, ramp()), times, x + noise[0, : len(x)], noise[1, : len(x)])
+        volts = felt(PanelSource(WIRE, ramp()), times, x + noise[0, : len(x)], noise[1, : len(x)])
         assert volts[times > 0.1].min() > 0.95 * FULL, f"seed {seed}: neither moving nor at rest"
         assert np.ptp(volts[times > 0.5]) == 0.0, f"seed {seed}: on an even slope nothing changes at all"
 
@@ -98,7 +98,7 @@ def test_jitter_of_a_resting_finger_switches_nothing(rate: float, size: float, k
 @pytest.mark.parametrize("size", [1e-6, 1e-5, 1e-4])
 def test_jitter_before_the_first_movement_is_none(size: float) -> None:
     rng = np.random.default_rng(7)
-    panel = Panel(WIRE, ramp())
+    panel = PanelSource(WIRE, ramp())
     volts = felt(panel, np.arange(2400) / 240, *rng.normal(0, size, (2, 2400)))
     assert not volts.any(), "0 V, as in a bake, until the finger moves"
 
@@ -109,7 +109,7 @@ def test_start_reversal_and_lifting_are_followed(speed: float, rate: float) -> N
     """At the latest after two radii of way, two reports and the window: 53 ms at 0.1 m/s and 120 reports a second."""
     legs = 0.03 / speed
     times, x = stroke(rate, (0.5, 0.0), (legs, speed), (legs, -speed), (legs, speed), start=-0.015)
-    panel = Panel(WIRE, ramp())
+    panel = PanelSource(WIRE, ramp())
     volts = felt(panel, times, x, 0 * x)
     limit = 2 * REST_RADIUS / speed + WINDOW + 2 / rate
     for begin, wanted in ((0.5, FULL), (0.5 + legs, 0.0), (0.5 + 2 * legs, FULL)):
@@ -124,9 +124,9 @@ def test_start_reversal_and_lifting_are_followed(speed: float, rate: float) -> N
 
 def test_slow_motion_counts_and_drift_does_not() -> None:
     times, x = stroke(120.0, (4.0, 0.003), start=0.0)  # 3 mm/s
-    assert felt(Panel(WIRE, ramp()), times, x, 0 * x)[-1] == pytest.approx(FULL, rel=1e-3)
+    assert felt(PanelSource(WIRE, ramp()), times, x, 0 * x)[-1] == pytest.approx(FULL, rel=1e-3)
     times, x = stroke(120.0, (60.0, 0.9 * STILL_SPEED), start=0.0)  # 5 mm in a minute
-    assert not felt(Panel(WIRE, ramp()), times, x, 0 * x).any()
+    assert not felt(PanelSource(WIRE, ramp()), times, x, 0 * x).any()
 
 
 def wave(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -153,7 +153,7 @@ def test_a_live_panel_and_a_bake_agree(path: Path, rate: float) -> None:
     direction = directions(bx, by, np.ones(len(fine), bool), 1000.0, WINDOW)
     baked = screen.relief(bx, by, direction).friction
     times = np.arange(int(3.59 * rate)) / rate
-    live = np.asarray(screen.device.law.friction(felt(Panel(WIRE, screen), times, *path(times))))
+    live = np.asarray(screen.device.law.friction(felt(PanelSource(WIRE, screen), times, *path(times))))
     way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(bx), np.diff(by)))])
     for time, friction in zip(times, live, strict=True):
         at, before = round(time * 1000), max(round((time - WINDOW - 2 / rate) * 1000), 0)
@@ -170,7 +170,7 @@ def test_with_jitter_a_bake_that_bears_it_is_the_panel_exactly() -> None:
     screen = dataclasses.replace(ramp(), profile="slope", downhill="absolute")
     direction = directions(x, y, np.ones(1000, bool), 240.0, WINDOW, radius=REST_RADIUS)
     baked = screen.device.law.volts(screen.relief(x, y, direction).friction)
-    np.testing.assert_allclose(felt(Panel(WIRE, screen), times, x, y), baked, atol=1e-9)
+    np.testing.assert_allclose(felt(PanelSource(WIRE, screen), times, x, y), baked, atol=1e-9)
 
 
 def test_a_heading_averages_over_time_whatever_the_rate() -> None:
@@ -220,7 +220,7 @@ def test_the_maps_time_is_that_of_blenders_track() -> None:
 
 def test_without_blender_the_maps_time_starts_at_arming() -> None:
     screen = ramp(3, maps_per_second=2.0)
-    panel = Panel(WIRE, screen)
+    panel = PanelSource(WIRE, screen)
     for start in (5000.0, 7000.0):  # a second arming starts anew
         panel.begin(start)
         times, x = stroke(100.0, (0.05, 1.0), (1.5, 0.0), start=0.0)
@@ -231,7 +231,7 @@ def test_without_blender_the_maps_time_starts_at_arming() -> None:
 
 
 def test_arming_begins_at_0_v_with_a_finger_that_is_already_there() -> None:
-    panel = Panel(WIRE, ramp())
+    panel = PanelSource(WIRE, ramp())
     panel.begin(10.0)
     times, x = stroke(100.0, (0.3, SPEED))
     assert felt(panel, times + 10.0, x, 0 * x)[-1] > 100

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from core.presets import Library
-from core.stream.board import Beat
 from core.stream.links.transport import Transport
 from core.stream.links.url import Url
 from core.stream.protocols import packets
 from core.stream.protocols.packets import Kind
 from core.stream.protocols.wire import Wire
-from core.stream.source import Play
+from core.stream.request import StreamRequest
+from core.stream.shared_state import Heartbeat
 from core.stream.streamer import Streamer
-from core.stream.wish import Wish
+from core.stream.track_source import TrackSource
 from core.track import binary
 from core.track.command_track import CommandTrack
 from tests.unit.stream.firmware_board import BAUD, Board, firmware
@@ -63,7 +63,7 @@ class FirmwareLab:
 
     def __init__(self, board: Board, track: Path, key: str = "haptip") -> None:
         self.board, self.line = board, Line(board)
-        self.wish = Wish(
+        self.request = StreamRequest(
             connect=True,
             url="lab",
             protocol="native",
@@ -74,7 +74,7 @@ class FirmwareLab:
         )
         self.streamer = Streamer(self._open)
         self.number, self.playing, self.play_from = 0, False, 0.0
-        self.streamer.apply(copy.deepcopy(self.wish), self.now)
+        self.streamer.apply(copy.deepcopy(self.request), self.now)
 
     def _open(self, url: Url, wire: Wire, protocol: str) -> Transport:
         return self.line
@@ -89,16 +89,16 @@ class FirmwareLab:
         for _ in range(round(seconds / TICK)):
             self.number += 1
             time = self.board.now - self.play_from if self.playing else 0.0
-            self.streamer.beat(Beat(self.number, 0, self.playing, time, ()), self.now)
+            self.streamer.heartbeat(Heartbeat(self.number, 0, self.playing, time, ()), self.now)
             self.streamer.tick(self.now)
             self.line.hear(self.board.run(TICK))
 
     def arm(self) -> None:
         """Arm, as a press of the button does."""
-        self.wish.arm += 1
-        self.streamer.apply(copy.deepcopy(self.wish), self.now)
+        self.request.arm_id += 1
+        self.streamer.apply(copy.deepcopy(self.request), self.now)
         self.run(0.2)
-        assert self.streamer.state == "armed", self.streamer.words
+        assert self.streamer.state == "armed", self.streamer.message
 
     def play(self) -> None:
         """Begin the playback now."""
@@ -106,8 +106,8 @@ class FirmwareLab:
 
     def errors_us(self, since: float, until: float) -> np.ndarray:
         """Return each pulse's width less what the played track asks for at that pulse's own time [us]."""
-        source, wire = self.streamer.source, self.streamer.wire
-        assert isinstance(source, Play) and wire is not None
+        source, wire = self.streamer.output.source, self.streamer.output.wire
+        assert isinstance(source, TrackSource) and wire is not None
         out = []
         for channel, start, width in self.board.pulses:
             time = start - self.play_from

@@ -90,16 +90,16 @@ def sine_file(folder: Path) -> str:
 HAPTIP = Library().load("devices", "haptip")
 
 
-def beating(client: SenderClient, seconds: float, **beat: Any) -> None:
+def beating(client: SenderClient, seconds: float, **heartbeat: Any) -> None:
     """Give signs of life as Blender's timer does."""
     start, end = time.perf_counter(), time.perf_counter() + seconds
-    playing = beat.pop("playing", False)
+    playing = heartbeat.pop("playing", False)
     while time.perf_counter() < end:
-        client.beat(playing=playing, time=time.perf_counter() - start if playing else 0.0, **beat)
+        client.heartbeat(playing=playing, time=time.perf_counter() - start if playing else 0.0, **heartbeat)
         time.sleep(0.02)
 
 
 def ready(client: SenderClient, url: str, protocol: str = "native", **more: Any) -> None:
     client.connect(url, protocol, "haptip", HAPTIP, **more)
-    client.beat()
+    client.heartbeat()
     client.wait("ready", 10)

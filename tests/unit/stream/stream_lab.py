@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from core.presets import Library
-from core.stream.board import Beat
 from core.stream.links.transport import Gone, Transport
 from core.stream.links.url import Url
 from core.stream.protocols.wire import Wire
+from core.stream.request import StreamRequest
+from core.stream.shared_state import Heartbeat
 from core.stream.streamer import Streamer
 from core.stream.virtual.device import make
-from core.stream.wish import Wish
 from core.track import csv
 from core.track.command_track import CommandTrack
 
@@ -25,17 +25,21 @@ TICK = 0.001
 class Lab:
     """A streamer, a virtual device at the other end of a wire without delay, and a clock that the test turns."""
 
-    def __init__(self, protocol: str = "native", key: str = "haptip", *, load_screen: Any = None, **wish: Any) -> None:
-        self.now, self.number, self.beats = 100.0, 0, True
+    def __init__(
+        self, protocol: str = "native", key: str = "haptip", *, load_screen: Any = None, **request: Any
+    ) -> None:
+        self.now, self.number, self.heartbeats = 100.0, 0, True
         self.time: float | None = 0.0
         self.playing, self.stops, self.values = False, 0, ()
         self.cut = False
         self._answers: list[bytes] = []
         self.sent: list[tuple[float, bytes]] = []
         self.preset = Library().load("devices", key)
-        self.wish = Wish(connect=True, url="lab", protocol=protocol, device={"key": key, "preset": self.preset}, **wish)
+        self.request = StreamRequest(
+            connect=True, url="lab", protocol=protocol, device={"key": key, "preset": self.preset}, **request
+        )
         self.streamer = Streamer(self._open, load_screen)
-        self.streamer.apply(copy.deepcopy(self.wish), self.now)
+        self.streamer.apply(copy.deepcopy(self.request), self.now)
 
     def _open(self, url: Url, wire: Wire, protocol: str) -> Transport:
         lab = self
@@ -66,23 +70,25 @@ class Lab:
             self.now += TICK
             if self.playing and self.time is not None:
                 self.time += TICK
-            if self.beats:
+            if self.heartbeats:
                 self.number += 1
-                self.streamer.beat(Beat(self.number, self.stops, self.playing, self.time, self.values), self.now)
+                self.streamer.heartbeat(
+                    Heartbeat(self.number, self.stops, self.playing, self.time, self.values), self.now
+                )
             self.streamer.tick(self.now)
             self._answers += self.device.tick(self.now)
             if each is not None:
                 each()
 
     def set(self, **fields: Any) -> None:
-        """Change the wish."""
+        """Change the request."""
         for name, value in fields.items():
-            setattr(self.wish, name, value)
-        self.streamer.apply(copy.deepcopy(self.wish), self.now)
+            setattr(self.request, name, value)
+        self.streamer.apply(copy.deepcopy(self.request), self.now)
 
     def arm(self) -> None:
         """Arm, as a press of the button does."""
-        self.set(arm=self.wish.arm + 1, stops=self.stops)
+        self.set(arm_id=self.request.arm_id + 1, stops=self.stops)
 
     @property
     def at(self) -> np.ndarray:

@@ -20,12 +20,13 @@ from core.errors import DermisError
 from core.presets import Library
 from core.stream.acceptance.bench import Bench
 from core.stream.acceptance.command import CHECKS, _tried
+from core.stream.acceptance.mover import fastest_over
 from core.stream.acceptance.player import slow_track
 from core.stream.acceptance.report import Check, Report, judged
-from core.stream.acceptance.walk import Walk, fastest_over
+from core.stream.acceptance.walk import Walk
 from core.stream.protocols import native
 from core.stream.protocols.wire import Wire
-from core.stream.wish import Wish
+from core.stream.request import StreamRequest
 from core.work.child import command, environment
 from tests.unit.stream.stream_box import posix, running
 
@@ -179,7 +180,7 @@ def test_a_report_that_cannot_be_written_moves_nothing(tmp_path: Path) -> None:
 
 def test_a_person_is_kept_waiting_without_the_device_falling_asleep() -> None:
     """While an answer is waited for the device hears of its sender; an end of the input is nobody."""
-    from core.stream.acceptance.command import NobodyThere, Terminal
+    from core.stream.acceptance.person import NobodyThere, Terminal
 
     class Slow(Terminal):
         def _read(self) -> None:
@@ -223,14 +224,14 @@ class Yes:
         pass
 
 
-def bench_for(key: str, protocol: str = "native", url: str = "virtual:", **wish: Any) -> Bench:
+def bench_for(key: str, protocol: str = "native", url: str = "virtual:", **request: Any) -> Bench:
     device = {"key": key, "preset": Library().load("devices", key)}
-    return Bench(Wish(url=url, protocol=protocol, device=device, **wish))
+    return Bench(StreamRequest(url=url, protocol=protocol, device=device, **request))
 
 
 def at(bench: Bench) -> np.ndarray:
-    assert bench.streamer.link is not None
-    return np.array(list(bench.streamer.link.report()["values"].values()))
+    assert bench.streamer.connection is not None
+    return np.array(list(bench.streamer.connection.link.report()["values"].values()))
 
 
 def values(box: Any) -> np.ndarray:
@@ -247,7 +248,7 @@ def test_a_calibrated_device_goes_where_it_is_meant_to() -> None:
     found = [*walk.first_arm(), *walk.motors()]
     assert [check.outcome for check in found] == ["passed"] * 4, found
     assert np.allclose(at(bench), bench.wire.safe, atol=1e-3) and bench.wire.safe[0] > 2.6
-    assert bench.end() == "" and bench.streamer.link is None
+    assert bench.end() == "" and bench.streamer.connection is None
 
 
 @pytest.mark.long
@@ -280,9 +281,9 @@ def test_rubbish_is_tried_also_where_a_watchdog_has_just_ended_the_link() -> Non
     bench = bench_for("haptip")
     bench.connect()
     walk = Walk(bench, Yes(), [])
-    walk._moved_away()
+    walk.mover.move_away()
     bench.silence(0.1)
-    bench.until(lambda: bench.streamer.link is None, 2.0)
+    bench.until(lambda: bench.streamer.connection is None, 2.0)
     assert bench.native is None
     assert [check.outcome for check in walk.flood()] == ["passed"]
     assert bench.end() == ""
@@ -332,8 +333,8 @@ def test_what_another_program_has_left_anywhere_is_brought_home(boxes: Any) -> N
     killed = bench_for("cable_platform", "maestro", box.url)
     killed.arm()
     killed.move(killed.wire.safe + 1.0, 0.5)
-    assert killed.streamer.link is not None
-    killed.streamer.link.close()
+    assert killed.streamer.connection is not None
+    killed.streamer.connection.link.close()
     bench = bench_for("cable_platform", "maestro", box.url)
     bench.connect()
     with bench.apart():
@@ -365,7 +366,7 @@ def test_a_device_that_dies_in_the_middle_fails_and_is_not_called_safe(boxes: An
 
 
 def test_only_whole_words_are_answers() -> None:
-    from core.stream.acceptance.command import Terminal
+    from core.stream.acceptance.person import Terminal
 
     class Typed(Terminal):
         def _read(self) -> None:

@@ -114,7 +114,7 @@ def test_what_a_driver_hides_is_soon_through(part: float, look_ahead: float, tra
         assert lab.streamer.armed
         lab.playing = True
         lab.run(0.05 + 0.1463 * k)
-        assert lab.streamer.armed, lab.streamer.words
+        assert lab.streamer.armed, lab.streamer.message
         backlog, seconds = lab.kill()
         worst, safe = max(worst, backlog), max(safe, seconds)
     assert worst <= 0.031, f"{worst * 1e3:.1f} ms"
@@ -170,7 +170,7 @@ def test_the_watchdog_stays_quiet_on_a_link_that_jitters_and_loses(track_file: P
 
     lab.streamer.tick = sleepy  # type: ignore[method-assign]
     lab.run(20.0)
-    assert lab.streamer.armed, lab.streamer.words
+    assert lab.streamer.armed, lab.streamer.message
     assert lab.device.watchdogs == 0 and WATCHDOG_MS == 50
 
 
@@ -186,7 +186,7 @@ def test_a_board_that_holds_32_commands_runs_at_1_khz(track_file: Path) -> None:
     lab.run(3.0)
     assert lab.device.received - received == pytest.approx(3000, abs=3)
     assert lab.streamer.counters["sent"] - sent == 3000
-    assert lab.device.late == 0 and not lab.streamer.adapter.counters["refused: queue full"]  # type: ignore[union-attr]
+    assert lab.device.late == 0 and not lab.streamer.connection.adapter.counters["refused: queue full"]  # type: ignore[union-attr]
     assert lab.device.early_least >= 0.0 and lab.device.early_most <= 0.032
 
 

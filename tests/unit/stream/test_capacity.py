@@ -63,7 +63,7 @@ def test_the_rest_of_the_protocol_is_reckoned_too() -> None:
     before = len(lab.sent)
     lab.run(2.0)
     bytes_a_second = sum(len(message) for _, message in lab.sent[before:]) / 2.0
-    sender = lab.streamer.adapter
+    sender = lab.streamer.connection.adapter
     assert isinstance(sender, Native)
     assert bytes_a_second == pytest.approx(sender.other_bytes + len(sender.ask_pose()) / 0.1, rel=0.05)
 
@@ -120,7 +120,7 @@ def test_connecting_refuses_and_a_lower_rate_is_taken(tmp_path: Path) -> None:
 
         lab.streamer._open_link = slow
         lab.run(0.3)
-        assert lab.streamer.state == state, lab.streamer.words
+        assert lab.streamer.state == state, lab.streamer.message
     lab.arm()
     lab.run(0.2)
     lab.playing = True

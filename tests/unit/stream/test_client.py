@@ -22,15 +22,15 @@ serial = pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no rea
 
 def far(client: SenderClient, receiver: Receiver) -> None:
     exits.connect(client, receiver)
-    exits.until(receiver.reached, client.beat, "far from safe")
+    exits.until(receiver.reached, client.heartbeat, "far from safe")
     receiver.ask("mark")
 
 
 def test_closing_waits_for_no_ramp_and_leaves_nothing_behind() -> None:
     with Receiver("maestro") as receiver:
         client = SenderClient()
-        board = client._board.path
-        assert board.exists()
+        shared = client._shared.path
+        assert shared.exists()
         far(client, receiver)
         began = time.perf_counter()
         client.close()
@@ -40,7 +40,7 @@ def test_closing_waits_for_no_ramp_and_leaves_nothing_behind() -> None:
         assert "going to the safe state" in module.leaving() and receiver.url in module.leaving()
         exits.until(lambda: not client.alive, lambda: None, "it ends by itself")
         assert receiver.judgement()["safe"]
-    assert module.leaving() == "" and not board.exists()
+    assert module.leaving() == "" and not shared.exists()
 
 
 def test_a_port_is_waited_for_in_words_while_its_sender_of_before_finishes() -> None:
@@ -51,9 +51,9 @@ def test_a_port_is_waited_for_in_words_while_its_sender_of_before_finishes() -> 
         with SenderClient() as second:
             second.connect(receiver.url, "maestro", receiver.key, exits.Library().load("devices", receiver.key))
             status = second.status()
-            assert status["state"] == "connecting" and "going to the safe state" in status["words"]
+            assert status["state"] == "connecting" and "going to the safe state" in status["message"]
             second.arm()
-            assert "in use" not in second.wait("ready", 5)["words"]
+            assert "in use" not in second.wait("ready", 5)["message"]
             assert not second.status()["armed"]
             assert receiver.judgement()["safe"] and receiver.judgement()["ahead"] <= exits.AHEAD
 
@@ -61,8 +61,8 @@ def test_a_port_is_waited_for_in_words_while_its_sender_of_before_finishes() -> 
 def test_a_closed_sender_that_hangs_is_killed_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(child, "MAX_SILENT_SECONDS", 0.3)
     client = SenderClient()
-    client.beat()
-    exits.until(lambda: bool(client._board.status_number), client.beat, "it runs")
+    client.heartbeat()
+    exits.until(lambda: bool(client._shared.status_number), client.heartbeat, "it runs")
     os.kill(client.pid, signal.SIGSTOP)
     client.close()
     assert client.alive

@@ -13,12 +13,12 @@ from core.devices.friction_screen import FrictionScreen
 from core.devices.spec import Channel, DeviceSpec
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
-from core.stream.gate import Gate
+from core.stream.output_limiter import OutputLimiter
+from core.stream.panel_source import PanelSource
 from core.stream.protocols import osc
 from core.stream.protocols.adapter import Touch
 from core.stream.protocols.wire import Wire
-from core.stream.source import Panel
-from core.stream.virtual.others import OscDevice
+from core.stream.virtual.osc import OscDevice
 from core.track import csv
 from core.track.command_track import CommandTrack
 from tests.unit.stream.stream_lab import TICK, Lab, sine_track
@@ -86,27 +86,27 @@ def smooth(part: float) -> float:
 def test_a_sleep_gives_no_credit_to_blend_or_speed() -> None:
     """0.9 s of sleep in a blend of 1 s: the device goes on where it was, two milliseconds further at most."""
     wire = Wire.of(Library().device("haptip"))
-    gate = Gate(wire)
-    gate.begin(np.zeros(2), 0.0, 1.0)
-    gate.step(wire.most, 0.001)
-    assert np.allclose(gate.step(wire.most, 0.901), wire.most * smooth(0.003), rtol=1e-9)
+    limiter = OutputLimiter(wire)
+    limiter.begin(np.zeros(2), 0.0, 1.0)
+    limiter.step(wire.most, 0.001)
+    assert np.allclose(limiter.step(wire.most, 0.901), wire.most * smooth(0.003), rtol=1e-9)
     for k in range(997):
-        out = gate.step(wire.most, 0.902 + 0.001 * k)
+        out = limiter.step(wire.most, 0.902 + 0.001 * k)
     assert np.allclose(out, wire.most), "the rest of the blend takes the rest of its time"
-    gate.begin(np.zeros(2), 10.0, 0.0)
-    gate.step(np.zeros(2), 10.001)
-    path = [gate.step(wire.most, t) for t in (10.9, 10.901, 10.902)]
+    limiter.begin(np.zeros(2), 10.0, 0.0)
+    limiter.step(np.zeros(2), 10.001)
+    path = [limiter.step(wire.most, t) for t in (10.9, 10.901, 10.902)]
     assert np.allclose(path, np.outer((2, 3, 4), wire.slew) * 0.001), "two periods, then one each"
 
 
 def test_a_link_that_is_slow_throughout_gets_its_own_pace() -> None:
     """Commands at 20 Hz where 100 Hz were planned, then at 2 Hz: twice the step before, in full, at most 0.1 s."""
     spec = DeviceSpec("slow", "Slow", "t", 100.0, (Channel("a", "rad", -10.0, 10.0, 1.0, 0.0, "m"),))
-    gate = Gate(Wire.of(spec))
-    gate.begin(np.zeros(1), 0.0, 0.0)
-    path = [float(gate.step(np.array([10.0]), 0.05 * k)[0]) for k in range(1, 6)]
+    limiter = OutputLimiter(Wire.of(spec))
+    limiter.begin(np.zeros(1), 0.0, 0.0)
+    path = [float(limiter.step(np.array([10.0]), 0.05 * k)[0]) for k in range(1, 6)]
     assert np.allclose(np.diff([0.0, *path]), [0.02, 0.04, 0.05, 0.05, 0.05])
-    late = [float(gate.step(np.array([10.0]), 0.25 + 0.5 * k)[0]) for k in range(1, 4)]
+    late = [float(limiter.step(np.array([10.0]), 0.25 + 0.5 * k)[0]) for k in range(1, 4)]
     assert np.allclose(np.diff([path[-1], *late]), 0.1)
 
 
@@ -130,8 +130,8 @@ def test_commands_that_did_not_leave_do_not_count() -> None:
     lab.arm()
     path: list[float] = []
     lab.run(0.25, lambda: path.append(float(lab.at[0])))
-    assert lab.streamer.link is not None
-    link, send = lab.streamer.link, lab.streamer.link.send
+    assert lab.streamer.connection is not None
+    link, send = lab.streamer.connection.link, lab.streamer.connection.link.send
     link.send = lambda message: False  # type: ignore[method-assign]
     lab.run(0.5)
     assert lab.streamer.counters["dropped"] > 400
@@ -161,13 +161,13 @@ def screen() -> ScreenMap:
     )
 
 
-def uphill(panel: Panel, end: float) -> None:
+def uphill(panel: PanelSource, end: float) -> None:
     for k in range(11):
         panel.touched(Touch(True, -0.01 + 0.001 * k, 0.0), end - 0.1 + 0.01 * k)
 
 
 def test_a_touch_that_is_not_repeated_grows_old(screen: ScreenMap) -> None:
-    panel = Panel(Wire.of(Library().device("electrovibration")), screen)
+    panel = PanelSource(Wire.of(Library().device("electrovibration")), screen)
     uphill(panel, 10.0)
     assert panel.wanted(10.199, 10.199)[0] > 100
     assert panel.wanted(10.201, 10.201)[0] == 0.0 and panel.aged == 1
@@ -209,12 +209,13 @@ def test_the_virtual_panel_repeats_its_touch(screen: ScreenMap) -> None:
     lab.arm()
     lab._answers.append(lab.device.touched(True, 0.0, 0.0, lab.now))
     heard: set[float | None] = set()
-    lab.run(1.0, lambda: heard.add(lab.streamer.adapter.touch.at if lab.streamer.adapter.touch else None))  # type: ignore[union-attr]
+    adapter = lab.streamer.connection.adapter  # type: ignore[union-attr]
+    lab.run(1.0, lambda: heard.add(adapter.touch.at if adapter.touch else None))
     assert len(heard - {None}) == pytest.approx(50, abs=2), "every 20 ms while the finger is down"
     assert lab.streamer.status()["counters"]["touches grown old"] == 0
     lab._answers.append(lab.device.touched(False, 0.0, 0.0, lab.now))
     lab.run(0.1, heard.clear)
-    assert lab.streamer.adapter.touch.down is False  # type: ignore[union-attr]
+    assert adapter.touch.down is False  # type: ignore[union-attr]
 
 
 # -- something else to play
@@ -245,7 +246,7 @@ def test_something_else_to_play_is_blended_in(change: str, tmp_path: Path) -> No
     lab.set(**({"track": other} if change == "track" else {"offset": 5.0}))
     path = [float(lab.at[0])]
     lab.run(0.4, lambda: path.append(float(lab.at[0])))
-    assert np.abs(np.diff(path)).max() <= 1.5 * 80 / 0.3 * lab.streamer.pace.period * 1.05 + count
+    assert np.abs(np.diff(path)).max() <= 1.5 * 80 / 0.3 * lab.streamer.output.sample_clock.period * 1.05 + count
     assert path[-1] == pytest.approx(20.0, abs=count)
 
 

@@ -68,7 +68,7 @@ def test_kill_9_of_the_sender_behind_a_driver_that_hides_its_backlog(
         client.arm()
         beating(client, 0.4)
         beating(client, 0.5, playing=True)
-        assert client.status()["state"] == "streaming", client.status()["words"]
+        assert client.status()["state"] == "streaming", client.status()["message"]
         killed = time.perf_counter()
         os.kill(client.pid, signal.SIGKILL)
         assert box.safe_at() - killed <= 0.1 + 0.1, "100 ms, and as much again for a machine that is busy"
@@ -83,10 +83,10 @@ from core.stream.client import SenderClient
 from core.presets import Library
 client = SenderClient()
 client.connect(sys.argv[1], "native", "haptip", Library().load("devices", "haptip"), track=sys.argv[2], ramp=0.0)
-client.beat(); client.wait("ready", 10); client.beat(); client.arm()
+client.heartbeat(); client.wait("ready", 10); client.heartbeat(); client.arm()
 start = time.perf_counter()
 while True:
-    client.beat(playing=True, time=time.perf_counter() - start)
+    client.heartbeat(playing=True, time=time.perf_counter() - start)
     if client.status()["state"] == "streaming":
         print("streaming", client.pid, flush=True)
     time.sleep(0.02)
@@ -145,7 +145,7 @@ def test_unplug_and_plug_in_again(boxes: Any, track_file: str, tmp_path: Path) -
         end = time.monotonic() + 8
         while client.status()["state"] != "ready" and time.monotonic() < end:
             beating(client, 0.1)
-        assert client.status()["state"] == "ready", client.status()["words"]
+        assert client.status()["state"] == "ready", client.status()["message"]
         beating(client, 0.2, playing=True)
         assert not client.status()["armed"], "a person has to arm again"
 
@@ -156,9 +156,9 @@ def test_a_slow_reader_gets_the_newest_values_and_drops_are_counted(boxes: Any) 
     box = boxes("pty", "native", "haptip", "slow=11000")
     with SenderClient() as client:
         client.connect(box.url, "native", "haptip", HAPTIP, mode="follow", ramp=0.0)
-        client.beat()
+        client.heartbeat()
         client.wait("ready", 10)
-        client.beat()
+        client.heartbeat()
         client.arm()
         beating(client, 1.5, values=(0.3, -0.3))
         assert client.status()["counters"].get("dropped", 0) > 100
@@ -174,7 +174,7 @@ def test_a_port_in_use_is_named_with_its_holder(boxes: Any) -> None:
         ready(one, box.url)
         two.connect(box.url, "native", "haptip", HAPTIP)
         status = two.wait("fault", 10)
-        assert "the port is in use" in status["words"] and f"process {one.pid}" in status["words"]
+        assert "the port is in use" in status["message"] and f"process {one.pid}" in status["message"]
         assert one.status()["state"] == "ready"
 
 
@@ -189,7 +189,7 @@ def test_two_senders_on_one_udp_device(boxes: Any, track_file: str) -> None:
         stop = time.monotonic() + 5
         while two.status()["state"] != "fault" and time.monotonic() < stop:
             beating(one, 0.05, playing=True)
-        assert "in use by another sender" in two.status()["words"]
+        assert "in use by another sender" in two.status()["message"]
         assert one.status()["state"] == "streaming"
 
 
@@ -201,8 +201,8 @@ def test_the_wrong_device_answers_in_words(boxes: Any) -> None:
         other["channels"] = other["channels"][:3]
         del other["safe"]["values"]["pulley_2"]
         client.connect(box.url, "native", "haptip", other)
-        client.beat()
-        assert "wrong device: it has 2 channels" in client.wait("fault", 10)["words"]
+        client.heartbeat()
+        assert "wrong device: it has 2 channels" in client.wait("fault", 10)["message"]
 
 
 @posix
@@ -218,7 +218,7 @@ def test_a_device_that_hangs_is_given_up_and_is_safe_when_it_wakes(at: str, boxe
         box.process.send_signal(signal.SIGSTOP)
         hung = time.perf_counter()
         while client.status()["armed"]:
-            client.beat(playing=True, time=1.0)
+            client.heartbeat(playing=True, time=1.0)
             assert time.perf_counter() - hung < 0.3, "100 ms, and as much again twice for a machine that is busy"
             time.sleep(0.001)
         assert client.status()["state"] == "fault" and client.alive
@@ -239,4 +239,4 @@ def test_kill_9_of_the_device(boxes: Any, track_file: str) -> None:
         while client.status()["armed"]:
             assert time.perf_counter() - killed < 0.3
             time.sleep(0.001)
-        assert "gone" in client.status()["words"]
+        assert "gone" in client.status()["message"]

@@ -71,7 +71,7 @@ def test_a_board_that_does_not_answer_may_talk_at_the_old_speed() -> None:
     lab.run(0.001)
     lab.device.feed = lambda data, now: []
     lab.run(3.1)
-    assert lab.streamer.state == "fault" and "?baud=115200" in lab.streamer.words
+    assert lab.streamer.state == "fault" and "?baud=115200" in lab.streamer.message
 
 
 def test_questions_are_asked_more_often_while_answers_stay_away() -> None:
@@ -116,15 +116,15 @@ def test_a_calibration_under_way_says_that_the_device_knows_the_safe_pose_of_bef
     made = Calibration.of(Library().device("cable_platform")).with_entry("motor_1", zero=0.3)
     lab.set(calibration=made.dumps())
     lab.run(0.5)
-    assert lab.streamer.armed and "safe pose is that of the calibration before" in lab.streamer.words
+    assert lab.streamer.armed and "safe pose is that of the calibration before" in lab.streamer.message
     lab.stops += 1
     lab.run(0.5)
     lab.arm()
     lab.run(0.5)
-    assert lab.streamer.armed and not lab.streamer.words
+    assert lab.streamer.armed and not lab.streamer.message
     lab.stops += 1
     lab.run(0.5)
-    assert lab.streamer.wire is not None and np.allclose(lab.at, lab.streamer.wire.safe, atol=1e-3)
+    assert lab.streamer.output.wire is not None and np.allclose(lab.at, lab.streamer.output.wire.safe, atol=1e-3)
 
 
 @pytest.mark.parametrize("lost", [0, 3])

@@ -12,7 +12,7 @@ from core.devices.spec import Channel, DeviceSpec
 from core.presets import Library
 from core.stream.lowpass import low_passed
 from core.stream.protocols.wire import Wire
-from core.stream.source import Play
+from core.stream.track_source import TrackSource
 from core.stream.virtual.native import NativeDevice
 from core.track import csv
 from core.track.command_track import CommandTrack
@@ -71,7 +71,7 @@ def test_a_track_that_the_output_can_show_is_played_to_the_bit() -> None:
     t = np.arange(501) / 100
     wire = Wire.of(HAPTIP)
     for output in (0.0, 100.0, 1000.0):
-        play = Play(wire, track_of(texture(t, 10.0), t), output_hz=output)
+        play = TrackSource(wire, track_of(texture(t, 10.0), t), output_hz=output)
         assert play.loss is None and play.value(1.23)[0] == texture(1.23, 10.0)
 
 
@@ -89,19 +89,19 @@ def test_three_samples_do_not_become_a_thousand_million(tmp_path: Path) -> None:
     lab.run(0.2)
     lab.arm()
     lab.run(0.2)
-    assert "Sample it evenly" in lab.streamer.words and not lab.streamer.armed
+    assert "Sample it evenly" in lab.streamer.message and not lab.streamer.armed
 
 
 def test_the_loss_is_told_by_channel_in_its_unit() -> None:
     t = np.arange(5001) / 1000
-    play = Play(Wire.of(HAPTIP), track_of(texture(t, 100.0), t), output_hz=OUTPUT)
+    play = TrackSource(Wire.of(HAPTIP), track_of(texture(t, 100.0), t), output_hz=OUTPUT)
     assert play.loss is not None
     assert play.loss.largest[0] == pytest.approx(0.05, rel=0.1) and play.loss.rms[0] == pytest.approx(0.0354, rel=0.02)
     assert play.loss.largest[1] == 0.0
     said = str(play.loss)
     assert "50 values a second" in said and "above 25 Hz is not rendered: pulley_1 2.9 deg (rms 2)" in said
     assert "pulley_2" not in said, "nothing is lost there"
-    calm = Play(Wire.of(HAPTIP), track_of(0.1 * np.sin(t), t), output_hz=OUTPUT)
+    calm = TrackSource(Wire.of(HAPTIP), track_of(0.1 * np.sin(t), t), output_hz=OUTPUT)
     assert str(calm.loss) == ""
 
 
@@ -126,11 +126,11 @@ def test_a_device_that_states_its_output_gets_the_low_passed_track(tmp_path: Pat
     lab.run(0.2)
     lab.playing = True
     lab.run(0.5)
-    expected, off, received = Play(Wire.of(HAPTIP), track, output_hz=OUTPUT), [], lab.device.received
+    expected, off, received = TrackSource(Wire.of(HAPTIP), track, output_hz=OUTPUT), [], lab.device.received
     lab.run(2.0, lambda: off.append(lab.at[0] - expected.value(float(lab.time or 0.0))[0]))
     assert lab.device.received - received == pytest.approx(2000, abs=25)
     assert np.abs(off).max() < 2 * np.pi * 0.2 * 1.2e-3, "no more than a command's age"
-    assert not lab.streamer.gate.limited  # type: ignore[union-attr]
+    assert not lab.streamer.output.limiter.limited  # type: ignore[union-attr]
 
 
 def test_what_is_live_is_not_low_passed() -> None:
@@ -141,18 +141,18 @@ def test_what_is_live_is_not_low_passed() -> None:
 
 def test_another_offset_does_not_average_the_track_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A slider is dragged while a device waits for its next command."""
-    from core.stream import source
+    from core.stream import track_source
 
     made: list[float] = []
-    low = source.low_passed
-    monkeypatch.setattr(source, "low_passed", lambda *given: made.append(given[2]) or low(*given))
+    low = track_source.low_passed
+    monkeypatch.setattr(track_source, "low_passed", lambda *given: made.append(given[2]) or low(*given))
     t = np.arange(2001) / 1000
     csv.write(track_of(texture(t, 100.0), t), tmp_path / "t.csv")
     lab = Lab(track=str(tmp_path / "t.csv"), rate=100.0, ramp=0.0)
     for offset in (0.0, 0.1, 0.2):
         lab.set(offset=offset)
         lab.run(0.05)
-        assert lab.streamer.source.offset == offset  # type: ignore[union-attr]
+        assert lab.streamer.output.source.offset == offset  # type: ignore[union-attr]
     assert made == [100.0]
 
 
@@ -166,5 +166,5 @@ def test_a_round_range_stays_round() -> None:
 def test_channels_without_a_range_are_judged_by_the_track() -> None:
     spec = DeviceSpec("pin", "Pin", "test", 1000.0, (Channel("a", "N", actuator="a"),))
     t = np.arange(2001) / 1000
-    play = Play(Wire.of(spec), CommandTrack(spec, t, texture(t, 100.0)[:, None]), output_hz=OUTPUT)
+    play = TrackSource(Wire.of(spec), CommandTrack(spec, t, texture(t, 100.0)[:, None]), output_hz=OUTPUT)
     assert "a 0.051 N" in str(play.loss)

@@ -22,7 +22,7 @@ from core.errors import DermisError
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
 from core.stream.protocols.osc import bundle, padded
-from core.stream.touch_input import touch_input, touch_of_line, touches_of_osc
+from core.stream.touch_sources import touch_input, touch_of_line, touches_of_osc
 from core.work.child import command, environment
 from tests.unit.stream.stream_box import Box, posix, running
 

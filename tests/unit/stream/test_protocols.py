@@ -18,7 +18,9 @@ from core.errors import DermisError
 from core.stream.protocols import adapter, cobs, maestro, osc, packets, servo_animation
 from core.stream.protocols.packets import Kind
 from core.stream.protocols.wire import Wire
-from core.stream.virtual.others import MaestroDevice, OscDevice, ServoAnimationDevice
+from core.stream.virtual.maestro import MaestroDevice
+from core.stream.virtual.osc import OscDevice
+from core.stream.virtual.servo_animation import ServoAnimationDevice
 
 SERVOS = DeviceSpec(
     "servos", "Servos", "test", 50.0, tuple(Channel(f"s{i}", "rad", -1.0, 1.0, 8.0, 0.0, f"m{i}") for i in range(4))

@@ -326,7 +326,7 @@ def test_page_sketch_and_virtual_device_state_the_same_limits() -> None:
     sketch = SKETCH.with_name("native.h").read_text("utf-8")
     told = {name: int(value) for name, value in re.findall(r"static const uint\d+_t (\w+) = (\d+);", sketch)}
     assert told["NACK_EVERY"] == native.NACK_EVERY * 1e3 and "One NACK in 5 ms" in page
-    assert told["MOST_STEPS"] == native.MOST_STEP and "no more than 5 ms of elapsed time" in page
+    assert told["MOST_STEPS"] == native.MAX_STEP and "no more than 5 ms of elapsed time" in page
     assert told["WINDOW"] == native.WINDOW and "1 to 1024 ahead" in page
     assert told["VERSION"] == packets.VERSION and f"version {packets.VERSION}" in page
     least, most = native.WATCHDOGS[0], native.WATCHDOGS[-1]

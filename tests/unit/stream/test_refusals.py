@@ -18,8 +18,8 @@ from core.stream.client import SenderClient
 from core.stream.links.url import Url
 from core.stream.protocols import adapter
 from core.stream.protocols.wire import Wire
+from core.stream.request import StreamRequest, request_of
 from core.stream.virtual.device import options_of
-from core.stream.wish import Wish, wish_of
 from tests.unit.stream.stream_lab import Lab
 
 HAPTIP = Library().device("haptip")
@@ -35,7 +35,7 @@ def test_limits_that_leave_the_safe_state_outside_are_refused(limits: dict[str, 
     assert "pulley_2" in str(error.value) and told in str(error.value) and error.value.value == "0"
     lab = Lab(mode="jog", calibration=made.dumps())
     lab.streamer.tick(lab.now)
-    assert lab.streamer.state == "fault" and "pulley_2" in lab.streamer.words and lab.streamer.link is None
+    assert lab.streamer.state == "fault" and "pulley_2" in lab.streamer.message and lab.streamer.connection is None
 
 
 def test_limits_that_end_at_the_safe_state_are_taken() -> None:
@@ -87,7 +87,7 @@ def test_such_limits_under_way_end_in_the_safe_state(protocol: str) -> None:
     lab.set(calibration=Calibration.of(HAPTIP).with_entry("pulley_1", low=0.2).dumps())
     lab.run(0.1)
     assert np.abs(list(device.report()["values"].values())).max() < 1e-3
-    assert lab.streamer.state == "fault" and "calibrated limits" in lab.streamer.words and not lab.streamer.armed
+    assert lab.streamer.state == "fault" and "calibrated limits" in lab.streamer.message and not lab.streamer.armed
 
 
 # -- numbers
@@ -112,26 +112,28 @@ BAD = [
 
 
 @pytest.mark.parametrize(("name", "value"), BAD)
-def test_a_wish_names_what_cannot_be(name: str, value: Any) -> None:
+def test_a_request_names_what_cannot_be(name: str, value: Any) -> None:
     with pytest.raises(DermisError) as error:
-        Wish(**{name: value}).check()
+        StreamRequest(**{name: value}).check()
     assert error.value.where == name.replace("_", "-") and " to " in error.value.limit
     assert error.value.value is value
 
 
-def test_a_wish_as_it_comes_is_allowed_and_so_are_the_limits() -> None:
-    Wish().check()
-    Wish(ramp=0.0, look_ahead=1.0, stall=0.1, rate=1000, offset=-2.5, jog={"a": 0.1}).check()
+def test_a_request_as_it_comes_is_allowed_and_so_are_the_limits() -> None:
+    StreamRequest().check()
+    StreamRequest(ramp=0.0, look_ahead=1.0, stall=0.1, rate=1000, offset=-2.5, jog={"a": 0.1}).check()
     with pytest.raises(DermisError, match="jog, a"):
-        Wish(jog={"a": math.nan}).check()
+        StreamRequest(jog={"a": math.nan}).check()
 
 
-@pytest.mark.parametrize(("name", "value"), [("arm", "1"), ("arm", 1.5), ("connect", 1), ("jog", []), ("ramp", None)])
+@pytest.mark.parametrize(
+    ("name", "value"), [("arm_id", "1"), ("arm_id", 1.5), ("connect", 1), ("jog", []), ("ramp", None)]
+)
 def test_a_field_of_another_kind_is_refused(name: str, value: Any) -> None:
     with pytest.raises(DermisError, match="another kind") as error:
-        wish_of({name: value})
+        request_of({name: value})
     assert error.value.where == name
-    assert wish_of({"ramp": 2, "arm": 3}) == Wish(ramp=2, arm=3)
+    assert request_of({"ramp": 2, "arm_id": 3}) == StreamRequest(ramp=2, arm_id=3)
 
 
 def test_a_setting_that_cannot_be_ends_a_stream_safely() -> None:
@@ -140,10 +142,10 @@ def test_a_setting_that_cannot_be_ends_a_stream_safely() -> None:
     lab.arm()
     lab.run(0.3)
     device = lab.device
-    lab.set(stall=math.nan, arm=lab.wish.arm + 1)
+    lab.set(stall=math.nan, arm_id=lab.request.arm_id + 1)
     lab.run(0.1)
     assert np.abs(list(device.report()["values"].values())).max() < 1e-3
-    assert lab.streamer.state == "fault" and "stall" in lab.streamer.words
+    assert lab.streamer.state == "fault" and "stall" in lab.streamer.message
     lab.set(stall=0.5, reconnect=True, connect=False)
     lab.set(connect=True)
     lab.run(0.5)

@@ -15,9 +15,9 @@ from core.devices.calibration import Calibration
 from core.devices.spec import Channel, DeviceSpec
 from core.presets import Library
 from core.stream.drain import DRAIN
-from core.stream.gate import Gate
 from core.stream.links.capacity import ramp_period
 from core.stream.links.transport import Transport
+from core.stream.output_limiter import OutputLimiter
 from core.stream.protocols import adapter, packets
 from core.stream.protocols.packets import DeviceState, Kind
 from core.stream.protocols.wire import Wire
@@ -34,9 +34,9 @@ WAY = float(np.abs(SAFE - np.array(list(FAR.values()))).max()) / SPEED  # how lo
 DRIVEN = ["maestro", "servo-animation", "osc"]  # by the sender: these know no safe state of their own
 
 
-def far_lab(protocol: str, *, after: float = 0.6, **wish: Any) -> Lab:
+def far_lab(protocol: str, *, after: float = 0.6, **request: Any) -> Lab:
     """Give a cable platform that stands at the end of its range."""
-    lab = Lab(protocol, "cable_platform", mode="jog", jog=FAR, ramp=0.0, **wish)
+    lab = Lab(protocol, "cable_platform", mode="jog", jog=FAR, ramp=0.0, **request)
     lab.run(0.1)
     lab.arm()
     lab.run(after)
@@ -51,7 +51,7 @@ def follow(lab: Lab, seconds: float, path: list[np.ndarray], words: list[str] | 
     def note() -> None:
         path.append(np.array(list(device.report()["values"].values())))
         if words is not None:
-            words.append(str(lab.streamer.status()["words"]))
+            words.append(str(lab.streamer.status()["message"]))
 
     note()
     lab.run(seconds, note)
@@ -70,7 +70,7 @@ def refuse(lab: Lab) -> None:
 
 
 def stall(lab: Lab) -> None:
-    lab.beats = False
+    lab.heartbeats = False
 
 
 def disconnect(lab: Lab) -> None:
@@ -104,7 +104,7 @@ def test_the_ramp_is_told_and_nothing_is_armed_meanwhile() -> None:
     follow(lab, 0.1, path, words)
     assert "going to the safe state, 0.2 s" in words[-1] and lab.streamer.state == "stopping"
     lab.arm()
-    assert "not armed before the safe state is reached" in lab.streamer.words
+    assert "not armed before the safe state is reached" in lab.streamer.message
     follow(lab, 0.3, path)
     assert lab.streamer.state == "ready" and not lab.streamer.armed
     assert np.abs(np.diff(np.array(path), axis=0)).max() <= SPEED * 2 * PERIOD + QUANTUM
@@ -122,7 +122,7 @@ def test_a_link_that_was_full_or_a_sender_that_slept_makes_up_for_nothing() -> N
         if hinder == "slept":
             lab.now += 0.2
         else:
-            link = lab.streamer.link
+            link = lab.streamer.connection.link
             assert link is not None
             send = link.send
             link.send = lambda message: False  # type: ignore[method-assign]
@@ -179,13 +179,13 @@ def test_few_commands_do_not_add_up_to_a_large_step() -> None:
 
 def test_a_board_that_took_nothing_of_it_stands_nobody_knows_where() -> None:
     lab = far_lab("maestro")
-    assert lab.streamer.pose_known and lab.streamer.link is not None
-    lab.streamer.link.send = lambda message: False  # type: ignore[method-assign]
+    assert lab.streamer.status()["pose_known"] and lab.streamer.connection is not None
+    lab.streamer.connection.link.send = lambda message: False  # type: ignore[method-assign]
     lab.stops += 1
     lab.run(0.9)
-    assert "Switch its supply off" not in lab.streamer.words
+    assert "Switch its supply off" not in lab.streamer.message
     lab.run(0.2)
-    assert "Switch its supply off" in lab.streamer.words and not lab.streamer.pose_known
+    assert "Switch its supply off" in lab.streamer.message and not lab.streamer.status()["pose_known"]
     assert lab.streamer.counters["safe states not confirmed"] == 1, "by which `stream play` judges its own end"
 
 
@@ -197,7 +197,7 @@ def test_a_link_lost_on_the_way_is_said(stopped: bool) -> None:
     lab.run(0.05)
     lab.cut = True
     lab.run(0.05)
-    assert "lost before the safe state was sure. Switch the device's supply off" in lab.streamer.words
+    assert "lost before the safe state was sure. Switch the device's supply off" in lab.streamer.message
     assert lab.streamer.counters["safe states not confirmed"] == 1
 
 
@@ -205,9 +205,9 @@ def test_channels_without_a_speed_limit_take_a_second_for_their_range() -> None:
     channels = (Channel("a", "rad", -1.0, 1.0, None, 0.0, "a"), Channel("b", "rad", -1.0, 1.0, 0.5, 0.0, "b"))
     for reach, seconds in (("ramp", 0.5), ("at_once", 0.0)):
         spec = DeviceSpec("free", "Free", "t", 100.0, channels, source={"safe": {"reach": reach}})
-        gate = Gate(Wire.of(spec))
-        gate.begin(np.array([1.0, 0.1]), 0.0, 0.0)
-        ramp = SafeRamp(gate, 0.01, 0.0)
+        limiter = OutputLimiter(Wire.of(spec))
+        limiter.begin(np.array([1.0, 0.1]), 0.0, 0.0)
+        ramp = SafeRamp(limiter, 0.01, 0.0)
         assert ramp.seconds == pytest.approx(seconds)
         path = [ramp.step(0.01 * (k + 1)) for k in range(60)]
         if reach == "at_once":
@@ -234,18 +234,18 @@ def test_letting_go_where_the_board_can(protocol: str) -> None:
     assert not lab.device.report().get("released") and 0.1 < lab.at[0] < 1.5
     lab.run(0.2)
     assert abs(lab.at[0]) < QUANTUM
-    assert lab.streamer.adapter is not None
+    assert lab.streamer.connection is not None
     if protocol == "maestro":
         assert lab.device.report()["released"]
     else:
-        assert "no word for letting go" in lab.streamer.adapter.caution
+        assert "no word for letting go" in lab.streamer.connection.adapter.caution
 
 
 # -- where the device is, nobody knows
 
 
 def test_an_unknown_pose_is_said_and_the_first_command_is_the_safe_pose() -> None:
-    """The gate starts retracted, not at rest, where the device may be in the skin already."""
+    """The limiter starts retracted, not at rest, where the device may be in the skin already."""
     preset = copy.deepcopy(Library().load("devices", "cable_platform"))
     retracted = {"value": 20, "unit": "deg", "source": "a test"}
     preset["safe"] = {"reach": "ramp", "values": dict.fromkeys(FAR, retracted)}
@@ -270,7 +270,7 @@ def test_an_unknown_pose_is_said_and_the_first_command_is_the_safe_pose() -> Non
 
 def closed(lab: Lab) -> list[float]:
     """Note when the link is closed."""
-    link, times = lab.streamer.link, []
+    link, times = lab.streamer.connection.link, []
     assert link is not None
     link.close = lambda: times.append(lab.now)  # type: ignore[method-assign]
     return times
@@ -297,7 +297,7 @@ def test_a_link_is_closed_when_the_device_has_confirmed() -> None:
     assert not times
     lab.run(0.2)
     assert len(lost) == 12 and lab.device.state == DeviceState.SAFE
-    assert times and times[0] > lost[-1] and lab.streamer.words == ""
+    assert times and times[0] > lost[-1] and lab.streamer.message == ""
 
 
 def test_a_torque_board_confirms_by_its_answer() -> None:
@@ -324,20 +324,20 @@ def test_a_device_that_confirms_nothing_is_given_up_in_words() -> None:
     lab.streamer.shut(lab.now)
     lab.run(DRAIN + 0.1)
     assert lab.streamer.finished and times[0] - began == pytest.approx(DRAIN, abs=0.01)
-    assert "did not confirm its safe state within 1 s. Switch its supply off" in lab.streamer.words
+    assert "did not confirm its safe state within 1 s. Switch its supply off" in lab.streamer.message
 
 
 def test_what_waits_leaves_before_the_link_is_closed_and_what_cannot_is_said() -> None:
     for seconds, words in ((0.3, ""), (math.inf, "12 bytes did not leave within 1 s")):
         lab = far_lab("maestro")
-        link = lab.streamer.link
+        link = lab.streamer.connection.link
         assert link is not None
         times = closed(lab)
         began = lab.now
         link.pending = lambda lab=lab, end=lab.now + 0.35 + seconds: 12 if lab.now < end else 0  # type: ignore[misc]
         lab.set(connect=False)
         lab.run(0.35 + 1.2)
-        assert words in lab.streamer.words and bool(words) is bool(lab.streamer.words)
+        assert words in lab.streamer.message and bool(words) is bool(lab.streamer.message)
         assert times[0] - began >= 0.35 + min(seconds, 0.9)
         assert lab.streamer.counters["bytes thrown away at the end"] == (12 if words else 0)
 
@@ -440,4 +440,4 @@ def test_limits_that_leave_the_safe_state_outside_end_in_a_ramp() -> None:
     lab.set(calibration=made.dumps())
     follow(lab, 0.5, path)
     assert np.abs(np.diff(np.array(path), axis=0)).max() <= SPEED * 2 * PERIOD + QUANTUM
-    assert np.allclose(path[-1], math.radians(20), atol=QUANTUM) and "outside" in lab.streamer.words
+    assert np.allclose(path[-1], math.radians(20), atol=QUANTUM) and "outside" in lab.streamer.message

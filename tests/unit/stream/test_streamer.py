@@ -11,10 +11,10 @@ import pytest
 from core.devices.calibration import Calibration
 from core.devices.spec import Channel, DeviceSpec
 from core.presets import Library
-from core.stream.board import Beat
-from core.stream.gate import Gate
+from core.stream.output_limiter import OutputLimiter
 from core.stream.protocols.clock import TrackClock
 from core.stream.protocols.wire import Wire
+from core.stream.shared_state import Heartbeat
 from core.track import csv
 from core.track.command_track import CommandTrack
 from tests.unit.stream.stream_lab import TICK, Lab, sine_track
@@ -52,7 +52,7 @@ def test_it_plays_the_track_in_step_with_blender(track_file: Path) -> None:
     )
     # The sample of this millisecond or of the one before: at most 2 pi 0.2 rad/s for one millisecond and a count.
     assert max(errors) <= 2 * np.pi * 0.2 * 1.5e-3 + step
-    assert not lab.streamer.gate.limited and not lab.streamer.counters["skipped"]  # type: ignore[union-attr]
+    assert not lab.streamer.output.limiter.limited and not lab.streamer.counters["skipped"]  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize("look_ahead", [0.1, 0.05])
@@ -94,11 +94,11 @@ def test_the_sender_limits_what_a_track_gets_wrong(tmp_path: Path) -> None:
     lab.run(0.1)
     lab.playing = True
     path: list[float] = []
-    lab.run(1.5, lambda: path.append(float(lab.streamer.gate.last[0])))  # type: ignore[union-attr]
+    lab.run(1.5, lambda: path.append(float(lab.streamer.output.limiter.last[0])))  # type: ignore[union-attr]
     slew = math.radians(2300)
     assert max(path) == pytest.approx(math.radians(24))
     assert np.diff(path).max() <= slew * TICK * (1 + 1e-6)
-    limited = lab.streamer.gate.limited  # type: ignore[union-attr]
+    limited = lab.streamer.output.limiter.limited  # type: ignore[union-attr]
     assert limited["pulley_1.slew"] == math.floor(math.radians(24) / (slew * TICK)), "10.4 ms to the limit: 10 samples"
     assert limited["pulley_1.range"] > 300 and "pulley_2.range" not in limited
 
@@ -145,8 +145,8 @@ def test_an_arming_from_before_a_stop_does_not_count(track_file: Path) -> None:
     lab.run(0.1)
     lab.stops += 1  # the stop arrives in the same tick as an arming that a person pressed before it
     lab.number += 1
-    lab.streamer.beat(Beat(lab.number, lab.stops, False, 0.0, ()), lab.now)
-    lab.set(arm=1, stops=0)
+    lab.streamer.heartbeat(Heartbeat(lab.number, lab.stops, False, 0.0, ()), lab.now)
+    lab.set(arm_id=1, stops=0)
     lab.run(0.5)
     assert not lab.device.received
 
@@ -158,13 +158,13 @@ def test_a_stalled_blender_holds_and_then_is_safe(track_file: Path) -> None:
     lab.arm()
     lab.run(0.2)
     assert np.allclose(lab.at, [0.2, -0.1], atol=1e-4)
-    lab.beats = False
+    lab.heartbeats = False
     lab.run(0.49)
     assert np.allclose(lab.at, [0.2, -0.1], atol=1e-4), "it holds"
     lab.run(0.04)
-    assert lab.streamer.state == "stalled" and "sign of life" in lab.streamer.words
+    assert lab.streamer.state == "stalled" and "sign of life" in lab.streamer.message
     assert np.abs(lab.at).max() < 1e-4
-    lab.beats = True
+    lab.heartbeats = True
     lab.run(0.5)
     assert np.abs(lab.at).max() < 1e-4, "a person has to arm again"
 
@@ -176,7 +176,7 @@ def test_a_baked_track_plays_on_by_option(track_file: Path) -> None:
     lab.run(0.1)
     lab.playing = True
     lab.run(0.2)
-    lab.beats = False
+    lab.heartbeats = False
     lab.run(2.05)
     assert lab.streamer.state == "streaming"
     assert lab.at[0] == pytest.approx(0.1 * math.sin(2 * math.pi * 2.25), abs=3e-3)
@@ -213,7 +213,7 @@ def test_unplugging_and_reconnecting_never_arms(track_file: Path) -> None:
     lab.run(0.2)
     lab.cut = True
     lab.run(0.1)
-    assert lab.streamer.link is None and "unplugged" in lab.streamer.words
+    assert lab.streamer.connection is None and "unplugged" in lab.streamer.message
     lab.cut = False
     lab.run(1.2)
     assert lab.streamer.state == "ready" and not lab.device.received
@@ -229,7 +229,7 @@ def test_ending_goes_through_the_safe_state(track_file: Path) -> None:
         lab.arm()
         lab.playing = True
         lab.run(0.3)
-        assert lab.streamer.state == "streaming", (protocol, lab.streamer.words)
+        assert lab.streamer.state == "streaming", (protocol, lab.streamer.message)
         lab.streamer.shut(lab.now)
         for _ in range(100):
             lab.now += TICK
@@ -266,16 +266,16 @@ def test_jog_moves_one_actuator_through_the_calibration() -> None:
     lab.set(jog={"pulley_2": -0.4})
     lab.run(0.2)
     assert np.allclose(lab.at, [0.0, 0.2], atol=2e-5), "the calibration's own limit holds"
-    assert lab.streamer.gate.limited["pulley_2.range"]  # type: ignore[union-attr]
+    assert lab.streamer.output.limiter.limited["pulley_2.range"]  # type: ignore[union-attr]
 
 
 def test_not_a_number_is_held_and_counted() -> None:
     wire = Wire.of(Library().device("haptip"))
-    gate = Gate(wire)
-    gate.begin(np.zeros(2), 0.0, 0.0)
-    gate.step(np.array([0.01, 0.02]), 0.001)
-    assert gate.step(np.array([np.nan, np.inf]), 0.002).tolist() == [0.01, 0.02]
-    assert gate.limited["pulley_1.not_finite"] == gate.limited["pulley_2.not_finite"] == 1
+    limiter = OutputLimiter(wire)
+    limiter.begin(np.zeros(2), 0.0, 0.0)
+    limiter.step(np.array([0.01, 0.02]), 0.001)
+    assert limiter.step(np.array([np.nan, np.inf]), 0.002).tolist() == [0.01, 0.02]
+    assert limiter.limited["pulley_1.not_finite"] == limiter.limited["pulley_2.not_finite"] == 1
 
 
 def test_a_round_range_is_kept() -> None:
@@ -287,7 +287,7 @@ def test_a_round_range_is_kept() -> None:
         (Channel("x", "m", -2e-3, 2e-3, actuator="a"), Channel("y", "m", -2e-3, 2e-3, actuator="b")),
         {"range_disc": ["x", "y"], "range_disc_radius": 2e-3},
     )
-    gate = Gate(Wire.of(spec))
-    gate.begin(np.zeros(2), 0.0, 0.0)
-    out = gate.step(np.array([2e-3, 2e-3]), 1.0)
-    assert np.allclose(out, 2e-3 / math.sqrt(2)) and gate.limited["x.disc"] == 1
+    limiter = OutputLimiter(Wire.of(spec))
+    limiter.begin(np.zeros(2), 0.0, 0.0)
+    out = limiter.step(np.array([2e-3, 2e-3]), 1.0)
+    assert np.allclose(out, 2e-3 / math.sqrt(2)) and limiter.limited["x.disc"] == 1

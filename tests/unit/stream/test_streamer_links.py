@@ -36,7 +36,7 @@ def test_a_device_that_falls_silent_is_given_up_within_100_ms(protocol: str) -> 
     died, ended = lab.now, []
     lab.run(0.15, lambda: ended.append(lab.now) if not lab.streamer.armed and not ended else None)
     assert ended and 0.03 < ended[0] - died <= 0.1
-    assert lab.streamer.state == "fault" and "has not answered for 0.08 s" in lab.streamer.words
+    assert lab.streamer.state == "fault" and "has not answered for 0.08 s" in lab.streamer.message
 
 
 def test_lost_answers_alone_end_nothing() -> None:
@@ -63,8 +63,8 @@ def test_a_sender_that_slept_does_not_blame_the_device() -> None:
 
 def full(lab: Lab, is_full: Any) -> None:
     """Let the link refuse messages while a condition holds."""
-    assert lab.streamer.link is not None
-    link, send = lab.streamer.link, lab.streamer.link.send
+    assert lab.streamer.connection is not None
+    link, send = lab.streamer.connection.link, lab.streamer.connection.link.send
     link.send = lambda message: False if is_full(message) else send(message)  # type: ignore[method-assign]
 
 
@@ -81,7 +81,7 @@ def test_samples_ahead_of_their_time_wait_for_room_and_none_is_lost(track_file: 
     lab.run(2.0)
     assert lab.device.received - received == lab.streamer.counters["sent"] - sent == pytest.approx(2000, abs=25)
     assert lab.device.lost == lab.device.late == 0
-    assert not lab.streamer.gate.limited, "no sample is stepped twice"  # type: ignore[union-attr]
+    assert not lab.streamer.output.limiter.limited, "no sample is stepped twice"  # type: ignore[union-attr]
     sent_at = [m for _, m in lab.sent if len(m) > 16]
     times = [packets.read_command(p.body)[0] for m in sent_at for p in packets.Decoder().feed(m) if p.kind == 5]
     assert set(np.diff(times[-1500:]) % 2**32) <= {999, 1000, 1001}, "each millisecond once, in its order"
@@ -113,7 +113,7 @@ def test_a_safe_state_that_never_finds_room_says_so() -> None:
     full(lab, lambda message: True)
     lab.stops += 1
     lab.run(1.1)
-    assert "Switch its supply off" in lab.streamer.words
+    assert "Switch its supply off" in lab.streamer.message
 
 
 @pytest.mark.parametrize("protocol", ["maestro", "servo-animation"])
@@ -197,6 +197,6 @@ def test_every_mode_bound_to_blender_ends_with_it(mode: str) -> None:
     lab.run(0.1)
     lab.arm()
     lab.run(0.2)
-    lab.beats = False
+    lab.heartbeats = False
     lab.run(0.35)
     assert lab.streamer.state == "stalled" and np.abs(lab.at).max() < 1e-4

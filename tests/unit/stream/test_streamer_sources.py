@@ -11,13 +11,14 @@ from core.devices.calibration import Calibration
 from core.devices.spec import Channel, DeviceSpec, from_preset
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
-from core.stream.gate import Gate
 from core.stream.links.transport import Transport
 from core.stream.links.url import Url
+from core.stream.output_limiter import OutputLimiter
 from core.stream.protocols.clock import DeviceClock, RoundTrips
 from core.stream.protocols.wire import Wire
-from core.stream.source import Jog, Play, follow_values
-from core.stream.wish import Wish
+from core.stream.request import StreamRequest
+from core.stream.source import JogSource, follow_values
+from core.stream.track_source import TrackSource
 from core.track import csv
 from core.track.command_track import CommandTrack
 from tests.unit.stream.stream_lab import Lab
@@ -52,7 +53,7 @@ def test_the_panel_is_answered_by_map_and_law(screen: ScreenMap) -> None:
 
     def slide(x0: float, x1: float) -> None:
         for x in np.linspace(x0, x1, 50):
-            lab.streamer.adapter.receive(lab.device.touched(True, float(x), 0.0, lab.now), lab.now)  # type: ignore[union-attr]
+            lab.streamer.connection.adapter.receive(lab.device.touched(True, float(x), 0.0, lab.now), lab.now)  # type: ignore[union-attr]
             lab.run(0.01)
 
     slide(-0.03, 0.03)
@@ -63,7 +64,7 @@ def test_the_panel_is_answered_by_map_and_law(screen: ScreenMap) -> None:
     assert lab.at[0] == 0.0, "downhill there is nothing to feel"
     slide(-0.03, 0.0)
     assert lab.at[0] > 100
-    lab.streamer.adapter.receive(lab.device.touched(False, 0.0, 0.0, lab.now), lab.now)  # type: ignore[union-attr]
+    lab.streamer.connection.adapter.receive(lab.device.touched(False, 0.0, 0.0, lab.now), lab.now)  # type: ignore[union-attr]
     lab.run(0.005)
     assert lab.at[0] == 0.0, "the finger has left"
     slide(-0.03, 0.0)
@@ -94,7 +95,7 @@ def test_the_position_loop_follows_against_inertia_and_skin(tmp_path: Path) -> N
     inertia, pole, s = 1e-6, 2 * np.pi * 15, 2j * np.pi
     spring = inertia * s**2 + 3 * inertia * pole * s + 0.02 + 3 * inertia * pole**2 + inertia * pole**3 / s
     assert max(errors) == pytest.approx(0.2 * abs((0.029 - 0.02) / spring), rel=0.15)
-    assert np.isfinite(errors).all() and lab.streamer.adapter.counters["torque limited"] == 0  # type: ignore[union-attr]
+    assert np.isfinite(errors).all() and lab.streamer.connection.adapter.counters["torque limited"] == 0  # type: ignore[union-attr]
 
 
 def test_a_torque_board_that_falls_silent_gets_no_torque() -> None:
@@ -157,7 +158,7 @@ def test_a_wrong_device_is_refused_in_words() -> None:
     lab = Lab()
     lab.run(0.01)
     lab.device._spec_hash = b"ABCDEFGH"
-    lab.streamer.apply(Wish(), lab.now)
+    lab.streamer.apply(StreamRequest(), lab.now)
     opener = lab.streamer._open_link
 
     def wrong(url: Url, wire: Wire, protocol: str) -> Transport:
@@ -168,13 +169,13 @@ def test_a_wrong_device_is_refused_in_words() -> None:
     lab.streamer._open_link = wrong
     lab.set(connect=True)
     lab.run(0.2)
-    assert lab.streamer.state == "fault" and "wrong device" in lab.streamer.words
+    assert lab.streamer.state == "fault" and "wrong device" in lab.streamer.message
 
 
 def test_play_reads_between_samples_and_is_safe_outside() -> None:
     spec = DeviceSpec("d", "D", "t", 10.0, (Channel("a", "m", -1.0, 5.0, rest=-1.0, actuator="m"),))
     for times in (np.array([0.0, 0.1, 0.2]), np.array([0.0, 0.1, 0.3])):
-        play = Play(Wire.of(spec), CommandTrack(spec, times, np.array([[0.0], [1.0], [3.0]])))
+        play = TrackSource(Wire.of(spec), CommandTrack(spec, times, np.array([[0.0], [1.0], [3.0]])))
         assert play.value(0.05)[0] == pytest.approx(0.5)
         assert play.value(float(times[2]))[0] == 3.0 and play.value(0.1)[0] == pytest.approx(1.0)
         assert play.value(-0.01)[0] == -1.0 and play.value(0.31)[0] == -1.0
@@ -188,13 +189,18 @@ def test_what_nobody_asks_for_is_the_safe_state_not_rest() -> None:
     turned = Calibration.of(spec).with_entry(names[0], zero=0.1, gain=-1.0)
     times, rest = np.array([0.0, 0.1]), np.array([c.rest for c in spec.channels])
     for wire in (Wire.of(spec), Wire.of(spec, turned)):
-        gate, play = Gate(wire), Play(wire, CommandTrack(spec, times, np.tile(rest, (2, 1))))
-        for wanted in (play.value(-0.01), play.value(0.2), follow_values(wire, ()), Jog(wire, {}).wanted(0.0, 0.0)):
-            np.testing.assert_allclose(gate.driven(wanted), wire.safe, atol=1e-12)
+        limiter, play = OutputLimiter(wire), TrackSource(wire, CommandTrack(spec, times, np.tile(rest, (2, 1))))
+        for wanted in (
+            play.value(-0.01),
+            play.value(0.2),
+            follow_values(wire, ()),
+            JogSource(wire, {}).wanted(0.0, 0.0),
+        ):
+            np.testing.assert_allclose(limiter.driven(wanted), wire.safe, atol=1e-12)
         assert play.value(0.05).tolist() == [0.0] * 3, "and the track as it is"
     screen = Library().device("electrovibration")
     wire = Wire.of(screen, Calibration.of(screen).with_entry("amplitude", zero=20.0, gain=2.0))
-    assert Gate(wire).driven(Jog(wire, {}).wanted(0.0, 0.0))[0] == 0.0, "0 V stays 0 V"
+    assert OutputLimiter(wire).driven(JogSource(wire, {}).wanted(0.0, 0.0))[0] == 0.0, "0 V stays 0 V"
 
 
 def test_safe_states_of_the_presets() -> None:

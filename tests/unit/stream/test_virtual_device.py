@@ -81,7 +81,7 @@ def test_nobody_answers(boxes: Any) -> None:
     box = boxes("pty", "osc")
     with SenderClient() as client:
         client.connect(box.url, "native", "haptip", HAPTIP)
-        assert "nobody answered" in client.wait("fault", 10)["words"]
+        assert "nobody answered" in client.wait("fault", 10)["message"]
 
 
 def test_loop_and_spy(tmp_path: Path) -> None:
@@ -114,7 +114,7 @@ def test_the_device_in_the_box_speaks_every_protocol(protocol: str) -> None:
 def test_a_stuck_actuator_shows_in_what_the_device_reports() -> None:
     with SenderClient() as client:
         client.connect("virtual:?stuck=1", "native", "haptip", HAPTIP, mode="follow", ramp=0.0)
-        client.beat()
+        client.heartbeat()
         client.wait("ready", 10)
         client.arm()
         beating(client, 0.5, values=(0.2, 0.2))
@@ -126,12 +126,12 @@ def test_loss_and_corruption_are_counted_and_survived(track_file: str) -> None:
     with SenderClient() as client:
         url = "virtual:?loss=0.05&corrupt=0.001&seed=3"
         client.connect(url, "native", "haptip", HAPTIP, track=track_file, ramp=0.0)
-        client.beat()
+        client.heartbeat()
         client.wait("ready", 10)
         client.arm()
         beating(client, 1.5, playing=True)
         status = client.status()
-        assert status["state"] == "streaming", status["words"]
+        assert status["state"] == "streaming", status["message"]
         told = status["received"]
         assert told["lost"] > 10 and told["damaged"] > 0
         assert 0.80 < told["received"] / status["counters"]["sent"] < 0.98
@@ -168,7 +168,7 @@ def test_a_finger_on_the_virtual_panel_is_answered_through_a_real_sender(tmp_pat
             ramp=0.0,
             screen=str(tmp_path / "ramp.map.npz"),
         )
-        client.beat()
+        client.heartbeat()
         client.wait("ready", 10)
         beating(client, 0.3)
         assert client.status()["received"]["values"]["amplitude"] == 0.0, "nothing before arming"
@@ -177,6 +177,6 @@ def test_a_finger_on_the_virtual_panel_is_answered_through_a_real_sender(tmp_pat
         for _ in range(70):  # a turn takes 3.1 s
             beating(client, 0.05)
             seen.append(client.status()["received"]["values"]["amplitude"])
-        assert client.status()["armed"], client.status()["words"]
+        assert client.status()["armed"], client.status()["message"]
     steepest = 10 ** (1.05 / 1.24) * 60 ** (1 / 1.24)  # log10 f = 1.24 log10 V - 1.05 at f = 120 * 0.5
     assert max(seen) == pytest.approx(steepest, rel=0.02) and min(seen) == 0.0

@@ -169,7 +169,7 @@ def test_port_in_use_names_the_sender_alone(boxes: Callable[..., Box]) -> None:
     with SenderClient() as one, SenderClient() as two:
         ready(one, box.url)
         two.connect(box.url, "native", "haptip", HAPTIP)
-        words = two.wait("fault", 10)["words"]
+        words = two.wait("fault", 10)["message"]
     assert f"process {one.pid}" in words and f"process {box.process.pid}" not in words
     assert words.count(box.url) == 1
 
@@ -262,10 +262,10 @@ def test_faults_have_limits_in_words() -> None:
 
 
 def test_a_streamers_words_stay_those_of_the_link() -> None:
-    from core.stream.wish import Wish
+    from core.stream.request import StreamRequest
 
     streamer = Streamer(open_any)
     preset = Library().load("devices", "haptip")
-    streamer.apply(Wish(connect=True, url="bogus://x", device={"key": "haptip", "preset": preset}), 1.0)
+    streamer.apply(StreamRequest(connect=True, url="bogus://x", device={"key": "haptip", "preset": preset}), 1.0)
     streamer.tick(1.0)
-    assert streamer.words.count("bogus://x") == 1
+    assert streamer.message.count("bogus://x") == 1

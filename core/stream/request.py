@@ -1,4 +1,4 @@
-"""What Blender wants of the sender, as one plain record that goes over the notice board."""
+"""What Blender wants of the sender, as one plain record that goes to it through shared memory."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ _SOURCE = ("mode", "track", "screen", "offset", "play_on", "jog")
 
 
 @dataclass
-class Wish:
+class StreamRequest:
     """What Blender wants, as a whole; a new one replaces the old.
 
     Attributes:
         connect: hold the link. url, protocol: which. device: {"key", "preset"}. calibration: its JSON, or ''.
         mode: of `source.MODES`. track, screen: files for 'play' and 'panel'. jog: values by channel [units].
-        arm: ticket; 0 disarms. stops: number of stops that the person had seen when arming.
+        arm_id: one arms once, and it rises; 0 disarms. stops: number of stops that the person had seen when arming.
         offset: start offset [s]. look_ahead: [s]. ramp: blend from the first pose [s].
-        stall: without a beat for this long comes the safe state [s]. play_on: a baked track plays on meanwhile.
+        stall: without a heartbeat for this long comes the safe state [s]. play_on: a baked track plays on meanwhile.
         reconnect: try again by itself when a link is lost. rate: of commands [Hz]; 0: the device's own.
     """
 
@@ -44,7 +44,7 @@ class Wish:
     track: str = ""
     screen: str = ""
     jog: dict[str, float] = field(default_factory=dict)
-    arm: int = 0
+    arm_id: int = 0
     stops: int = 0
     offset: float = 0.0
     look_ahead: float = 0.0
@@ -54,12 +54,12 @@ class Wish:
     reconnect: bool = False
     rate: float = 0.0
 
-    def same_link(self, other: Wish) -> bool:
-        """Tell whether another wish is about the same link."""
+    def same_link(self, other: StreamRequest) -> bool:
+        """Return whether another request is about the same link."""
         return all(getattr(self, k) == getattr(other, k) for k in _LINK)
 
-    def same_source(self, other: Wish) -> bool:
-        """Tell whether another wish is moved by the same thing."""
+    def same_source(self, other: StreamRequest) -> bool:
+        """Return whether another request is moved by the same thing."""
         return all(getattr(self, k) == getattr(other, k) for k in _SOURCE)
 
     def check(self) -> None:
@@ -94,7 +94,7 @@ class Wish:
 
 
 def check_number(name: str, value: object) -> None:
-    """Refuse a number of a wish that cannot be.
+    """Refuse a number of a request that cannot be.
 
     Raises:
         DermisError: no number, not finite, or outside the limits.
@@ -109,20 +109,20 @@ def check_number(name: str, value: object) -> None:
         )
 
 
-def wish_of(plain: Mapping[str, object]) -> Wish:
-    """Read a wish; what this version does not know is refused.
+def request_of(plain: Mapping[str, object]) -> StreamRequest:
+    """Read a request; what this version does not know is refused.
 
     Raises:
         DermisError: an unknown field, or one of another kind.
     """
-    known = {f.name for f in fields(Wish)}
+    known = {f.name for f in fields(StreamRequest)}
     if not set(plain) <= known:
-        raise DermisError("unknown fields in a wish", value=", ".join(sorted(set(plain) - known)))
-    wish = Wish()
+        raise DermisError("unknown fields in a request", value=", ".join(sorted(set(plain) - known)))
+    request = StreamRequest()
     for name, value in plain.items():
-        kind = type(getattr(wish, name))
+        kind = type(getattr(request, name))
         fits = type(value) in (int, float) if kind is float else type(value) is kind
         if not fits:
-            raise DermisError("a field of a wish is of another kind", where=name, value=value, limit=kind.__name__)
-        setattr(wish, name, value)
-    return wish
+            raise DermisError("a field of a request is of another kind", where=name, value=value, limit=kind.__name__)
+        setattr(request, name, value)
+    return request

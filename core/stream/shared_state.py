@@ -1,7 +1,7 @@
-"""The notice board between Blender and the sender: a small mapped file on which each side pins its latest word.
+"""What Blender and the sender share: a small mapped file in which each side writes its latest record.
 
-Nobody ever waits and nothing queues up: a note replaces the one before. Every note lies in one of two slots with a
-number and a CRC-32; the newest whole one counts, so a reader never sees half a note.
+Nobody ever waits and nothing queues up: a record replaces the one before. Every record lies in one of two slots with a
+number and a CRC-32; the newest whole one counts, so a reader never sees half a record.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from typing import Any
 
 from ..errors import DermisError
 
-MAGIC = b"DERMIS-BOARD 1\0\0"
-_SLOT = struct.Struct("<QII")  # number, length, CRC-32 of number and note
-_BEAT = struct.Struct("<QIBddH")
-BEAT_BYTES, WISH_BYTES, STATUS_BYTES = 4096, 1 << 20, 1 << 16
-MOST_VALUES = 255
+MAGIC = b"DERMIS-SHARED 1\0"
+_SLOT = struct.Struct("<QII")  # number, length, CRC-32 of number and record
+_HEARTBEAT = struct.Struct("<QIBddH")
+HEARTBEAT_BYTES, REQUEST_BYTES, STATUS_BYTES = 4096, 1 << 20, 1 << 16
+MAX_VALUES = 255
 PLAYING, HAS_TIME = 1, 2
 
 
-class _Note:
-    """One note in two slots of a mapped file."""
+class _Record:
+    """One record in two slots of a mapped file."""
 
     def __init__(self, memory: mmap.mmap, offset: int, size: int) -> None:
         self._memory, self._offset, self._size = memory, offset, size
@@ -36,7 +36,9 @@ class _Note:
 
     def put(self, data: bytes) -> None:
         if len(data) > self._size - _SLOT.size:
-            raise DermisError("a note is too long for the board", value=len(data), limit=str(self._size - _SLOT.size))
+            raise DermisError(
+                "a record is too long for the shared state", value=len(data), limit=str(self._size - _SLOT.size)
+            )
         self._number += 1
         at = self._offset + (self._number & 1) * self._size
         self._memory[at + _SLOT.size : at + _SLOT.size + len(data)] = data
@@ -44,7 +46,7 @@ class _Note:
         self._memory[at : at + _SLOT.size] = _SLOT.pack(self._number, len(data), crc)
 
     def number(self) -> int:
-        """Return the number of the newest note without reading it; it may still be half written."""
+        """Return the number of the newest record without reading it; it may still be half written."""
         numbers = [struct.unpack_from("<Q", self._memory, self._offset + k * self._size)[0] for k in (0, 1)]
         return int(max(numbers))
 
@@ -62,11 +64,11 @@ class _Note:
 
 
 @dataclass(frozen=True)
-class Beat:
+class Heartbeat:
     """Blender's sign of life, with what it shows.
 
     Attributes:
-        number: rises with every beat. stops: rises with every stop. playing: playback runs.
+        number: rises with every heartbeat. stops: rises with every stop. playing: playback runs.
         time: track time on the screen [s], or None. values: of the channels on the wire to follow; may be empty.
     """
 
@@ -77,10 +79,10 @@ class Beat:
     values: tuple[float, ...]
 
 
-class Board:
+class SharedState:
     """Both sides' view; `create` on Blender's side, `open` on the sender's."""
 
-    SIZE = len(MAGIC) + 2 * (BEAT_BYTES + WISH_BYTES + STATUS_BYTES)
+    SIZE = len(MAGIC) + 2 * (HEARTBEAT_BYTES + REQUEST_BYTES + STATUS_BYTES)
 
     def __init__(self, path: Path, descriptor: int) -> None:
         self.path = path
@@ -89,23 +91,23 @@ class Board:
         finally:
             os.close(descriptor)
         at = len(MAGIC)
-        self._beat = _Note(self._memory, at, BEAT_BYTES)
-        self._wish = _Note(self._memory, at + 2 * BEAT_BYTES, WISH_BYTES)
-        self._status = _Note(self._memory, at + 2 * (BEAT_BYTES + WISH_BYTES), STATUS_BYTES)
+        self._heartbeat = _Record(self._memory, at, HEARTBEAT_BYTES)
+        self._request = _Record(self._memory, at + 2 * HEARTBEAT_BYTES, REQUEST_BYTES)
+        self._status = _Record(self._memory, at + 2 * (HEARTBEAT_BYTES + REQUEST_BYTES), STATUS_BYTES)
 
     @classmethod
-    def create(cls) -> Board:
-        """Make a board that only this user may read, in memory where the system has a place for that."""
+    def create(cls) -> SharedState:
+        """Make a state that only this user may read, in memory where the system has a place for that."""
         shared = Path("/dev/shm")
         folder = str(shared) if shared.is_dir() and os.access(shared, os.W_OK) else None
-        descriptor, name = tempfile.mkstemp(prefix="dermis-board-", dir=folder)
+        descriptor, name = tempfile.mkstemp(prefix="dermis-shared-", dir=folder)
         os.ftruncate(descriptor, cls.SIZE)
         os.write(descriptor, MAGIC)
         return cls(Path(name), descriptor)
 
     @classmethod
-    def open(cls, path: Path) -> Board:
-        """Open another process's board.
+    def open(cls, path: Path) -> SharedState:
+        """Open another process's state.
 
         Raises:
             DermisError: it is none.
@@ -113,57 +115,57 @@ class Board:
         try:
             descriptor = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
         except OSError as error:
-            raise DermisError("the board cannot be opened", where=str(path), value=error.strerror) from error
+            raise DermisError("the shared state cannot be opened", where=str(path), value=error.strerror) from error
         if os.fstat(descriptor).st_size != cls.SIZE or os.read(descriptor, len(MAGIC)) != MAGIC:
             os.close(descriptor)
-            raise DermisError("not a board of this version", where=str(path))
+            raise DermisError("not a shared state of this version", where=str(path))
         return cls(Path(path), descriptor)
 
-    def beat(self, stops: int, playing: bool, time: float | None, values: tuple[float, ...] = ()) -> None:
-        """Pin a sign of life."""
+    def write_heartbeat(self, stops: int, playing: bool, time: float | None, values: tuple[float, ...] = ()) -> None:
+        """Write a sign of life."""
         flags = PLAYING * playing | HAS_TIME * (time is not None)
-        head = _BEAT.pack(0, stops & 0xFFFFFFFF, flags, time or 0.0, 0.0, len(values))
-        self._beat.put(head + struct.pack(f"<{len(values)}d", *values))
+        head = _HEARTBEAT.pack(0, stops & 0xFFFFFFFF, flags, time or 0.0, 0.0, len(values))
+        self._heartbeat.put(head + struct.pack(f"<{len(values)}d", *values))
 
     @property
-    def beat_number(self) -> int:
-        """Number of the newest beat; cheap enough to ask every millisecond."""
-        return self._beat.number()
+    def heartbeat_number(self) -> int:
+        """Number of the newest heartbeat; cheap enough to ask every millisecond."""
+        return self._heartbeat.number()
 
-    def read_beat(self) -> Beat | None:
-        """Return the newest whole beat, or None before the first."""
-        found = self._beat.get()
-        if found is None or len(found[1]) < _BEAT.size:
+    def read_heartbeat(self) -> Heartbeat | None:
+        """Return the newest whole heartbeat, or None before the first."""
+        found = self._heartbeat.get()
+        if found is None or len(found[1]) < _HEARTBEAT.size:
             return None
-        _, stops, flags, time, _, count = _BEAT.unpack_from(found[1])
-        values = struct.unpack_from(f"<{count}d", found[1], _BEAT.size)
-        return Beat(found[0], stops, bool(flags & PLAYING), time if flags & HAS_TIME else None, values)
+        _, stops, flags, time, _, count = _HEARTBEAT.unpack_from(found[1])
+        values = struct.unpack_from(f"<{count}d", found[1], _HEARTBEAT.size)
+        return Heartbeat(found[0], stops, bool(flags & PLAYING), time if flags & HAS_TIME else None, values)
 
-    def wish(self, wish: dict[str, Any]) -> None:
-        """Pin what the sender shall do."""
-        self._wish.put(json.dumps(wish, allow_nan=False).encode())
+    def write_request(self, request: dict[str, Any]) -> None:
+        """Write what the sender shall do."""
+        self._request.put(json.dumps(request, allow_nan=False).encode())
 
     @property
-    def wish_number(self) -> int:
-        """Number of the newest wish."""
-        return self._wish.number()
+    def request_number(self) -> int:
+        """Number of the newest request."""
+        return self._request.number()
 
-    def read_wish(self) -> dict[str, Any]:
-        """Return the newest wish, empty before the first."""
-        found = self._wish.get()
+    def read_request(self) -> dict[str, Any]:
+        """Return the newest request, empty before the first."""
+        found = self._request.get()
         return dict(json.loads(found[1])) if found else {}
 
-    def status(self, status: dict[str, Any]) -> None:
-        """Pin how things stand."""
+    def write_status(self, status: dict[str, Any]) -> None:
+        """Write how things stand."""
         self._status.put(json.dumps(status).encode())
 
     @property
     def status_number(self) -> int:
-        """Number of the newest word on how things stand."""
+        """Number of the newest status, of how things stand."""
         return self._status.number()
 
     def read_status(self) -> dict[str, Any]:
-        """Return how things stand, empty before the first word."""
+        """Return how things stand, empty before the first status."""
         found = self._status.get()
         return dict(json.loads(found[1])) if found else {}
 

@@ -10,7 +10,7 @@ from .protocols.clock import Lateness
 MARGIN = 0.25  # part of the look-ahead below which a sample is left out rather than late [1]
 
 
-class Pace:
+class SampleClock:
     """A grid of moments, one a period; what this process slept through is left out, and counted.
 
     Attributes:
@@ -47,7 +47,7 @@ class Pace:
             self.sent(now, horizon)
 
     def sent(self, now: float, horizon: float) -> None:
-        """Note that the next sample has left."""
+        """Count the next sample as sent."""
         self.lateness.add(now + horizon - self.next)
         self.next += self.period
 

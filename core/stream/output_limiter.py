@@ -16,7 +16,7 @@ KINDS = ("range", "disc", "slew", "not_finite")
 Ramp = tuple[Array, float, float]  # from where [units], how much of it is through [s], how long it takes [s]
 
 
-class Gate:
+class OutputLimiter:
     """Turns wanted values into driven ones that can do no harm; every limit applied is counted.
 
     Time counts only as far as commands leave: after a sleep nobody has moved the device meanwhile, so neither the slew
@@ -75,11 +75,6 @@ class Gate:
         """Blend over to something else from what was driven last; a blend that has longer to go keeps its time."""
         left = 0.0 if self._ramp is None else self._ramp[2] - self._ramp[1]
         self.begin(self.last, time, max(seconds, left))
-
-    @property
-    def ramping(self) -> bool:
-        """Tell whether the blend from the first pose still goes on."""
-        return self._ramp is not None
 
     def undo(self) -> None:
         """Forget the last step: its command did not leave."""

@@ -1,0 +1,42 @@
+"""What the scene asks of the sender: the fields of its request, and what Blender shows now."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import bpy
+
+from ..preview import device_preview
+from . import agreed_paths, streamed_track
+
+
+def shown(scene: bpy.types.Scene, names: Sequence[str]) -> tuple[float, tuple[float, ...]]:
+    """Return the track's time of the frame that is shown, and in the mode 'follow' the values."""
+    first, fps = streamed_track.origin(scene)
+    moment = (float(scene.frame_current_final) - first) / fps
+    if scene.dermis_stream.mode != "follow":
+        return moment, ()
+    preview, output = device_preview.computed(scene), scene.dermis_stream.output
+    for row in preview.rows if preview is not None else ():
+        if (not output or output == f"{row.finger}: {row.device}") and all(n in row.values for n in names):
+            return moment, tuple(float(row.values[n]) for n in names)
+    return moment, ()
+
+
+def request_fields(scene: bpy.types.Scene) -> dict[str, Any]:
+    """Return the fields of the sender's request that the settings decide.
+
+    Raises:
+        DermisError: a file that nobody has confirmed, or a track that cannot be read.
+    """
+    agreed_paths.check(scene.dermis_stream, "track_file", "screen_file")
+    s = scene.dermis_stream
+    jog = {c.name: c.jog for c in s.channels} if s.mode == "jog" else {}
+    names = ("mode", "offset", "look_ahead", "ramp", "stall", "play_on", "reconnect", "rate")
+    return {
+        **{name: getattr(s, name) for name in names},
+        "jog": jog,
+        "track": streamed_track.track_path(scene),
+        "screen": bpy.path.abspath(s.screen_file) if s.screen_file else "",
+    }

@@ -1,0 +1,52 @@
+"""What ends or changes a session from outside: files that are opened, undo, renders, the key for Stop, the add-on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from bpy.app.handlers import persistent
+
+from . import frame_hold, session
+
+_keys: list[tuple[Any, Any]] = []
+
+
+@persistent
+def _on_load(*_: Any) -> None:
+    session.end()
+
+
+@persistent
+def _on_history(*_: Any) -> None:
+    session.restored()
+
+
+def _table() -> tuple[tuple[list[Any], Any], ...]:
+    on = bpy.app.handlers
+    own = (on.load_pre, _on_load), (on.undo_post, _on_history), (on.redo_post, _on_history)
+    return (*own, *frame_hold.callbacks())
+
+
+def register() -> None:
+    """Watch for files being opened, undo and renders; put the stop on its key."""
+    for handlers, function in _table():
+        if function not in handlers:
+            handlers.append(function)
+    configuration = bpy.context.window_manager.keyconfigs.addon if bpy.context.window_manager else None
+    if configuration is not None:
+        keymap = configuration.keymaps.new(name="Window", space_type="EMPTY")
+        _keys.append((keymap, keymap.keymap_items.new("dermis.stream_stop", "ESC", "PRESS", shift=True)))
+
+
+def unregister() -> None:
+    """End streaming with the add-on."""
+    while _keys:
+        keymap, item = _keys.pop()
+        keymap.keymap_items.remove(item)
+    session.end()
+    session.end_timer()
+    frame_hold.forget()
+    for handlers, function in _table():
+        if function in handlers:
+            handlers.remove(function)

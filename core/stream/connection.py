@@ -1,0 +1,90 @@
+"""An open link to one device, with the protocol that is spoken over it and the messages that wait for room."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+from ..errors import DermisError
+from .device_output import DeviceOutput, plain
+from .links import capacity
+from .links.transport import Transport
+from .outbox import Outbox
+from .protocols.adapter import Adapter
+
+HANDSHAKE = 3.0  # a device that has not said who it is after this long is none [s]
+
+
+class Connection:
+    """One device, as far as link and protocol know it.
+
+    Attributes:
+        link: to the device. adapter: its protocol. outbox: commands on their way into the link. output: what it gets.
+
+    Raises:
+        DermisError: the protocol does not go over this link, or the link cannot carry the commands.
+    """
+
+    def __init__(
+        self, link: Transport, adapter: Adapter, output: DeviceOutput, counters: Counter[str], now: float
+    ) -> None:
+        if adapter.datagrams and not link.datagrams:
+            raise DermisError(f"{adapter.title} goes over udp://", where=link.name)
+        capacity.check(adapter, link, output.rate)
+        self.link, self.adapter, self.output = link, adapter, output
+        self.outbox = Outbox(link, adapter, counters, capacity.bucket(adapter, link, output.rate))
+        self._opened = now
+        adapter.opened(now)
+
+    def receive(self, now: float) -> None:
+        """Take what has arrived.
+
+        Raises:
+            Gone: the link is closed.
+        """
+        for data in self.link.receive():
+            self.adapter.receive(data, now)
+
+    def poll(self, now: float) -> bool:
+        """Send what the protocol itself has to say; return whether the device has been recognised.
+
+        Raises:
+            DermisError: the device cannot be used, or has not answered.
+            Gone: the link is closed.
+        """
+        if fault := self.adapter.fault:
+            self.adapter.fault = ""
+            raise DermisError(fault, where=self.link.name)
+        self.outbox.poll(now)
+        if not self.adapter.ready and now - self._opened > HANDSHAKE:
+            raise DermisError(
+                f"nobody answered within {HANDSHAKE:g} s", where=self.link.name, remedy=self.adapter.silence
+            )
+        return self.adapter.ready
+
+    @property
+    def output_hz(self) -> float:
+        """Values a second that reach the actuators [Hz]: as many as are sent, or fewer where the device says so."""
+        stated = self.adapter.output_hz
+        return min(stated, self.output.rate) if stated else self.output.rate
+
+    @property
+    def ramp_period(self) -> float:
+        """Time between the commands of a way to the safe state [s]."""
+        return capacity.ramp_period(self.adapter, self.link, self.output.rate, self.output.wire.spec.rate)
+
+    def status(self) -> dict[str, Any]:
+        """Return what link and device say of themselves, as JSON values."""
+        adapter = self.adapter
+        return {
+            "device": adapter.device,
+            "watchdog": adapter.watchdog,
+            "caution": adapter.caution,
+            "output_hz": adapter.output_hz,
+            "notice": adapter.notice,
+            "round_trip_ms": plain(adapter.round_trip * 1e3),
+            "protocol": dict(adapter.counters),
+            "pose": None if adapter.pose is None else adapter.pose.tolist(),
+            "link": self.link.name,
+            "received": self.link.report(),
+        }

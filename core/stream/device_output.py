@@ -1,0 +1,121 @@
+"""What a device gets: the values of a source at the moments of the sample clock, through the limiter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..devices.calibration import Calibration
+from .output_limiter import OutputLimiter
+from .panel_source import PanelSource, Screen
+from .protocols.wire import Array, Wire
+from .request import StreamRequest
+from .sample_clock import SampleClock
+from .shared_state import Heartbeat
+from .source import FollowSource, Source, follow_values, goes_on, source_of
+from .track_source import TrackSource
+
+BLEND = 0.3  # what a new calibration, or something else to play, changes is blended in over this long [s]
+
+
+class DeviceOutput:
+    """What one device gets. It outlives the link: what was limited can be told after the end.
+
+    Args:
+        source: what was streamed before, so that a playback goes on where it was.
+
+    Attributes:
+        wire: the device. rate: of commands [Hz]. sample_clock: which samples are due, and how late they were.
+        limiter: the last thing before the wire. source: None where none could be made.
+
+    Raises:
+        DermisError: no device is chosen, or its preset or calibration cannot be used.
+    """
+
+    def __init__(self, request: StreamRequest, source: Source | None = None) -> None:
+        spec = request.spec()
+        self.wire = Wire.of(spec, request.calibrated())
+        self.rate = request.rate or spec.rate
+        self.sample_clock = SampleClock(self.rate)
+        self.limiter = OutputLimiter(self.wire, self.sample_clock.period)
+        self.source = source
+
+    @property
+    def moving(self) -> bool:
+        """Whether the source's values change by themselves."""
+        return self.source is not None and self.source.moving
+
+    def choose_source(
+        self,
+        request: StreamRequest,
+        shown: Sequence[float],
+        load_screen: Callable[[Path], Screen] | None,
+        output_hz: float,
+    ) -> bool:
+        """Make what the request's mode asks for; return whether it goes on where the source before it was.
+
+        Args:
+            shown: values that Blender published last. output_hz: values a second that reach the actuators [Hz].
+
+        Raises:
+            DermisError: it cannot be made; there is no source then.
+        """
+        old, self.source = self.source, None
+        self.source = source_of(request, self.wire, old, shown, load_screen, output_hz)
+        return goes_on(self.source, old)
+
+    def show(self, heartbeat: Heartbeat, now: float) -> None:
+        """Take what Blender shows."""
+        if isinstance(self.source, FollowSource):
+            self.source.latest = follow_values(self.wire, heartbeat.values)
+        elif isinstance(self.source, TrackSource | PanelSource) and heartbeat.time is not None:
+            self.source.report(heartbeat.time, heartbeat.playing, now)
+
+    def begin(self, pose: Array, now: float, horizon: float, ramp: float) -> None:
+        """Begin at a pose [units], and blend from there to what is wanted over `ramp` [s]."""
+        self.limiter.plan(self.sample_clock.period)
+        self.limiter.begin(pose, now + horizon - 1.0 / self.rate, ramp)
+        self.sample_clock.start(now + horizon, horizon)
+        if isinstance(self.source, PanelSource):
+            self.source.begin(now)
+
+    def blend(self) -> None:
+        """Blend over to what has just been changed."""
+        self.limiter.blend(self.sample_clock.next, BLEND)
+
+    def recalibrate(self, calibration: Calibration | None) -> bool:
+        """Take another calibration; return whether the safe pose is another one now.
+
+        Raises:
+            DermisError: it does not fit.
+        """
+        before, self.wire = self.wire.safe, Wire.of(self.wire.spec, calibration)
+        self.limiter.wire = self.wire
+        return bool((before != self.wire.safe).any())
+
+    def limited(self) -> dict[str, int]:
+        """Return how many values were limited, by channel and limit."""
+        law = {"amplitude.law": self.source.limited} if isinstance(self.source, PanelSource) else {}
+        return {**self.limiter.limited, **law}
+
+    def status(self) -> dict[str, Any]:
+        """Return rate, lateness, limits and what is driven, as JSON values."""
+        p50, p99 = self.sample_clock.lateness.percentiles()
+        return {
+            "rate": self.rate,
+            "jitter_p50_us": plain(p50 * 1e6),
+            "jitter_p99_us": plain(p99 * 1e6),
+            "limited": self.limited(),
+            "names": list(self.wire.names),
+            "units": list(self.wire.units),
+            "values": self.limiter.last.tolist(),
+            "safe_s": plain(self.wire.safe_seconds),
+            "not_rendered": str(self.source.loss or "") if isinstance(self.source, TrackSource) else "",
+        }
+
+
+def plain(value: float) -> float | None:
+    """Return a number as JSON has it; None where it is not finite."""
+    return round(value, 3) if math.isfinite(value) else None

@@ -1,0 +1,297 @@
+"""The states of one connected device: idle, arming, live, on the way to its safe state, and draining.
+
+Whatever ends a stream, the device goes to its safe state first, at its own speed, and what waits in the link leaves;
+only then may the link be closed. After a stop, a stall or a fault nothing moves until a person arms again.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from enum import Enum
+
+from ..devices.calibration import Calibration
+from .connection import Connection
+from .drain import Drain
+from .outbox import SendResult
+from .panel_source import PanelSource
+from .protocols.packets import Reach
+from .protocols.wire import Array
+from .request import StreamRequest
+from .safe_ramp import SafeRamp
+from .track_source import TrackSource
+
+ARMING = 1.0  # a device that is not armed after this long will not be [s]
+REPEAT = 3  # a safe state is written this often where no device confirms it
+
+
+class Phase(Enum):
+    """What is done with the device."""
+
+    IDLE = "nothing"
+    ARMING = "it was asked to arm"
+    LIVE = "it gets samples"
+    SAFING = "it is led to its safe state"
+    DRAINING = "the last messages leave, and the link is closed"
+
+
+class Drive:
+    """Drives one device over one connection, a tick at a time.
+
+    Attributes:
+        request: what Blender wants now. phase: what is done. message: the last error, or what is waited for.
+        leaving: the link will be closed, the device safe first. drained: it can be closed now.
+        driven: this link has brought the device where the limiter believes it.
+    """
+
+    def __init__(self, connection: Connection, request: StreamRequest, counters: Counter[str], message: str) -> None:
+        self.connection, self.output = connection, connection.output
+        self.request, self.message = request, message
+        self.phase = Phase.IDLE
+        self.leaving = self.drained = self.driven = False
+        self._counters = counters
+        self._since = 0.0  # when arming began [s]
+        self._stalled = False
+        self._ramp: SafeRamp | None = None
+        self._drain: Drain | None = None
+
+    # -- what can be asked for
+
+    def arm(self, now: float, *, alive: bool) -> None:
+        """Begin to arm; the message says why not. `alive`: Blender gives signs of life, or need not."""
+        adapter = self.connection.adapter
+        if not adapter.ready or self.leaving:
+            self.message = "not connected, so nothing was armed"
+        elif self.phase is Phase.LIVE:
+            pass  # already; to begin again would lead it back to where it was armed
+        elif self.phase is Phase.SAFING:
+            self.message = "not armed before the safe state is reached; arm again then"
+        elif self.output.source is None:
+            pass  # the message says why
+        elif not alive:
+            self.message = "Blender gives no sign of life, so nothing was armed"
+        else:
+            self.phase, self._since, self._stalled, self.message = Phase.ARMING, now, False, ""
+            adapter.arm()
+
+    def stop(self, now: float, message: str) -> None:
+        """Go to the safe state; a device that knows one is told so even where it is not armed."""
+        adapter = self.connection.adapter
+        if self.armed:
+            self.give_up(now, message)
+        elif self.phase is Phase.IDLE and adapter.ready and adapter.own_safe:
+            self.connection.outbox.send(adapter.safe())
+
+    def give_up(self, now: float, message: str) -> None:
+        """Go to the safe state if the device is armed, for a reason."""
+        self.message = message
+        if self.armed:
+            self._to_safe(now)
+
+    def leave(self, now: float, message: str) -> None:
+        """Begin to let the link go: the safe state first, then whatever waits, and then it can be closed."""
+        self.leaving = True
+        self.give_up(now, message)
+        if self.phase is Phase.IDLE:
+            self._begin_draining(now)
+
+    def recalibrate(self, calibration: Calibration | None) -> None:
+        """Take another calibration under way: the device blends over to it.
+
+        Raises:
+            DermisError: it does not fit.
+        """
+        moved, adapter = self.output.recalibrate(calibration), self.connection.adapter
+        adapter.wire = self.output.wire  # its safe pose may be another one
+        self.blend()
+        if moved and self.armed and adapter.watchdog:
+            self.message = "Until you stop and arm again, the device's own safe pose is that of the calibration before"
+
+    def blend(self) -> None:
+        """Blend over to what has just been changed, while samples leave."""
+        if self.phase is Phase.LIVE:
+            self.output.blend()
+
+    # -- time passes
+
+    def poll(self, now: float) -> bool:
+        """Exchange what the protocol itself has to say; return whether the device is there to be driven.
+
+        Raises:
+            DermisError: the device cannot be used, or has not answered.
+            Gone: the link is closed.
+        """
+        self.connection.receive(now)
+        if self._drain is None:
+            return self.connection.poll(now)
+        self.drained = self._drain.done(now)
+        self.message = "; ".join(filter(None, (self.message, self._drain.message)))
+        return False
+
+    def tick(self, now: float, *, alive: bool) -> None:
+        """Do what is due. `alive`: Blender gives signs of life, or need not.
+
+        Raises:
+            Gone: the link is closed.
+        """
+        if self.phase is Phase.ARMING:
+            self._await_armed(now)
+        if self.phase is Phase.LIVE:
+            self._live(now, alive)
+        if self.phase is Phase.SAFING:
+            self._safing(now)
+
+    def next(self, now: float) -> float:
+        """Return when the next thing will be due [s]: soon enough for a stop, however slow the device."""
+        if self.phase is not Phase.LIVE:
+            return now + 0.002
+        wait = 0.001 if self.connection.outbox.blocked else 0.004
+        return min(max(self.output.sample_clock.next - self.horizon, now), now + wait)
+
+    # -- how it stands
+
+    @property
+    def state(self) -> str:
+        """Phase and device in a word, for people."""
+        if self.phase in (Phase.SAFING, Phase.DRAINING):
+            return "stalled" if self._stalled else "stopping"
+        if not self.connection.adapter.ready:
+            return "connecting"
+        if self.armed:
+            return "streaming" if self.phase is Phase.LIVE and self.output.moving else "armed"
+        return "stalled" if self._stalled else "ready"
+
+    @property
+    def armed(self) -> bool:
+        """Whether the device moves, or may at any moment."""
+        return self.phase in (Phase.ARMING, Phase.LIVE)
+
+    @property
+    def pose_known(self) -> bool:
+        """Whether it is known where the device is: it says so, or this link drove it, and it holds on."""
+        adapter = self.connection.adapter
+        asked = adapter.own_safe  # it goes there by itself, and says so
+        lets_go = asked or adapter.lets_go or self.output.wire.reach == Reach.RELEASE
+        return adapter.pose is not None or (self.driven and (self.armed or not lets_go))
+
+    @property
+    def astray(self) -> bool:
+        """Whether a device whose link is lost now may stay away from its safe state."""
+        watched = self.connection.adapter.watchdog  # then the device sees to itself
+        open_ways = (Phase.SAFING, Phase.DRAINING) if watched else (Phase.SAFING, Phase.DRAINING, Phase.LIVE)
+        return self.driven and self.phase in open_ways
+
+    @property
+    def going(self) -> str:
+        """What still happens before the device is safe or the link closed, '' for nothing."""
+        if self._ramp is not None:
+            return f"going to the safe state, {self._ramp.seconds:.1f} s"
+        return "making sure of the safe state" if self.phase is Phase.DRAINING else ""
+
+    @property
+    def horizon(self) -> float:
+        """How far ahead samples are sent now [s]: only while a playback runs, and no more than the device holds.
+
+        While nothing moves there is nothing to know beforehand; what was sent ahead before a pause plays out first.
+        """
+        adapter = self.connection.adapter
+        if not (adapter.timed and isinstance(self.output.source, TrackSource) and self.output.moving):
+            return 0.0
+        held = max(adapter.queue - 2, 0) / self.output.rate if adapter.queue else self.request.look_ahead
+        return min(self.request.look_ahead, held)
+
+    # -- arming and streaming
+
+    def _await_armed(self, now: float) -> None:
+        adapter, output = self.connection.adapter, self.output
+        if not adapter.armed:
+            if now - self._since > ARMING:
+                self.give_up(now, "the device did not arm")
+            return
+        pose = adapter.pose
+        if pose is None:  # where it is nobody knows; where it may be without harm, the preset does
+            pose = output.limiter.last if self.driven and not adapter.own_safe else output.wire.safe
+        output.begin(pose, now, self.horizon, self.request.ramp)
+        self.phase = Phase.LIVE
+
+    def _live(self, now: float, alive: bool) -> None:
+        """Send the samples that are due; what the link has held back comes first."""
+        adapter, output, outbox = self.connection.adapter, self.output, self.connection.outbox
+        source, clock = output.source, output.sample_clock
+        assert source is not None
+        if not adapter.armed:
+            self.give_up(now, "the device disarmed itself")
+            return
+        if not alive:
+            self._stalled = True
+            self._counters["stalls"] += 1
+            self.give_up(now, f"Blender gave no sign of life for {self.request.stall:g} s; arm again")
+            return
+        if isinstance(source, PanelSource):
+            source.touched(adapter.touch, now)
+        horizon = self.horizon
+        if outbox.held is not None:
+            if not self._send(*outbox.held, now):
+                return
+            clock.sent(now, horizon)
+        for moment in clock.due(now, horizon):
+            wanted = source.wanted(moment if horizon else now + self.request.look_ahead, now)
+            if not self._send(output.limiter.step(wanted, moment), moment if horizon else None, now):
+                break
+        self._counters["skipped"] = clock.skipped
+        if isinstance(source, PanelSource):
+            self._counters["touches grown old"] = source.aged
+
+    def _send(self, values: Array, play: float | None, now: float) -> bool:
+        """Send one command; return whether others may follow, False where it waits for room."""
+        result = self.connection.outbox.command(values, play, now, 2 * self.output.sample_clock.period)
+        if result is SendResult.DROPPED:
+            self.output.limiter.undo()  # nothing was stepped after it
+        self.driven |= result is SendResult.SENT
+        return result is not SendResult.HELD
+
+    # -- the safe state
+
+    def _to_safe(self, now: float) -> None:
+        """Begin the way to the safe state: the device's own, where it knows one or has got no samples yet."""
+        adapter, output, outbox = self.connection.adapter, self.output, self.connection.outbox
+        live, self.phase = self.phase is Phase.LIVE, Phase.SAFING
+        outbox.held = None
+        if adapter.own_safe or not live:
+            outbox.send(adapter.safe())
+            output.limiter.last = output.wire.safe.copy()
+            self._finish_safing(now)
+            return
+        self._ramp = SafeRamp(output.limiter, self.connection.ramp_period, now)
+        self._safing(now)
+
+    def _safing(self, now: float) -> None:
+        """Lead the device there, and say the safe state again and again once it is reached."""
+        adapter, ramp, send = self.connection.adapter, self._ramp, self.connection.outbox.send
+        assert ramp is not None
+        if ramp.due(now):
+            if send(adapter.command(ramp.step(now), now, None)):
+                ramp.sent(now)
+            else:
+                adapter.forget()
+                ramp.undo()
+        while ramp.there and ramp.said < REPEAT:
+            adapter.forget()  # said again in full
+            if not send(adapter.safe() or adapter.command(self.output.wire.safe, now, None)):
+                break
+            ramp.said += 1
+        if ramp.said == REPEAT:
+            self._finish_safing(now)
+        elif ramp.stuck(now):
+            self.driven = False
+            self._counters["safe states not confirmed"] += 1
+            self.message = "The device takes nothing, so its safe state could not be sent. Switch its supply off"
+            self._finish_safing(now)
+
+    def _finish_safing(self, now: float) -> None:
+        self.phase, self._ramp = Phase.IDLE, None
+        if self.leaving:
+            self._begin_draining(now)
+
+    def _begin_draining(self, now: float) -> None:
+        connection, self.phase = self.connection, Phase.DRAINING
+        self._drain = Drain(connection.link, connection.adapter, connection.outbox, self._counters, now)

@@ -1,0 +1,104 @@
+"""A streamer in this process, for the commands that need no Blender: connected, armed by a person, and brought home."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable
+
+from ..errors import DermisError
+from .drive import Drive
+from .links.url import unnamed
+from .request import StreamRequest
+from .signals import Interrupted, Signals
+from .streamer import Streamer
+
+
+class LocalStream:
+    """One device from connecting to its safe state.
+
+    Args:
+        request: link, device and what is streamed. signals: that end it.
+
+    Attributes:
+        streamer: that does it. unsure: the safe state could not be made sure of.
+    """
+
+    def __init__(self, streamer: Streamer, request: StreamRequest, signals: Signals) -> None:
+        self.streamer, self.request, self.signals = streamer, request, signals
+        self.unsure = False
+
+    def connect(self) -> Drive:
+        """Open the link, and wait until the device has been recognised.
+
+        Raises:
+            DermisError: it cannot be reached.
+            Interrupted: a signal came first.
+        """
+        streamer = self.streamer
+        streamer.apply(self.request, time.perf_counter())
+        self.run(lambda: streamer.state in ("ready", "fault") or (streamer.drive is None and bool(streamer.message)))
+        if self.signals.number:
+            raise Interrupted
+        if streamer.state != "ready" or streamer.drive is None:
+            raise self.refusal("the device cannot be reached")
+        return streamer.drive
+
+    def confirm(self, question: str) -> None:
+        """Wait for a person to press Enter; an end of input is nobody's finger on a key.
+
+        Raises:
+            DermisError: standard input ended before.
+            Interrupted: a signal came first.
+        """
+        say(question)
+        if not self.signals.line():
+            raise DermisError(
+                "not armed: standard input ended before anybody pressed Enter",
+                where=self.request.url,
+                remedy="Run it in a terminal, or pass --yes",
+            )
+
+    def arm(self) -> None:
+        """Let the device move."""
+        self.request.arm_id = 1
+        self.streamer.apply(self.request, time.perf_counter())
+
+    def run(self, done: Callable[[], bool]) -> None:
+        """Let time pass until something holds or a signal comes."""
+        while not self.signals.number and not done():
+            self._pass_time()
+
+    def shut(self) -> None:
+        """Go to the safe state however long that takes, and let the link go; no signal ends that. Safe to call twice.
+
+        `unsure` tells afterwards whether the device may be elsewhere.
+        """
+        streamer = self.streamer
+        unsure = streamer.counters["safe states not confirmed"]
+        streamer.shut(time.perf_counter())
+        if streamer.drive is not None and streamer.drive.going:
+            say(streamer.drive.going)
+        while not streamer.finished:
+            self._pass_time()
+        self.unsure |= streamer.counters["safe states not confirmed"] > unsure
+
+    def tick(self, now: float) -> float:
+        """Do what is due; return when the next thing will be [s]."""
+        return self.streamer.tick(now)
+
+    def refusal(self, otherwise: str) -> DermisError:
+        """Return why the streamer has given up."""
+        message = self.streamer.message.rstrip(".")
+        return DermisError(message or otherwise, where=unnamed(self.request.url, message))
+
+    def _pass_time(self) -> None:
+        due = self.tick(time.perf_counter())
+        time.sleep(max(due - time.perf_counter(), 0.0))
+
+
+def say(text: str) -> None:
+    """Print to a terminal that may have been closed; the device still has to be safe."""
+    with contextlib.suppress(OSError):
+        print(text, file=sys.stderr, flush=True)

@@ -1,0 +1,105 @@
+"""`stream play`: a track to a device, once; and whatever ends it, the safe state first."""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+from ..track import export
+from ..track.check import preset_findings
+from .device_options import request_from
+from .local_stream import LocalStream, say
+from .shared_state import Heartbeat
+from .signals import Interrupted, Signals
+from .streamer import Streamer
+from .virtual.link import open_link
+
+UNKNOWN_POSE = """The device does not say where it is: with the first pulse it may jump to its safe pose, at its own
+full speed. Take the finger out before you arm; put it in when the device stands still."""
+
+
+def play(options: argparse.Namespace) -> int:
+    """Play a track once; return 0, or 128 and the number of the signal that ended it.
+
+    Raises:
+        DermisError: the device could not be reached, disarmed itself, or its safe state could not be made sure of.
+    """
+    signals = Signals()
+    player = _Player(options, signals)
+    with signals.caught():
+        try:
+            player.play(ask=not options.yes)
+        except Interrupted:
+            pass
+        finally:
+            player.finish()
+    player.tell()
+    return 128 + signals.number if signals.number else 0
+
+
+class _Player(LocalStream):
+    """A streamer in this process, and the heartbeats that Blender would give."""
+
+    def __init__(self, options: argparse.Namespace, signals: Signals) -> None:
+        from ..presets import Library
+
+        self._track = export.read(options.track)
+        key = options.device or self._track.spec.key
+        for finding in preset_findings(self._track, Library(options.presets), key):
+            say(str(finding))
+        more = {"look_ahead": options.look_ahead, "ramp": options.ramp, "play_on": True}
+        request = request_from(options, key, connect=True, track=str(options.track), **more)
+        super().__init__(Streamer(open_link), request, signals)
+        self._number = 0
+        self._playing_since: float | None = None
+        self._not_rendered = ""
+
+    def play(self, *, ask: bool) -> None:
+        """Connect, ask, arm, ramp, play.
+
+        Raises:
+            DermisError: the device cannot be reached, nobody wants it armed, or it disarmed itself.
+            Interrupted: a signal came first.
+        """
+        drive, streamer = self.connect(), self.streamer
+        adapter = drive.connection.adapter
+        for said in (adapter.caution, adapter.notice, "" if drive.pose_known else UNKNOWN_POSE):
+            if said:
+                say(said)
+        if ask:
+            self.confirm(f"{self._track.spec.name} at {self.request.url} is about to move. Enter: arm; Ctrl-C: stop.")
+        self.arm()
+        ramped = time.perf_counter() + self.request.ramp + 0.2 + self.request.look_ahead
+        self.run(lambda: time.perf_counter() > ramped or not streamer.armed)
+        self._playing_since = time.perf_counter()
+        end = self._playing_since + self._track.duration + self.request.look_ahead
+        self.run(lambda: time.perf_counter() > end or not streamer.armed)
+        if not streamer.armed:
+            raise self.refusal("the device disarmed itself")
+
+    def finish(self) -> None:
+        """Bring the device to its safe state and let the link go."""
+        self._not_rendered = str(self.streamer.status().get("not_rendered", ""))
+        self.shut()
+
+    def tell(self) -> None:
+        """Print what was counted.
+
+        Raises:
+            DermisError: the safe state could not be made sure of.
+        """
+        text = ", ".join(f"{name} {count}" for name, count in self.streamer.counted().items())
+        if self.signals.number:
+            say(text)  # standard output may have gone with its terminal
+        else:
+            print("\n".join(filter(None, (text, self._not_rendered))))
+        if self.unsure:
+            raise self.refusal("the safe state could not be made sure of")
+
+    def tick(self, now: float) -> float:
+        """Give a sign of life, as Blender does, and do what is due."""
+        since = self._playing_since
+        self._number += 1
+        heartbeat = Heartbeat(self._number, 0, since is not None, now - since if since is not None else 0.0, ())
+        self.streamer.heartbeat(heartbeat, now)
+        return super().tick(now)

@@ -1,0 +1,115 @@
+"""A track as the source of a stream: its values at the times that Blender's playback asks for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import DermisError
+from ..interpolate import interpolate
+from ..track import export
+from ..track.command_track import CommandTrack
+from .lowpass import Loss, low_passed
+from .protocols.clock import TrackClock
+from .protocols.wire import Array, Wire
+
+
+class TrackSource:
+    """A track, at the times that Blender's playback asks for.
+
+    Args:
+        offset: added to Blender's time [s]: positive plays the track earlier.
+        free: play on where Blender's main thread stalls.
+        output_hz: values a second that reach the actuators; a track that holds more is played low-passed. 0: all.
+
+    Attributes:
+        loss: what the low-passed track leaves out; None: it is played as it is.
+    """
+
+    def __init__(
+        self, wire: Wire, track: CommandTrack, offset: float = 0.0, *, free: bool = False, output_hz: float = 0.0
+    ) -> None:
+        missing = [n for n in wire.names if n not in {c.name for c in track.channels}]
+        if missing:
+            raise DermisError(
+                "the track is for another device", where=track.spec.name, value=", ".join(missing), limit=wire.spec.name
+            )
+        for name, unit in zip(wire.names, wire.units, strict=True):
+            if track.spec.channel(name).unit != unit:
+                raise DermisError(
+                    "a channel has another unit in the track",
+                    where=name,
+                    value=track.spec.channel(name).unit,
+                    limit=unit,
+                )
+        self.clock = TrackClock(free=free)
+        self.spec, self.track, self.offset, self.output_hz = wire.spec, track, offset, output_hz
+        self._times = track.times
+        self._values = np.stack([track.column(n) for n in wire.names], axis=1)
+        self._safe = wire.safe_command
+        self.loss: Loss | None = None
+        if output_hz > 0 and len(track.times) > 1:
+            self._low_pass(wire, output_hz)
+        step = track.duration / (len(self._times) - 1) if len(self._times) > 1 else 0.0
+        even = step > 0 and np.abs(np.diff(self._times) - step).max() < 1e-6 * step
+        self._rate = 1.0 / step if even else 0.0
+
+    def plays(self, wire: Wire, track: CommandTrack, output_hz: float) -> bool:
+        """Return whether this is a track for a device already, whatever its offset."""
+        return self.spec is wire.spec and self.track is track and self.output_hz == output_hz
+
+    def _low_pass(self, wire: Wire, output_hz: float) -> None:
+        times, values = low_passed(self._times, self._values, output_hz)
+        if values is self._values:
+            return
+        missing = self._values - interpolate(times, values, self._times)
+        span = np.where(np.isfinite(wire.high - wire.low), wire.high - wire.low, np.ptp(self._values, axis=0))
+        largest, rms = np.abs(missing).max(axis=0), np.sqrt((missing**2).mean(axis=0))
+        self.loss = Loss(output_hz, wire.names, wire.units, largest, rms, span)
+        self._times, self._values = times, values
+
+    @property
+    def moving(self) -> bool:
+        """Return whether the playback runs."""
+        return self.clock.running
+
+    def report(self, time: float, playing: bool, now: float) -> None:
+        """Take what Blender shows at this moment: track time [s] and whether it plays."""
+        self.clock.report(time, playing, now)
+
+    def wanted(self, moment: float, now: float) -> Array:
+        """Return values [units] at a moment; before and after the track the device is safe."""
+        return self.value(self.clock.at(moment, now) + self.offset)
+
+    def value(self, time: float) -> Array:
+        """Return the track's values at a time of its own."""
+        times = self._times
+        if not len(times) or time < times[0] - 1e-9 or time > times[-1] + 1e-9:
+            return self._safe
+        if self._rate:
+            at = min(max((time - float(times[0])) * self._rate, 0.0), len(times) - 1.0)
+            k = int(at)
+        else:
+            k = max(int(np.searchsorted(times, time, side="right")) - 1, 0)
+            at = k + ((time - times[k]) / (times[k + 1] - times[k]) if k + 1 < len(times) else 0.0)
+        if k + 1 >= len(times):
+            return self._values[-1]
+        first = self._values[k]
+        return first + (at - k) * (self._values[k + 1] - first)
+
+
+_read: list[tuple[tuple[str, int, int], CommandTrack]] = []  # the track read last
+
+
+def read_track(path: Path) -> CommandTrack:
+    """Return the track of a file; one that has not changed is not read again, since a device waits meanwhile."""
+    try:
+        seen = path.stat()
+        key = (str(path), seen.st_mtime_ns, seen.st_size)
+    except OSError:
+        return export.read(path)  # which says what is wrong
+    if not _read or _read[0][0] != key:
+        _read.clear()  # the old one goes before the new one comes
+        _read.append((key, export.read(path)))
+    return _read[0][1]

@@ -1,0 +1,45 @@
+"""A simulated receiver of Blender Servo Animation, traps included."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..protocols.wire import Wire
+
+
+class ServoAnimationDevice:
+    """A receiver of Blender Servo Animation: every 0x3C starts anew, also in the middle of a position."""
+
+    watchdog = datagrams = False
+
+    def __init__(self, wire: Wire, *, stuck: int = -1, low: float = 1000.0, high: float = 2000.0) -> None:
+        self.wire = wire
+        self.positions: dict[int, int] = {}
+        self.log: list[tuple[int, int]] = []
+        self._low, self._high, self._stuck = low, high, stuck
+        self._values, self._index = [0] * 5, 0
+
+    def feed(self, data: bytes, now: float) -> list[bytes]:
+        """Take bytes as the original does."""
+        for byte in data:
+            if byte == 0x3C:
+                self._values, self._index = [0] * 5, 0
+            if self._index < 5:
+                self._values[self._index] = byte
+                self._index += 1
+                start, servo, high, low, end = self._values
+                if start == 0x3C and end == 0x3E and self._index == 5 and servo != self._stuck:
+                    self.positions[servo] = high << 8 | low
+                    if len(self.log) < 1_000_000:
+                        self.log.append((servo, high << 8 | low))
+        return []
+
+    def tick(self, now: float) -> list[bytes]:
+        """Do nothing: it has no watchdog."""
+        return []
+
+    def report(self) -> dict[str, object]:
+        """Return the positions as values."""
+        ids = [i for i in range(256) if i != 60][: self.wire.count]
+        part = np.array([(self.positions.get(i, self._low) - self._low) / (self._high - self._low) for i in ids])
+        return {"values": self.wire.named(self.wire.low + (self.wire.high - self.wire.low) * part)}

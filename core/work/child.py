@@ -95,6 +95,11 @@ class ChildProcess(subprocess.Popen[bytes]):
             text = self._log.read().decode("utf-8", "replace").strip()
         return f"status {self.returncode}: {text[-MAX_LOG_CHARACTERS:]}".removesuffix(": ")
 
+    def kill(self) -> None:
+        """End it at once, whatever it does; it is gone then."""
+        super().kill()
+        self.wait()
+
     def end(self, seconds: float, *, kill: bool = False) -> None:
         """Close the parent pipe, and wait for the end.
 
@@ -109,7 +114,6 @@ class ChildProcess(subprocess.Popen[bytes]):
         except subprocess.TimeoutExpired:
             if kill:
                 self.kill()
-                self.wait()
         self._heard = time.monotonic()
         self.gone(self._sign)
 
@@ -124,7 +128,6 @@ class ChildProcess(subprocess.Popen[bytes]):
             self._sign, self._heard = sign, time.monotonic()
         elif self.stdin.closed and time.monotonic() - self._heard > MAX_SILENT_SECONDS:
             self.kill()
-            self.wait()
         if self.alive:
             return False
         for file in filter(None, (self._log, self.stdin, self.stdout)):

@@ -22,12 +22,12 @@ from core.track import csv, export
 from core.track.check import by_preset, findings_of, preset_findings
 from core.track.command_track import CommandTrack
 from tests import reader_examples as ex
-from tests.mutations import Mutator
+from tests.damage import Damager
 
 
 def damaged(whole: list[bytes], count: int, seed: int) -> list[bytes]:
-    mutator = Mutator(seed)
-    return [mutator.mutate(whole[i % len(whole)]) for i in range(count)]
+    damager = Damager(seed)
+    return [damager.damage(whole[i % len(whole)]) for i in range(count)]
 
 
 def tracks(count: int) -> list[bytes]:

@@ -16,7 +16,7 @@ from core.stream.protocols.packets import DeviceState
 from core.stream.protocols.wire import Wire
 from core.stream.virtual.device import make
 from core.stream.virtual.native import NativeDevice
-from tests.unit.stream.stream_lab import TICK, Lab, sine_track
+from tests.unit.stream.stream_lab import TICK, Lab
 
 FRAME = 0.02  # of a hobby servo's pulses [s]
 HAPTIP = Wire.of(Library().device("haptip"))
@@ -91,11 +91,6 @@ class LineLab(Lab):
             self.now += TICK
             self.line_time()
         return self.line.last - killed, self.now - killed
-
-
-@pytest.fixture
-def track_file(tmp_path: Path) -> Path:
-    return sine_track(tmp_path / "t.csv")
 
 
 NEEDED = 21_500.0  # bytes a second of HapTip at 1 kHz

@@ -11,7 +11,6 @@ import pytest
 from core.contact.skin_touch import SkinSampler
 from core.errors import DermisError
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
-from core.skin.model import fingertip_skin
 
 BOX = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], dtype=float)
 FACES = np.array(
@@ -35,11 +34,6 @@ SIZE = np.array([0.03, 0.03, 0.005])
 PLATE = Mesh(BOX * SIZE, FACES)  # its upper side at z = 5 mm
 TOLERANCE = 1e-6
 RATE = 240.0
-
-
-@pytest.fixture(scope="module")
-def skin():
-    return fingertip_skin(level="draft")
 
 
 def poses(places, turn=None):

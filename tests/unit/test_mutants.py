@@ -119,7 +119,6 @@ def test_a_verdict_names_the_test_and_leaves_the_tree_alone(tree: Path) -> None:
     killed = mutate.judge(changed(tree, "+ -> -  in  return"))
     assert (killed.fate, killed.by) == ("killed", "tests/unit/test_own.py::test_it")
     assert mutate.judge(changed(tree, "< -> <=")).fate == "killed"
-    assert mutate.judge(changed(tree, "+ -> -  in  x +="), limit=3.0).fate == "timeout"
     assert (tree / "core" / "own.py").read_bytes() == before
     (tree / "tests" / "unit" / "test_own.py").write_text("import core.own\n\ndef test_it():\n    assert core\n")
     assert mutate.judge(changed(tree, "+ -> -  in  return")).fate == "SURVIVED"
@@ -128,7 +127,11 @@ def test_a_verdict_names_the_test_and_leaves_the_tree_alone(tree: Path) -> None:
 def test_a_test_that_fails_anyway_kills_nothing(tree: Path) -> None:
     (tree / "tests" / "unit" / "test_own.py").write_text("import core.own\n\ndef test_it():\n    assert not core\n")
     verdict = mutate.judge(changed(tree, "+ -> -  in  return"))
-    assert verdict.fate == "SURVIVED" and "fails without it" in verdict.by
+    assert verdict.fate == "SURVIVED" and "1 tests fail without it" in verdict.by
+    true = "\n\ndef test_other():\n    assert core.own.double(3) == 6\n"
+    with (tree / "tests" / "unit" / "test_own.py").open("a") as file:
+        file.write(true)
+    assert mutate.judge(changed(tree, "+ -> -  in  return")).by == "tests/unit/test_own.py::test_other"
 
 
 @pytest.mark.real_time

@@ -170,6 +170,17 @@ def test_a_heading_averages_over_time_whatever_the_rate() -> None:
         assert np.arctan2(dy, dx) == pytest.approx(np.pi / 2 + 1.5 * (1.0 - 0.02), abs=1e-3)
 
 
+def test_a_heading_weighs_movements_by_their_time_and_not_by_their_number() -> None:
+    """10 ms along x in fifty reports, then 10 ms along y in five: half way between the two."""
+    heading, x, y = Heading(0.04), 0.0, 0.0
+    heading.move(0.0, x, y)
+    for k in range(1, 51):
+        heading.move(2e-4 * k, x := x + 1e-4, y)
+    for k in range(1, 6):
+        found = heading.move(0.01 + 2e-3 * k, x, y := y + 1e-3)
+    assert found == pytest.approx((np.sqrt(0.5), np.sqrt(0.5)), abs=1e-12)
+
+
 # -- the time of a map
 
 

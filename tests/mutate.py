@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import functools
 import os
 import random
 import shutil
@@ -39,6 +40,7 @@ def drawn(count: int, seed: int, below: Sequence[Path], root: Path = ROOT) -> li
 # -- which tests fit --------------------------------------------------------------------------------------------------
 
 
+@functools.cache
 def imported(path: Path) -> set[str]:
     """Return the modules that a file names in its imports, 'core.units' for a name out of it as well."""
     names: set[str] = set()
@@ -50,19 +52,19 @@ def imported(path: Path) -> set[str]:
     return names
 
 
-def fitting(path: str, root: Path = ROOT) -> list[str]:
+def fitting(path: str) -> list[str]:
     """Return the test files that fit a file of core: those that import it, then those of its folder.
 
     Tests of a folder import it as a whole, or lie in the mirrored one.
     """
     module = path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
-    unit, inside = root / "tests" / "unit", Path(path).parent.relative_to("core")
+    unit, inside = ROOT / "tests" / "unit", Path(path).parent.relative_to("core")
     imports = {p: imported(p) for p in sorted(unit.rglob("test_*.py"))}
     package = module.rpartition(".")[0]
     direct = [p for p, names in imports.items() if module in names]
     direct += [p for p, names in imports.items() if package in names and package != "core"]
     return [
-        p.relative_to(root).as_posix() for p in dict.fromkeys([*direct, *sorted((unit / inside).glob("test_*.py"))])
+        p.relative_to(ROOT).as_posix() for p in dict.fromkeys([*direct, *sorted((unit / inside).glob("test_*.py"))])
     ]
 
 
@@ -85,7 +87,7 @@ def judge(mutation: Mutation, limit: float = TIME_LIMIT) -> Verdict:
         tree = Path(scratch) / "tree"
         for name in TREE:
             _copy(ROOT / name, tree / name)
-        file, tests = tree / mutation.path, fitting(mutation.path, tree)
+        file, tests = tree / mutation.path, fitting(mutation.path)
         whole = file.read_bytes()
         anyway: list[str] = []  # tests that fail without the change as well say nothing of it
         while True:

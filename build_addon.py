@@ -358,6 +358,8 @@ def build(options: argparse.Namespace) -> int:
 def test(options: argparse.Namespace) -> int:
     """Run ruff, mypy (on 3.13) and the three levels of tests; judge by pytest's own counts."""
     env = environment()
+    if options.mutate:
+        return mutate(env, options)
     started = time.monotonic()
     paths = [a for a in options.pytest if not a.startswith("-") and (ROOT / a.split("::")[0]).exists()]
     others = [a for a in options.pytest if a not in paths] + (["--long"] if options.long else [])
@@ -378,6 +380,14 @@ def test(options: argparse.Namespace) -> int:
     say(f"{line}: {time.monotonic() - started:.0f} s")
     say(f"total: {counts['passed']} passed, {counts['failed']} failed, {counts['skipped']} skipped")
     return 1 if failed else 0
+
+
+def mutate(env: Environment, options: argparse.Namespace) -> int:
+    """Change one thing of the engine at a time and say which changes no test notices."""
+    numbers = [str(options.mutate), "--seed", str(options.seed), "--jobs", str(options.jobs)]
+    below = [word for path in options.pytest for word in ("--below", path)]
+    command = [str(env.python), "-m", "tests.mutate", *numbers, *below]
+    return subprocess.run(command, cwd=ROOT, env=env.variables(True)).returncode
 
 
 def lint(env: Environment) -> list[str]:
@@ -588,6 +598,11 @@ def parser() -> argparse.ArgumentParser:
     new.add_argument("--out", type=Path, default=ROOT / "demo_out", metavar="DIR", help="where to write (demo_out/)")
     new = verb(test, epilog="Anything else goes to pytest: paths, -k WORDS, -x ...")
     new.add_argument("--long", action="store_true", help="also run the tests that take minutes")
+    new.add_argument(
+        "--mutate", type=int, metavar="N", help="instead, make N changes of core (or of the paths given), one by one"
+    )
+    new.add_argument("--seed", type=int, default=0, metavar="S", help="of the draw of --mutate (0)")
+    new.add_argument("--jobs", type=int, default=1, metavar="J", help="mutants at a time (1)")
     new = verb(build)
     new.add_argument("--out", type=Path, default=DIST, metavar="DIR", help="where to write (dist/)")
     new.add_argument("--platform", action="append", choices=list(PLATFORMS), help="this platform only (repeatable)")

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from core.errors import DermisError
 
-from .mutations import Mutator
+from .damage import Damager
 from .readers import Reader
 
 SLOWEST, LARGEST = 2.0, 500  # of one file [s], [MB]
@@ -39,7 +39,7 @@ def fuzz(readers: Iterable[Reader], count: int, seed: int, folder: Path) -> Foun
         own = folder / reader.name.replace(" ", "-").replace(",", "")
         own.mkdir()
         path = own / f"file{reader.suffix}"
-        mutator = Mutator(zlib.crc32(reader.name.encode()) ^ seed)
+        damager = Damager(zlib.crc32(reader.name.encode()) ^ seed)
         seeds = reader.seeds()
         reader.beside(path)
         for whole in seeds:
@@ -47,7 +47,7 @@ def fuzz(readers: Iterable[Reader], count: int, seed: int, folder: Path) -> Foun
             reader.read(path)
         memory = largest_memory()
         for i in range(count):
-            path.write_bytes(mutator.mutate(seeds[i % len(seeds)]))
+            path.write_bytes(damager.damage(seeds[i % len(seeds)]))
             found.tried += 1
             started = time.perf_counter()
             if attempt(reader, path, found):

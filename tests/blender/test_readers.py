@@ -15,7 +15,7 @@ from blender_addon.results import store
 from blender_addon.streaming import built_devices
 from core.errors import DermisError
 from core.files import write_npz
-from tests.mutations import Mutator
+from tests.damage import Damager
 
 from .build import empty
 
@@ -40,9 +40,9 @@ def test_a_damaged_result_is_refused_in_words(tmp_path: Path) -> None:
     path = stored(tmp_path)
     whole = path.read_bytes()
     assert store._read(path).bake.outputs
-    mutator, refused = Mutator(3), 0
+    damager, refused = Damager(3), 0
     for _ in range(400):
-        path.write_bytes(mutator.mutate(whole))
+        path.write_bytes(damager.damage(whole))
         try:
             store._read(path)
         except DermisError as error:
@@ -75,9 +75,9 @@ def test_a_damaged_adaptation_says_nothing_and_the_bake_says_why(
     monkeypatch.setattr(thimble_devices, "adapted", lambda device, model: path)
     place = SimpleNamespace(object=empty("place"))
     assert thimble_adaptation.status(place, None) == {"network_error": 0.1}
-    whole, mutator = path.read_bytes(), Mutator(4)
+    whole, damager = path.read_bytes(), Damager(4)
     for i in range(200):
-        path.write_bytes(mutator.mutate(whole))
+        path.write_bytes(damager.damage(whole))
         os.utime(path, (i, i))
         assert isinstance(thimble_adaptation.status(place, None), dict)
 
@@ -86,9 +86,9 @@ def test_a_damaged_table_of_who_wears_what_is_refused_in_words_and_kept(monkeypa
     built_devices.choose("finger-1", "Index", "haptip", "left.json")
     built_devices.choose("finger-2", "Thumb", "thimble_3rrs", "red.json")
     path = built_devices.user_folder(built_devices.FOLDER) / built_devices.TABLE
-    whole, mutator, refused = path.read_bytes(), Mutator(5), 0
+    whole, damager, refused = path.read_bytes(), Damager(5), 0
     for _ in range(300):
-        path.write_bytes(damaged := mutator.mutate(whole))
+        path.write_bytes(damaged := damager.damage(whole))
         monkeypatch.setattr(built_devices, "_fingers", None)
         try:
             built_devices.choice("finger-1", "haptip")

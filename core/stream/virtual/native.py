@@ -1,6 +1,6 @@
 """A virtual device that speaks the native protocol, by the same contract as the firmware.
 
-`tests/unit/stream/test_receivers.py` runs one script of packets against both and compares what they answer.
+`tests/unit/stream/virtual/test_receivers.py` runs one script of packets against both and compares what they answer.
 """
 
 from __future__ import annotations

@@ -22,15 +22,9 @@ from core.matching.readings import FULL_SCALE, readings_of
 from core.matching.sweep import sweep
 from core.matching.table import SkinTable, build, press_of
 from core.presets import Library
-from core.skin.model import fingertip_skin
 from core.stream.protocols.wire import Wire
 
 ROOT = Path(core.__file__).parents[1]
-
-
-@pytest.fixture(scope="module")
-def skin():
-    return fingertip_skin(level="draft")
 
 
 def run(*arguments, cwd=None):

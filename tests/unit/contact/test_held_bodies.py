@@ -14,7 +14,6 @@ from core.contact.pad_sampler import PadSampler
 from core.contact.skin_sampler import SkinSampler
 from core.errors import DermisError
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
-from core.skin.model import fingertip_skin
 from core.surface.gap import Surface
 
 HALF = np.array([0.01, 0.015, 0.01])
@@ -28,11 +27,6 @@ GRAVITY = np.array([0.0, -9.81, 0.0])
 RATE, COUNT, CLOSED, SQUEEZE = 240.0, 30, 8, 1e-3
 BALANCE = 1e-6
 TIMES = np.arange(COUNT) / RATE
-
-
-@pytest.fixture(scope="module")
-def skin():
-    return fingertip_skin(level="draft")
 
 
 def carried(path, turn=None):

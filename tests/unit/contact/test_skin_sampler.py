@@ -11,7 +11,6 @@ import pytest
 from core.contact.skin_sampler import SkinSampler
 from core.errors import DermisError
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
-from core.skin.model import fingertip_skin
 
 BOX = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], dtype=float)
 FACES = np.array(
@@ -37,11 +36,6 @@ TOLERANCE = 1e-6
 RATE = 240.0
 
 
-@pytest.fixture(scope="module")
-def skin():
-    return fingertip_skin(level="draft")
-
-
 def poses(places, turn=None):
     out = np.tile(np.eye(4), (len(places), 1, 1))
     out[:, :3, 3] = places
@@ -57,10 +51,21 @@ def press_and_slide(count=40, depth=0.0015, slide=0.006):
     return np.column_stack([slide * np.maximum(2 * t - 1, 0), np.zeros(count), z])
 
 
-def felt(skin, fingers, bodies, *, parameters=None, body=None, cuts=(), surfaces=None, channels=None):
+def felt(skin, fingers, bodies, *, parameters=None, body=None, cuts=(), surfaces=None, channels=None, first=()):
+    """What the skin feels of one body; `first` are others with their poses, which the scene names before it."""
     n = len(fingers)
     body = body or Body("plate", PLATE, {"friction": 0.6})
-    scene = TactileScene("s", Fraction(24), (1, 2), RATE, (Finger("f", (), parameters or {}),), (body,), (), ())
+    scene = TactileScene(
+        "s",
+        Fraction(24),
+        (1, 2),
+        RATE,
+        (Finger("f", (), parameters or {}),),
+        (*(other for other, _ in first), body),
+        (),
+        (),
+    )
+    bodies = np.stack([*(places for _, places in first), bodies])
     sampler = SkinSampler(scene, {0: skin}, tolerance=TOLERANCE)
     edges = [0, *cuts, n]
     for i, j in zip(edges, edges[1:], strict=False):
@@ -69,7 +74,7 @@ def felt(skin, fingers, bodies, *, parameters=None, body=None, cuts=(), surfaces
                 np.arange(i, j) / 10 + 1,
                 np.arange(i, j) / RATE,
                 fingers[None, i:j],
-                bodies[None, i:j],
+                bodies[:, i:j],
                 np.zeros((0, j - i, 4, 4)),
                 {} if surfaces is None else {0: surfaces[i:j]},
                 {k: v[i:j] for k, v in (channels or {}).items()},
@@ -119,6 +124,22 @@ def test_chunks_do_not_matter(reference, skin):
         again = felt(skin, poses(press_and_slide()), still(40), cuts=cuts)
         np.testing.assert_array_equal(again.force, reference.force)
         np.testing.assert_array_equal(again.contact, reference.contact)
+
+
+@pytest.mark.parametrize("near", [slice(0, 20), slice(20, 40), slice(10, 25)], ids=["leaves", "comes", "passes"])
+def test_a_body_that_comes_or_goes_leaves_the_friction_of_the_others_alone(reference, skin, near):
+    """What a node sticks to is told by a body's number: it is the same in every chunk, whoever else is about."""
+    places = np.tile([0.0, 0.0, 1.0], (40, 1))
+    places[near] = [0.012, 0.0, 0.013]  # beside the finger, where their boxes overlap
+    block = Body("block", Mesh(BOX * 0.001, FACES), {"friction": 0.1})
+    first = [(block, poses(places))]
+    whole = felt(skin, poses(press_and_slide()), still(40), first=first)
+    assert whole.skipped["skin_pairs_far"] == 40 - len(range(40)[near])
+    np.testing.assert_array_equal(whole.force, reference.force)  # it was never touched
+    for cuts in ((20,), (10, 25), tuple(range(1, 40))):
+        np.testing.assert_array_equal(
+            felt(skin, poses(press_and_slide()), still(40), cuts=cuts, first=first).force, whole.force
+        )
 
 
 @pytest.mark.parametrize("mirror", [1.0, -1.0])

@@ -34,11 +34,6 @@ def spec():
 
 
 @pytest.fixture(scope="module")
-def skin():
-    return fingertip_skin(level="draft")
-
-
-@pytest.fixture(scope="module")
 def table(spec, skin):
     return build(spec, skin, readings_of(skin), 512)
 

@@ -190,6 +190,23 @@ def test_the_report_says_it_in_words_numbers_and_a_picture(answered, tmp_path):
         picture.write_picture(answered, tmp_path / "a.gif")
 
 
+def test_ranges_hold_all_that_the_interactions_command(answered):
+    """Least below greatest, and both are reached: new motors and their limits are laid out from them."""
+    low, high = answered.ranges
+    assert (low < high).all() and answered.ranges.shape == (2, 3)
+    ends = np.array([c.high for c in answered.spec.channels])
+    table, felt = synthetic(20_000)
+    table = replace(table, commands=table.commands * ends, scale=ends)
+    targets = [felt(path(rank=1)), felt(path(rank=1, seed=1, count=300))]
+    every = np.vstack([commands_of(table, values) for values in targets])
+    np.testing.assert_array_equal(answered.ranges, [every.min(axis=0), every.max(axis=0)])
+    for found in answered.joint:  # all components together are the commands again
+        low, high = answered.amounts[found.choice]
+        amounts = found.components.amounts(every, 3)
+        assert (low <= amounts).all() and (amounts <= high).all()
+        np.testing.assert_array_equal([low, high], [amounts.min(axis=0), amounts.max(axis=0)])
+
+
 def test_the_new_preset_drives_the_original_motors_through_its_coupling(answered):
     made = report.preset(answered)
     spec = from_preset("made", json.loads(json.dumps(made)))

@@ -14,7 +14,6 @@ from core.devices.press import Press
 from core.errors import DermisError
 from core.matching.sweep import platform_poses, sweep
 from core.presets import Library
-from core.skin.model import fingertip_skin
 
 
 @pytest.fixture(scope="module")
@@ -25,11 +24,6 @@ def spec():
 @pytest.fixture(scope="module")
 def device(spec):
     return mechanism(spec)
-
-
-@pytest.fixture(scope="module")
-def skin():
-    return fingertip_skin(level="draft")
 
 
 def near_rest(device, count, seed=0):

@@ -15,13 +15,7 @@ from core.devices.first_contact import calibrated, first_contact
 from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.presets import Library
-from core.skin.model import fingertip_skin
 from tests import problems
-
-
-@pytest.fixture(scope="module")
-def skin():
-    return fingertip_skin(level="draft")
 
 
 @pytest.fixture(scope="module")

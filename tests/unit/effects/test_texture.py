@@ -36,6 +36,15 @@ def test_direction_is_zero_then_held() -> None:
     assert held_direction(v, 0.005) == pytest.approx(np.array(want, dtype=float))
 
 
+def test_what_creeps_from_the_first_sample_on_has_no_direction_before_it_moves() -> None:
+    """A touch that begins below the threshold: eq. 3 has nothing to hold yet, whatever way the finger creeps."""
+    creeping = np.array([[0.003, -0.002, 0.001]] * 4)
+    assert not held_direction(creeping, 0.005).any()
+    assert not held_direction(np.full((3, 2), 1e-30), np.array([0.005, 0.005, 1e-3])).any()
+    moved = np.concatenate([creeping, [[0.0, 0.0, -0.02]], creeping])
+    assert held_direction(moved, 0.005) == pytest.approx(np.array([[0, 0, 0.0]] * 4 + [[0, 0, -1.0]] * 5))
+
+
 def test_threshold_zero_holds_only_at_rest() -> None:
     v = np.array([[0.0, 0.0], [1e-9, 0.0], [0.0, 0.0], [0.0, -3.0]])
     assert held_direction(v, 0.0) == pytest.approx(np.array([[0, 0], [1, 0], [1, 0], [0, -1.0]]))

@@ -6,25 +6,11 @@ import numpy as np
 import pytest
 
 from core.devices.disc_pose import FrictionState, placed
-from core.devices.thimble import mechanism
 from core.matching.baselines import ContactPatch, contact_patch, fit_plane, total_force
 from core.matching.thimble import match_sequence
-from core.presets import Library
-from core.skin.model import fingertip_skin
 from core.steps import drain
 from core.surrogate.store import contact_of
 from tests import touches
-
-
-@pytest.fixture(scope="module")
-def skin():
-    return fingertip_skin(level="draft")
-
-
-@pytest.fixture(scope="module")
-def device():
-    return mechanism(Library().device("thimble_3rrs"))
-
 
 START = np.array([0.0, 0.0, 0.0175])
 

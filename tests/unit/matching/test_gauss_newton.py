@@ -5,17 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.matching.gauss_newton import GIVES_WAY, ServoLimits, _quadratic_program, minimise
-from core.presets import Library
 
 NEUTRAL = np.array([0.0, 0.0, 0.018])
-
-
-@pytest.fixture(scope="module")
-def device():
-    return mechanism(Library().device("thimble_3rrs"))
 
 
 def test_the_quadratic_program_meets_its_optimality_conditions():

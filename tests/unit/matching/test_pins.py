@@ -228,6 +228,22 @@ def test_pins_stay_within_force_and_speed():
     assert rendered(pin_bounded=False).track.values.max() > 0.4
 
 
+@pytest.mark.parametrize("method", ["DM1", "DM2", "FM2"])
+def test_a_gap_without_contact_is_forgotten(method):
+    """Pins that follow slowly start from rest after every gap, as if nothing had been touched before it."""
+    touch, step = felt(), 0.01  # [N] a sample
+    after = slice(len(touch.contact) - 60, None)
+    split = np.r_[0:60, range(*after.indices(len(touch.contact)))]
+    solver = PinSolver(pins.setup(skin(), spec()).matcher, method, slew=step)
+    both = pins.match(solver, replace(touch, contact=touch.contact[split], force=touch.force[split]))
+    alone = pins.match(solver, replace(touch, contact=touch.contact[after], force=touch.force[after]))
+    first, last = touch.contact[59], touch.contact[after][0]
+    assert last > first + 1 and not both.forces[first + 1 : last].any()
+    assert both.forces[first].max() > 3 * step, "it had risen by then"
+    assert both.forces[last].max() <= step * (1 + 1e-9)
+    np.testing.assert_allclose(both.forces[last:], alone.forces[last:], atol=1e-9)
+
+
 def test_what_is_at_its_limit_is_told():
     found = rendered()
     assert any(f.code == "pins-at-limit" for f in found.findings)
@@ -244,6 +260,8 @@ def test_nothing_touched_gives_zeros_without_any_matrices(monkeypatch):
     assert not any(s.any() for s in found.signals.values())
     with pytest.raises(DermisError, match="nothing was touched"):
         pin_report.compare(nothing, spec())
+    with pytest.raises(DermisError, match="'rows' must be a whole number"):  # a bad layout does not wait for a touch
+        rendered(nothing, spec(rows=0))
 
 
 def test_the_plane_of_the_scene_follows_the_papers_law():

@@ -10,20 +10,8 @@ from core.errors import DermisError
 from core.matching.replay import INTERVAL, Replay, configurations
 from core.matching.thimble import match_touch
 from core.matching.thimble_use import prepare
-from core.presets import Library
-from core.skin.model import fingertip_skin
 from core.track.command_track import CommandTrack
 from tests import touches
-
-
-@pytest.fixture(scope="module")
-def skin():
-    return fingertip_skin(level="draft")
-
-
-@pytest.fixture(scope="module")
-def spec():
-    return Library().device("thimble_3rrs")
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from core.contact.pad_contact import PadContact
 from core.contact.pad_sampler import PadSampler
 from core.devices.shear_tactor import ShearTactor
 from core.errors import DermisError
+from core.matching.effect_sum import EffectSum
 from core.matching.rendered import Rendered
 from core.matching.shear_tactor import device_times, projected, render
 from core.motion import matrices
@@ -58,6 +60,18 @@ def baked(
     spec: Any = SPEC,
 ) -> Rendered:
     device = DeviceUse("haptip", use or {})
+    touch, scene = swept(fingers, bodies, device, finger, channels)
+    return render(touch, scene, which, device, spec)
+
+
+def swept(
+    fingers: list[np.ndarray],
+    bodies: list[tuple[Body, np.ndarray]],
+    device: DeviceUse,
+    finger: Mapping[str, Any] | None = None,
+    channels: Mapping[str, np.ndarray] | None = None,
+) -> tuple[PadContact, TactileScene]:
+    """Sample a scene in which every finger wears the same device."""
     chunk = Chunk(
         FRAMES, T, np.stack(fingers), np.stack([p for _, p in bodies]), np.zeros((0, len(T), 4, 4)), {}, channels or {}
     )
@@ -73,7 +87,7 @@ def baked(
     )
     sampler = PadSampler(scene)
     sampler.add(chunk)
-    return render(sampler.finish(), scene, which, device, spec)
+    return sampler.finish(), scene
 
 
 def cap(rendered: Rendered) -> np.ndarray:
@@ -173,6 +187,42 @@ def test_back_and_forth_over_one_place_has_one_phase() -> None:
     forth = (C < 0.2) | (C > 0.8)
     back = (C > 0.3) & (C < 0.7)
     assert p[forth] == pytest.approx(wave[forth], abs=2e-8) and p[back] == pytest.approx(-wave[back], abs=2e-8)
+
+
+@pytest.mark.parametrize("switch", ["body/0/texture_on", "device/0/0/use_texture"])
+@pytest.mark.parametrize("header", [True, False])
+def test_texture_switch_stops_the_texture_while_it_is_off_and_not_before_or_after(switch: str, header: bool) -> None:
+    """Keyed while the finger slides: each sample of the sweep holds until the next; the place goes on behind it."""
+    material = QUIET | {"texture_on": True, "friction": 0.7, "texture_amplitude_x": 0.3, "texture_amplitude_y": 0.2}
+    sliding = [poses(path(x=0.04 * T - 0.01, y=0.01 * T, z=0.04))]
+
+    def shown(**channels: np.ndarray) -> EffectSum:
+        body = material if not channels or switch.startswith("device") else material | {"texture_on": header}
+        use = DeviceUse("haptip", {"use_texture": header} if channels and switch.startswith("device") else {})
+        touch, scene = swept(sliding, [(Body("b", TABLE, body), poses(path()))], use, channels=channels)
+        effects = EffectSum(touch, scene, 0, use, TACTOR, C)
+        effects.body(0)
+        return effects
+
+    plain = shown().sum
+    assert plain is not None and (np.abs(plain[1:]).max(axis=1) > 0).all()
+    keyed = np.where((T >= 0.25) & (T < 0.5) | (T >= 0.75), 0.0, 1.0)
+    found = shown(**{switch: keyed}).sum
+    assert found is not None
+    off = (C >= 0.25) & (C < 0.5) | (C >= 0.75)  # all are samples of the sweep as well
+    assert not found[off].any()
+    np.testing.assert_array_equal(found[~off], plain[~off])
+    nothing = shown(**{switch: np.zeros(len(T))})
+    assert nothing.sum is None and nothing.skipped["effects_off"] > 0
+
+
+def test_a_finger_that_creeps_from_the_start_feels_no_texture_before_it_moves() -> None:
+    """Slower than the threshold there is no direction yet: [S3] eq. 3 begins with a movement."""
+    material = QUIET | {"texture_on": True, "friction": 1.0, "texture_amplitude_x": 0.4, "texture_period_x": 0.01}
+    x = 0.0025 + 0.001 * T + 0.05 * np.maximum(T - 0.5, 0.0) ** 2  # 1 mm/s, and from 0.54 s on faster than 5 mm/s
+    p = cap(baked([poses(path(x=x, z=0.04))], [(Body("b", TABLE, material), poses(path()))]))[:, 0]
+    assert not p[C < 0.53].any()
+    assert np.abs(p[C > 0.6]).max() > 5e-4
 
 
 def test_direction_is_zero_before_the_first_movement_and_held_after_the_last() -> None:

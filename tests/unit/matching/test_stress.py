@@ -25,16 +25,6 @@ from tests import touches
 
 
 @pytest.fixture(scope="module")
-def skin():
-    return fingertip_skin(level="draft")
-
-
-@pytest.fixture(scope="module")
-def device():
-    return mechanism(Library().device("thimble_3rrs"))
-
-
-@pytest.fixture(scope="module")
 def readout(skin, device):
     return describe(device, skin, 0.6).readout
 

@@ -18,7 +18,6 @@ from core.files import write_npz
 from core.matching.replay import configurations
 from core.matching.thimble import match_sequence, match_touch, render
 from core.matching.thimble_use import prepare
-from core.presets import Library
 from core.scene.tactile_scene import DeviceUse, Finger, TactileScene
 from core.skin.model import fingertip_skin
 from core.steps import drain
@@ -26,16 +25,6 @@ from core.surrogate import onnx
 from core.surrogate.network import Network
 from core.surrogate.store import adapt, contact_of, save
 from tests import touches
-
-
-@pytest.fixture(scope="module")
-def skin():
-    return fingertip_skin(level="draft")
-
-
-@pytest.fixture(scope="module")
-def spec():
-    return Library().device("thimble_3rrs")
 
 
 @pytest.fixture(scope="module")

@@ -20,11 +20,6 @@ from tests.problems import cube_mesh, flat_press, linear_field, uniform_stress
 
 
 @pytest.fixture(scope="module")
-def skin() -> SkinModel:
-    return fingertip_skin(level="draft")
-
-
-@pytest.fixture(scope="module")
 def press(skin: SkinModel) -> np.ndarray:
     return flat_press(skin.compliance, skin.positions[:, 2], 1.5e-3)
 

@@ -7,13 +7,7 @@ import pytest
 
 from core.errors import DermisError
 from core.files import write_npz
-from core.skin.model import fingertip_skin
 from core.skin.sensor import LAYOUT, electrode_sensor, hush_of, noise_of, read_stimuli
-
-
-@pytest.fixture(scope="module")
-def skin():
-    return fingertip_skin(level="draft")
 
 
 def test_nineteen_symmetric_electrodes_over_the_pad(skin):

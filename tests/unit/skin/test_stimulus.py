@@ -12,11 +12,6 @@ from core.skin.stimulus import Stimulus
 from tests.problems import flat_press
 
 
-@pytest.fixture(scope="module")
-def skin() -> SkinModel:
-    return fingertip_skin(level="draft")
-
-
 def test_nothing_is_computed_before_it_is_read() -> None:
     skin = fingertip_skin(level="draft")
     stimulus = Stimulus(skin, np.zeros((skin.pad_count, 3)))

@@ -8,17 +8,12 @@ import queue
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from core.presets import Library
 from core.stream.client import SenderClient
-from core.track import csv
-from core.track.command_track import CommandTrack
 from core.work.child import command, environment
 
 posix = pytest.mark.skipif(os.name != "posix", reason="ptys and kill -9 are Unix")
@@ -64,27 +59,6 @@ class Box:
             last = self.lines.get(timeout=10)
         self.process.wait(10)
         return last
-
-
-def running(boxes: list[Box]) -> Iterator[Any]:
-    """Give a maker of virtual devices; whatever is left of them ends afterwards."""
-
-    def make(*arguments: str, every: float = 0.0) -> Box:
-        boxes.append(Box(*arguments, every=every))
-        return boxes[-1]
-
-    yield make
-    for box in boxes:
-        box.process.kill()
-        box.process.wait()
-
-
-def sine_file(folder: Path) -> str:
-    """Write twenty seconds of a slow sine; return the file's name."""
-    spec, t = Library().device("haptip"), np.arange(20001) / 1000
-    wave = 0.1 * np.sin(2 * np.pi * t)
-    csv.write(CommandTrack(spec, t, np.column_stack([0 * t, 0 * t, wave, 2 * wave])), folder / "t.csv")
-    return str(folder / "t.csv")
 
 
 HAPTIP = Library().load("devices", "haptip")

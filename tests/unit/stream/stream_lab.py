@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from core.devices.friction_screen import FrictionScreen
+from core.matching.screen_map import ScreenMap
 from core.presets import Library
 from core.stream.links.transport import Gone, Transport
 from core.stream.links.url import Url
@@ -90,6 +92,12 @@ class Lab:
         """Arm, as a press of the button does."""
         self.set(arm_id=self.request.arm_id + 1, stops=self.stops)
 
+    def begin(self, seconds: float = 0.0) -> None:
+        """Connect, arm, and let time pass."""
+        self.run(0.2)
+        self.arm()
+        self.run(seconds)
+
     @property
     def at(self) -> np.ndarray:
         """Where the device's actuators are."""
@@ -103,3 +111,25 @@ def sine_track(path: Path) -> Path:
     wave = 0.1 * np.sin(2 * np.pi * t)
     csv.write(CommandTrack(spec, t, np.column_stack([0 * t, 0 * t, wave, 2 * wave])), path)
     return path
+
+
+def ramp(maps: int = 1, **more: Any) -> ScreenMap:
+    """Return a slope of 0.5 along x, friction 60 uphill; of a sequence the first map is flat, the rest rise evenly."""
+    x = (np.arange(64) + 0.5) / 64 * 0.1 - 0.05
+    one = np.broadcast_to((0.5 * x).astype(np.float32), (64, 64))
+    heights = np.stack([one * (k / max(maps - 1, 1) if maps > 1 else 1.0) for k in range(maps)])
+    return ScreenMap(
+        heights,
+        (0.1, 0.1),
+        1.0,
+        FrictionScreen.of(Library().device("electrovibration")),
+        scale=120.0,
+        lowest=float(heights.min()),
+        highest=float(heights.max()),
+        **more,
+    )
+
+
+def panel_lab(screen: ScreenMap) -> Lab:
+    """Return a touch panel that answers by a map."""
+    return Lab("native", "electrovibration", mode="panel", screen="map", ramp=0.0, load_screen=lambda path: screen)

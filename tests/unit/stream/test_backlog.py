@@ -16,7 +16,7 @@ from core.stream.protocols.packets import DeviceState
 from core.stream.protocols.wire import Wire
 from core.stream.virtual.device import make
 from core.stream.virtual.native import NativeDevice
-from tests.unit.stream.stream_lab import TICK, Lab, sine_track
+from tests.unit.stream.stream_lab import TICK, Lab
 
 FRAME = 0.02  # of a hobby servo's pulses [s]
 HAPTIP = Wire.of(Library().device("haptip"))
@@ -91,11 +91,6 @@ class LineLab(Lab):
             self.now += TICK
             self.line_time()
         return self.line.last - killed, self.now - killed
-
-
-@pytest.fixture
-def track_file(tmp_path: Path) -> Path:
-    return sine_track(tmp_path / "t.csv")
 
 
 NEEDED = 21_500.0  # bytes a second of HapTip at 1 kHz
@@ -174,9 +169,10 @@ def test_the_watchdog_stays_quiet_on_a_link_that_jitters_and_loses(track_file: P
     assert lab.device.watchdogs == 0 and WATCHDOG_MS == 50
 
 
-def test_a_board_that_holds_32_commands_runs_at_1_khz(track_file: Path) -> None:
-    """0.1 s of look-ahead is held down to what the board has room for, on a line that carries what it must."""
-    lab = LineLab(50_000.0, track=str(track_file), ramp=0.0, look_ahead=0.1, rate=1000.0, queue=32)
+@pytest.mark.parametrize(("pace", "delay"), [(50_000.0, 0.001), (1e9, 0.0)], ids=["a line", "no line at all"])
+def test_a_board_that_holds_32_commands_runs_at_1_khz(pace: float, delay: float, track_file: Path) -> None:
+    """0.1 s of look-ahead is held down to what the board has room for, however soon it gets them."""
+    lab = LineLab(pace, delay=delay, track=str(track_file), ramp=0.0, look_ahead=0.1, rate=1000.0, queue=32)
     lab.run(0.5)
     lab.arm()
     lab.run(0.3)

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.devices.friction_screen import FrictionScreen
 from core.devices.spec import Channel, DeviceSpec
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
@@ -21,13 +20,7 @@ from core.stream.protocols.wire import Wire
 from core.stream.virtual.osc import OscDevice
 from core.track import csv
 from core.track.command_track import CommandTrack
-from tests.unit.stream.stream_lab import TICK, Lab, sine_track
-
-
-@pytest.fixture
-def track_file(tmp_path: Path) -> Path:
-    return sine_track(tmp_path / "t.csv")
-
+from tests.unit.stream.stream_lab import TICK, Lab, panel_lab
 
 # -- commands under way when somebody stops
 
@@ -50,9 +43,7 @@ def test_the_virtual_osc_receiver_honours_time_tags() -> None:
 def test_nothing_plays_on_after_a_stop(protocol: str, track_file: Path) -> None:
     """With the longest look-ahead: what was sent for later must not be played after the safe state."""
     lab = Lab(protocol, track=str(track_file), ramp=0.0, look_ahead=1.0)
-    lab.run(0.2)
-    lab.arm()
-    lab.run(0.2)
+    lab.begin(0.2)
     lab.playing = True
     lab.run(1.5)
     lab.stops += 1
@@ -65,9 +56,7 @@ def test_nothing_plays_on_after_a_stop(protocol: str, track_file: Path) -> None:
 
 def test_osc_makes_up_for_a_delay_by_what_it_sends(track_file: Path) -> None:
     lab = Lab("osc", track=str(track_file), ramp=0.0, look_ahead=0.1)
-    lab.run(0.2)
-    lab.arm()
-    lab.run(0.2)
+    lab.begin(0.2)
     lab.playing = True
     lab.run(0.5)
     errors: list[float] = []
@@ -112,8 +101,7 @@ def test_a_link_that_is_slow_throughout_gets_its_own_pace() -> None:
 
 def test_a_sender_that_was_stopped_in_the_ramp_does_not_jump() -> None:
     lab = Lab("maestro", mode="jog", jog={"pulley_1": 0.4}, ramp=1.0)
-    lab.run(0.2)
-    lab.arm()
+    lab.begin()
     path: list[float] = []
     lab.run(0.1, lambda: path.append(float(lab.at[0])))
     lab.now += 0.9
@@ -126,8 +114,7 @@ def test_a_sender_that_was_stopped_in_the_ramp_does_not_jump() -> None:
 def test_commands_that_did_not_leave_do_not_count() -> None:
     """Half a second without room in the link: the blend waits for it."""
     lab = Lab("servo-animation", mode="jog", jog={"pulley_1": 0.4}, ramp=1.0)
-    lab.run(0.2)
-    lab.arm()
+    lab.begin()
     path: list[float] = []
     lab.run(0.25, lambda: path.append(float(lab.at[0])))
     assert lab.streamer.connection is not None
@@ -143,22 +130,6 @@ def test_commands_that_did_not_leave_do_not_count() -> None:
 
 
 # -- touches that never end
-
-
-@pytest.fixture
-def screen() -> ScreenMap:
-    """A ramp along x: uphill there is a voltage."""
-    x = (np.arange(64) + 0.5) / 64 * 0.1 - 0.05
-    heights = np.broadcast_to((0.5 * x).astype(np.float32), (1, 64, 64)).copy()
-    return ScreenMap(
-        heights,
-        (0.1, 0.1),
-        1.0,
-        FrictionScreen.of(Library().device("electrovibration")),
-        scale=120.0,
-        lowest=float(heights.min()),
-        highest=float(heights.max()),
-    )
 
 
 def uphill(panel: PanelSource, end: float) -> None:
@@ -183,10 +154,8 @@ def test_a_touch_that_is_not_repeated_grows_old(screen: ScreenMap) -> None:
 
 def test_a_lost_word_of_the_end_leaves_no_voltage(screen: ScreenMap) -> None:
     """The finger slides and leaves; the packet that says so is lost, and the panel says no more."""
-    lab = Lab("native", "electrovibration", mode="panel", screen="map", ramp=0.0, load_screen=lambda path: screen)
-    lab.run(0.1)
-    lab.arm()
-    lab.run(0.5)
+    lab = panel_lab(screen)
+    lab.begin(0.5)
     for x in np.linspace(-0.03, 0.03, 50):
         lab._answers.append(lab.device.touched(True, float(x), 0.0, lab.now))
         lab.run(0.01)
@@ -204,9 +173,8 @@ def test_a_lost_word_of_the_end_leaves_no_voltage(screen: ScreenMap) -> None:
 
 
 def test_the_virtual_panel_repeats_its_touch(screen: ScreenMap) -> None:
-    lab = Lab("native", "electrovibration", mode="panel", screen="map", ramp=0.0, load_screen=lambda path: screen)
-    lab.run(0.1)
-    lab.arm()
+    lab = panel_lab(screen)
+    lab.begin()
     lab._answers.append(lab.device.touched(True, 0.0, 0.0, lab.now))
     heard: set[float | None] = set()
     adapter = lab.streamer.connection.adapter  # type: ignore[union-attr]
@@ -236,9 +204,7 @@ def test_something_else_to_play_is_blended_in(change: str, tmp_path: Path) -> No
     """A voltage has no speed limit, so nothing but the blend keeps it from a jump."""
     first, other = volts(tmp_path / "a.csv", 100.0, 20.0), volts(tmp_path / "b.csv", 20.0)
     lab = Lab("native", "electrovibration", track=first, ramp=0.1)
-    lab.run(0.1)
-    lab.arm()
-    lab.run(0.5)
+    lab.begin(0.5)
     lab.playing = True
     lab.run(0.5)
     count = 300 / 65535
@@ -252,9 +218,7 @@ def test_something_else_to_play_is_blended_in(change: str, tmp_path: Path) -> No
 
 def test_a_setting_that_changes_nothing_played_blends_nothing(track_file: Path) -> None:
     lab = Lab(track=str(track_file), ramp=0.0)
-    lab.run(0.1)
-    lab.arm()
-    lab.run(0.5)
+    lab.begin(0.5)
     lab.playing = True
     lab.run(0.5)
     lab.set(play_on=True, jog={"pulley_1": 0.1})
@@ -265,9 +229,7 @@ def test_a_setting_that_changes_nothing_played_blends_nothing(track_file: Path) 
 
 def test_a_change_in_the_first_ramp_does_not_shorten_it(tmp_path: Path) -> None:
     lab = Lab("native", "electrovibration", track=volts(tmp_path / "a.csv", 100.0), ramp=2.0)
-    lab.run(0.1)
-    lab.arm()
-    lab.run(0.1)
+    lab.begin(0.1)
     lab.set(track=volts(tmp_path / "b.csv", 90.0))
     lab.run(0.9)
     assert lab.at[0] == pytest.approx(90.0 * smooth(0.9 / 1.91), abs=1.0), "0.9 s of the 1.91 s that were left"

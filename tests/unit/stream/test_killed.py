@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ import pytest
 
 from core.stream.client import SenderClient
 from core.work.child import environment
-from tests.unit.stream.stream_box import HAPTIP, beating, posix, ready, running, sine_file
+from tests.unit.stream.stream_box import HAPTIP, beating, posix, ready
 from tests.unit.stream.stream_relay import Relay
 
 pytestmark = pytest.mark.real_time
@@ -24,23 +23,12 @@ pytestmark = pytest.mark.real_time
 serial = pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
 
 
-@pytest.fixture
-def boxes() -> Iterator[Any]:
-    """Make virtual devices."""
-    yield from running([])
-
-
-@pytest.fixture
-def track_file(tmp_path: Path) -> str:
-    return sine_file(tmp_path)
-
-
 @posix
-def test_kill_9_of_the_sender(boxes: Any, track_file: str) -> None:
+def test_kill_9_of_the_sender(boxes: Any, track_file: Path) -> None:
     box = boxes("pty")
     client = SenderClient()
     try:
-        ready(client, box.url, track=track_file, ramp=0.0)
+        ready(client, box.url, track=str(track_file), ramp=0.0)
         client.arm()
         beating(client, 0.6, playing=True)
         assert client.status()["state"] == "streaming"
@@ -57,13 +45,13 @@ def test_kill_9_of_the_sender(boxes: Any, track_file: str) -> None:
 @posix
 @pytest.mark.parametrize("look_ahead", [0.0, 0.1])
 def test_kill_9_of_the_sender_behind_a_driver_that_hides_its_backlog(
-    look_ahead: float, boxes: Any, track_file: str
+    look_ahead: float, boxes: Any, track_file: Path
 ) -> None:
     """Half of what is needed gets through, and nothing is ever refused: the device still hears of the end in time."""
     box = boxes("pty")
     relay, client = Relay(box.url, 11_520.0), SenderClient()
     try:
-        ready(client, relay.url, track=track_file, ramp=0.0, look_ahead=look_ahead)
+        ready(client, relay.url, track=str(track_file), ramp=0.0, look_ahead=look_ahead)
         beating(client, 0.3)
         client.arm()
         beating(client, 0.4)
@@ -94,11 +82,11 @@ while True:
 
 
 @posix
-def test_kill_9_of_blender(boxes: Any, track_file: str) -> None:
+def test_kill_9_of_blender(boxes: Any, track_file: Path) -> None:
     """The parent dies without a word: the pipe closes, the sender brings the device to its safe state and ends."""
     box = boxes("pty")
     parent = subprocess.Popen(
-        [sys.executable, "-c", PARENT, box.url, track_file], env=environment(), stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", PARENT, box.url, str(track_file)], env=environment(), stdout=subprocess.PIPE, text=True
     )
     try:
         assert parent.stdout is not None
@@ -124,13 +112,13 @@ def _runs(pid: int) -> bool:
 
 
 @posix
-def test_unplug_and_plug_in_again(boxes: Any, track_file: str, tmp_path: Path) -> None:
+def test_unplug_and_plug_in_again(boxes: Any, track_file: Path, tmp_path: Path) -> None:
     """A link to the port, as udev makes them, points to another device after the first one has gone."""
     first = boxes("pty")
     port = tmp_path / "port"
     port.symlink_to(first.url)
     with SenderClient() as client:
-        ready(client, str(port), track=track_file, ramp=0.0, reconnect=True)
+        ready(client, str(port), track=str(track_file), ramp=0.0, reconnect=True)
         client.arm()
         beating(client, 0.3, playing=True)
         assert client.status()["state"] == "streaming"
@@ -179,10 +167,10 @@ def test_a_port_in_use_is_named_with_its_holder(boxes: Any) -> None:
 
 
 @posix
-def test_two_senders_on_one_udp_device(boxes: Any, track_file: str) -> None:
+def test_two_senders_on_one_udp_device(boxes: Any, track_file: Path) -> None:
     box = boxes("udp")
     with SenderClient() as one, SenderClient() as two:
-        ready(one, box.url, track=track_file, ramp=0.0)
+        ready(one, box.url, track=str(track_file), ramp=0.0)
         one.arm()
         beating(one, 0.3, playing=True)
         two.connect(box.url, "native", "haptip", HAPTIP)
@@ -207,11 +195,11 @@ def test_the_wrong_device_answers_in_words(boxes: Any) -> None:
 
 @posix
 @pytest.mark.parametrize("at", ["pty", "udp"])
-def test_a_device_that_hangs_is_given_up_and_is_safe_when_it_wakes(at: str, boxes: Any, track_file: str) -> None:
+def test_a_device_that_hangs_is_given_up_and_is_safe_when_it_wakes(at: str, boxes: Any, track_file: Path) -> None:
     """It takes nothing and says nothing: the pipe fills up, nobody waits, and nothing is armed any more."""
     box = boxes(at)
     with SenderClient() as client:
-        ready(client, box.url, track=track_file, ramp=0.0)
+        ready(client, box.url, track=str(track_file), ramp=0.0)
         client.arm()
         beating(client, 0.4, playing=True)
         assert client.status()["state"] == "streaming"
@@ -228,10 +216,10 @@ def test_a_device_that_hangs_is_given_up_and_is_safe_when_it_wakes(at: str, boxe
 
 
 @posix
-def test_kill_9_of_the_device(boxes: Any, track_file: str) -> None:
+def test_kill_9_of_the_device(boxes: Any, track_file: Path) -> None:
     box = boxes("pty")
     with SenderClient() as client:
-        ready(client, box.url, track=track_file, ramp=0.0)
+        ready(client, box.url, track=str(track_file), ramp=0.0)
         client.arm()
         beating(client, 0.4, playing=True)
         box.process.kill()

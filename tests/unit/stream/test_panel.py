@@ -10,21 +10,19 @@ import struct
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from core.devices.friction_screen import FrictionScreen
 from core.errors import DermisError
-from core.matching.screen_map import ScreenMap
-from core.presets import Library
 from core.stream.protocols.osc import bundle, padded
 from core.stream.touch_sources import touch_input, touch_of_line, touches_of_osc
 from core.work.child import command, environment
-from tests.unit.stream.stream_box import Box, posix, running
+from tests.unit.stream.stream_box import Box, posix
+from tests.unit.stream.stream_lab import ramp
 
 pytestmark = pytest.mark.real_time
 
@@ -32,25 +30,9 @@ FULL = 10 ** (1.05 / 1.24) * 60 ** (1 / 1.24)  # [V] of friction 60: log10 f = 1
 
 
 @pytest.fixture
-def boxes() -> Iterator[Any]:
-    yield from running([])
-
-
-@pytest.fixture
 def screen(tmp_path: Path) -> Path:
     """A slope of 0.5 along x: friction 60 towards +x, none back."""
-    x = (np.arange(64) + 0.5) / 64 * 0.1 - 0.05
-    heights = np.broadcast_to((0.5 * x).astype(np.float32), (1, 64, 64)).copy()
-    made = ScreenMap(
-        heights,
-        (0.1, 0.1),
-        1.0,
-        FrictionScreen.of(Library().device("electrovibration")),
-        scale=120.0,
-        lowest=float(heights.min()),
-        highest=float(heights.max()),
-        direction_window=0.02,
-    )
+    made = ramp(direction_window=0.02)
     made.save(tmp_path / "slope.map.npz")
     return tmp_path / "slope.map.npz"
 

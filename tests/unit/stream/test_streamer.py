@@ -17,12 +17,7 @@ from core.stream.protocols.wire import Wire
 from core.stream.shared_state import Heartbeat
 from core.track import csv
 from core.track.command_track import CommandTrack
-from tests.unit.stream.stream_lab import TICK, Lab, sine_track
-
-
-@pytest.fixture
-def track_file(tmp_path: Path) -> Path:
-    return sine_track(tmp_path / "t.csv")
+from tests.unit.stream.stream_lab import TICK, Lab
 
 
 def test_nothing_moves_before_a_person_arms(track_file: Path) -> None:

@@ -13,13 +13,7 @@ from core.presets import Library
 from core.stream.protocols import packets
 from core.track import csv
 from core.track.command_track import CommandTrack
-from tests.unit.stream.stream_lab import TICK, Lab, sine_track
-
-
-@pytest.fixture
-def track_file(tmp_path: Path) -> Path:
-    return sine_track(tmp_path / "t.csv")
-
+from tests.unit.stream.stream_lab import TICK, Lab
 
 # -- a link or a device that takes nothing
 

@@ -21,31 +21,13 @@ from core.stream.source import JogSource, follow_values
 from core.stream.track_source import TrackSource
 from core.track import csv
 from core.track.command_track import CommandTrack
-from tests.unit.stream.stream_lab import Lab
+from tests.unit.stream.stream_lab import Lab, panel_lab
 
 # -- the touch panel
 
 
-@pytest.fixture
-def screen() -> ScreenMap:
-    """A ramp along x: slope 0.5 everywhere, so friction f0 / 2 uphill and none downhill."""
-    from core.devices.friction_screen import FrictionScreen
-
-    x = (np.arange(64) + 0.5) / 64 * 0.1 - 0.05
-    heights = np.broadcast_to((0.5 * x).astype(np.float32), (1, 64, 64)).copy()
-    return ScreenMap(
-        heights,
-        (0.1, 0.1),
-        1.0,
-        FrictionScreen.of(Library().device("electrovibration")),
-        scale=120.0,
-        lowest=float(heights.min()),
-        highest=float(heights.max()),
-    )
-
-
 def test_the_panel_is_answered_by_map_and_law(screen: ScreenMap) -> None:
-    lab = Lab("native", "electrovibration", mode="panel", screen="map", ramp=0.0, load_screen=lambda path: screen)
+    lab = panel_lab(screen)
     lab.run(0.1)
     assert lab.at[0] == 0.0, "it starts at 0 V"
     lab.arm()
@@ -82,9 +64,7 @@ def test_the_position_loop_follows_against_inertia_and_skin(tmp_path: Path) -> N
     wave = 0.2 * np.sin(2 * np.pi * 1.0 * t)
     csv.write(CommandTrack(spec, t, np.column_stack([0 * t, 0 * t, wave, -wave])), tmp_path / "s.csv")
     lab = Lab("torque", track=str(tmp_path / "s.csv"), ramp=0.3)
-    lab.run(0.2)
-    lab.arm()
-    lab.run(0.5)
+    lab.begin(0.5)
     lab.playing = True
     lab.run(1.0)
     errors: list[float] = []
@@ -100,9 +80,7 @@ def test_the_position_loop_follows_against_inertia_and_skin(tmp_path: Path) -> N
 
 def test_a_torque_board_that_falls_silent_gets_no_torque() -> None:
     lab = Lab("torque", mode="jog", jog={"pulley_1": 0.2}, ramp=0.0)
-    lab.run(0.2)
-    lab.arm()
-    lab.run(0.5)
+    lab.begin(0.5)
     assert lab.at[0] == pytest.approx(0.2, abs=2e-3), "the integrator holds against the spring"
     lab.device.feed = lambda data, now: []
     lab.run(0.02)

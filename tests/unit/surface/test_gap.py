@@ -177,6 +177,19 @@ def test_open_sheet_and_its_rim():
     np.testing.assert_allclose(under.normal[[0, 2]], [[0, 0, -1], [0.6, 0, -0.8]], atol=1e-12)
 
 
+@pytest.mark.parametrize("off", [1e-5, 1e-3, 0.05, 0.15, 0.5])
+@pytest.mark.parametrize("distance", [1e-4, 3e-3])
+def test_past_the_rim_is_outside_however_little_it_is_past(distance, off):
+    """A sheet has no thickness: a point beside it, seen along it or from below, was never pushed through."""
+    vertices = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * 0.01
+    surface = Surface.build(vertices, np.array([[0, 1, 2], [0, 2, 3]]))
+    aside = np.array([off, 0.0, -np.sqrt(1.0 - off**2)])
+    q = surface.query(np.array([[0.01, 0.0, 0.0] + distance * aside, [0.01 - distance * off, 0.0, -distance]]))
+    np.testing.assert_allclose(q.gap, [distance, -distance], rtol=1e-12)
+    np.testing.assert_allclose(q.normal, [aside, [0.0, 0.0, 1.0]], atol=1e-9)
+    np.testing.assert_array_equal(q.beside, [True, False])
+
+
 def test_unmerged_faces_of_a_cube_still_close():
     """Every face with its own vertices, as an importer leaves it."""
     vertices = CUBE_VERTICES[CUBE_TRIANGLES].reshape(-1, 3)

@@ -14,7 +14,7 @@ from core.matching.adapt import adapt_job
 from core.matching.thimble import describe, match_sequence
 from core.matching.thimble_use import fitted, prepare
 from core.presets import Library
-from core.skin.model import fingertip_skin, skin_from_parameters
+from core.skin.model import skin_from_parameters
 from core.steps import drain
 from core.surrogate.dataset import MAX_FORCE, record, split
 from core.surrogate.forward import DirectModel
@@ -23,11 +23,6 @@ from core.surrogate.ridge import fit_ridge
 from core.surrogate.store import adapt, contact_of, load, place_of, save
 from core.surrogate.table import relative_rms
 from tests import touches
-
-
-@pytest.fixture(scope="module")
-def skin():
-    return fingertip_skin(level="draft")
 
 
 @pytest.fixture(scope="module")

@@ -123,6 +123,13 @@ def test_the_header_tells_its_version_and_period() -> None:
     assert "#define CLIP_PERIOD_US 20000ul\n#define CLIP_PERIOD_SAMPLES 1ul\n" in whole
 
 
+def test_two_samples_are_enough_to_play(tmp_path: Path) -> None:
+    """From one end of both ranges to the other in 20 ms; then it is over, and both are at rest."""
+    got = play(tmp_path, a_track(2), [0, 10_000, 19_999, 20_000])
+    assert got[0].tolist() == [1, 0, 0] and got[3].tolist() == [0, 32768, 65535]
+    assert np.abs(got[1] - [1, 32768, 32768]).max() <= 1 and np.abs(got[2] - [1, 65532, 65532]).max() <= 1
+
+
 @pytest.mark.parametrize("rate", [0.12, 1.1, 13.7, 29.97, 59.94, 123.456, 240.00001, 7777.0])
 def test_a_rate_without_an_exact_period_gets_one_that_is_right_to_a_part_in_10_to_the_7(rate: float) -> None:
     track = replace(a_track(), spec=replace(SPEC, rate=rate), times=np.arange(40) / rate)

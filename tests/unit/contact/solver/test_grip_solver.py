@@ -10,7 +10,6 @@ import pytest
 from core.contact.solver.cone import SLIP
 from core.contact.solver.grip_solver import GripSolver, HoldingFinger
 from core.errors import DermisError
-from core.skin.model import fingertip_skin
 from core.surface.gap import Surface
 from core.surface.plane import Plane
 
@@ -22,11 +21,6 @@ TRIANGLES = np.array([
 MU = 0.6
 BALANCE = 1e-6
 GRAVITY = np.array([0.0, -9.81, 0.0])
-
-
-@pytest.fixture(scope="module")
-def skin():
-    return fingertip_skin(level="draft")
 
 
 def setup(skin, mass, *, squeeze=1e-3, friction=MU, gravity=GRAVITY):

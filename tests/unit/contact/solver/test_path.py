@@ -11,18 +11,12 @@ from core.contact.solver.candidates import CandidateInverse
 from core.contact.solver.cone import SLIP, STICK, along
 from core.contact.solver.path import PathSolver
 from core.contact.solver.solve import solve
-from core.skin.model import fingertip_skin
 from core.surface.gap import Surface
 from core.surface.plane import Plane
 
 MU = 0.6
 UP = np.array([0.0, 0.0, 1.0])
 FLAT = Plane(UP, np.zeros(3))
-
-
-@pytest.fixture(scope="module")
-def skin():
-    return fingertip_skin(level="draft")
 
 
 @pytest.fixture

@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -24,13 +23,8 @@ from core.stream.streamer import Streamer
 from core.stream.virtual import faults
 from core.stream.virtual.link import open_link as open_any
 from core.work.child import command, environment
-from tests.unit.stream.stream_box import HAPTIP, Box, posix, ready, running
+from tests.unit.stream.stream_box import HAPTIP, Box, posix, ready
 from tests.unit.stream.stream_lab import sine_track
-
-
-@pytest.fixture
-def boxes() -> Iterator[Any]:
-    yield from running([])
 
 
 def spied(path: Path | str) -> Transport:

@@ -170,7 +170,7 @@ def test_a_maestro_that_stands_still_is_not_taken_for_a_dead_one(rate: int) -> N
     board = adapter.make("maestro", WIRE, {})
     said = [k / rate for k in range(2 * rate) if board.command(np.zeros(WIRE.count), k / rate, None)]
     assert np.diff(said).max() <= 0.07
-    page = (Path(__file__).parents[3] / "presets" / "boards" / "pololu_maestro.md").read_text("utf-8")
+    page = (Path(__file__).parents[4] / "presets" / "boards" / "pololu_maestro.md").read_text("utf-8")
     assert "Timeout: 0.10 s" in page and "*Rate* below 20 Hz" in page
 
 

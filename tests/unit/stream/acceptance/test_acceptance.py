@@ -7,7 +7,6 @@ import math
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,7 @@ from core.stream.protocols import native
 from core.stream.protocols.wire import Wire
 from core.stream.request import StreamRequest
 from core.work.child import command, environment
-from tests.unit.stream.stream_box import posix, running
+from tests.unit.stream.stream_box import posix
 
 WHEN = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
 
@@ -89,12 +88,6 @@ def test_the_command_lists_the_walks_own_checks() -> None:
 
 
 # -- over a real port
-
-
-@pytest.fixture
-def boxes() -> Iterator[Any]:
-    """Make virtual devices."""
-    yield from running([])
 
 
 def accept(url: str, out: Path, answers: str, *more: str) -> subprocess.CompletedProcess[str]:

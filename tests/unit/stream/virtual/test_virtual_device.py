@@ -6,7 +6,6 @@ Nothing here measures speed; limits of time are those that safety promises, with
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,30 +19,19 @@ from core.stream.links.open_link import open_link
 from core.stream.links.url import Url
 from core.stream.virtual.faults import Faults
 from core.stream.virtual.link import open_link as open_any
-from tests.unit.stream.stream_box import HAPTIP, beating, posix, ready, running, sine_file
+from tests.unit.stream.stream_box import HAPTIP, beating, posix, ready
 
 pytestmark = pytest.mark.real_time
 
 serial = pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
 
 
-@pytest.fixture
-def boxes() -> Iterator[Any]:
-    """Make virtual devices."""
-    yield from running([])
-
-
-@pytest.fixture
-def track_file(tmp_path: Path) -> str:
-    return sine_file(tmp_path)
-
-
 @posix
 @pytest.mark.parametrize("at", ["pty", "tcp", "udp"])
-def test_the_way_from_blender_to_the_device(at: str, boxes: Any, track_file: str) -> None:
+def test_the_way_from_blender_to_the_device(at: str, boxes: Any, track_file: Path) -> None:
     box = boxes(at)
     with SenderClient() as client:
-        ready(client, box.url, track=track_file, ramp=0.1, look_ahead=0.1)
+        ready(client, box.url, track=str(track_file), ramp=0.1, look_ahead=0.1)
         assert client.status()["values"] == [0.0, 0.0]
         beating(client, 0.2)
         client.arm()
@@ -122,10 +110,10 @@ def test_a_stuck_actuator_shows_in_what_the_device_reports() -> None:
         assert told["pulley_1"] == pytest.approx(0.2, abs=1e-3) and abs(told["pulley_2"]) < 1e-3
 
 
-def test_loss_and_corruption_are_counted_and_survived(track_file: str) -> None:
+def test_loss_and_corruption_are_counted_and_survived(track_file: Path) -> None:
     with SenderClient() as client:
         url = "virtual:?loss=0.05&corrupt=0.001&seed=3"
-        client.connect(url, "native", "haptip", HAPTIP, track=track_file, ramp=0.0)
+        client.connect(url, "native", "haptip", HAPTIP, track=str(track_file), ramp=0.0)
         client.heartbeat()
         client.wait("ready", 10)
         client.arm()

@@ -185,7 +185,7 @@ HEADERS = (
 )
 
 
-class Mutator:
+class Damager:
     """Makes damaged versions of whole files; the same seed makes the same.
 
     Args:
@@ -195,7 +195,7 @@ class Mutator:
     def __init__(self, seed: int) -> None:
         self.rng = random.Random(seed)
 
-    def mutate(self, data: bytes) -> bytes:
+    def damage(self, data: bytes) -> bytes:
         """Return a file with one to three injuries: of its format where there is one that is known, or of its bytes."""
         for _ in range(self.rng.choice((1, 1, 1, 2, 3))):
             by_format = self._by_format(data)

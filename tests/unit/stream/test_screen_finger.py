@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core.devices.friction_screen import FrictionScreen
 from core.effects.heading import REST_RADIUS, STILL_SPEED, Heading
 from core.effects.slide import directions
 from core.matching.screen_map import ScreenMap
@@ -17,6 +16,7 @@ from core.presets import Library
 from core.stream.panel_source import PanelSource
 from core.stream.protocols.adapter import Touch
 from core.stream.protocols.wire import Wire
+from tests.unit.stream import stream_lab
 from tests.unit.stream.stream_lab import Lab
 
 SPEC = Library().device("electrovibration")
@@ -29,21 +29,8 @@ Path = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 def ramp(maps: int = 1, **more: Any) -> ScreenMap:
-    """Return a slope of 0.5 along x, friction 60 uphill; of a sequence the first map is flat, the rest rise evenly."""
-    x = (np.arange(64) + 0.5) / 64 * 0.1 - 0.05
-    one = np.broadcast_to((0.5 * x).astype(np.float32), (64, 64))
-    heights = np.stack([one * (k / max(maps - 1, 1) if maps > 1 else 1.0) for k in range(maps)])
-    return ScreenMap(
-        heights,
-        (0.1, 0.1),
-        1.0,
-        FrictionScreen.of(SPEC),
-        scale=120.0,
-        lowest=float(heights.min()),
-        highest=float(heights.max()),
-        direction_window=WINDOW,
-        **more,
-    )
+    """Return the ramp of these tests, with their window for the direction."""
+    return stream_lab.ramp(maps, direction_window=WINDOW, **more)
 
 
 def felt(panel: PanelSource, times: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -181,6 +168,17 @@ def test_a_heading_averages_over_time_whatever_the_rate() -> None:
             angle = 1.5 * k / rate
             dx, dy = heading.move(k / rate, np.cos(angle), np.sin(angle))
         assert np.arctan2(dy, dx) == pytest.approx(np.pi / 2 + 1.5 * (1.0 - 0.02), abs=1e-3)
+
+
+def test_a_heading_weighs_movements_by_their_time_and_not_by_their_number() -> None:
+    """10 ms along x in fifty reports, then 10 ms along y in five: half way between the two."""
+    heading, x, y = Heading(0.04), 0.0, 0.0
+    heading.move(0.0, x, y)
+    for k in range(1, 51):
+        heading.move(2e-4 * k, x := x + 1e-4, y)
+    for k in range(1, 6):
+        found = heading.move(0.01 + 2e-3 * k, x, y := y + 1e-3)
+    assert found == pytest.approx((np.sqrt(0.5), np.sqrt(0.5)), abs=1e-12)
 
 
 # -- the time of a map

@@ -14,11 +14,6 @@ from core.surface.gap import Surface
 from tests.unit.contact.solver.test_path import MU, block, laws, plane, press_and_slide, turn
 
 
-@pytest.fixture(scope="module")
-def skin():
-    return fingertip_skin(level="draft")
-
-
 def solver_of(skin, **more):
     return PathSolver(skin.compliance, skin.positions, areas=skin.areas, **more)
 

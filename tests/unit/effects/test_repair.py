@@ -1,0 +1,179 @@
+"""Height maps and their repairs: holes, staircases, meanings; what is right is not touched."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from core.effects.depth_map import from_array, read
+from core.effects.repair import filled, smoothed, staircase
+from core.errors import DermisError
+from tests.unit.images.test_images import png, put
+
+
+def waves(rows=60, columns=80):
+    x, y = np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows))
+    return 0.3 * x + 0.2 * y + 0.05 * np.sin(5 * x) * np.cos(4 * y)
+
+
+def test_clean_map_is_not_touched():
+    made = from_array(waves())
+    np.testing.assert_array_equal(made.heights, waves().astype(np.float32))
+    assert made.findings == ()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e10])
+def test_holes_are_filled_within_their_rims_and_counted(value):
+    exact = waves()
+    broken = exact.copy()
+    broken[20:32, 30:50] = value
+    broken[0, :7] = value
+    made = from_array(broken)
+    np.testing.assert_array_equal(made.heights[broken == exact], exact.astype(np.float32)[broken == exact])
+    hole = made.heights[20:32, 30:50]
+    rim = exact[19:33, 29:51]
+    assert rim.min() <= hole.min()
+    assert hole.max() <= rim.max()
+    assert np.abs(hole - exact[20:32, 30:50]).max() < 0.05 * np.ptp(exact)
+    (finding,) = made.findings
+    assert (finding.code, finding.severity, finding.count) == ("holes-filled", "warning", 12 * 20 + 7)
+
+
+def test_filling_meets_a_plane_and_makes_no_cliff():
+    x, y = np.meshgrid(np.arange(64.0), np.arange(64.0))
+    plane = 2 * x - y
+    hole = (x - 30) ** 2 + (y - 33) ** 2 < 12**2
+    found = filled(np.where(hole, 0.0, plane), hole)
+    assert np.abs(found - plane).max() < 0.03 * np.ptp(plane)
+    assert np.abs(np.diff(found, axis=1)).max() < 2 * 2.0
+
+
+def test_nothing_but_holes_is_refused_and_one_pixel_is_enough():
+    with pytest.raises(DermisError, match="every pixel is a hole"):
+        from_array(np.full((3, 3), np.nan))
+    with pytest.raises(DermisError, match="map 2 of 2"):
+        from_array(np.stack([np.zeros((3, 3)), np.full((3, 3), np.inf)]))
+    single = np.full((9, 5), np.nan)
+    single[8, 0] = 0.7
+    np.testing.assert_allclose(from_array(single).heights, 0.7, rtol=1e-6)
+
+
+def test_a_depth_cameras_own_hole_value():
+    depth = np.full((8, 8), 1.5, np.float32)
+    depth[3, 3], depth[4, 4] = 0.0, 0.1
+    made = from_array(depth, meaning="depth", hole=0.1)
+    assert made.heights[4, 4] == pytest.approx(-1.5, abs=0.4)
+    assert {f.code: f.count for f in made.findings}["holes-filled"] == 1
+    assert made.heights[3, 3] == 0.0
+
+
+def test_depth_is_negated_so_that_near_is_high():
+    made = from_array(np.array([[1.0, 2.0, 3.5]]), meaning="depth")
+    np.testing.assert_array_equal(made.heights, [[-1.0, -2.0, -3.5]])
+
+
+def test_first_row_at_the_top_is_turned_over():
+    values = np.arange(12.0).reshape(4, 3) ** 1.5
+    np.testing.assert_array_equal(from_array(values, first_row="top").heights, values[::-1].astype(np.float32))
+    stack = np.stack([values, 2 * values])
+    np.testing.assert_array_equal(from_array(stack, first_row="top").heights, stack[:, ::-1].astype(np.float32))
+
+
+def bump(n=256, sigma=0.12):
+    x, y = np.meshgrid((np.arange(n) + 0.5) / n - 0.5, (np.arange(n) + 0.5) / n - 0.5)
+    return np.exp(-(x**2 + y**2) / (2 * sigma**2))
+
+
+def slope_error(found, exact):
+    return np.sqrt(np.mean((np.diff(found, axis=1) - np.diff(exact, axis=1)) ** 2))
+
+
+@pytest.mark.parametrize("levels", [255, 100, 30])
+def test_staircases_are_smoothed_by_half_a_level_at_most(levels):
+    exact = bump()
+    stored = np.rint(exact * levels) / levels
+    made = from_array(stored.astype(np.float32), levels=256)
+    assert np.abs(made.heights - stored).max() <= 0.5 / levels * (1 + 1e-4)
+    assert slope_error(made.heights, exact) < slope_error(stored, exact) / 3
+    (finding,) = made.findings
+    assert (finding.code, finding.count, finding.value) == ("staircase-smoothed", 1, f"{len(np.unique(stored))} levels")
+    kept = from_array(stored, steps="keep", levels=256)
+    np.testing.assert_array_equal(kept.heights, stored.astype(np.float32))
+    assert [f.code for f in kept.findings] == ["staircase-kept"]
+
+
+def test_smoothing_keeps_cliffs():
+    stored = np.rint(bump() * 255)
+    stored[:, 128:] += 100
+    found = smoothed(stored, 1.0)
+    assert np.abs(np.diff(found, axis=1)[:, 127] - np.diff(stored, axis=1)[:, 127]).max() <= 1.0
+
+
+def test_only_staircases_count_as_such():
+    rng = np.random.default_rng(4)
+    assert not staircase(bump()).found, "a smooth map in floating point"
+    assert not staircase(np.rint(bump() * 65535)).found, "16 bit"
+    assert not staircase((bump() > 0.5).astype(float)).found, "a mask is meant as it is"
+    assert not staircase(rng.integers(0, 256, (64, 64)) / 255).found, "a rough texture has no flats"
+    assert not staircase(np.ones((5, 5))).found
+    irregular = np.sort(rng.uniform(0, 1, 40))[np.rint(bump() * 39).astype(int)]
+    assert not staircase(irregular).found, "levels that are no multiples of a step"
+    assert staircase(1000 + 0.01 * np.rint(bump() * 200)).found
+
+
+def test_eight_bit_png_from_file_is_smoothed_and_sixteen_bit_is_not(tmp_path):
+    exact = bump(96)
+    eight = read(put(tmp_path, png(np.rint(exact * 255).astype(int)[..., None], 8, 0, itertools.cycle((4, 1)))))
+    sixteen = read(put(tmp_path, png(np.rint(exact * 65535).astype(int)[..., None], 16, 0, itertools.cycle((3, 2)))))
+    assert [f.code for f in eight.findings] == ["staircase-smoothed"]
+    assert sixteen.findings == ()
+    assert np.abs(sixteen.heights - exact[::-1]).max() < 1e-5
+    assert np.abs(eight.heights - exact[::-1]).max() < 1.0 / 255
+
+
+def test_flat_maps_and_masks_are_noticed():
+    assert [f.code for f in from_array(np.full((4, 4), 0.3)).findings] == ["flat-map"]
+    assert [f.code for f in from_array(bump(32) > 0.5).findings] == ["few-levels"]
+    exact = from_array((bump(32) > 0.5).astype(float))
+    assert exact.findings == (), "numbers in floating point are no 8-bit image, however few"
+
+
+def test_floating_point_is_exact_and_never_smoothed(tmp_path):
+    # A tent of 21 heights one step apart, and a texture of half steps: both climb in single steps, both as meant.
+    tent = np.tile(np.minimum(np.arange(40), 40 - np.arange(40)).astype(np.float32) * 1e-4, (40, 3))
+    texture = np.tile((np.arange(64) // 2 + 2.0 * (np.arange(64) % 2)).astype(np.float32) * 1e-4, (64, 1))
+    for exact in (tent, texture):
+        assert staircase(exact).found, "it looks like a staircase: only its format tells that it is none"
+        np.save(tmp_path / "f.npy", exact[::-1])
+        put(tmp_path, b"Pf\n%d %d\n-1\n" % exact.shape[::-1] + exact.astype("<f4").tobytes(), "f.pfm")
+        made = [read(tmp_path / "f.npy"), read(tmp_path / "f.pfm"), from_array(exact)]
+        for m in made:
+            np.testing.assert_array_equal(m.heights, exact)
+            assert m.findings == ()
+    steps = np.rint(bump(96) * 100)
+    np.save(tmp_path / "i2.npy", steps.astype(np.uint16))
+    assert read(tmp_path / "i2.npy").findings == (), "16 bit"
+    np.save(tmp_path / "i1.npy", steps.astype(np.uint8))
+    assert [f.code for f in read(tmp_path / "i1.npy").findings] == ["staircase-smoothed"]
+    assert [f.code for f in from_array(steps.astype(np.uint8)).findings] == ["staircase-smoothed"]
+
+
+@pytest.mark.parametrize(
+    ("values", "options", "message"),
+    [
+        (np.zeros((0, 0)), {}, "no pixels"),
+        (np.zeros((3, 0)), {}, "no pixels"),
+        (np.zeros(4), {}, "no pixels"),
+        (np.zeros((2, 2), complex), {}, "real numbers"),
+        (np.array([["a"]]), {}, "real numbers"),
+        (np.zeros((2, 2)), {"meaning": "colour"}, "unknown way"),
+        (np.zeros((2, 2)), {"steps": "no"}, "unknown way"),
+        (np.zeros((2, 2)), {"first_row": "left"}, "first row"),
+        (np.zeros((2, 2)), {"declared": np.zeros((3, 2), bool)}, "do not fit"),
+    ],
+)
+def test_refuses_arrays_that_are_no_map(values, options, message):
+    with pytest.raises(DermisError, match=message):
+        from_array(values, **options)

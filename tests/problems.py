@@ -111,6 +111,15 @@ class Bulge:
 # Contact on a half-space ---------------------------------------------------------------------------------------------
 
 
+def square_grid(radius: float, spacing: float) -> Array:
+    """Return the nodes of a square grid within a radius [m], one at the centre, shape (m, 2)."""
+    n = int(radius / spacing)
+    axis = np.arange(-n, n + 1) * spacing
+    x, y = (grid.ravel() for grid in np.meshgrid(axis, axis, indexing="ij"))
+    inside = np.hypot(x, y) <= radius * (1.0 + 1e-9)
+    return np.stack([x[inside], y[inside]], axis=1)
+
+
 def half_space_compliance(points: Array, side: float, young: float, poisson: float) -> Array:
     """Return the compliance of square patches on a half-space (Boussinesq, Cerruti, Love) [m/N].
 

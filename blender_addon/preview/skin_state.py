@@ -56,22 +56,7 @@ class SkinState:
         counters: Mapping[str, int],
     ) -> SkinState:
         """Return the state of a skin from one sample of the engine's."""
-        return cls(
-            finger,
-            model,
-            step.force,
-            step.normal_force,
-            step.tangential_force,
-            step.depth,
-            step.lift,
-            step.sticking,
-            step.slipping,
-            source,
-            note,
-            step.work,
-            step.converged,
-            counters,
-        )
+        return cls(finger, model, source=source, note=note, counters=counters, **vars(step))
 
     @property
     def touching(self) -> bool:

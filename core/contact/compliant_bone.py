@@ -12,15 +12,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
 from ..skin.model import SkinModel
+from ..surface.triangles import Array
 from .solver.bodies import ContactBody, ContactFrame
 from .solver.notes import Notes
 from .solver.path import DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
-
-Array = NDArray[np.float64]
 
 DEPTH_MODES = ("animated", "compliant")
 BONE_STIFFNESS = 2000.0  # [N/m] default spring of a compliant bone; chosen
@@ -97,11 +95,6 @@ class CompliantBone:
         """Take frames in which nothing is near."""
         self._retraction = 0.0
         return self.solver.idle(count)
-
-    def reset(self) -> None:
-        """Forget the history."""
-        self._retraction = 0.0
-        self.solver.reset()
 
     def save(self) -> Mapping[str, Any]:
         """Return the state between two frames, for `restore`."""

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from ..motion import MotionSamples
 from ..motion.vectors import cross, dot, scaled, turn, turn_back
+from ..surface.triangles import Array
 from .pad_contact import PadContact, PairContact
 
-Array = NDArray[np.float64]
 Which = slice | NDArray[np.intp]
 
 # Iterations of the root finder; it stops when the gap is this near to the touch distance [m].

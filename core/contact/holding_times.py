@@ -9,18 +9,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
 from ..scene.tactile_scene import TactileScene
+from ..surface.triangles import Array
 from .encounter import Encounter, encounter
 from .pad_contact import PadContact
-
-if TYPE_CHECKING:
-    Array = NDArray[np.float64]
 
 MODES = ("auto", "keyed", "never")
 TOUCH_DISTANCE = 0.0005  # [m], where a finger does not say

@@ -8,14 +8,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import Finding
 from ..motion import Motion, MotionSamples, Spline
 from ..scene.tactile_scene import Mesh
 from ..surface.centre import centre_of
-
-Array = NDArray[np.float64]
+from ..surface.triangles import Array
 
 
 @dataclass(frozen=True, eq=False)

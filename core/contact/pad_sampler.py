@@ -22,14 +22,13 @@ from ..scene.tactile_scene import Chunk, TactileScene
 from ..surface.centre import centre_of
 from ..surface.gap import GapQuery, Surface
 from ..surface.repairs import Repairs
+from ..surface.triangles import Array
 from .deforming_surfaces import DeformingSurfaces
 from .pad_contact import PadContact
 from .pair_record import PairRecord
 from .search_radius import SearchRadius
 from .stretch_rates import StretchRates
 from .surfaces import SAME_STRETCH, box_of, carried, surface_of
-
-Array = NDArray[np.float64]
 
 # Where a finger's bone is, from the pad along +Z [m]: on that side of an open surface the finger is outside.
 BONE_HEIGHT = 0.006

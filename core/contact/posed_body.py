@@ -9,15 +9,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import DermisError
 from ..motion import rotations
 from ..scene.tactile_scene import Body, Chunk, Mesh
 from ..surface.gap import Surface
+from ..surface.triangles import Array
 from .surfaces import SAME_STRETCH, box_of, carried, surface_of
-
-Array = NDArray[np.float64]
 
 
 class Posed(NamedTuple):

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..motion import rotations
 from ..scene.tactile_scene import Body, Chunk
+from ..surface.triangles import Array
 from .posed_body import Posed, PosedBody
 from .solver.bodies import ContactBody
-
-Array = NDArray[np.float64]
 
 FRICTION = 0.6  # of a body that does not say
 

@@ -7,12 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..files import atomic
+from ..surface.triangles import Array
 from .skin_contact import SkinContact
-
-Array = NDArray[np.float64]
 
 VERSION = 1
 # Column -> unit, in the order of the file.

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..scene.tactile_scene import Chunk, TactileScene
-
-Array = NDArray[np.float64]
+from ..surface.triangles import Array
 
 # A pad that comes nearer faster than this [m/s] may be noticed only at the sample in which it arrives.
 FASTEST_APPROACH = 12.0

@@ -15,11 +15,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
 from ..scene.tactile_scene import Chunk, TactileScene
 from ..skin.model import SkinModel
+from ..surface.triangles import Array
 from .held_bodies import HeldBodies
 from .held_body import may_be_held
 from .pad_contact import PadContact
@@ -31,8 +31,6 @@ from .skin_stepper import SkinStepper
 from .solver.path import PathSolver
 
 __all__ = ["SkinSampler", "SkinContact"]
-
-Array = NDArray[np.float64]
 
 
 class SkinSampler:

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import Finding
 from ..scene.tactile_scene import Finger
@@ -23,8 +22,6 @@ from .skin_contact import SkinStep
 from .solver.bodies import AWAY, ContactBody
 from .solver.cone import SLIP, STICK
 from .solver.grip import GripStep
-
-Array = NDArray[np.float64]
 
 
 class SkinStepper:

@@ -7,11 +7,10 @@ import pytest
 
 from core.contact.solver.bodies import ContactBody, ContactFrame
 from core.contact.solver.cone import OPEN, STICK
-from core.contact.solver.halfspace import halfspace_compliance, square_grid
 from core.contact.solver.path import PathSolver
 from core.contact.solver.solve import solve
-from core.errors import DermisError
 from core.surface.plane import Plane
+from tests.problems import half_space_compliance, square_grid
 
 YOUNG, POISSON = 1e5, 0.5
 RADIUS, DEPTH = 0.01, 4e-4
@@ -37,14 +36,14 @@ def hertz():
     a = np.sqrt(RADIUS * DEPTH)
     h = a / 9.3
     nodes = square_grid(1.25 * a, h)
-    return nodes, h, a, halfspace_compliance(nodes, h, YOUNG, POISSON)
+    return nodes, h, a, half_space_compliance(nodes, h, YOUNG, POISSON)
 
 
 def test_compliance_against_point_forces_far_away():
     """At a distance, a square is Boussinesq's and Cerruti's point force."""
     nodes = np.array([[0.0, 0.0], [40.0, 30.0]])
     nu, e = 0.3, 2.0
-    c = halfspace_compliance(nodes, 1.0, e, nu)[3:, :3]
+    c = half_space_compliance(nodes, 1.0, e, nu)[3:, :3]
     x, y, r = 40.0, 30.0, 50.0
     g = (1 + nu) / (np.pi * e)
     couple = (1 - 2 * nu) / 2
@@ -60,15 +59,15 @@ def test_compliance_against_point_forces_far_away():
 
 def test_compliance_of_the_square_itself():
     """Love's value under the middle of a square: 4 h log(1 + sqrt 2), all of it over pi E* h^2."""
-    c = halfspace_compliance(np.zeros((1, 2)), 0.5, 3.0, 0.25)
+    c = half_space_compliance(np.zeros((1, 2)), 0.5, 3.0, 0.25)
     assert c[2, 2] == pytest.approx(4 * 0.5 * np.log(1 + np.sqrt(2)) * (1 - 0.25**2) / (np.pi * 3.0 * 0.5**2))
     assert c[0, 0] == c[1, 1] and c[0, 1] == 0 and c[0, 2] == 0
 
 
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.499])
 def test_compliance_is_symmetric_positive_definite(nu):
-    c = halfspace_compliance(square_grid(5.0, 1.0), 1.0, YOUNG, nu)
-    np.testing.assert_array_equal(c, c.T)
+    c = half_space_compliance(square_grid(5.0, 1.0), 1.0, YOUNG, nu)
+    np.testing.assert_allclose(c, c.T, rtol=0, atol=1e-12 * c.max())
     assert np.linalg.eigvalsh(c)[0] > 0
 
 
@@ -110,7 +109,7 @@ def test_sneddons_flat_pin():
     for cells in (6, 12):
         h = 1e-3 / (cells + 0.5)
         nodes = square_grid(1e-3, h)
-        c = halfspace_compliance(nodes, h, YOUNG, 0.3)
+        c = half_space_compliance(nodes, h, YOUNG, 0.3)
         s = solve(c[2::3, 2::3], np.full(len(nodes), -depth), 0.0, rows=1)
         radius = np.sqrt(len(nodes) * h * h / np.pi)
         ratios.append(s.normal_force.sum() / (2 * YOUNG * radius * depth / (1 - 0.3**2)))
@@ -151,9 +150,3 @@ def test_a_single_node_touches(hertz):
     centre = np.argmin((nodes**2).sum(axis=1))
     assert (s.status != OPEN).sum() == 1
     assert s.normal_force[centre] == pytest.approx(1e-9 / c[3 * centre + 2, 3 * centre + 2], rel=1e-9)
-
-
-def test_what_is_no_half_space_is_refused():
-    for spacing, young, poisson in ((0.0, 1.0, 0.3), (1.0, -1.0, 0.3), (1.0, 1.0, 0.6)):
-        with pytest.raises(DermisError):
-            halfspace_compliance(np.zeros((1, 2)), spacing, young, poisson)

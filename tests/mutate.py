@@ -53,7 +53,7 @@ def imported(path: Path) -> set[str]:
 
 
 def fitting(path: str) -> list[str]:
-    """Return the test files that fit a file of core: those that import it, then those of its folder.
+    """Return the test files that fit a file of core: those that import it, its namesakes first, then its folder's.
 
     Tests of a folder import it as a whole, or lie in the mirrored one.
     """
@@ -61,7 +61,7 @@ def fitting(path: str) -> list[str]:
     unit, inside = ROOT / "tests" / "unit", Path(path).parent.relative_to("core")
     imports = {p: imported(p) for p in sorted(unit.rglob("test_*.py"))}
     package = module.rpartition(".")[0]
-    direct = [p for p, names in imports.items() if module in names]
+    direct = sorted((p for p, names in imports.items() if module in names), key=lambda p: Path(path).stem not in p.stem)
     direct += [p for p, names in imports.items() if package in names and package != "core"]
     return [
         p.relative_to(ROOT).as_posix() for p in dict.fromkeys([*direct, *sorted((unit / inside).glob("test_*.py"))])

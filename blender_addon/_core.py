@@ -48,6 +48,12 @@ if TYPE_CHECKING:
     import core.matching.thimble_use
     import core.motion
     import core.npz
+    import core.parameters.device
+    import core.parameters.finger
+    import core.parameters.material
+    import core.parameters.parameter
+    import core.parameters.screen
+    import core.parameters.skin
     import core.pipeline.outputs
     import core.pipeline.render
     import core.plot.stimuli

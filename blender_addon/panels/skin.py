@@ -5,8 +5,8 @@ from typing import Any
 import bpy
 
 from .. import choices
+from .._core import core
 from ..preview import skin_preview
-from ..properties import skin_properties
 from ..viewport import skin_cards, skin_field, skin_view
 from . import census
 from .main import DermisPanel
@@ -56,7 +56,7 @@ class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
             row = column.row()
             row.active = False
             row.alignment = "RIGHT"
-            row.label(text=f"about {skin_properties.TETRAHEDRA[skin.level]} tetrahedra")
+            row.label(text=f"about {core.parameters.skin.TETRAHEDRA[skin.level]} tetrahedra")
         _column(layout, skin, "young_kpa", "alpha")
         column = _column(layout, skin, "depth_mode")
         if skin.depth_mode == "compliant":

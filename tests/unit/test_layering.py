@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "core"
 ADDON = ROOT / "blender_addon"
 
-GROUND = {"errors", "units", "version", "foreign", "files", "npz", "number_rows", "cache", "interpolate"}
+GROUND = {"errors", "units", "version", "foreign", "files", "npz", "number_rows", "cache", "interpolate", "parameters"}
 # Files of devices/ that need no more than a device's description: presets are judged by them.
 MECHANISMS = frozenset(
     "parameters shear_tactor friction_screen pin_array thimble firmness forward_kinematics servo_limits cable_platform "
@@ -29,6 +29,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
     "version": set(),
     "units": {"errors"},
+    "parameters": {"errors", "units"},
     "foreign": {"errors"},
     "files": {"errors", "foreign"},
     "npz": {"errors", "foreign", "files"},
@@ -39,7 +40,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "images": GROUND,
     "motion": GROUND,
     # what a device is
-    "devices.spec": {"errors", "units"},  # only its description: tracks carry it
+    "devices.spec": {"errors", "units", "parameters"},  # only its description: tracks carry it
     "devices.mechanisms": GROUND | {"devices.spec"},
     "presets": DEVICE,
     "track": TRACK,

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import core.design.task
     import core.devices.calibration
     import core.devices.coupling
+    import core.devices.kinds
     import core.devices.pin_array
     import core.devices.reach
     import core.devices.safe_state

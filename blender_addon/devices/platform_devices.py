@@ -18,7 +18,7 @@ from ..preferences import user_folder
 from ..properties import skin_properties
 from . import active_presets, skin_models
 
-KINDS = ("cable_platform", "hexapod")
+KINDS = tuple(name for name, kind in core.devices.kinds.KINDS.items() if kind.platform)
 MOST = 8
 WORKERS = max(1, min(2, (os.cpu_count() or 2) - 1))
 

@@ -55,12 +55,11 @@ def one_thread() -> Iterator[None]:
 
 def wanted(tactile: Any, presets: Any) -> bool:
     """Tell whether a sampled scene's rendering solves skins: because they are shown, or a device is driven by them."""
-    kinds = core.matching.SKIN_KINDS
     if any(f.parameters.get("skin_shown") for f in tactile.fingers):
         return True
     for key in {device.preset for f in tactile.fingers for device in f.devices}:
         try:
-            if presets.device(key).kind in kinds:
+            if presets.device(key).follows_skin:
                 return True
         except DermisError:
             continue  # rendering says why it is left out

@@ -30,7 +30,7 @@ from .screen_properties import DermisScreen
 from .skin_properties import DermisSkin, DermisSkinView
 from .thimble_view_properties import DermisThimbleView
 
-FILE_VERSION = 1
+FILE_VERSION = 1  # raise it when a property is renamed or means something else, and migrate older files on loading
 _rows = core.parameters
 
 
@@ -149,11 +149,14 @@ def apply_parameters(group: Any, given: dict[str, Any]) -> list[str]:
 
 
 def stamp(scene: bpy.types.Scene) -> None:
-    """Note which version of these properties a scene was made with."""
-    scene.dermis.file_version = FILE_VERSION
+    """Note which version of these properties a scene was made with; a newer one that it holds stays said."""
+    scene.dermis.file_version = max(scene.dermis.file_version, FILE_VERSION)
 
 
-CLASSES: tuple[type, ...] = (DermisDevice, DermisFinger, DermisMaterial, DermisScreen, DermisObject, DermisScene)
+CLASSES: tuple[type, ...] = (
+    *(DermisSkin, DermisSkinView, DermisThimbleView),
+    *(DermisDevice, DermisFinger, DermisMaterial, DermisScreen, DermisObject, DermisScene),
+)
 
 
 def register() -> None:

@@ -224,18 +224,3 @@ def _rounded(skin: Any, table: core.parameters.parameter.Table) -> dict[str, Any
     """Return values in SI without the dust of single precision, so that equal skins share one stored model."""
     found = {name: value_of(skin, row) for name, row in table.items()}
     return {n: float(format(v, SIGNIFICANT)) if isinstance(v, float) else v for n, v in found.items()}
-
-
-CLASSES: tuple[type, ...] = (DermisSkin, DermisSkinView)
-
-
-def register() -> None:
-    """Register the groups; `scene_properties` hangs them on fingers and scenes."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)

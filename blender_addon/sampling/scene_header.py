@@ -36,21 +36,21 @@ class Header:
 
 
 def scene_findings(scene: bpy.types.Scene) -> list[Any]:
-    """Report what is peculiar about a scene's settings."""
+    """Report what is peculiar about a scene's settings.
+
+    Raises:
+        DermisError: a newer Dermis saved the file: what this one does not know would be missing without a word.
+    """
     findings = []
     where = f"scene '{scene.name_full}'"
     version = int(scene.dermis.file_version)
     if version > scene_properties.FILE_VERSION:
-        findings.append(
-            Finding(
-                "warning",
-                "newer-version",
-                "the file comes from a newer Dermis; what this one does not know is ignored",
-                where=where,
-                value=version,
-                limit=f"up to {scene_properties.FILE_VERSION}",
-                remedy="Update Dermis",
-            )
+        raise DermisError(
+            "the file comes from a newer Dermis, whose settings this one cannot read",
+            where=where,
+            value=version,
+            limit=f"up to {scene_properties.FILE_VERSION}",
+            remedy="Update Dermis",
         )
     if bpy.app.autoexec_fail:
         findings.append(

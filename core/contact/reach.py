@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..parameters.finger import FINGER
 from ..scene.tactile_scene import Chunk, TactileScene
 
 Array = NDArray[np.float64]
@@ -24,7 +25,7 @@ class Reach:
     """
 
     def __init__(self, scene: TactileScene) -> None:
-        self._distances = [float(f.parameters.get("touch_distance", 0.0)) for f in scene.fingers]
+        self._distances = [float(FINGER["touch_distance"].of(f.parameters)) for f in scene.fingers]
         self._margin = FASTEST_APPROACH / scene.rate
         self.longest = max(self._distances, default=0.0) + self._margin
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
 from ..motion import rotations
+from ..parameters.material import BODY
 from ..scene.tactile_scene import Chunk, TactileScene
 from ..skin.model import SkinModel
 from .compliant_bone import Yielding
@@ -37,8 +38,6 @@ from .stretch import Stretch
 __all__ = ["SkinSampler", "SkinTouch"]
 
 Array = NDArray[np.float64]
-
-FRICTION = 0.6  # of a body that does not say
 
 
 class SkinSampler:
@@ -243,12 +242,12 @@ class SkinSampler:
         """Return a body at a sample, in the finger's frame."""
         surface, rotation, origin, deforms, carry = self._bodies[b].at(b, chunk, i)
         parameters = self._scene.bodies[b].parameters
-        stiffness = _value(parameters, chunk, b, i, "surface_stiffness", 0.0)
+        stiffness = _value(parameters, chunk, b, i, "surface_stiffness")
         return ContactBody(
             surface,
             turn.T @ rotation,
             turn.T @ (origin - place),
-            friction=_value(parameters, chunk, b, i, "friction", FRICTION),
+            friction=_value(parameters, chunk, b, i, "friction"),
             softness=1.0 / stiffness if stiffness > 0 else 0.0,
             deforms=deforms,
             carry=carry,
@@ -268,8 +267,8 @@ class SkinSampler:
         return self._records[f].touch(self._skins[f], times, frames, findings, skipped)
 
 
-def _value(parameters: Mapping[str, Any], chunk: Chunk, b: int, i: int, name: str, default: float) -> float:
-    """Return a body's parameter at a sample: animated, constant, or the default."""
+def _value(parameters: Mapping[str, Any], chunk: Chunk, b: int, i: int, name: str) -> float:
+    """Return a body's parameter at a sample: animated, constant, or what holds where nobody says."""
     channel = chunk.channels.get(f"body/{b}/{name}")
-    value = parameters.get(name, default) if channel is None else channel[i]
+    value = parameters.get(name, BODY[name].absent) if channel is None else channel[i]
     return float(value)

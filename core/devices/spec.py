@@ -12,10 +12,9 @@ from typing import Any
 
 from ..errors import DermisError
 from ..units import UNITS, quantity
+from .kinds import KINDS
 
 DEVICE_SCHEMA = "dermis-device 1"
-KINDS = ("shear_tactor", "friction_screen", "pin_array", "thimble", "cable_platform", "hexapod")
-WORN = tuple(kind for kind in KINDS if kind != "friction_screen")  # a finger is in it, and must be let go
 MAX_REPEAT = 4096  # channels that one entry may stand for
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")  # what stands in file headers as it is
 WIRE = ("bandwidth", "bits_per_sample", "bits_per_channel")
@@ -73,7 +72,12 @@ class DeviceSpec:
     @property
     def worn(self) -> bool:
         """Tell whether a finger is in the device: it must state how it lets go, and 'at rest' does not say so."""
-        return self.kind in WORN
+        return self.kind in KINDS and KINDS[self.kind].worn
+
+    @property
+    def follows_skin(self) -> bool:
+        """Tell whether its track is made from what the finger's whole skin feels."""
+        return self.kind in KINDS and KINDS[self.kind].follows_skin
 
     @property
     def hash(self) -> str:

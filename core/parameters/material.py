@@ -12,6 +12,39 @@ FRICTION = 0.6  # [1] of skin on a dry surface that nobody described. Source: Se
 _OFF = "of amplitude 0 where nobody says, so that a bare scene is still; the window begins with one that can be felt"
 _ON = "on where nobody says, at amplitude 0; off in the window until somebody wants it"
 
+
+def _texture_amplitude(axis: str) -> Parameter:
+    return Parameter(
+        name=f"texture_amplitude_{axis}",
+        unit="1",
+        label=f"Amplitude {axis.upper()}",
+        text=f"Part of the device's range, for movement along the object's {axis.upper()}",
+        default=0.4,
+        absent=0.0,
+        low=0.0,
+        high=1.0,
+        keyed=True,
+        note=_OFF,
+    )
+
+
+def _texture_period(axis: str) -> Parameter:
+    return Parameter(
+        name=f"texture_period_{axis}",
+        unit="m",
+        label=f"Period {axis.upper()}",
+        text=f"Spatial period of the texture along the object's {axis.upper()}",
+        default=4e-3,
+        low=1e-6,
+        high=1e3,
+        saved=f"texture_period_{axis}_mm",
+        shown="mm",
+        soft=(0.1e-3, 50e-3),
+        digits=3,
+        keyed=True,
+    )
+
+
 MATERIAL = table(
     Parameter(
         name="friction",
@@ -110,58 +143,10 @@ MATERIAL = table(
         keyed=True,
         note=_ON,
     ),
-    Parameter(
-        name="texture_amplitude_x",
-        unit="1",
-        label="Amplitude X",
-        text="Part of the device's range, for movement along the object's X",
-        default=0.4,
-        absent=0.0,
-        low=0.0,
-        high=1.0,
-        keyed=True,
-        note=_OFF,
-    ),
-    Parameter(
-        name="texture_amplitude_y",
-        unit="1",
-        label="Amplitude Y",
-        text="Part of the device's range, for movement along the object's Y",
-        default=0.4,
-        absent=0.0,
-        low=0.0,
-        high=1.0,
-        keyed=True,
-        note=_OFF,
-    ),
-    Parameter(
-        name="texture_period_x",
-        unit="m",
-        label="Period X",
-        text="Spatial period of the texture along the object's X",
-        default=4e-3,
-        low=1e-6,
-        high=1e3,
-        saved="texture_period_x_mm",
-        shown="mm",
-        soft=(0.1e-3, 50e-3),
-        digits=3,
-        keyed=True,
-    ),
-    Parameter(
-        name="texture_period_y",
-        unit="m",
-        label="Period Y",
-        text="Spatial period of the texture along the object's Y",
-        default=4e-3,
-        low=1e-6,
-        high=1e3,
-        saved="texture_period_y_mm",
-        shown="mm",
-        soft=(0.1e-3, 50e-3),
-        digits=3,
-        keyed=True,
-    ),
+    _texture_amplitude("x"),
+    _texture_amplitude("y"),
+    _texture_period("x"),
+    _texture_period("y"),
     Parameter(
         name="texture_speed_threshold",
         unit="m/s",

@@ -97,7 +97,7 @@ class Parameter:
             start = f"> {self.above / self.factor:g}"
             return f"{start}{unit}" if self.high >= LARGEST else f"{start}, <= {high}"
         if self.low <= -LARGEST:
-            return f"any number{unit and ' in' + unit}" if self.high >= LARGEST else f"<= {high}"
+            return self._form if self.high >= LARGEST else f"<= {high}"
         return f">= {low}{unit}" if self.high >= LARGEST else f"{low} to {high}"
 
     def of(self, values: Mapping[str, Any], where: str = "") -> Any:

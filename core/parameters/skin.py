@@ -6,7 +6,6 @@ from .parameter import SWITCH, TEXT, Parameter, table
 
 DEFAULT_SKIN = "index_medium"  # preset of a finger that says nothing of its skin
 TETRAHEDRA = {"draft": "1.6k", "standard": "6.4k", "fine": "26k"}
-_SLIVER = "the window and presets keep to lengths of fingers; the engine says which together leave no room for tissue"
 
 
 def _length(name: str, label: str, text: str, default: float) -> Parameter:
@@ -22,7 +21,6 @@ def _length(name: str, label: str, text: str, default: float) -> Parameter:
         saved=f"{name}_mm",
         shown="mm",
         soft=(None, 60e-3),
-        note=_SLIVER,
     )
 
 

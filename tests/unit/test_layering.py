@@ -7,15 +7,16 @@ from pathlib import Path
 
 import pytest
 
+from core.devices.kinds import KINDS
+
 ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "core"
 ADDON = ROOT / "blender_addon"
 
 GROUND = {"errors", "units", "version", "foreign", "files", "npz", "number_rows", "cache", "interpolate", "parameters"}
 # Files of devices/ that need no more than a device's description: presets are judged by them.
-MECHANISMS = frozenset(
-    "parameters shear_tactor friction_screen pin_array thimble firmness forward_kinematics servo_limits cable_platform "
-    "hexapod poses coupling retraction calibration".split()
+MECHANISMS = {kind.mechanism.partition(".")[0] for kind in KINDS.values()} | set(
+    "preset_check mechanism firmness forward_kinematics servo_limits poses coupling retraction calibration".split()
 )
 DEVICE = GROUND | {"devices.spec", "devices.mechanisms"}
 SCENE = GROUND | {"scene"}
@@ -79,7 +80,7 @@ def module_name(path: Path) -> tuple[str, ...]:
 
 def unit_of(name: tuple[str, ...]) -> str:
     """Return the row of the table that a module belongs to: its folder, or itself where it lies loose."""
-    if name[:2] in (("devices", "spec"), ("devices", "safe_state")):
+    if name[:2] in (("devices", "spec"), ("devices", "safe_state"), ("devices", "kinds")):
         return "devices.spec"
     if name[:1] == ("devices",) and name[1:2] and name[1] in MECHANISMS:
         return "devices.mechanisms"

@@ -6,6 +6,7 @@ channels it can fill, whether a finger is in it. `core/README.md`, *Adding a kin
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -118,13 +119,13 @@ KINDS: Mapping[str, Kind] = {
         ),
         parameters=table(
             *_RANGE_DISC,
-            Parameter(name="law_slope", unit="1", above=0.0),
-            Parameter(name="law_intercept", unit="1"),
-            Parameter(name="law_base", unit="1", above=1.0),
-            Parameter(name="span_factor", unit="1", low=1.0),
+            Parameter(name="law_slope", unit="1", above=0.0, default=1.24, source="[S4] eq. 1"),
+            Parameter(name="law_intercept", unit="1", default=-1.05, source="[S4] eq. 1"),
+            Parameter(name="law_base", unit="1", above=1.0, default=10.0),
+            Parameter(name="span_factor", unit="1", low=1.0, default=3.5),
             Parameter(name="span_high", unit="V", above=0.0),
-            Parameter(name="carrier_low", unit="Hz", above=0.0),
-            Parameter(name="carrier_high", unit="Hz", above=0.0),
+            Parameter(name="carrier_low", unit="Hz", above=0.0, default=60.0),
+            Parameter(name="carrier_high", unit="Hz", above=0.0, default=200.0),
         ),
     ),
     "pin_array": Kind(
@@ -143,9 +144,9 @@ KINDS: Mapping[str, Kind] = {
             _size("stroke", "m"),
             _size("force_limit", "N"),
             _size("spread", "m"),
-            Parameter(name="standoff", unit="m"),
-            Parameter(name="forward", unit="m"),
-            Parameter(name="mount_pitch", unit="rad"),
+            Parameter(name="standoff", unit="m", default=0.0),
+            Parameter(name="forward", unit="m", default=0.0),
+            Parameter(name="mount_pitch", unit="rad", default=0.0),
             Parameter(name="delay", unit="s", low=0.0, default=0.0),
         ),
     ),
@@ -179,8 +180,8 @@ KINDS: Mapping[str, Kind] = {
                 ),
             ),
             Parameter(name="skin_friction", unit="1", low=0.0, default=FRICTION),
-            Parameter(name="pulse_neutral", unit="s", above=0.0),
-            Parameter(name="pulse_gain", unit="s"),
+            Parameter(name="pulse_neutral", unit="s", above=0.0, default=1.5e-3),
+            Parameter(name="pulse_gain", unit="s", default=1e-3 / (math.pi / 2)),
         ),
     ),
     "cable_platform": Kind(

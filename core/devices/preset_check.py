@@ -33,9 +33,9 @@ def check_device(spec: DeviceSpec) -> None:
     where = f"device preset '{spec.key}'"
     kind = kind_of(spec)
     table = kind.parameters
-    for name, parameter in table.items():
-        if parameter.required and name not in spec.parameters:
-            raise DermisError(f"'{name}' is missing", where=where, remedy=f"A {spec.kind} needs it")
+    for name, row in table.items():
+        if row.required:
+            spec.value(name)
     fields = spec.source.get("parameters", {})
     for name, value in spec.parameters.items():
         unit = fields[name]["unit"] if isinstance(fields[name], Mapping) else "1"

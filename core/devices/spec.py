@@ -79,6 +79,17 @@ class DeviceSpec:
         """Tell whether its track is made from what the finger's whole skin feels."""
         return self.kind in KINDS and KINDS[self.kind].follows_skin
 
+    def value(self, name: str) -> Any:
+        """Return a parameter of the device's kind, in SI; what holds where the preset does not say.
+
+        Raises:
+            DermisError: it is missing, of another kind, or out of range.
+        """
+        row, where = KINDS[self.kind].parameters[name], f"device preset '{self.key}'"
+        if row.required and name not in self.parameters:
+            raise DermisError(f"'{name}' is missing", where=where, remedy=f"A {self.kind} needs it")
+        return row.of(self.parameters, where)
+
     @property
     def hash(self) -> str:
         """First 16 hex digits of the SHA-256 of the preset."""

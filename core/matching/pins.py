@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from ..contact.sampled import SampledTouch
 from ..contact.skin_touch import SkinTouch
 from ..devices import pin_array
-from ..devices.mechanism import kind_of
 from ..devices.pin_array import PinContacts, PinLayout
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
@@ -244,7 +243,7 @@ _SETUPS: OrderedDict[tuple[str, float, str, str], PinSetup] = OrderedDict()
 
 def _lead(parameters: Mapping[str, Any], spec: DeviceSpec) -> float:
     """Return by how much the track leads the touch, so that the device's delay cancels [s]."""
-    delay = float(kind_of(spec).parameters["delay"].of(spec.parameters))
+    delay = float(spec.value("delay"))
     return delay if DEVICE["pin_lead"].of(parameters, spec.key) else 0.0
 
 

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..devices.mechanism import kind_of
 from ..devices.press import Press, Pressed
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
@@ -184,12 +183,7 @@ class SkinTable:
 
 def press_of(skin: SkinModel, spec: DeviceSpec) -> Press:
     """Return what presses a skin with a preset's platform."""
-    return Press(
-        skin.compliance,
-        skin.positions,
-        mechanism(spec),
-        float(kind_of(spec).parameters["friction"].of(spec.parameters)),
-    )
+    return Press(skin.compliance, skin.positions, mechanism(spec), float(spec.value("friction")))
 
 
 def tabulate(readings: Readings, commands: Array, pressed: Pressed) -> tuple[Array, Counts, dict[str, int]]:

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from ..devices.disc import DiscContact
 from ..devices.disc_pose import placed
 from ..devices.first_contact import calibrated, first_contact
-from ..devices.kinds import KINDS
 from ..devices.retraction import CLEAR
 from ..devices.safe_state import safe_state
 from ..devices.servo_limits import SERVOS
@@ -71,7 +70,7 @@ def fitted(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any]) -> 
     Raises:
         DermisError: a preset that cannot be built, or angles that no pose of the platform has.
     """
-    device, friction = mechanism(spec), float(KINDS["thimble"].parameters["skin_friction"].of(spec.parameters))
+    device, friction = mechanism(spec), float(spec.value("skin_friction"))
     if not DEVICE["thimble_calibrated"].of(parameters, spec.key):
         return device, friction
     felt = np.array([float(DEVICE[f"thimble_felt_{i}"].of(parameters, spec.key)) for i in (1, 2, 3)])

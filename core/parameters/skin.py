@@ -160,7 +160,6 @@ SKIN_CONTACT = table(
         source="chosen: a firm touch",
         default=2.0,
         low=1e-3,
-        high=1e4,
         soft=(0.1, 10.0),
     ),
 )

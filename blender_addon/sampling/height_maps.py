@@ -13,8 +13,6 @@ from ..properties import scene_properties
 from ..properties.fields import value_of
 from . import mesh_heights, meshes
 
-Screen = core.scene.tactile_scene.Screen
-
 LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """Rec. 709 weights of red, green and blue."""
 
@@ -78,7 +76,9 @@ def build(
     if heights.ndim == 3:
         parameters["sequence_start"] = int(settings.sequence_start)
     width, height = (float(s) * unit for s in size)
-    return Screen(obj.name_full, (width, height), heights, height_unit, parameters, tuple(findings))
+    return core.scene.tactile_scene.Screen(
+        obj.name_full, (width, height), heights, height_unit, parameters, tuple(findings)
+    )
 
 
 def _relief(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[np.float32], float, tuple[Any, ...]]:

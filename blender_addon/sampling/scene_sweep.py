@@ -24,8 +24,6 @@ from .meshes import MeshReader
 from .participants import Entry, InstanceKey, Roster
 from .recorder import Recorder
 
-_scene = core.scene.tactile_scene
-TactileScene = _scene.TactileScene
 Array = NDArray[np.float64]
 
 CHUNK = 64
@@ -58,7 +56,7 @@ def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
 
 def sweep_frames(fps: Fraction, span: tuple[int, int], rate: float) -> tuple[Array, Array]:
     """Return the frames that Blender can evaluate nearest to a steady rate, and their times [s] from the first."""
-    frames, _ = _scene.sample_frames(fps, span, rate)
+    frames, _ = core.scene.tactile_scene.sample_frames(fps, span, rate)
     frames = frames.astype(np.float32).astype(np.float64)
     return frames, (frames - span[0]) * fps.denominator / fps.numerator
 
@@ -159,7 +157,7 @@ def sample(
         roster = scene_header.roster(scene, depsgraph, view_layer, simulations, deforming, presence)
         header = scene_header.header(depsgraph, roster, reader)
         roster = header.roster
-    made = TactileScene(
+    made = core.scene.tactile_scene.TactileScene(
         scene.name_full,
         fps,
         span,
@@ -212,7 +210,7 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Any:
     chunk = recorder.chunk(np.array([frame]), np.array([time]), 1, [])
     if not cast.lasting:
         _live_cast = None
-    return TactileScene(
+    return core.scene.tactile_scene.TactileScene(
         scene.name_full,
         fps,
         span,

@@ -103,7 +103,7 @@ def _width_of(area: bpy.types.Area, kind: str) -> float:
 
 
 def _card_height(row: device_preview.Row) -> float:
-    if row.kind in platform_devices.KINDS:
+    if row.kind in platform_devices.kinds():
         return platform_view.height(row) + 2.0 * MARGIN
     tall = "tactor_x" in row.values or row.kind in ("pin_array", "thimble")
     return DIAL + 3.0 * MARGIN + LINE if tall else 3 * LINE + 2 * MARGIN
@@ -121,7 +121,7 @@ def _card(row: device_preview.Row, left: float, bottom: float, scale: float) -> 
         pin_view.card(row, x, bottom + MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, DIAL * scale, scale)
     elif row.kind == "thimble" and "servo_1" in row.values:
         thimble_view.card(row, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
-    elif row.kind in platform_devices.KINDS:
+    elif row.kind in platform_devices.kinds():
         platform_view.card(row, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
     elif "amplitude" in row.values:
         _bar(row, x, top - 1.6 * LINE * scale, scale)

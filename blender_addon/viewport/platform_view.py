@@ -76,7 +76,7 @@ def card(row: device_preview.Row, left: float, bottom: float, width: float, scal
 
 def _draw() -> None:
     scene = bpy.context.scene
-    for row in drawing.rows_of(platform_devices.KINDS):
+    for row in drawing.rows_of(platform_devices.kinds()):
         frame, at, spec = finger_matrix(scene, row.finger), state_of(scene, row), platform_devices.spec_of(row.device)
         if frame is None or at is None or spec is None:
             continue

@@ -16,7 +16,7 @@ LARGEST = 1e9  # in SI: beyond every length, force, stiffness or rate that there
 _SAME: Any = object()
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True, eq=False, repr=False)  # frozen costs the add-on 1 ms whenever Blender starts
 class Parameter:
     """One setting. Every number here is SI.
 
@@ -63,13 +63,10 @@ class Parameter:
     file: bool = False
 
     def __post_init__(self) -> None:
-        for name, value, filled in (
-            ("absent", self.absent is _SAME, self.default),
-            ("saved", not self.saved, self.name),
-            ("shown", not self.shown, self.unit),
-        ):
-            if value:
-                object.__setattr__(self, name, filled)
+        if self.absent is _SAME:
+            self.absent = self.default
+        self.saved = self.saved or self.name
+        self.shown = self.shown or self.unit
 
     @property
     def numeric(self) -> bool:

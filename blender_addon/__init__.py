@@ -3,14 +3,12 @@
 from . import commands, handlers, jobs, operators, panels, preferences
 from .design import design_properties
 from .preview import skin_preview
-from .properties import scene_properties, skin_properties, thimble_view_properties
+from .properties import scene_properties
 from .streaming import session_events, streaming_properties
 from .viewport import overlay, pin_view, platform_view, shown, skin_view, thimble_view
 
 MODULES = (
     preferences,
-    skin_properties,
-    thimble_view_properties,
     scene_properties,
     design_properties,
     streaming_properties,

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import core.design.task
     import core.devices.calibration
     import core.devices.coupling
+    import core.devices.kinds
     import core.devices.linkage
     import core.devices.pin_array
     import core.devices.reach
@@ -49,6 +50,12 @@ if TYPE_CHECKING:
     import core.motion
     import core.npz
     import core.pipeline.bake
+    import core.parameters.device
+    import core.parameters.finger
+    import core.parameters.material
+    import core.parameters.parameter
+    import core.parameters.screen
+    import core.parameters.skin
     import core.pipeline.outputs
     import core.pipeline.render
     import core.plot.stimuli

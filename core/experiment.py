@@ -16,8 +16,10 @@ from .contact.solver.bodies import ContactBody
 from .contact.solver.path import PathSolver
 from .devices.spec import DeviceSpec
 from .errors import DermisError, Finding
+from .parameters.material import FRICTION
+from .parameters.skin import DEFAULT_SKIN, TISSUE
 from .presets import Library
-from .skin.model import MATERIAL_PARAMETERS, SkinModel, skin_from_parameters
+from .skin.model import SkinModel, skin_from_parameters
 from .skin.stimulus import Stimulus, von_mises
 from .surface.gap import Surface
 
@@ -83,7 +85,7 @@ class Match:
 
 
 def fingertip(
-    preset: str = "index_medium",
+    preset: str = DEFAULT_SKIN,
     *,
     level: str = "standard",
     young: float | None = None,
@@ -109,9 +111,9 @@ def fingertip(
         DermisError: no such preset, level or length, or a shape that cannot be meshed.
     """
     parameters = (presets or Library()).skin(preset)
-    unknown = sorted(set(lengths) - set(parameters) | set(lengths) & set(MATERIAL_PARAMETERS))
+    unknown = sorted(set(lengths) - set(parameters) | set(lengths) & set(TISSUE))
     if unknown:
-        known = ", ".join(sorted(set(parameters) - set(MATERIAL_PARAMETERS)))
+        known = ", ".join(sorted(set(parameters) - set(TISSUE)))
         raise DermisError("a fingertip has no such length", where=preset, value=", ".join(unknown), limit=known)
     given = {"young": young, "poisson": poisson, "alpha": alpha, **lengths}
     parameters |= {name: value for name, value in given.items() if value is not None}
@@ -123,7 +125,7 @@ def press(
     surface: Surface,
     depth: float = 1e-3,
     *,
-    friction: float = 0.6,
+    friction: float = FRICTION,
     slide: Sequence[float] = (0.0, 0.0),
     at: Sequence[float] = (0.0, 0.0),
     turn: NDArray[np.floating] | None = None,

@@ -12,12 +12,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from .devices.parameters import check_device
+from .devices.preset_check import check_device
 from .devices.spec import DEVICE_SCHEMA, DeviceSpec, from_preset
 from .errors import DermisError
 from .files import read_json
 from .foreign import damage_told
-from .units import UNITS, quantity
+from .parameters.material import MATERIAL
+from .parameters.parameter import Table
+from .parameters.skin import SKIN
+from .units import quantity
 
 _HERE = Path(__file__).resolve().parent
 # a wheel has them within the package, a checkout and the extension beside it
@@ -30,32 +33,8 @@ SCHEMAS = {
     "screens": "dermis-screen 1",
 }
 
-# What a haptic material may set, with the SI unit of each quantity; 'bool' for switches, 'text' for choices.
-MATERIAL_PARAMETERS = {
-    "friction": "1",
-    "surface_stiffness": "Pa/m",
-    "mass": "kg",
-    "transient_on": "bool",
-    "transient_amplitude": "1/(m/s)",
-    "transient_decay": "1/s",
-    "transient_frequency": "Hz",
-    "texture_on": "bool",
-    "texture_amplitude_x": "1",
-    "texture_amplitude_y": "1",
-    "texture_period_x": "m",
-    "texture_period_y": "m",
-    "texture_speed_threshold": "m/s",
-    "weight_on": "bool",
-    "weight_acceleration": "1/(m/s^2)",
-    "weight_gravity": "1/(m/s^2)",
-    "content_on": "bool",
-    "content_kind": "text",
-    "content_amplitude": "1/m",
-    "content_length": "m",
-    "content_size": "m",
-    "content_damping": "1",
-    "held_mode": "text",
-}
+# What presets of a group may set; devices are judged by their kind, screens set what they like.
+TABLES: Mapping[str, Table] = {"materials": MATERIAL, "skins": SKIN}
 
 
 @dataclass(frozen=True)
@@ -150,7 +129,7 @@ class Library:
         Raises:
             DermisError: no such preset, or it is broken.
         """
-        return material_parameters(key, self.load("materials", key))
+        return settings("materials", key, self.load("materials", key))
 
     def skin(self, key: str) -> dict[str, Any]:
         """Return the parameters of a skin, in SI.
@@ -158,9 +137,7 @@ class Library:
         Raises:
             DermisError: no such preset, or it is broken.
         """
-        where = f"skin preset '{key}'"
-        preset = self.load("skins", key)
-        return {k: _plain(v, f"{where}, {k}") for k, v in _parameters(preset, where).items()}
+        return settings("skins", key, self.load("skins", key))
 
     def _entries(self, group: str) -> dict[str, tuple[PresetEntry, dict[str, Any]]]:
         """Read a group's files, those that did not change from memory."""
@@ -228,40 +205,29 @@ def check(group: str, key: str, preset: Mapping[str, Any]) -> None:
         raise DermisError("'name' is missing or not a text", where=where, value=preset.get("name"))
     if group == "devices":
         check_device(from_preset(key, preset))
-    elif group == "materials":
-        material_parameters(key, preset)
     else:
-        for name, field in _parameters(preset, where).items():
-            _plain(field, f"{where}, {name}")
+        settings(group, key, preset)
 
 
-def material_parameters(key: str, preset: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a material preset's parameters in SI.
+def settings(group: str, key: str, preset: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters of a preset that is no device, in SI.
 
     Raises:
-        DermisError: an unknown parameter, or a value of another kind or unit than it has.
+        DermisError: an unknown parameter, or a value of another kind or unit than it has, or out of its range.
     """
-    where = f"material preset '{key}'"
-    parameters: dict[str, Any] = {}
+    where, table = f"{group[:-1]} preset '{key}'", TABLES.get(group)
+    found: dict[str, Any] = {}
     for name, field in _parameters(preset, where).items():
         place = f"{where}, {name}"
-        if name not in MATERIAL_PARAMETERS:
-            raise DermisError("unknown parameter", where=where, value=name, limit=", ".join(MATERIAL_PARAMETERS))
-        wanted = MATERIAL_PARAMETERS[name]
-        if wanted in ("bool", "text"):
-            if not isinstance(field, bool if wanted == "bool" else str):
-                kind = "true or false" if wanted == "bool" else "a text"
-                raise DermisError("another kind of value", where=place, value=field, limit=kind)
-            parameters[name] = field
+        if table is None:
+            found[name] = _plain(field, place)
             continue
-        value = quantity(field, where=place)
-        unit = field["unit"] if isinstance(field, Mapping) else "1"
-        if UNITS[unit][0] != wanted:
-            raise DermisError("a unit of another kind", where=place, value=unit, limit=f"one that converts to {wanted}")
-        if isinstance(value, list):
-            raise DermisError("one number is wanted, not a list", where=place, value=value)
-        parameters[name] = float(value)
-    return parameters
+        if name not in table:
+            raise DermisError("unknown parameter", where=where, value=name, limit=", ".join(table))
+        row = table[name]
+        found[name] = quantity(field, where=place) if row.numeric else field
+        row.check(found[name], where, field["unit"] if isinstance(field, Mapping) and row.numeric else "1")
+    return found
 
 
 def _parameters(preset: Mapping[str, Any], where: str) -> Mapping[str, Any]:

@@ -102,20 +102,6 @@ def quantity(field: Mapping[str, Any] | float | int, *, where: str = "") -> Any:
     return to_si(value, field["unit"], where=where)
 
 
-def number(parameters: Mapping[str, Any], name: str, where: str, default: float | None = None) -> float:
-    """Return a parameter that must be one finite number; `default` where it may be absent and is.
-
-    Raises:
-        DermisError: it is missing, or anything else.
-    """
-    value = parameters.get(name, default)
-    if value is None:
-        raise DermisError(f"'{name}' is missing", where=where)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not _finite(value):
-        raise DermisError(f"'{name}' must be one number", where=where, value=value)
-    return float(value)
-
-
 def _finite(number: float) -> bool:
     try:
         return math.isfinite(number)

@@ -15,7 +15,7 @@ from . import design_results
 
 
 def _platforms(_self: Any, _context: Any, text: str) -> list[str]:
-    found = [e for e in choices.devices() if choices.kind_of(e.key) in platform_devices.KINDS]
+    found = [e for e in choices.devices() if choices.kind_of(e.key) in platform_devices.kinds()]
     return [e.key for e in found if text.lower() in f"{e.key} {e.name}".lower()]
 
 

@@ -18,19 +18,23 @@ from ..preferences import user_folder
 from ..properties import skin_properties
 from . import active_presets, skin_models
 
-KINDS = ("cable_platform", "hexapod")
 MOST = 8
 WORKERS = max(1, min(2, (os.cpu_count() or 2) - 1))
 
 
+def kinds() -> tuple[str, ...]:
+    """Return the kinds of device that a look-up table drives."""
+    return tuple(name for name, kind in core.devices.kinds.KINDS.items() if kind.platform)
+
+
 def device_of(obj: bpy.types.Object) -> Any | None:
     """Return the settings of the finger's first platform that is switched on, or None."""
-    return active_presets.device_of(obj, KINDS)
+    return active_presets.device_of(obj, kinds())
 
 
 def spec_of(preset: str) -> core.devices.spec.DeviceSpec | None:
     """Return a platform's preset; None for other devices and for presets that cannot be read."""
-    return active_presets.spec_of(preset, KINDS)
+    return active_presets.spec_of(preset, kinds())
 
 
 def absolute(values: dict[str, Any]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from .. import changes
 from .._core import DermisError
 from . import active_presets, pin_devices, platform_devices, thimble_adaptation, thimble_devices
 
-KINDS = {"pins": pin_devices.KINDS, "thimble": thimble_devices.KINDS, "platform": platform_devices.KINDS}
+KINDS = ("pins", "thimble", "platform")
 Worn = Mapping[str, Mapping[str, int]]
 
 
@@ -69,7 +69,9 @@ def forget() -> None:
 def _devices(devices: Any) -> dict[str, int]:
     found: dict[str, int] = {}
     for i, device in enumerate(devices):
-        for name, kinds in KINDS.items():
+        for name, kinds in zip(
+            KINDS, (pin_devices.KINDS, thimble_devices.KINDS, platform_devices.kinds()), strict=True
+        ):
             if device.enabled and name not in found and active_presets.spec_of(device.preset, kinds) is not None:
                 found[name] = i
     return found

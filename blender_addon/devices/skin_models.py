@@ -41,12 +41,11 @@ def one_thread() -> AbstractContextManager[Any]:
 
 def wanted(tactile: core.scene.tactile_scene.TactileScene, presets: core.presets.Library) -> bool:
     """Tell whether a sampled scene's rendering solves skins: because they are shown, or a device is driven by them."""
-    kinds = core.matching.SKIN_KINDS
     if any(f.parameters.get("skin_shown") for f in tactile.fingers):
         return True
     for key in {device.preset for f in tactile.fingers for device in f.devices}:
         try:
-            if presets.device(key).kind in kinds:
+            if presets.device(key).follows_skin:
                 return True
         except DermisError:
             continue  # rendering says why it is left out

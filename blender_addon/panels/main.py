@@ -31,7 +31,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
                 box,
                 context,
                 f"This file was saved by a newer Dermis (its format {found.newer}). "
-                "Update Dermis before you save it: newer settings are not shown here.",
+                "Update Dermis to bake it: newer settings are not known here.",
                 "ERROR",
             )
         if not found.fingers and not found.touchables and not found.screens:

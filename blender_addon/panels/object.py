@@ -5,6 +5,7 @@ from typing import Any
 import bpy
 
 from .. import choices
+from .._core import core
 from ..layouts import paragraph, properties, role
 from . import design, thimble
 from .main import DermisPanel
@@ -125,6 +126,54 @@ class DERMIS_PT_devices(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, entry.error, "ERROR")
 
 
+def _tactor(layout: Any, _context: bpy.types.Context, device: Any) -> None:
+    column = layout.column(heading="Effects", align=True)
+    column.use_property_split = True
+    for name in ("use_transient", "use_texture", "use_weight", "use_content", "use_pattern"):
+        column.prop(device, name)
+    properties(layout, device, "auto_range", "projection", "transient_axis", "weight_sign")
+
+
+def _friction_screen(layout: Any, context: bpy.types.Context, device: Any) -> None:
+    column = properties(layout, device, "screen", "relief")
+    if device.relief == "mesh":
+        column.prop(device, "relief_formula")
+    column.prop(device, "profile")
+    if device.relief == "mesh" and device.profile != "slope":
+        paragraph(layout, context, "The relief of a mesh knows the profile Slope only.", "ERROR")
+        column = properties(layout, device)
+    if device.profile == "slope":
+        column.prop(device, "downhill")
+        column.prop(device, "direction_window")
+    if device.profile == "rectangle":
+        column.prop(device, "threshold")
+    column.prop(device, "scale_mode")
+    if device.scale_mode == "manual":
+        column.prop(device, "scale")
+    column.prop(device, "carrier")
+
+
+def _pins(layout: Any, _context: bpy.types.Context, device: Any) -> None:
+    column = properties(layout, device, "pin_method")
+    if device.pin_method.startswith("DM"):
+        column.prop(device, "pin_nodes")
+    column.prop(device, "pin_bounded")
+    column.prop(device, "pin_lead")
+    column.prop(device, "pin_fade_in")
+    column.prop(device, "pin_fade_out")
+
+
+# Kinds whose settings depend on each other; those of others are drawn as their row lists them.
+SETTINGS = {
+    "shear_tactor": _tactor,
+    "friction_screen": _friction_screen,
+    "pin_array": _pins,
+    "thimble": thimble.settings,
+    "cable_platform": design.settings,
+    "hexapod": design.settings,
+}
+
+
 class DERMIS_PT_device(DermisPanel, bpy.types.Panel):
     """The settings of the device that is chosen in the list."""
 
@@ -145,41 +194,12 @@ class DERMIS_PT_device(DermisPanel, bpy.types.Panel):
         device = finger.devices[finger.active_device]
         properties(layout, device, "preset")
         kind = choices.kind_of(device.preset)
-        if kind in ("shear_tactor", ""):
-            column = layout.column(heading="Effects", align=True)
-            column.use_property_split = True
-            for name in ("use_transient", "use_texture", "use_weight", "use_content", "use_pattern"):
-                column.prop(device, name)
-            properties(layout, device, "auto_range", "projection", "transient_axis", "weight_sign")
-        if kind in ("friction_screen", ""):
-            column = properties(layout, device, "screen", "relief")
-            if device.relief == "mesh":
-                column.prop(device, "relief_formula")
-            column.prop(device, "profile")
-            if device.relief == "mesh" and device.profile != "slope":
-                paragraph(layout, context, "The relief of a mesh knows the profile Slope only.", "ERROR")
-                column = properties(layout, device)
-            if device.profile == "slope":
-                column.prop(device, "downhill")
-                column.prop(device, "direction_window")
-            if device.profile == "rectangle":
-                column.prop(device, "threshold")
-            column.prop(device, "scale_mode")
-            if device.scale_mode == "manual":
-                column.prop(device, "scale")
-            column.prop(device, "carrier")
-        if kind in ("cable_platform", "hexapod"):
-            design.settings(layout, context, device)
-        if kind == "thimble":
-            thimble.settings(layout, context, device)
-        if kind == "pin_array":
-            column = properties(layout, device, "pin_method")
-            if device.pin_method.startswith("DM"):
-                column.prop(device, "pin_nodes")
-            column.prop(device, "pin_bounded")
-            column.prop(device, "pin_lead")
-            column.prop(device, "pin_fade_in")
-            column.prop(device, "pin_fade_out")
+        for name in (kind,) if kind else ("shear_tactor", "friction_screen"):
+            if name in SETTINGS:
+                SETTINGS[name](layout, context, device)
+            else:
+                rows = core.devices.kinds.KINDS[name].settings
+                properties(layout, device, *(core.parameters.device.DEVICE[row].saved for row in rows))
 
 
 class DERMIS_PT_pattern(DermisPanel, bpy.types.Panel):

@@ -5,10 +5,10 @@ from typing import Any
 import bpy
 
 from .. import choices
+from .._core import core
 from ..layouts import paragraph, properties
 from ..preview import skin_preview
 from ..preview.skin_state import SkinState
-from ..properties import skin_properties
 from ..viewport import shown, skin_cards, skin_field, skin_shown
 from . import census
 from .main import DermisPanel
@@ -48,7 +48,7 @@ class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
             row = column.row()
             row.active = False
             row.alignment = "RIGHT"
-            row.label(text=f"about {skin_properties.TETRAHEDRA[skin.level]} tetrahedra")
+            row.label(text=f"about {core.parameters.skin.TETRAHEDRA[skin.level]} tetrahedra")
         properties(layout, skin, "young_kpa", "alpha", keys=False)
         column = properties(layout, skin, "depth_mode", keys=False)
         if skin.depth_mode == "compliant":

@@ -1,21 +1,39 @@
-"""How a property of ours is declared, and what it is to the engine."""
+"""How a parameter's row becomes a property, and a group's properties the engine's values.
 
-from typing import Any, NamedTuple
+`core/parameters/` has the rows: name, unit, default, range, text and the name under which a .blend saves the property.
+What the engine knows nothing of, such as what the view shows, is declared where it belongs, by the same functions.
 
-from bpy.props import BoolProperty, EnumProperty, FloatProperty
+Units. A property holds SI unless its name ends in another unit (`_mm`, `_mm_s`, `_kpa`, `_mpa_m`). Blender would scale
+properties of unit LENGTH by the scene's unit scale, so a scene in feet or millimetres would show a fingertip's half a
+millimetre as something else; these use Blender's lens unit instead, which means millimetres in every scene. Angles are
+radians (Blender shows degrees).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from .. import changes
+from .._core import core
+from ..compat import BLEND_RELATIVE
 
-FACTORS = {"_mm_s": 1e-3, "_mpa_m": 1e6, "_mm": 1e-3}
+Update = Callable[[Any, Any], None]
+
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
-
-
-class Attribute(NamedTuple):
-    """How one property becomes an engine parameter: value_in_SI = property * factor."""
-
-    attribute: str
-    parameter: str
-    factor: float
+SOFT = ("soft_min", "soft_max")
+SIGNIFICANT = ".7g"  # what single precision keeps: 0.1 typed by a person is meant, not 0.10000000149
+# Units that Blender shows by itself; others stand behind the label.
+_SHOWN: dict[str, dict[str, str]] = {
+    "mm": {"unit": "CAMERA"},
+    "Hz": {"unit": "FREQUENCY"},
+    "s": {"unit": "TIME_ABSOLUTE"},
+    "rad": {"subtype": "ANGLE"},
+    "1": {},
+}
+_WRITTEN = {"1/(m/s)": "s/m", "1/(m/s^2)": "s²/m", "MPa/m": "kPa/mm"}
 
 
 def touched(_self: Any, _context: Any) -> None:
@@ -23,44 +41,76 @@ def touched(_self: Any, _context: Any) -> None:
     changes.mark_dirty()
 
 
-def number(name: str, text: str, default: float, low: float, high: float, **more: Any) -> Any:
-    """Declare an animatable number; values are refused, not clamped, only outside what is physically possible."""
-    more.setdefault("soft_min", low)
+def declared(*tables: core.parameters.parameter.Table, **updates: Update) -> Callable[[type], type]:
+    """Return a decorator that gives a group the properties of tables, before those that it declares itself.
+
+    Args:
+        updates: what is called on a change, by parameter; `touched` for the others.
+    """
+
+    def declare(group: type) -> type:
+        rows = (row for rows in tables for row in rows.values() if row.label)
+        own = {row.saved: declare_one(row, updates.get(row.name, touched)) for row in rows}
+        group.__annotations__ = {**own, **group.__annotations__}
+        return group
+
+    return declare
+
+
+def declare_one(row: core.parameters.parameter.Parameter, update: Update = touched) -> Any:
+    """Return a parameter as a property; it can be animated where the row says so."""
+    common: dict[str, Any] = {"description": row.text, "update": update, "override": OVERRIDE}
+    if row.source.startswith("["):
+        common["description"] += f" ({row.source})"
+    if not row.keyed:
+        common["options"] = set()
+    types = core.parameters.parameter
+    if row.choices:
+        return EnumProperty(name=row.label, items=row.choices, default=row.default, **common)
+    if row.unit == types.SWITCH:
+        return BoolProperty(name=row.label, default=row.default, **common)
+    if row.unit == types.TEXT:
+        more = {"subtype": "FILE_PATH", "options": BLEND_RELATIVE} if row.file else {}
+        return StringProperty(name=row.label, default=row.default, **{**common, **more})
+    low, high = row.low, row.high
+    ends = {"min": low, "max": high}
+    ends |= {n: hard if soft is None else soft for n, hard, soft in zip(SOFT, (low, high), row.soft, strict=True)}
+    if row.whole:
+        return IntProperty(name=row.label, default=row.default, **{n: int(v) for n, v in ends.items()}, **common)
+    shown = _SHOWN.get(row.shown)
+    label = row.label if shown is not None else f"{row.label} [{_WRITTEN.get(row.shown, row.shown)}]"
+    if row.shown == "1" and (low, high) == (0.0, 1.0):
+        shown = {"subtype": "FACTOR"}
     return FloatProperty(
-        name=name, description=text, default=default, min=low, max=high, update=touched, override=OVERRIDE, **more
+        name=label,
+        default=row.default / row.factor,
+        precision=row.digits,
+        **{n: v / row.factor for n, v in ends.items()},
+        **(shown or {}),
+        **common,
     )
 
 
-def millimetres(name: str, text: str, default: float, low: float, high: float, **more: Any) -> Any:
-    """Declare an animatable length of the size of a finger [mm]."""
-    return number(name, text, default, low, high, unit="CAMERA", precision=3, **more)
+def switch(name: str, text: str, default: bool, update: Update = touched) -> Any:
+    """Declare a switch of ours that stays constant over a scene."""
+    return BoolProperty(name=name, description=text, default=default, options=set(), update=update, override=OVERRIDE)
 
 
-def switch(name: str, text: str, default: bool, **more: Any) -> Any:
-    """Declare a switch that can be animated, unless `options` say otherwise."""
-    return BoolProperty(name=name, description=text, default=default, update=touched, override=OVERRIDE, **more)
+def values(group: Any, *tables: core.parameters.parameter.Table) -> dict[str, Any]:
+    """Return a group's values in SI, by the engine's names."""
+    return {row.name: value_of(group, row) for table in tables for row in table.values() if row.label}
 
 
-def choice(name: str, text: str, items: tuple[tuple[Any, ...], ...], default: str, **more: Any) -> Any:
-    """Declare a choice; methods and kinds stay constant over a scene, so they cannot be keyframed."""
-    return EnumProperty(
-        name=name,
-        description=text,
-        items=items,
-        default=default,
-        options=set(),
-        update=touched,
-        override=OVERRIDE,
-        **more,
-    )
+def value_of(group: Any, row: core.parameters.parameter.Parameter) -> Any:
+    """Return one value of a group in SI."""
+    value = getattr(group, row.saved)
+    return value * row.factor if row.factor != 1.0 else value
 
 
-def attributes_of(group: Any, *leave_out: str) -> tuple[Attribute, ...]:
-    """Return what a group's own properties are to the engine."""
-    found = []
-    for name in group.__annotations__:
-        if name in leave_out:
-            continue
-        suffix = next((s for s in FACTORS if name.endswith(s)), "")
-        found.append(Attribute(name, name.removesuffix(suffix), FACTORS.get(suffix, 1.0)))
-    return tuple(found)
+def apply(group: Any, table: core.parameters.parameter.Table, given: Mapping[str, Any]) -> list[str]:
+    """Set a group's properties from SI values; return the names that the table does not have."""
+    for name, value in given.items():
+        if name in table:
+            row = table[name]
+            setattr(group, row.saved, value / row.factor if row.factor != 1.0 else value)
+    return [name for name in given if name not in table]

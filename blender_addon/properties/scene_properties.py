@@ -1,14 +1,8 @@
 """What the artist sets, and nothing else: parameters live in the .blend, results outside it.
 
-Units. Everything that a property holds is SI except where its *name* ends in a unit: `_mm` (millimetres),
-`_mm_s` (millimetres a second) or `_mpa_m` (megapascals a metre, which are kilopascals a millimetre). Blender
-would scale properties of unit LENGTH by the scene's unit scale, so a scene in feet or millimetres would show a
-fingertip's half a millimetre as something else; these properties use Blender's lens unit instead, which means
-millimetres in every scene. Angles are radians (Blender shows degrees).
-
 Readers do not convert by hand: `parameters(group)` gives a group's values in SI under the engine's names
-(`touch_distance_mm` -> `touch_distance` in metres), and `ATTRIBUTES[type(group)]` lists attribute, engine name and
-factor, for readers that sample animated values. A screen's width and height are the bounds of its mesh in its own XY.
+(`touch_distance_mm` -> `touch_distance` in metres), and `TABLES[type(group)]` their rows, for readers that sample
+animated values. A screen's width and height are the bounds of its mesh in its own XY.
 """
 
 # mypy: disable-error-code="valid-type"
@@ -17,54 +11,33 @@ factor, for readers that sample animated values. A screen's width and height are
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
 
+from .._core import core
 from ..compat import BLEND_RELATIVE
 from .device_properties import DermisDevice
-from .fields import OVERRIDE, Attribute, attributes_of, choice, millimetres, number, switch, touched
+from .fields import OVERRIDE, apply, declared, touched, values
 from .material_properties import DermisMaterial
 from .screen_properties import DermisScreen
 from .skin_properties import DermisSkin, DermisSkinView
 from .thimble_view_properties import DermisThimbleView
 
-FILE_VERSION = 1
+FILE_VERSION = 1  # raise it when a property is renamed or means something else, and migrate older files on loading
+_rows = core.parameters
 
 
+@declared(_rows.finger.FINGER)
 class DermisFinger(bpy.types.PropertyGroup):
     """A fingertip: origin at the pad's centre, +Y towards the tip, +Z towards the nail."""
 
-    touch_distance_mm: millimetres(
-        "Touch Gap",
-        "The pad counts as touching where a surface is at most this far from its centre",
-        0.5,
-        0.0,
-        1000.0,
-        soft_max=5.0,
-    )
-    pattern: choice(
-        "Pattern",
-        "A cue of the finger's own, played on the tactor",
-        (
-            ("none", "None", "No pattern"),
-            ("orientation", "Orientation", "The tactor rubs along a line ([S3] eq. 7)"),
-            ("direction", "Direction", "The tactor moves out along a direction and comes back ([S3] eq. 8)"),
-        ),
-        "none",
-    )
-    pattern_play: switch("Play", "Key this on to start the pattern: every change from off to on starts it", False)
-    pattern_angle: number(
-        "Angle",
-        "Direction of the pattern in the pad's plane, clockwise as in the paper",
-        0.0,
-        -1e4,
-        1e4,
-        soft_min=-6.2832,
-        soft_max=6.2832,
-        subtype="ANGLE",
-    )
-    pattern_frequency: number("Frequency", "Repetitions a second", 2.0, 0.01, 500.0, soft_max=20.0, unit="FREQUENCY")
-    pattern_amplitude: number("Amplitude", "Part of the device's range", 1.0, 0.0, 1.0, subtype="FACTOR")
-    pattern_repeat: switch("Repeat", "Go on while Play is on, instead of playing once", False, options=set())
     skin: PointerProperty(type=DermisSkin, override=OVERRIDE)
     devices: CollectionProperty(type=DermisDevice, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"})
     active_device: IntProperty(name="Active Device", default=0, min=0, options=set(), override=OVERRIDE)
@@ -73,16 +46,19 @@ class DermisFinger(bpy.types.PropertyGroup):
 class DermisObject(bpy.types.PropertyGroup):
     """What an object is to Dermis."""
 
-    role: choice(
-        "Role",
-        "What this object is to Dermis",
-        (
+    role: EnumProperty(
+        name="Role",
+        description="What this object is to Dermis",
+        items=(
             ("NONE", "Nothing", "Dermis ignores this object"),
             ("FINGER", "Finger", "A fingertip that feels"),
             ("TOUCHABLE", "Touchable", "An object that fingers can feel"),
             ("SCREEN", "Touch Screen", "A touch screen that renders friction"),
         ),
-        "NONE",
+        default="NONE",
+        options=set(),
+        update=touched,
+        override=OVERRIDE,
     )
     finger: PointerProperty(type=DermisFinger, override=OVERRIDE)
     material: PointerProperty(type=DermisMaterial, override=OVERRIDE)
@@ -154,49 +130,33 @@ class DermisScene(bpy.types.PropertyGroup):
     active_finding: IntProperty(default=-1, options={"HIDDEN"})
 
 
-ATTRIBUTES: dict[type, tuple[Attribute, ...]] = {
-    DermisDevice: attributes_of(DermisDevice, "preset", "enabled", "screen"),
-    DermisFinger: attributes_of(DermisFinger, "skin", "devices", "active_device"),
-    DermisMaterial: attributes_of(DermisMaterial, "preset"),
-    DermisScreen: attributes_of(
-        DermisScreen,
-        "source",
-        "image",
-        "filepath",
-        "sequence_start",
-        "mesh_object",
-        "invert",
-        "zero_is_hole",
-        "resolution",
-    ),
+TABLES: dict[type, core.parameters.parameter.Table] = {
+    DermisDevice: _rows.device.DEVICE,
+    DermisFinger: _rows.finger.FINGER,
+    DermisMaterial: _rows.material.BODY,
+    DermisScreen: _rows.screen.SCREEN,
 }
 
 
 def parameters(group: Any) -> dict[str, Any]:
     """Return a group's values in SI, by the engine's names: what `Body.parameters` and its like take."""
-    return {
-        a.parameter: value * a.factor if a.factor != 1.0 else value
-        for a in ATTRIBUTES[type(group)]
-        for value in (getattr(group, a.attribute),)
-    }
+    return values(group, TABLES[type(group)])
 
 
-def apply_parameters(group: Any, values: dict[str, Any]) -> list[str]:
+def apply_parameters(group: Any, given: dict[str, Any]) -> list[str]:
     """Set a group's properties from SI values; return the names that it does not have."""
-    by_name = {a.parameter: a for a in ATTRIBUTES[type(group)]}
-    for name, value in values.items():
-        if name in by_name:
-            a = by_name[name]
-            setattr(group, a.attribute, value / a.factor if a.factor != 1.0 else value)
-    return [name for name in values if name not in by_name]
+    return apply(group, TABLES[type(group)], given)
 
 
 def stamp(scene: bpy.types.Scene) -> None:
-    """Note which version of these properties a scene was made with."""
-    scene.dermis.file_version = FILE_VERSION
+    """Note which version of these properties a scene was made with; a newer one that it holds stays said."""
+    scene.dermis.file_version = max(scene.dermis.file_version, FILE_VERSION)
 
 
-CLASSES: tuple[type, ...] = (DermisDevice, DermisFinger, DermisMaterial, DermisScreen, DermisObject, DermisScene)
+CLASSES: tuple[type, ...] = (
+    *(DermisSkin, DermisSkinView, DermisThimbleView),
+    *(DermisDevice, DermisFinger, DermisMaterial, DermisScreen, DermisObject, DermisScene),
+)
 
 
 def register() -> None:

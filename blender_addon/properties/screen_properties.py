@@ -6,29 +6,37 @@
 from typing import Any
 
 import bpy
-from bpy.props import IntProperty, PointerProperty, StringProperty
+from bpy.props import EnumProperty, IntProperty, PointerProperty, StringProperty
 
+from .._core import core
 from ..compat import BLEND_RELATIVE
-from .fields import OVERRIDE, choice, millimetres, switch, touched
+from .fields import OVERRIDE, declare_one, declared, switch, touched
 
 
 def _is_mesh(_self: Any, obj: bpy.types.Object) -> bool:
     return obj.type == "MESH" and obj.dermis.role != "SCREEN"
 
 
+_screen = core.parameters.screen
+
+
+@declared(_screen.SCREEN)
 class DermisScreen(bpy.types.PropertyGroup):
     """A touch screen in the object's own XY plane, +Z towards the viewer; its size is that of the object's mesh."""
 
-    source: choice(
-        "Relief",
-        "Where the relief that the finger shall feel comes from",
-        (
+    source: EnumProperty(
+        name="Relief",
+        description="Where the relief that the finger shall feel comes from",
+        items=(
             ("IMAGE", "Image", "An image of this file; white is high", "IMAGE_DATA", 0),
             ("FILE", "Image File", "A height or depth map from disk", "FILE_IMAGE", 1),
             ("SEQUENCE", "Image Sequence", "Numbered files, one a frame", "RENDER_ANIMATION", 2),
             ("MESH", "Mesh", "Ray-cast from any object that lies on the screen", "MESH_DATA", 3),
         ),
-        "IMAGE",
+        default="IMAGE",
+        options=set(),
+        update=touched,
+        override=OVERRIDE,
     )
     image: PointerProperty(
         name="Image",
@@ -45,14 +53,7 @@ class DermisScreen(bpy.types.PropertyGroup):
         update=touched,
         override=OVERRIDE,
     )
-    sequence_start: IntProperty(
-        name="Start Frame",
-        description="Scene frame that shows the sequence's first file",
-        default=1,
-        options=set(),
-        update=touched,
-        override=OVERRIDE,
-    )
+    sequence_start: declare_one(_screen.SEQUENCE["sequence_start"])
     mesh_object: PointerProperty(
         name="Mesh",
         description="The object whose relief is cast onto the screen",
@@ -61,15 +62,14 @@ class DermisScreen(bpy.types.PropertyGroup):
         update=touched,
         override=OVERRIDE,
     )
-    invert: switch("Depth Map", "The image holds depth, not height: brighter is farther away", False, options=set())
+    invert: switch("Depth Map", "The image holds depth, not height: brighter is farther away", False)
     zero_is_hole: switch(
         "Zero Is a Hole",
         "A stored 0 means that nothing was measured there, as depth cameras write "
         "it; such pixels are filled from their rims",
         False,
-        options=set(),
     )
-    height_mm: millimetres("Height", "How high white stands above black", 2.0, 0.0, 1e6, soft_max=20.0, options=set())
+    height_mm: declare_one(_screen.HEIGHT)
     resolution: IntProperty(
         name="Resolution",
         description="Points along the longer side when a mesh is cast onto the screen",
@@ -80,7 +80,4 @@ class DermisScreen(bpy.types.PropertyGroup):
         options=set(),
         update=touched,
         override=OVERRIDE,
-    )
-    touch_distance_mm: millimetres(
-        "Touch Gap", "The finger counts as touching up to this far above the screen", 1.0, 0.0, 1000.0, soft_max=10.0
     )

@@ -34,18 +34,3 @@ class DermisThimbleView(bpy.types.PropertyGroup):
         options=set(),
         update=_redraw,
     )
-
-
-CLASSES: tuple[type, ...] = (DermisThimbleView,)
-
-
-def register() -> None:
-    """Register the group; `scene_properties` hangs it on scenes."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from .._core import DermisError, Finding, core
 from ..properties import scene_properties
+from ..properties.fields import value_of
 from . import mesh_heights, meshes
-
-Screen = core.scene.tactile_scene.Screen
 
 LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """Rec. 709 weights of red, green and blue."""
@@ -73,11 +72,13 @@ def build(
             heights = np.ascontiguousarray(heights[..., ::-1])
         if keep and _chosen(settings):
             _kept[obj.session_uid] = (key, (heights, height_unit, findings))
-    parameters = {k: v for k, v in scene_properties.parameters(settings).items() if k != "height"}
+    parameters = scene_properties.parameters(settings)
     if heights.ndim == 3:
         parameters["sequence_start"] = int(settings.sequence_start)
     width, height = (float(s) * unit for s in size)
-    return Screen(obj.name_full, (width, height), heights, height_unit, parameters, tuple(findings))
+    return core.scene.tactile_scene.Screen(
+        obj.name_full, (width, height), heights, height_unit, parameters, tuple(findings)
+    )
 
 
 def _relief(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[np.float32], float, tuple[Any, ...]]:
@@ -131,7 +132,7 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[n
     settings = obj.dermis.screen
     where = f"screen '{obj.name_full}'"
     meaning: Any = "depth" if settings.invert else "height"
-    full_scale = float(settings.height_mm) * 1e-3
+    full_scale = value_of(settings, core.parameters.screen.HEIGHT)
     hole = 0.0 if settings.zero_is_hole else None
     if settings.source == "MESH":
         heights, noticed = mesh_heights.cast(obj, depsgraph, unit, *bounds(obj, depsgraph))

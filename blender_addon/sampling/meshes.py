@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from .._core import Finding, core
 
-Mesh = core.scene.tactile_scene.Mesh
-
 SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 """Types of object that have a surface."""
 
@@ -83,7 +81,7 @@ class MeshReader:
         """
         with evaluated_mesh(evaluated) as mesh:
             if mesh is None:
-                return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
+                return core.scene.tactile_scene.Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
             raw = positions(mesh)
             key = (evaluated.original.session_uid, mirrored)  # evaluated copies all have uid 0
             last = self._last.get(key)
@@ -100,7 +98,7 @@ class MeshReader:
             # The first triangulation holds while the faces do: Blender may split a bending quad along its other
             # diagonal from one frame to the next, which would look like a change of topology.
             faces = last.mesh.triangles if same else _faces(mesh, mirrored)  # type: ignore[union-attr]
-            made = Mesh(to_metres(raw, unit, mirrored), faces)
+            made = core.scene.tactile_scene.Mesh(to_metres(raw, unit, mirrored), faces)
             self._last[key] = _Last(raw, corners, len(mesh.polygons), unit, made)
             return made
 
@@ -120,7 +118,9 @@ def to_metres(raw: NDArray[Any], unit: float, mirrored: bool) -> NDArray[np.floa
 
 def absent_mesh() -> Any:
     """Return a surface too far away to be touched, for something that is not there at a sample."""
-    return Mesh(np.array([[FAR, FAR, FAR], [FAR + 1, FAR, FAR], [FAR, FAR + 1, FAR]]), np.array([[0, 1, 2]], np.int32))
+    return core.scene.tactile_scene.Mesh(
+        np.array([[FAR, FAR, FAR], [FAR + 1, FAR, FAR], [FAR, FAR + 1, FAR]]), np.array([[0, 1, 2]], np.int32)
+    )
 
 
 def zero_area_finding(mesh: Any, name: str) -> Any | None:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import bpy
 
 from .. import compat
-from .._core import Finding
+from .._core import Finding, core
 from ..properties import scene_properties
 
 _UNUSED = 2**31 - 1  # what Blender fills unused levels of a persistent id with
@@ -163,15 +163,15 @@ def animated_channels(obj: bpy.types.Object) -> tuple[tuple[str, str, float], ..
     out = []
     branch = {"FINGER": "finger", "SCREEN": "screen"}.get(role_of(obj), "material")
     for a in _animatable(group_of(obj)):
-        if f"{branch}.{a.attribute}" in paths:
-            out.append((a.parameter, f"{branch}.{a.attribute}", a.factor))
+        if f"{branch}.{a.saved}" in paths:
+            out.append((a.name, f"{branch}.{a.saved}", a.factor))
     if branch == "finger":
         enabled = [d for d in enumerate(obj.dermis.finger.devices) if d[1].enabled]
         for number, (index, device) in enumerate(enabled):
             for a in _animatable(device):
-                path = f"finger.devices[{index}].{a.attribute}"
+                path = f"finger.devices[{index}].{a.saved}"
                 if path in paths:
-                    out.append((f"device/{number}/{a.parameter}", path, a.factor))
+                    out.append((f"device/{number}/{a.name}", path, a.factor))
     return tuple(out)
 
 
@@ -201,9 +201,8 @@ def idle_curves(obj: bpy.types.Object) -> list[Any]:
     ]
 
 
-def _animatable(group: Any) -> list[scene_properties.Attribute]:
-    known = type(group).bl_rna.properties
-    return [a for a in scene_properties.ATTRIBUTES[type(group)] if known[a.attribute].is_animatable]
+def _animatable(group: Any) -> list[core.parameters.parameter.Parameter]:
+    return [row for row in scene_properties.TABLES[type(group)].values() if row.keyed]
 
 
 def channel_key(kind: str, index: int, name: str) -> str:

@@ -18,7 +18,6 @@ from . import participants
 from .meshes import MeshReader, absent_mesh
 from .participants import Entry, InstanceKey, Roster
 
-Chunk = core.scene.tactile_scene.Chunk
 Array = NDArray[np.float64]
 
 SMALLEST_SCALE = 1e-6
@@ -117,7 +116,9 @@ class Recorder:
                 )
         self._report_presence(frames[:n], findings, simulating)
         channels = {key: values[:n].copy() for key, values in self._values.items()}
-        return Chunk(frames, times, _rigid(poses[:f]), poses[f : f + b], poses[f + b :], surfaces, channels)
+        return core.scene.tactile_scene.Chunk(
+            frames, times, _rigid(poses[:f]), poses[f : f + b], poses[f + b :], surfaces, channels
+        )
 
     def surfaces_of(self, k: int) -> Iterator[tuple[Entry, Any]]:
         """Yield the surfaces of deforming bodies at sample k."""

@@ -18,8 +18,6 @@ from .meshes import MeshReader, zero_area_finding
 from .participants import Entry, InstanceKey, Roster
 from .simulated_motion import Simulations
 
-_scene = core.scene.tactile_scene
-
 _LEFT_OUT, _SO_LEFT_OUT = "It is left out", ", so it is left out"
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
@@ -37,21 +35,21 @@ class Header:
 
 
 def scene_findings(scene: bpy.types.Scene) -> list[Any]:
-    """Report what is peculiar about a scene's settings."""
+    """Report what is peculiar about a scene's settings.
+
+    Raises:
+        DermisError: a newer Dermis saved the file: what this one does not know would be missing without a word.
+    """
     findings = []
     where = f"scene '{scene.name_full}'"
     version = int(scene.dermis.file_version)
     if version > scene_properties.FILE_VERSION:
-        findings.append(
-            Finding(
-                "warning",
-                "newer-version",
-                "the file comes from a newer Dermis; what this one does not know is ignored",
-                where=where,
-                value=version,
-                limit=f"up to {scene_properties.FILE_VERSION}",
-                remedy="Update Dermis",
-            )
+        raise DermisError(
+            "the file comes from a newer Dermis, whose settings this one cannot read",
+            where=where,
+            value=version,
+            limit=f"up to {scene_properties.FILE_VERSION}",
+            remedy="Update Dermis",
         )
     if bpy.app.autoexec_fail:
         findings.append(
@@ -195,7 +193,7 @@ def header(depsgraph: bpy.types.Depsgraph, roster: Roster, reader: MeshReader, *
         mesh = reader.read(obj.evaluated_get(depsgraph), roster.unit, entry.mirrored)
         if live or not entry.deforming:  # what deforms may get its faces later: the chunks tell
             try:
-                _scene.check_mesh(mesh, entry.name)
+                core.scene.tactile_scene.check_mesh(mesh, entry.name)
             except DermisError as error:
                 findings.append(_left_out(error, "mesh-unusable"))
                 continue
@@ -205,7 +203,9 @@ def header(depsgraph: bpy.types.Depsgraph, roster: Roster, reader: MeshReader, *
         if live:
             parameters = _defaults(parameters, obj, entry)
         own = entry.deforming or entry.blinking
-        bodies.append(_scene.Body(entry.name, None if own else mesh, parameters, simulated=entry.simulated))
+        bodies.append(
+            core.scene.tactile_scene.Body(entry.name, None if own else mesh, parameters, simulated=entry.simulated)
+        )
         body_entries.append(entry)
     bodies = [
         _with_content(b, e, objects, {x.name for x in bodies}, findings)
@@ -260,10 +260,10 @@ def _finger(obj: bpy.types.Object, screens: set[str], findings: list[Any]) -> An
             )
         # Kept all the same: the numbers of its neighbours' channels must not change.
         values = platform_devices.absolute(thimble_devices.parameters_of(device))
-        uses.append(_scene.DeviceUse(device.preset, values, screen))
+        uses.append(core.scene.tactile_scene.DeviceUse(device.preset, values, screen))
     finger = obj.dermis.finger
     values = {**scene_properties.parameters(finger), **skin_properties.parameters(finger.skin)}
-    return _scene.Finger(obj.name_full, tuple(uses), values)
+    return core.scene.tactile_scene.Finger(obj.name_full, tuple(uses), values)
 
 
 def _with_content(body: Any, entry: Entry, objects: Mapping[int, Any], names: set[str], findings: list[Any]) -> Any:

@@ -26,8 +26,6 @@ from .meshes import MeshReader
 from .participants import Entry, InstanceKey, Roster
 from .recorder import Recorder
 
-_scene = core.scene.tactile_scene
-TactileScene = _scene.TactileScene
 Array = NDArray[np.float64]
 
 CHUNK = 64
@@ -133,7 +131,7 @@ def sample(
         roster = scene_header.roster(scene, depsgraph, view_layer, simulations, deforming, presence)
         header = scene_header.header(depsgraph, roster, reader)
         roster = header.roster
-    made = TactileScene(
+    made = core.scene.tactile_scene.TactileScene(
         scene.name_full,
         fps,
         span,
@@ -186,7 +184,7 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> core.s
     chunk = recorder.chunk(np.array([frame]), np.array([time]), 1, [])
     if not cast.lasting:
         _live_cast = None
-    return TactileScene(
+    return core.scene.tactile_scene.TactileScene(
         scene.name_full,
         fps,
         span,

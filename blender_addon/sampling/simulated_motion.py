@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from .._core import core
 
-Mesh = core.scene.tactile_scene.Mesh
 Array = NDArray[np.float64]
 
 MARGIN = 8
@@ -114,7 +113,9 @@ class Recording:
 
     def keep_surface(self, name: str, mesh: Any) -> None:
         """Take a body's surface at the next whole frame; in single precision, as Blender had it."""
-        self._surfaces.setdefault(name, []).append(Mesh(mesh.vertices.astype(np.float32), mesh.triangles))
+        self._surfaces.setdefault(name, []).append(
+            core.scene.tactile_scene.Mesh(mesh.vertices.astype(np.float32), mesh.triangles)
+        )
 
     def has_surface(self, name: str) -> bool:
         """Tell whether a body's surface was recorded."""
@@ -136,7 +137,8 @@ class Recording:
         stack = np.stack([m.vertices for m in window])
         spline = core.motion.Spline(self.times[low : high + 1], stack.reshape(len(window), -1))
         return tuple(
-            Mesh(vertices.copy(), window[0].triangles) for vertices in spline.at(times).reshape(-1, *stack.shape[1:])
+            core.scene.tactile_scene.Mesh(vertices.copy(), window[0].triangles)
+            for vertices in spline.at(times).reshape(-1, *stack.shape[1:])
         )
 
 

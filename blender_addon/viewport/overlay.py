@@ -101,7 +101,7 @@ def _draw_pixels() -> None:
 
 
 def _card_height(row: Row) -> float:
-    if row.kind in platform_devices.KINDS:
+    if row.kind in platform_devices.kinds():
         return platform_view.height(row) + 2.0 * MARGIN
     tall = "tactor_x" in row.values or row.kind in ("pin_array", "thimble")
     return DIAL + 3.0 * MARGIN + LINE if tall else 3 * LINE + 2 * MARGIN
@@ -119,7 +119,7 @@ def _card(row: Row, twin: Any, left: float, bottom: float, scale: float) -> None
         pin_view.card(row, twin, x, bottom + MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, DIAL * scale, scale)
     elif row.kind == "thimble" and "servo_1" in row.values:
         thimble_view.card(row, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
-    elif row.kind in platform_devices.KINDS:
+    elif row.kind in platform_devices.kinds():
         platform_view.card(row, twin, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
     elif "amplitude" in row.values:
         _bar(row, x, top - 1.6 * LINE * scale, scale)

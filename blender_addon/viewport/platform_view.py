@@ -49,7 +49,7 @@ def card(row: Row, state: platform_twin.State | None, left: float, bottom: float
 
 
 def _draw() -> None:
-    for row, state in drawing.rows_of(platform_devices.KINDS):
+    for row, state in drawing.rows_of(platform_devices.kinds()):
         frame = finger_matrix(bpy.context.scene, row.finger)
         if frame is None or state is None:
             continue

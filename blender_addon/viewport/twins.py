@@ -47,7 +47,7 @@ def twin_of(scene: bpy.types.Scene, row: Row) -> Twin | None:
             return pin_preview.pins_of(obj, row.device)
         if row.kind in thimble_devices.KINDS:
             return _thimble(obj, row, workspace=scene.dermis.thimble_view.workspace)
-        if row.kind in platform_devices.KINDS:
+        if row.kind in platform_devices.kinds():
             return _platform(obj, row)
     except DermisError:
         pass  # the bake says why

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from ..design.interactions import NAMES, NOISE, interaction
 from ..errors import DermisError
+from ..parameters.skin import DEFAULT_SKIN, TISSUE
 from .progress import drain_shown
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
     from ..devices.safe_state import safe_findings
     from ..devices.spec import from_preset
     from ..presets import Library, read
-    from ..skin.model import MATERIAL_PARAMETERS, skin_from_parameters
+    from ..skin.model import skin_from_parameters
     from ..skin.shape import shape_from_parameters
     from ..work.executor import InlineExecutor
     from ..work.processes import ProcessExecutor
@@ -81,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
         )
     rows = task.ROWS if options.rows is None else options.rows or None
     folder = (options.out or Path.cwd()) / "collection"
-    material = {k: float(v) for k, v in parameters.items() if k in MATERIAL_PARAMETERS}
+    material = {k: float(v) for k, v in parameters.items() if k in TISSUE}
     lengths = {k: v for k, v in parameters.items() if k not in material and k != "mesh"}
     shape = shape_from_parameters(lengths if "mesh" not in parameters else {}, where="skin")
     if options.table is not None:
@@ -198,7 +199,7 @@ def _skin(options: argparse.Namespace, library: Any, scenes: Mapping[str, Tactil
                 remedy="Leave --skin out, or judge the scenes one by one",
             )
         chosen, whose = dict(own), f"scene '{touch}'"
-    return chosen if chosen is not None else dict(library.skin("index_medium"))
+    return chosen if chosen is not None else dict(library.skin(DEFAULT_SKIN))
 
 
 def _trial(options: argparse.Namespace, table: Any, skin: Any) -> int:

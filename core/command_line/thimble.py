@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
+from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT
 
 if TYPE_CHECKING:
     from ..contact.skin_contact import SkinContact
@@ -35,7 +36,7 @@ def add_parser(commands: Any) -> None:
     shared.add_argument("--device", default="thimble_3rrs", metavar="PRESET", help="the device preset")
     shared.add_argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
     finger = argparse.ArgumentParser(add_help=False)
-    finger.add_argument("--skin", default="index_medium", metavar="PRESET", help="the skin preset")
+    finger.add_argument("--skin", default=DEFAULT_SKIN, metavar="PRESET", help="the skin preset")
     finger.add_argument("--level", default="draft", choices=("draft", "standard"), help="accuracy of the skin")
 
     one = verbs.add_parser("adapt", parents=[shared, finger], help="learn network and polynomial for a finger")
@@ -269,8 +270,8 @@ def _felt(scene: TactileScene, library: Library, finger: int) -> SkinContact:
     from ..skin.model import skin_from_parameters
 
     p = scene.fingers[finger].parameters
-    parameters = p.get("skin") or library.skin("index_medium")
-    skin = skin_from_parameters(parameters, level=str(p.get("skin_level", "standard")))
+    parameters = p.get("skin") or library.skin(DEFAULT_SKIN)
+    skin = skin_from_parameters(parameters, level=SKIN_CONTACT["skin_level"].of(p))
     touch, sampler = PadSampler(scene), SkinSampler(scene, {finger: skin})
     for chunk in scene.chunks:
         sampler.add(touch.add(chunk))

@@ -13,16 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import DermisError, Finding
+from ..errors import Finding
+from ..parameters.skin import SKIN_CONTACT
 from ..skin.model import SkinModel
 from ..surface.triangles import Array
 from .solver.bodies import ContactBody, ContactFrame
 from .solver.notes import Notes
 from .solver.path import DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
 
-DEPTH_MODES = ("animated", "compliant")
-BONE_STIFFNESS = 2000.0  # [N/m] default spring of a compliant bone; chosen
-FORCE_LIMIT = 2.0  # [N] default; chosen: a firm touch
 LIMIT_TOLERANCE = 1e-3  # of the force limit
 MAX_TRIALS = 12
 
@@ -64,15 +62,13 @@ class CompliantBone:
         """Build from a finger's parameters: depth_mode, bone_stiffness [N/m], force_limit [N].
 
         Raises:
-            DermisError: an unknown mode, or a stiffness or limit that is not above zero.
+            DermisError: an unknown mode, or a stiffness or limit that is out of range.
         """
-        mode = str(parameters.get("depth_mode", "animated"))
-        if mode not in DEPTH_MODES:
-            raise DermisError("unknown touch depth", where=name, value=mode, limit=", ".join(DEPTH_MODES))
+        mode = SKIN_CONTACT["depth_mode"].of(parameters, name)
         compliance, stiffness, limit = skin.compliance, 0.0, np.inf
         if mode == "compliant":
-            stiffness = _positive(parameters, "bone_stiffness", BONE_STIFFNESS, "N/m", name)
-            limit = _positive(parameters, "force_limit", FORCE_LIMIT, "N", name)
+            stiffness = float(SKIN_CONTACT["bone_stiffness"].of(parameters, name))
+            limit = float(SKIN_CONTACT["force_limit"].of(parameters, name))
             compliance = compliance.copy()
             compliance[2::3, 2::3] += 1.0 / stiffness
         solver = PathSolver(
@@ -202,10 +198,3 @@ class CompliantBone:
 
     def _spring(self, step: PathStep) -> float:
         return self._force(step) / self.stiffness if self.stiffness > 0 else 0.0
-
-
-def _positive(parameters: Mapping[str, Any], name: str, default: float, unit: str, where: str) -> float:
-    value = float(parameters.get(name, default))
-    if not (np.isfinite(value) and value > 0):
-        raise DermisError(f"'{name}' must be above zero", where=where, value=value, limit=f"> 0 {unit}")
-    return value

@@ -7,15 +7,17 @@ only where the skin of every finger that holds it is simulated: what an unseen f
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Finding
+from ..parameters.material import BODY
 from ..scene.tactile_scene import Body, Chunk, TactileScene
 from ..surface.gap import Surface
 from ..surface.triangles import Array
-from .holding_times import MODES, holding_times
+from .holding_times import holding_times
 from .pad_contact import PadContact
 from .solver.bodies import ContactBody
 from .solver.grip_solver import GripSolver, GripStep, HoldContext, HoldingFinger
@@ -29,12 +31,11 @@ def may_be_held(scene: TactileScene, b: int, chunk: Chunk) -> bool:
     given = scene.bodies[b].parameters
     if not _mass(given) > 0.0:
         return False
-    mode = given.get("held_mode", "auto")
+    mode = BODY["held_mode"].of(given, f"object '{scene.bodies[b].name}'")
     if mode == "keyed":
         switch = chunk.channels.get(f"body/{b}/held")
-        return bool(float(given.get("held", 0.0)) > 0.5 if switch is None else (switch > 0.5).any())
-    # an unknown mode is refused by `holding_times` itself
-    return mode == "auto" and len(scene.fingers) > 1 or mode not in MODES
+        return bool(given.get("held", BODY["held"].absent) if switch is None else (switch > 0.5).any())
+    return mode == "auto" and len(scene.fingers) > 1
 
 
 class HeldBody:
@@ -62,7 +63,7 @@ class HeldBody:
             if holds is not None:
                 whole |= holds
                 unseen |= holds & (f not in skins)
-        self.keyed = self._body.parameters.get("held_mode", "auto") == "keyed"
+        self.keyed = BODY["held_mode"].of(self._body.parameters) == "keyed"
         self.held: NDArray[np.bool_] = whole & ~unseen
         self._unseen = int(unseen.sum())
         self._first_unseen = float(touch.frames[np.argmax(unseen)])
@@ -189,9 +190,8 @@ def inertia_of(surface: Surface, mass: float, centre: Array) -> Array:
     return np.asarray(np.trace(second) * np.eye(3) - second)
 
 
-def _mass(parameters: Mapping[str, object]) -> float:
-    value = parameters.get("mass", 0.0)
-    return float(value) if isinstance(value, (int, float)) else 0.0
+def _mass(parameters: Mapping[str, Any]) -> float:
+    return float(parameters.get("mass", 0.0))  # not what weighs contents: what says no mass is not held
 
 
 def rigid(turn: Array, place: Array) -> Array:

@@ -12,14 +12,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DermisError
+from ..parameters.finger import FINGER
+from ..parameters.material import BODY
 from ..scene.tactile_scene import TactileScene
 from ..surface.triangles import Array
 from .encounter import Encounter, encounter
 from .pad_contact import PadContact
 
-MODES = ("auto", "keyed", "never")
-TOUCH_DISTANCE = 0.0005  # [m], where a finger does not say
 # Normals that make an angle of at least 120 degrees are opposed.
 OPPOSED = -0.5
 
@@ -28,7 +27,8 @@ def meet(touch: PadContact, scene: TactileScene, finger: int, body: int, times: 
     """Return the encounter of a finger and a body at the finger's touch distance, or None if they never touch."""
     if (finger, body) not in touch.pairs:
         return None
-    distance = touch.series(f"finger/{finger}/touch_distance", scene.fingers[finger].parameters, TOUCH_DISTANCE, times)
+    given = scene.fingers[finger].parameters
+    distance = touch.series(f"finger/{finger}", FINGER["touch_distance"], given, times)
     return encounter(touch, finger, body, times, distance)
 
 
@@ -44,18 +44,14 @@ def holding_times(
         DermisError: an unknown `held_mode`.
     """
     parameters = scene.bodies[body].parameters
-    mode = parameters.get("held_mode", "auto")
-    if mode not in MODES:
-        raise DermisError(
-            "unknown way of holding", where=f"object '{scene.bodies[body].name}'", value=mode, limit=", ".join(MODES)
-        )
+    mode = BODY["held_mode"].of(parameters, f"object '{scene.bodies[body].name}'")
     if mode == "never":
         return None
     own = meet(touch, scene, finger, body, times)
     if own is None:
         return None
     if mode == "keyed":
-        switch = touch.series(f"body/{body}/held", parameters, 0.0, times, step=True)
+        switch = touch.series(f"body/{body}", BODY["held"], parameters, times)
         holds = own.touching & (np.asarray(switch) > 0.5)
     else:
         holds = np.zeros(len(times), dtype=bool)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import Finding
 from ..motion import Motion, MotionSamples, Spline
+from ..parameters.parameter import Parameter
 from ..scene.tactile_scene import Mesh
 from ..surface.centre import centre_of
 from ..surface.triangles import Array
@@ -120,24 +121,21 @@ class PadContact:
 
         return self.keep(("centre", body), path)
 
-    def series(
-        self, key: str, constants: Mapping[str, Any], default: float, times: Array, *, step: bool = False
-    ) -> float | Array:
+    def series(self, owner: str, row: Parameter, constants: Mapping[str, Any], times: Array) -> float | Array:
         """Return an animated parameter at times, shape (m,), or its constant value where it is not animated.
 
+        A switch holds each sample's value until the next; numbers are interpolated linearly.
+
         Args:
-            key: such as 'body/3/friction'; its last part is the name in `constants`.
-            constants: the parameters of its owner.
-            default: what holds where neither says anything.
+            owner: such as 'body/3'. row: of the parameter. constants: the parameters of the owner.
             times: [s], shape (m,).
-            step: hold each sample's value until the next (switches); otherwise interpolate linearly.
         """
-        if key not in self.channels:
-            return float(constants.get(key.rpartition("/")[2], default))
-        values = self.channels[key]
+        values = self.channels.get(f"{owner}/{row.name}")
+        if values is None:
+            return float(constants.get(row.name, row.absent))
         if (values == values[0]).all():
             return float(values[0])
-        if not step:
+        if row.numeric:
             return np.interp(times, self.times, values)
         return values[np.clip(np.searchsorted(self.times, times + 1e-9, side="right") - 1, 0, None)]
 

@@ -18,6 +18,7 @@ from ..errors import DermisError, Finding
 from ..motion import rotations, singular
 from ..motion.vectors import turn as turned
 from ..motion.vectors import turn_back
+from ..parameters.material import BODY
 from ..scene.tactile_scene import Chunk, TactileScene
 from ..surface.centre import centre_of
 from ..surface.gap import GapQuery, Surface
@@ -152,7 +153,7 @@ class PadSampler:
         for b, body in enumerate(self._scene.bodies):
             if b in chunk.surfaces:
                 boxes = deforming[b]
-                if body.parameters.get("weight_on", True) or body.parameters.get("content_on", False):
+                if any(body.parameters.get(name, BODY[name].absent) for name in ("weight_on", "content_on")):
                     self._centres.setdefault(b, []).append(np.array([centre_of(m) for m in chunk.surfaces[b]]))
             elif body.mesh is not None:
                 boxes = box_of(body.mesh)[None]

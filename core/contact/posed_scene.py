@@ -7,12 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..motion import rotations
+from ..parameters.material import BODY
 from ..scene.tactile_scene import Body, Chunk
 from ..surface.triangles import Array
 from .posed_body import Posed, PosedBody
 from .solver.bodies import ContactBody
-
-FRICTION = 0.6  # of a body that does not say
 
 
 class PosedScene:
@@ -86,18 +85,18 @@ class PosedScene:
             DermisError: the object has scale 0.
         """
         posed = self._bodies[b].at(i)
-        stiffness = self._value(b, i, "surface_stiffness", 0.0)
+        stiffness = self._value(b, i, "surface_stiffness")
         return ContactBody(
             posed.surface,
             turn.T @ posed.turn,
             turn.T @ (posed.origin - place),
-            friction=self._value(b, i, "friction", FRICTION),
+            friction=self._value(b, i, "friction"),
             softness=1.0 / stiffness if stiffness > 0 else 0.0,
             deforms=posed.deforms,
             carry=posed.carry,
         )
 
-    def _value(self, b: int, i: int, name: str, default: float) -> float:
-        """Return a body's parameter at a sample: animated, constant, or the default."""
+    def _value(self, b: int, i: int, name: str) -> float:
+        """Return a body's parameter at a sample: animated, constant, or what holds where nobody says."""
         channel = self.chunk.channels.get(f"body/{b}/{name}")
-        return float(self._headers[b].parameters.get(name, default) if channel is None else channel[i])
+        return float(self._headers[b].parameters.get(name, BODY[name].absent) if channel is None else channel[i])

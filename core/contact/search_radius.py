@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..parameters.finger import FINGER
 from ..scene.tactile_scene import Chunk, TactileScene
 from ..surface.triangles import Array
 
@@ -22,7 +23,7 @@ class SearchRadius:
     """
 
     def __init__(self, scene: TactileScene) -> None:
-        self._distances = [float(f.parameters.get("touch_distance", 0.0)) for f in scene.fingers]
+        self._distances = [float(FINGER["touch_distance"].of(f.parameters)) for f in scene.fingers]
         self._margin = FASTEST_APPROACH / scene.rate
         self.longest = max(self._distances, default=0.0) + self._margin
 

@@ -13,9 +13,7 @@ Source: [S2] II and Fig. 1; [S2] corrections (tensions >= 0, springs, contact)
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,9 +170,9 @@ def mechanism(spec: DeviceSpec) -> CablePlatform:
     Raises:
         DermisError: a missing parameter, one that is not above zero, or joints that do not make a triangle.
     """
-    p, where = spec.parameters, f"device preset '{spec.key}'"
+    where = f"device preset '{spec.key}'"
     radius, base_radius, disc, drop, base_height, pulley, spring, bending, preload, cable, limit = (
-        positive(p, name, where)
+        spec.value(name)
         for name in (
             "platform_radius",
             "base_radius",
@@ -189,7 +187,7 @@ def mechanism(spec: DeviceSpec) -> CablePlatform:
             "tension_limit",
         )
     )
-    angles = joint_angles(p, "joint_angles", MOTORS, where)
+    angles = joint_angles(spec, "joint_angles")
     joints, base = on_circle(radius, angles, 0.0), on_circle(base_radius, angles, base_height)
     rest = np.linalg.norm(joints + np.array([0.0, 0.0, -drop]) - base, axis=1)
     if np.ptp(rest) > 1e-9:
@@ -199,29 +197,19 @@ def mechanism(spec: DeviceSpec) -> CablePlatform:
     )
 
 
-def positive(p: Mapping[str, Any], name: str, where: str) -> float:
-    """Return a parameter that must be one number above zero."""
-    value = p.get(name)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
-        raise DermisError(f"'{name}' must be above zero", where=where, value=value, limit="> 0")
-    return float(value)
-
-
-def joint_angles(p: Mapping[str, Any], name: str, count: int, where: str) -> Array:
-    """Return the angles of joints around the pad's normal [rad], from +X to +Y, shape (count,).
+def joint_angles(spec: DeviceSpec, name: str) -> Array:
+    """Return the angles of joints around the pad's normal [rad], from +X to +Y, shape (n,).
 
     Raises:
         DermisError: another number of them, two alike, or all on one side of a line through the middle.
     """
-    value = p.get(name)
-    if not isinstance(value, list) or len(value) != count or not all(type(v) in (int, float) for v in value):
-        raise DermisError(f"'{name}' must be {count} angles", where=where, value=value)
+    value = spec.value(name)
     angles = np.sort(np.mod(np.asarray(value, np.float64), 2 * np.pi))
     between = np.diff(np.append(angles, angles[0] + 2 * np.pi))
     if between.min() < 1e-6 or between.max() >= np.pi:
         raise DermisError(
             f"'{name}' must surround the middle",
-            where=where,
+            where=f"device preset '{spec.key}'",
             value=np.degrees(value).round(3).tolist(),
             limit="no two alike, none 180 degrees or more apart from the next",
         )

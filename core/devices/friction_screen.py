@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
-from ..units import number
+from .kinds import KINDS
 from .spec import DeviceSpec
 
 Array = NDArray[np.float64]
 
 AMPLITUDE, CARRIER = "amplitude", "carrier"
 FULL_FRICTION = 100.0
+_ROWS = KINDS["friction_screen"].parameters
 
 
 @dataclass(frozen=True)
@@ -32,9 +33,9 @@ class FrictionLaw:
     Source: [S4] eq. 1
     """
 
-    slope: float = 1.24
-    intercept: float = -1.05
-    base: float = 10.0
+    slope: float = _ROWS["law_slope"].default
+    intercept: float = _ROWS["law_intercept"].default
+    base: float = _ROWS["law_base"].default
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.slope) and self.slope > 0):
@@ -80,8 +81,8 @@ class FrictionScreen:
     law: FrictionLaw
     limit: float
     carrier: float = 60.0
-    carrier_low: float = 60.0
-    carrier_high: float = 200.0
+    carrier_low: float = _ROWS["carrier_low"].default
+    carrier_high: float = _ROWS["carrier_high"].default
     span_low: float = 0.0
     span_high: float = math.inf
 
@@ -98,7 +99,6 @@ class FrictionScreen:
         where = f"device preset '{spec.key}'"
         if spec.kind != "friction_screen":
             raise DermisError("not a friction screen", where=where, value=spec.kind, limit="friction_screen")
-        given = spec.parameters
         amplitude, carrier = spec.channel(AMPLITUDE), spec.channel(CARRIER)
         if amplitude.high is None or not amplitude.high > 0:
             raise DermisError(
@@ -108,22 +108,16 @@ class FrictionScreen:
                 limit="> 0 V",
                 remedy="Give the channel 'amplitude' a 'high'",
             )
-        law = FrictionLaw(
-            number(given, "law_slope", where, 1.24),
-            number(given, "law_intercept", where, -1.05),
-            number(given, "law_base", where, 10.0),
-        )
-        factor = number(given, "span_factor", where, 3.5)
-        if not factor >= 1:
-            raise DermisError("the measured span is a factor of one or more", where=where, value=factor, limit=">= 1")
-        high = number(given, "span_high", where, _full_volts(law, where))
+        law = FrictionLaw(*map(spec.value, ("law_slope", "law_intercept", "law_base")))
+        high = spec.value("span_high") or _full_volts(law, where)
+        low_carrier, high_carrier = spec.value("carrier_low"), spec.value("carrier_high")
         return cls(
             law,
             float(amplitude.high),
             carrier.rest or 60.0,
-            number(given, "carrier_low", where, 60.0),
-            number(given, "carrier_high", where, 200.0),
-            high / factor,
+            low_carrier,
+            high_carrier,
+            high / spec.value("span_factor"),
             high,
         )
 

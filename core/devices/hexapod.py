@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
-from .cable_platform import joint_angles, on_circle, positive
+from .cable_platform import joint_angles, on_circle
 from .poses import Poses
 from .spec import DeviceSpec
 
@@ -107,13 +107,12 @@ def mechanism(spec: DeviceSpec) -> Hexapod:
         DermisError: a missing parameter, one that is not above zero, joints that do not surround the middle, or legs
             that do not hold the platform in its reference configuration.
     """
-    p, where = spec.parameters, f"device preset '{spec.key}'"
+    where = f"device preset '{spec.key}'"
     radius, base_radius, disc, drop, base_height = (
-        positive(p, name, where)
-        for name in ("platform_radius", "base_radius", "disc_radius", "rest_distance", "base_height")
+        spec.value(name) for name in ("platform_radius", "base_radius", "disc_radius", "rest_distance", "base_height")
     )
-    joints = on_circle(radius, joint_angles(p, "platform_angles", MOTORS, where), 0.0)
-    base = on_circle(base_radius, joint_angles(p, "base_angles", MOTORS, where), base_height)
+    joints = on_circle(radius, joint_angles(spec, "platform_angles"), 0.0)
+    base = on_circle(base_radius, joint_angles(spec, "base_angles"), base_height)
     device = Hexapod(disc, joints, base, -drop)
     held = float(device.conditioning(device.rest_poses(1))[0])
     if held < SINGULAR:

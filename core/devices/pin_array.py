@@ -9,15 +9,12 @@ Source: [S1] IV.B.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
-from ..units import number
 from .spec import DeviceSpec
 
 Array = NDArray[np.float64]
@@ -73,15 +70,11 @@ def layout(spec: DeviceSpec) -> PinLayout:
         DermisError: no pins, a pitch, radius, stroke, spread or force limit that is not above zero, pins that
             overlap, or columns that wrap more than half of the cylinder.
     """
-    p, where = spec.parameters, f"device preset '{spec.key}'"
-    rows, columns = (_count(p, name, where) for name in ("rows", "columns"))
-    pitch, radius, stroke, spread, limit = (
-        _positive(p, name, where) for name in ("pitch", "cylinder_radius", "stroke", "spread", "force_limit")
-    )
-    mount, standoff, forward = (number(p, name, where, 0.0) for name in ("mount_pitch", "standoff", "forward"))
-    delay = number(p, "delay", where, 0.0)
-    if delay < 0:
-        raise DermisError("the control delay cannot be negative", where=where, value=delay, limit=">= 0 s")
+    where = f"device preset '{spec.key}'"
+    rows, columns = int(spec.value("rows")), int(spec.value("columns"))
+    names = ("pitch", "cylinder_radius", "stroke", "spread", "force_limit", "delay")
+    pitch, radius, stroke, spread, limit, delay = map(spec.value, names)
+    mount, standoff, forward = map(spec.value, ("mount_pitch", "standoff", "forward"))
     angles = (np.arange(columns) - (columns - 1) / 2) * pitch / radius
     if columns > 1 and np.ptp(angles) > np.pi:
         raise DermisError(
@@ -99,7 +92,7 @@ def layout(spec: DeviceSpec) -> PinLayout:
     c, s = np.cos(mount), np.sin(mount)
     turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
     tips, directions = tips @ turn.T, directions @ turn.T
-    _refuse_overlap(tips, _positive(p, "pin_radius", where), where)
+    _refuse_overlap(tips, spec.value("pin_radius"), where)
     return PinLayout(tips, directions, limit, stroke, spread, delay)
 
 
@@ -221,20 +214,6 @@ def _first_entry(
     travel = np.where(inside, t, np.inf).min(axis=1, initial=np.inf)
     travel[~np.isfinite(travel)] = np.nan
     return origins + travel[:, None] * directions, travel
-
-
-def _count(p: Mapping[str, Any], name: str, where: str) -> int:
-    value = number(p, name, where, 0.0)
-    if not value.is_integer() or value < 1:
-        raise DermisError(f"'{name}' must be a whole number of at least 1", where=where, value=value)
-    return int(value)
-
-
-def _positive(p: Mapping[str, Any], name: str, where: str) -> float:
-    value = number(p, name, where)
-    if not value > 0:
-        raise DermisError(f"'{name}' must be above zero", where=where, value=value, limit="> 0")
-    return value
 
 
 def _refuse_overlap(tips: Array, pin_radius: float, where: str) -> None:

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError
 from ..following import follow
-from ..units import number
-from .spec import DeviceSpec, positive
+from .spec import DeviceSpec
 
 Array = NDArray[np.float64]
 
@@ -51,20 +50,9 @@ class ShearTactor:
         """
         where = f"device preset '{spec.key}'"
         names = ("link_length", "range", "max_speed", "torque_limit", "axis_direction", "tap_axis")
-        p = spec.parameters
-        for name in names:
-            if name not in p:
-                raise DermisError(f"'{name}' is missing", where=where)
-        link, radius, speed, torque = (positive(number(p, n, where), f"{where}, {n}") for n in names[:4])
-        tap = p["tap_axis"]
-        two = isinstance(tap, list) and len(tap) == 2
-        if not two or not all(isinstance(v, int | float) and math.isfinite(v) for v in tap) or not any(tap):
-            raise DermisError(
-                "the tap axis must be a direction in the pad's plane",
-                where=where,
-                value=tap,
-                limit="two numbers, not both 0",
-            )
+        link, radius, speed, torque, heading, tap = map(spec.value, names)
+        if not any(tap):
+            raise DermisError("the tap axis must be a direction in the pad's plane", where=where, value=tap)
         axis = np.asarray(tap, dtype=np.float64) / math.hypot(*tap)
         reach = math.sqrt(2.0) * link
         if not (radius < reach and reach + radius < 2.0 * link):
@@ -74,7 +62,6 @@ class ShearTactor:
                 value=radius,
                 limit=f"less than {min(reach, 2.0 * link - reach):.6g} m",
             )
-        heading = number(p, "axis_direction", where)
         return cls(link, radius, speed, torque, heading, (float(axis[0]), float(axis[1])))
 
     @property

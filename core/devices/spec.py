@@ -12,10 +12,9 @@ from typing import Any
 
 from ..errors import DermisError
 from ..units import UNITS, quantity
+from .kinds import KINDS
 
 DEVICE_SCHEMA = "dermis-device 1"
-KINDS = ("shear_tactor", "friction_screen", "pin_array", "thimble", "cable_platform", "hexapod")
-WORN = tuple(kind for kind in KINDS if kind != "friction_screen")  # a finger is in it, and must be let go
 MAX_REPEAT = 4096  # channels that one entry may stand for
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")  # what stands in file headers as it is
 WIRE = ("bandwidth", "bits_per_sample", "bits_per_channel")
@@ -80,8 +79,24 @@ class DeviceSpec:
 
     @property
     def worn(self) -> bool:
-        """Whether a finger is in the device, so that it must state how it lets go: 'at rest' does not say so."""
-        return self.kind in WORN
+        """Return whether a finger is in the device: it must state how it lets go, and 'at rest' does not say so."""
+        return self.kind in KINDS and KINDS[self.kind].worn
+
+    @property
+    def follows_skin(self) -> bool:
+        """Return whether its track is made from what the finger's whole skin feels."""
+        return self.kind in KINDS and KINDS[self.kind].follows_skin
+
+    def value(self, name: str) -> Any:
+        """Return a parameter of the device's kind, in SI; what holds where the preset does not say.
+
+        Raises:
+            DermisError: it is missing, of another kind, or out of range.
+        """
+        row, where = KINDS[self.kind].parameters[name], f"device preset '{self.key}'"
+        if row.required and name not in self.parameters:
+            raise DermisError(f"'{name}' is missing", where=where, remedy=f"A {self.kind} needs it")
+        return row.of(self.parameters, where)
 
     @property
     def hash(self) -> str:

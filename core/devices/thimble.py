@@ -8,7 +8,6 @@ Source: [S0] 3.1 with the kinematics of the project's corrections (closed form o
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import DermisError
-from ..units import number
 from .firmness import firmness, posture
 from .forward_kinematics import configuration
 from .linkage import Linkage, PlatformPose
@@ -128,27 +126,21 @@ def mechanism(spec: DeviceSpec) -> Thimble:
         DermisError: a length or limit that is not above zero, links that cannot close at the reference or do not hold
             the platform there, or a channel that leaves its servo no range.
     """
-    p, where = spec.parameters, f"device preset '{spec.key}'"
+    where = f"device preset '{spec.key}'"
     names = ("platform_radius", "base_radius", "crank", "rod", "servo_range", "servo_speed", "disc_radius")
-    sizes: dict[str, Any] = {name: _positive(p, name, where) for name in names}
-    reference = _positive(p, "reference_distance", where)
+    sizes: dict[str, Any] = {name: spec.value(name) for name in names}
+    reference = spec.value("reference_distance")
     # the base sits above the nail and looks down: its +Z is the finger's -Z, its +Y stays the finger's
     mount = np.diag([-1.0, 1.0, -1.0, 1.0])
-    position = p.get("mount_position", [0.0, 0.0, reference])
-    if not isinstance(position, list) or len(position) != 3 or not all(type(v) in (int, float) for v in position):
-        raise DermisError("'mount_position' must be three numbers", where=where, value=position)
-    mount[:3, 3] = position
-    bent = p.get("knee", "outwards")
-    if bent not in ("outwards", "inwards"):
-        raise DermisError("'knee' bends another way", where=where, value=bent, limit="outwards, inwards")
-    knee = -1.0 if bent == "inwards" else 1.0
+    mount[:3, 3] = spec.value("mount_position") or (0.0, 0.0, reference)
+    knee = -1.0 if spec.value("knee") == "inwards" else 1.0
     device = Thimble(
         **sizes,
         servo_zero=0.0,
         knee=knee,
         mount=mount,
-        pulse_neutral=number(p, "pulse_neutral", where, 1.5e-3),
-        pulse_gain=number(p, "pulse_gain", where, 1e-3 / (np.pi / 2)),
+        pulse_neutral=spec.value("pulse_neutral"),
+        pulse_gain=spec.value("pulse_gain"),
     )
     try:
         zero = float(device.servo_angles([0.0, 0.0, reference])[0][0])
@@ -166,10 +158,3 @@ def mechanism(spec: DeviceSpec) -> Thimble:
     sizes["servo_speed"] = servo_speed(spec, sizes["servo_speed"])
     bounds = servo_bounds(spec, sizes["servo_range"])
     return replace(device, **sizes, servo_zero=zero, side=math.copysign(1.0, firm), bounds=bounds)
-
-
-def _positive(p: Mapping[str, Any], name: str, where: str) -> float:
-    value = number(p, name, where)
-    if not value > 0:
-        raise DermisError(f"'{name}' must be above zero", where=where, value=value, limit="> 0")
-    return value

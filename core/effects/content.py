@@ -18,7 +18,6 @@ from ..errors import DermisError
 
 Array = NDArray[np.float64]
 
-KINDS = ("child", "pendulum", "slosh", "loose")
 # Bounces within one step; a body that would bounce more often lies still until the next.
 MOST_BOUNCES = 8
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
+from ..parameters.device import DEVICE
 from .heading import Heading
 
 Array = NDArray[np.float64]
@@ -15,8 +16,6 @@ Array = NDArray[np.float64]
 FULL = 100.0  # the strongest friction of [S4]'s scale of 0 to 100
 LEAST = 1.0  # the weakest that Table 1 renders
 STEEPEST_NORMAL = 0.05  # n_z below this (steeper than 87 degrees) is limited
-DOWNHILL = ("rectify", "offset", "absolute")
-PROFILES = ("slope", "height", "rectangle")
 
 
 def directions(
@@ -110,7 +109,7 @@ def without_downhill(friction: Array, way: str) -> Array:
         return np.maximum(0.5 * (FULL + friction), 0.0)
     if way == "absolute":
         return np.abs(friction)
-    raise DermisError("unknown way downhill", value=way, limit=", ".join(DOWNHILL))
+    raise DermisError("unknown downhill", value=way, limit=DEVICE["downhill"].allowed)
 
 
 def bump_height(x: Array, height: float, centre: float, width: float) -> Array:
@@ -156,4 +155,4 @@ def bump_friction(
         return LEAST + span * without_downhill(FULL * relative, downhill) / FULL
     if profile == "rectangle":
         return np.where(surface >= threshold * height, FULL, LEAST)
-    raise DermisError("unknown profile", value=profile, limit=", ".join(PROFILES))
+    raise DermisError("unknown profile", value=profile, limit=DEVICE["profile"].allowed)

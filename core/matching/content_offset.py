@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from ..contact.pad_contact import PadContact
 from ..effects import content
-from ..effects.defaults import BODY
 from ..errors import DermisError, Finding
+from ..parameters.material import BODY
 from ..scene.tactile_scene import TactileScene
 
 Array = NDArray[np.float64]
@@ -28,9 +28,7 @@ def content_offset(
     Source: [S3] eq. 5, oc
     """
     body = scene.bodies[b]
-    kind = str(body.parameters.get("content_kind", "child"))
-    if kind not in content.KINDS:
-        raise DermisError("unknown content", where=f"object '{body.name}'", value=kind, limit=", ".join(content.KINDS))
+    kind = BODY["content_kind"].of(body.parameters, f"object '{body.name}'")
     if kind == "child":
         return _of_children(touch, scene, b, times)
     names = ("content_length", "content_damping", "content_size")
@@ -90,4 +88,4 @@ def _walls(name: str, limited: int) -> tuple[Finding, ...]:
 
 def _constant(touch: PadContact, scene: TactileScene, b: int, name: str, times: Array) -> float:
     """A quantity that must not change while something is integrated: its first value."""
-    return float(np.ravel(touch.series(f"body/{b}/{name}", scene.bodies[b].parameters, BODY[name], times))[0])
+    return float(np.ravel(touch.series(f"body/{b}", BODY[name], scene.bodies[b].parameters, times))[0])

@@ -20,15 +20,16 @@ from ..contact.holding_times import holding_times, meet
 from ..contact.pad_contact import PadContact
 from ..devices.shear_tactor import ShearTactor
 from ..effects import content, patterns, texture, transient, weight
-from ..effects.defaults import BODY, FINGER
-from ..errors import DermisError, Finding
+from ..errors import Finding
+from ..parameters.device import DEVICE
+from ..parameters.finger import FINGER
+from ..parameters.material import BODY
 from ..scene.tactile_scene import DeviceUse, TactileScene
 from .content_offset import content_offset
 
 Array = NDArray[np.float64]
 
-TRANSIENT_AXES = ("tilted", "printed")
-EFFECTS = ("transient", "texture", "weight", "content", "pattern")
+PLAYED = ("pattern_play", "pattern_frequency", "pattern_amplitude", "pattern_angle")
 
 
 @dataclass
@@ -51,15 +52,8 @@ class EffectSum:
 
     def __post_init__(self) -> None:
         options = self.use.parameters
-        self.axis = str(options.get("transient_axis", "tilted"))
-        self.sign = str(options.get("weight_sign", "paper"))
-        for name, value, allowed in (
-            ("transient_axis", self.axis, TRANSIENT_AXES),
-            ("weight_sign", self.sign, tuple(weight.SIGNS)),
-        ):
-            if value not in allowed:
-                raise DermisError(f"unknown {name}", where=self._where, value=value, limit=", ".join(allowed))
-        self.uses = {effect: bool(options.get(f"use_{effect}", True)) for effect in EFFECTS}
+        self.axis = DEVICE["transient_axis"].of(options, self._where)
+        self.sign = DEVICE["weight_sign"].of(options, self._where)
         count = len(self.times)
         self.sum: Array | None = None
         self.contact = np.zeros(count, dtype=bool)
@@ -95,21 +89,13 @@ class EffectSum:
     def pattern(self) -> None:
         """Add the finger's own pattern."""
         own = self.scene.fingers[self.finger].parameters
-        kind = str(own.get("pattern", "none"))
+        kind = FINGER["pattern"].of(own, self._where)
         on = self._used("pattern")
         if kind == "none" or not np.any(on):
             self._skip("effects_off")
             return
-        at = {name: self._series("finger", self.finger, name, FINGER, step=name == "pattern_play") for name in FINGER}
-        shape = patterns.played(
-            kind,
-            self.times,
-            at["pattern_play"],
-            at["pattern_frequency"],
-            at["pattern_amplitude"],
-            at["pattern_angle"],
-            repeat=bool(own.get("pattern_repeat", False)),
-        )
+        at = (self.touch.series(f"finger/{self.finger}", FINGER[name], own, self.times) for name in PLAYED)
+        shape = patterns.played(kind, self.times, *at, repeat=bool(FINGER["pattern_repeat"].of(own)))
         if np.ndim(on):  # a pattern goes on unheard while its switch is off
             shape *= on[:, None]
         if shape.any():
@@ -189,7 +175,7 @@ class EffectSum:
 
     def _weight_factor(self) -> float:
         """One factor for every weight of the scene, so that the strongest just uses the range; 1 without auto-range."""
-        if not self.use.parameters.get("auto_range", False):
+        if not DEVICE["auto_range"].of(self.use.parameters):
             return 1.0
         key = ("weight factor", self.use.preset, len(self.times))
         known: float | None = self.touch.kept.get(key)
@@ -212,7 +198,7 @@ class EffectSum:
         peak = 0.0
         for f, finger in enumerate(self.scene.fingers):
             for use in finger.devices:
-                if use.preset != self.use.preset or not use.parameters.get("auto_range", False):
+                if use.preset != self.use.preset or not DEVICE["auto_range"].of(use.parameters):
                     continue
                 other = EffectSum(self.touch, self.scene, f, use, self.tactor, self.times)
                 for b in range(len(self.scene.bodies)):
@@ -262,24 +248,18 @@ class EffectSum:
         )
         return made
 
-    def _series(self, group: str, i: int, name: str, defaults: dict[str, float], *, step: bool = False) -> Any:
-        owner = self.scene.bodies[i] if group == "body" else self.scene.fingers[i]
-        return self.touch.series(f"{group}/{i}/{name}", owner.parameters, defaults[name], self.times, step=step)
-
     def _body(self, b: int, name: str) -> Any:
-        return self._series("body", b, name, BODY)
+        return self.touch.series(f"body/{b}", BODY[name], self.scene.bodies[b].parameters, self.times)
 
     def _switch(self, b: int, effect: str) -> Any:
         """1 where an effect is on, or None where it never is, on this device or this body."""
-        on = (np.asarray(self._series("body", b, f"{effect}_on", BODY, step=True)) > 0.5) & self._used(effect)
+        on = (np.asarray(self._body(b, f"{effect}_on")) > 0.5) & self._used(effect)
         return on.astype(np.float64) if on.any() else None
 
     def _used(self, effect: str) -> Any:
         """Whether this device renders an effect: all the time, or at each time, shape (n,)."""
-        name = f"use_{effect}"
-        key = f"device/{self.finger}/{self._device}/{name}"
-        used = self.touch.series(key, {name: 1.0 if self.uses[effect] else 0.0}, 1.0, self.times, step=True)
-        return np.asarray(used) > 0.5
+        owner, row = f"device/{self.finger}/{self._device}", DEVICE[f"use_{effect}"]
+        return np.asarray(self.touch.series(owner, row, self.use.parameters, self.times)) > 0.5
 
     @property
     def _device(self) -> int:

@@ -17,19 +17,18 @@ from ..devices.spec import DeviceSpec
 from ..effects.gradient import check_map, metres_of
 from ..effects.slide import FULL, LEAST, directions
 from ..errors import DermisError, Finding
+from ..parameters.device import DEVICE
+from ..parameters.screen import SEQUENCE
 from ..scene.tactile_scene import DeviceUse, Screen, TactileScene
 from ..track.command_track import CommandTrack
 from .rendered import Rendered
 from .screen_map import ScreenMap, height_range, steepest_of_all
-from .screen_path import DIRECTION_WINDOW, Settings, driven_values, scale_findings, screen_path, screens_of
+from .screen_path import Settings, driven_values, scale_findings, screen_path, screens_of
 
 if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
 
 Array = NDArray[np.float64]
-
-RELIEFS = ("map", "mesh")
-THRESHOLD = 0.5
 
 
 def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
@@ -47,17 +46,14 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
     """
     device = FrictionScreen.of(spec)
     where = f"finger '{scene.fingers[finger].name}', {spec.name}"
-    relief_kind = use.parameters.get("relief", "map")
-    if relief_kind not in RELIEFS:
-        raise DermisError("unknown relief", where=where, value=relief_kind, limit=", ".join(RELIEFS))
-    if relief_kind == "mesh":
+    if DEVICE["relief"].of(use.parameters, where) == "mesh":
         from . import mesh_relief
 
         return mesh_relief.render(touch, scene, finger, use, spec)
     settings = Settings(touch, scene, finger, use, spec.rate, where)
     findings: list[Finding] = []
     relevant = screens_of(scene, use)
-    scale = settings.series("scale") if settings.constant("scale_mode", "auto") == "manual" else None
+    scale = settings.series("scale") if settings.constant("scale_mode") == "manual" else None
     if scale is not None and scale.any():  # keyed, it may begin at zero
         largest = float(scale[np.argmax(np.abs(scale))])
         maps = screen_maps(scene, touch.screens, replace(use, parameters={**use.parameters, "scale": largest}), spec)
@@ -74,7 +70,7 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
 
     n = len(settings.times)
     threshold = settings.series("threshold")
-    window = float(settings.constant("direction_window", DIRECTION_WINDOW))
+    window = float(settings.constant("direction_window"))
     signals = {
         name: np.zeros(n)
         for name in ("x", "y", "distance", "direction_x", "direction_y", "grad_x", "grad_y", "height", "friction")
@@ -144,13 +140,11 @@ def screen_maps(scene: TactileScene, matrices: Array, use: DeviceUse, spec: Devi
         DermisError: no such screen, an unusable map or setting, a screen without area.
     """
     device = FrictionScreen.of(spec)
-    given = use.parameters
-    profile, mode = given.get("profile", "slope"), given.get("scale_mode", "auto")
     where = f"device '{use.preset}'"
-    if mode not in ("auto", "manual"):
-        raise DermisError("unknown way to scale", where=where, value=mode, limit="auto, manual")
+    names = ("profile", "scale_mode", "scale", "downhill", "threshold", "direction_window")
+    profile, mode, given_scale, downhill, threshold, window = (DEVICE[n].of(use.parameters, where) for n in names)
     screens = {index: _map_of(scene.screens[index], matrices[index]) for index in screens_of(scene, use)}
-    manual = float(given.get("scale", 0.0)) if mode == "manual" else 0.0
+    manual = float(given_scale) if mode == "manual" else 0.0
     if mode == "manual" and profile != "rectangle" and not (np.isfinite(manual) and manual != 0.0):
         raise DermisError("the scale must not be zero", where=where, value=manual, remedy="Choose the automatic scale")
     scale, offset = manual, 0.0
@@ -164,21 +158,22 @@ def screen_maps(scene: TactileScene, matrices: Array, use: DeviceUse, spec: Devi
     result = {}
     for index, (heights, size, unit) in screens.items():
         parameters = scene.screens[index].parameters
-        begin = float(parameters.get("sequence_start", scene.frame_range[0]))
+        begin = SEQUENCE["sequence_start"].of(parameters, where)
+        begin = float(scene.frame_range[0] if begin is None else begin)
         result[index] = ScreenMap(
             heights,
             size,
             unit,
             device,
             profile,
-            given.get("downhill", "rectify"),
+            downhill,
             scale,
             offset,
-            float(given.get("threshold", THRESHOLD)),
+            float(threshold),
             *ranges[index],
-            maps_per_second=float(parameters.get("map_fps", scene.fps)),
+            maps_per_second=float(SEQUENCE["map_fps"].of(parameters, where) or scene.fps),
             start=(begin - scene.frame_range[0]) / float(scene.fps),
-            direction_window=float(given.get("direction_window", DIRECTION_WINDOW)),
+            direction_window=float(window),
         )
     return result
 

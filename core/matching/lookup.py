@@ -23,6 +23,7 @@ from ..devices.coupling import Coupling, coupling_of
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..interpolate import interpolate
+from ..parameters.device import DEVICE
 from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SLACK = 0.01  # of an original motor's range, that a coupling may drive it beyond unsaid
-ROWS = 3375  # of the table that is swept when a scene is rendered without one: a few seconds, once a skin and device
+ROWS = DEVICE["table_rows"].default
 
 
 def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = None) -> Array:
@@ -136,13 +137,14 @@ def render(
     """
     p = use.parameters
     coupling = coupling_of(spec)
-    table = table_of(skin.model, spec, str(p.get("table", "")), int(p.get("table_rows", ROWS)))
+    path = DEVICE["table"].of(p, spec.key)
+    table = table_of(skin.model, spec, path, int(DEVICE["table_rows"].of(p, spec.key)))
     sensor = readings_of(skin.model)
     count = len(skin.times)
     rest = table.commands[table.rest]
     commands = np.tile(rest, (count, 1))
     series = {name: np.zeros(count) for name in ("contact", "sensed_error", "target_force", "clipped")}
-    findings = list(belongs(table, spec, skin.model, str(p.get("table", ""))))
+    findings = list(belongs(table, spec, skin.model, path))
     touched = skin.contact
     sensed = sensor.sense(skin.force) if len(touched) else np.empty((0, table.readings.shape[1]), np.uint16)
     if len(touched):

@@ -20,7 +20,6 @@ from ..contact.holding_times import meet
 from ..devices.friction_screen import FrictionScreen
 from ..devices.spec import DeviceSpec
 from ..effects.slide import (
-    DOWNHILL,
     FULL,
     STEEPEST_NORMAL,
     directions,
@@ -32,14 +31,12 @@ from ..errors import DermisError, Finding
 from ..scene.tactile_scene import DeviceUse, TactileScene
 from ..track.command_track import CommandTrack
 from .rendered import Rendered
-from .screen_path import DIRECTION_WINDOW, Settings, driven_values, scale_findings, screen_path, screens_of
+from .screen_path import Settings, driven_values, scale_findings, screen_path, screens_of
 
 if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
 
 Array = NDArray[np.float64]
-
-FORMULAS = ("slope", "printed")
 
 
 def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
@@ -96,7 +93,7 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
             signals["x"] += np.cumsum(steps[:, 0]) / spec.rate
             signals["y"] += np.cumsum(steps[:, 1]) / spec.rate
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    window = float(settings.constant("direction_window", DIRECTION_WINDOW))
+    window = float(settings.constant("direction_window"))
     direction = directions(signals["x"], signals["y"], contact, spec.rate, window, resting)
     slopes = -normal[contact, :2] / np.maximum(normal[contact, 2:], STEEPEST_NORMAL)
     if formula == "printed":
@@ -149,25 +146,10 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
 
 def _checked(settings: Settings, where: str) -> tuple[str, str, str]:
     """Return the way to scale, the way downhill and the formula."""
-    for name, default, known in (
-        ("profile", "slope", ("slope",)),
-        ("scale_mode", "auto", ("auto", "manual")),
-        ("downhill", "rectify", DOWNHILL),
-        ("relief_formula", "slope", FORMULAS),
-    ):
-        value = settings.constant(name, default)
-        if value not in known:
-            raise DermisError(
-                f"the normals of a mesh know no such {name.replace('_', ' ')}",
-                where=where,
-                value=value,
-                limit=", ".join(known),
-            )
-    return (
-        str(settings.constant("scale_mode", "auto")),
-        str(settings.constant("downhill", "rectify")),
-        str(settings.constant("relief_formula", "slope")),
-    )
+    profile = settings.constant("profile")
+    if profile != "slope":
+        raise DermisError("the normals of a mesh know no such profile", where=where, value=profile, limit="slope")
+    return settings.constant("scale_mode"), settings.constant("downhill"), settings.constant("relief_formula")
 
 
 def _scale(settings: Settings, mode: str, felt: Array, contact: NDArray[np.bool_], where: str) -> float | Array:

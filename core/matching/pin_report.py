@@ -22,16 +22,16 @@ from ..contact.skin_contact import SkinContact
 from ..contact.skin_sampler import SkinSampler
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
+from ..parameters.device import DEVICE
+from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT
 from ..presets import Library
 from ..scene.tactile_scene import TactileScene
 from ..skin.model import SkinModel, skin_from_parameters
-from . import SKIN_KINDS, pin_resolution
+from . import pin_resolution
 from .deformation import METHODS, Method
 from .pins import Matched, PinSetup, Weighting, make_solver, match, setup
 
 Array = NDArray[np.float64]
-
-DEFAULT_SKIN = "index_medium"
 
 
 @dataclass(frozen=True)
@@ -161,8 +161,8 @@ def compare_scene(
     for f, use, spec in uses:
         if f in idle:
             continue
-        weighting, where = use.parameters.get("pin_nodes", "all"), _named(scene, f)
-        bounded = bool(use.parameters.get("pin_bounded", True))
+        weighting, where = DEVICE["pin_nodes"].of(use.parameters), _named(scene, f)
+        bounded = bool(DEVICE["pin_bounded"].of(use.parameters))
         reports[f"{scene.fingers[f].name}, {spec.name}"] = compare(
             felt[f], spec, weighting=weighting, bounded=bounded, finer=fine[f] if finer else None, where=where
         )
@@ -204,11 +204,11 @@ def _skins(
     skins = {}
     for f, finger in enumerate(scene.fingers):
         p = finger.parameters
-        simulated = p.get("skin_shown", False) or any(
-            library.device(d.preset).kind in SKIN_KINDS for d in finger.devices
+        simulated = SKIN_CONTACT["skin_shown"].of(p) or any(
+            library.device(d.preset).follows_skin for d in finger.devices
         )
         if f in wearers or simulated:
-            own = str(p.get("skin_level", "standard"))
+            own = SKIN_CONTACT["skin_level"].of(p, _named(scene, f))
             parameters, where = p.get("skin") or library.skin(DEFAULT_SKIN), f"{_named(scene, f)}, skin"
             chosen = level if level and f in wearers else own
             skins[f] = skin_from_parameters(parameters, level=chosen, cache=cache, where=where)

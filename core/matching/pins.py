@@ -19,13 +19,14 @@ from ..devices.pin_array import PinContacts, PinLayout
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..interpolate import interpolate, smoothstep
+from ..parameters.device import DEVICE
 from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
 from ..surface.gap import Surface
 from ..track.command_track import CommandTrack
 from . import pin_resolution
-from .deformation import METHODS, Matcher, Method, PinSolver
+from .deformation import Matcher, Method, PinSolver
 from .rendered import Rendered
 
 Array = NDArray[np.float64]
@@ -35,7 +36,6 @@ WEIGHTINGS: tuple[Weighting, ...] = get_args(Weighting)
 RECEPTOR_BAND = (0.3e-3, 2.0e-3)  # [m] below the pad. Source: TouchSim's fitted depths of SA1 to PC
 _setups: Recent[tuple[str, float, str, str], PinSetup] = Recent(8)
 BLOCK = 512  # frames whose errors are computed together
-FADE = 0.1  # [s] default length of fade-in and fade-out; chosen
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,10 +122,9 @@ def render(
     Source: [S1] eq. 6-21
     """
     p = use.parameters
-    method = p.get("pin_method", "DM2")
-    if method not in METHODS:
-        raise DermisError("unknown matching method", where=spec.key, value=method, limit=", ".join(METHODS))
-    lead, fades = _lead(p, spec), (_length(p, "pin_fade_in"), _length(p, "pin_fade_out"))
+    names = ("pin_method", "pin_nodes", "pin_bounded", "pin_fade_in", "pin_fade_out")
+    method, nodes, bounded, *fades = (DEVICE[name].of(p, spec.key) for name in names)
+    lead = _lead(p, spec)
     count = len(skin.times)
     times = np.arange(sample_count(scene.fps, scene.frame_range, spec.rate)) / spec.rate
     skipped = {"pin_frames_without_contact": count - len(skin.contact)}
@@ -136,8 +135,8 @@ def render(
         return Rendered(
             CommandTrack(spec, times, np.zeros((len(times), len(spec.channels))), meta), nothing, (), skipped
         )
-    ready = setup(skin.model, spec, p.get("pin_nodes", "all"))
-    solver = make_solver(ready, spec, method, skin.times, bounded=bool(p.get("pin_bounded", True)))
+    ready = setup(skin.model, spec, nodes)
+    solver = make_solver(ready, spec, method, skin.times, bounded=bool(bounded))
     matched = match(solver, skin)
     forces, series = matched.forces, _series(matched, ready, skin)
     values = interpolate(skin.times, forces, np.minimum(times + lead, skin.times[-1]))
@@ -241,15 +240,8 @@ _SIGNALS = (
 
 def _lead(parameters: Mapping[str, Any], spec: DeviceSpec) -> float:
     """Return by how much the track leads the touch, so that the device's delay cancels [s]."""
-    delay = float(spec.parameters.get("delay", 0.0))
-    return delay if parameters.get("pin_lead", True) else 0.0
-
-
-def _length(parameters: Mapping[str, Any], name: str) -> float:
-    value = float(parameters.get(name, FADE))
-    if not (np.isfinite(value) and value >= 0):
-        raise DermisError("a fade cannot be negative", where=name, value=value, limit=">= 0 s")
-    return value
+    delay = float(spec.value("delay"))
+    return delay if DEVICE["pin_lead"].of(parameters, spec.key) else 0.0
 
 
 def _fade(times: Array, fade_in: float, fade_out: float) -> Array:

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
-from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..devices import cable_platform, hexapod
 from ..devices.coupling import coupling_of
+from ..devices.kinds import KINDS
+from ..devices.mechanism import kind_of, mechanism_of
 from ..devices.spec import Channel, DeviceSpec
 from ..errors import DermisError
 
 Array = NDArray[np.float64]
 
-MECHANISMS: Mapping[str, ModuleType] = {"cable_platform": cable_platform, "hexapod": hexapod}
 Mechanism = cable_platform.CablePlatform | hexapod.Hexapod
 
 
@@ -27,14 +26,14 @@ def mechanism(spec: DeviceSpec) -> Mechanism:
     Raises:
         DermisError: another kind of device, or a broken preset.
     """
-    if spec.kind not in MECHANISMS:
+    if not kind_of(spec).platform:
         raise DermisError(
             "this device has no look-up table",
             where=f"device preset '{spec.key}'",
             value=spec.kind,
-            limit=", ".join(MECHANISMS),
+            limit=", ".join(name for name, kind in KINDS.items() if kind.platform),
         )
-    found: Mechanism = MECHANISMS[spec.kind].mechanism(spec)
+    found: Mechanism = mechanism_of(spec)
     return found
 
 

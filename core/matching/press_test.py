@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from ..contact.solver.bodies import ContactBody
 from ..contact.solver.path import PathSolver
 from ..errors import DermisError
+from ..parameters.material import FRICTION  # of the push plate too: it changes the load of a press by little
 from ..skin.model import SkinModel
 from ..surface.plane import Plane
 
 Array = NDArray[np.float64]
 
 DEPTHS = (0.5e-3, 1.0e-3, 1.5e-3, 2.0e-3)  # [m] of the press test. Source: [S1] IV.D
-FRICTION = 0.6  # of the push plate; it changes the load of a press by little
 PAPER_RANGE = (0.61, 0.90)  # alpha of the ten people of [S1] fig. 6
 
 

@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 from ..devices.friction_screen import FrictionScreen
 from ..effects.gradient import Map, bilinear, check_map, gradient, metres_of, steepest
 from ..effects.heading import REST_RADIUS, Heading
-from ..effects.slide import DOWNHILL, FULL, LEAST, PROFILES, friction_of_slope, without_downhill
+from ..effects.slide import FULL, LEAST, friction_of_slope, without_downhill
 from ..errors import DermisError
 from ..files import write_bytes
 from ..foreign import json_of
 from ..npz import opened_npz
+from ..parameters.device import DEVICE
 
 Array = NDArray[np.float64]
 
@@ -97,12 +98,8 @@ class ScreenMap:
         if self.heights.ndim != 3:
             raise DermisError("the maps are not (count, rows, columns)", where="screen map", value=self.heights.shape)
         check_map(self.heights, self.size, self.height_unit, "screen map")
-        if self.profile not in PROFILES:
-            raise DermisError("unknown profile", where="screen map", value=self.profile, limit=", ".join(PROFILES))
-        if self.downhill not in DOWNHILL:
-            raise DermisError(
-                "unknown way downhill", where="screen map", value=self.downhill, limit=", ".join(DOWNHILL)
-            )
+        for name in ("profile", "downhill"):
+            DEVICE[name].check(getattr(self, name), "screen map")
         for name in ("scale", "offset", "threshold", "lowest", "highest", "start"):
             if not math.isfinite(getattr(self, name)):
                 raise DermisError(f"'{name}' is not a finite number", where="screen map", value=getattr(self, name))

@@ -14,6 +14,8 @@ from ..devices.spec import DeviceSpec
 from ..effects.heading import STILL_SPEED
 from ..errors import DermisError, Finding
 from ..motion import Spline
+from ..parameters.device import DEVICE
+from ..parameters.finger import FINGER
 from ..scene.tactile_scene import DeviceUse, TactileScene
 from .shear_tactor import device_times
 
@@ -22,8 +24,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TOUCH_DISTANCE = 0.0005  # [m], where neither screen nor finger says
-DIRECTION_WINDOW = 0.02  # [s]
 BEHIND = 0.02  # [m]; a pad deeper than a fingertip is thick lies behind the screen and does not touch it
 SCALE_CHANGE = 1e-4  # relative; float32 matrices differ by less
 SHEAR = 1e-3
@@ -130,16 +130,17 @@ class Settings:
         place = place if place is not None else (devices.index(use) if use in devices else 0)
         self._prefix = f"device/{finger}/{place}/"
 
-    def constant(self, name: str, default: Any) -> Any:
+    def constant(self, name: str) -> Any:
         """Return a setting that does not change over a scene."""
-        return self._given.get(name, default)
+        return DEVICE[name].of(self._given, self._where)
 
     def series(self, name: str) -> Array | None:
         """Return a setting at the device's times, or None where nobody set it."""
         animated = self._channel(self._prefix + name)
         if animated is not None:
             return animated
-        return np.full(len(self.times), float(self._given[name])) if name in self._given else None
+        constant = self.constant(name) if name in self._given else None
+        return None if constant is None else np.full(len(self.times), float(constant))
 
     def touch_distance(self, screen: int) -> Array:
         """Return the distance [m] from which the pad touches: the screen's own, else the finger's."""
@@ -152,7 +153,7 @@ class Settings:
                 return animated
             if "touch_distance" in owner.parameters:
                 return np.full(len(self.times), float(owner.parameters["touch_distance"]))
-        return np.full(len(self.times), TOUCH_DISTANCE)
+        return np.full(len(self.times), float(FINGER["touch_distance"].absent))
 
     def _channel(self, key: str) -> Array | None:
         values = self._touch.channels.get(key)

@@ -15,6 +15,7 @@ from ..contact.pad_contact import PadContact
 from ..devices.shear_tactor import ShearTactor, within_speed
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError
+from ..parameters.device import DEVICE
 from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
 from ..track.command_track import CommandTrack
 from .effect_sum import EffectSum
@@ -22,7 +23,6 @@ from .rendered import Rendered
 
 Array = NDArray[np.float64]
 
-PROJECTIONS = ("magnitude", "printed")
 # A length of up to this above 1 is rounding, not a displacement that had to be limited.
 SLACK = 1e-9
 
@@ -37,14 +37,7 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
 
     Source: [S3] eq. 1-8
     """
-    method = str(use.parameters.get("projection", "magnitude"))
-    if method not in PROJECTIONS:
-        raise DermisError(
-            "unknown projection",
-            where=f"finger '{scene.fingers[finger].name}'",
-            value=method,
-            limit=", ".join(PROJECTIONS),
-        )
+    method = DEVICE["projection"].of(use.parameters, f"finger '{scene.fingers[finger].name}'")
     tactor = ShearTactor.from_spec(spec)
     times: Array = touch.keep(("device times", spec.rate), lambda: device_times(scene, spec.rate))
     sums = EffectSum(touch, scene, finger, use, tactor, times)
@@ -111,8 +104,7 @@ def projected(displacement: Array, reach: float, method: str = "magnitude") -> t
 
     Source: [S3] eq. 6
     """
-    if method not in PROJECTIONS:
-        raise DermisError("unknown projection", value=method, limit=", ".join(PROJECTIONS))
+    DEVICE["projection"].check(method, "shear tactor")
     flat = displacement[:, :2]
     length = np.hypot(flat[:, 0], flat[:, 1])
     limited = int((length > 1.0 + SLACK).sum())

@@ -183,7 +183,7 @@ class SkinTable:
 
 def press_of(skin: SkinModel, spec: DeviceSpec) -> Press:
     """Return what presses a skin with a preset's platform."""
-    return Press(skin.compliance, skin.positions, mechanism(spec), float(spec.parameters.get("friction", 0.4)))
+    return Press(skin.compliance, skin.positions, mechanism(spec), float(spec.value("friction")))
 
 
 def tabulate(readings: Readings, commands: Array, pressed: Pressed) -> tuple[Array, Counts, dict[str, int]]:

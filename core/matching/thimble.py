@@ -12,6 +12,7 @@ from ..cache import cache_key
 from ..devices.spec import DeviceSpec
 from ..devices.thimble import FIRM, Thimble
 from ..errors import DermisError, Finding, Severity
+from ..parameters.material import FRICTION
 from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
@@ -27,7 +28,7 @@ from .rendered import Rendered
 from .start_table import StartTable, start_table
 from .stress import MISTRUST, StressMatcher, ThimbleFrame
 from .thimble_sequence import ThimbleSequence, collect
-from .thimble_use import FRICTION, HOVER, LEARNED, METHODS, ThimbleUse, prepare
+from .thimble_use import HOVER, LEARNED, METHODS, ThimbleUse, prepare
 
 if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact

@@ -24,6 +24,7 @@ from ..devices.servo_limits import SERVOS
 from ..devices.spec import DeviceSpec
 from ..devices.thimble import Thimble, mechanism
 from ..errors import DermisError, Finding
+from ..parameters.device import DEVICE
 from ..skin.model import SkinModel
 from ..surrogate.forward import ForwardModel
 from ..surrogate.soundness import try_out
@@ -31,12 +32,10 @@ from ..surrogate.store import contact_of, load, place_of
 
 Array = NDArray[np.float64]
 
-METHODS = ("stress", "network", "ridge", "force", "geometry")
+METHODS = DEVICE["thimble_method"].keys
 LEARNED = ("network", "ridge")
-FRICTION = 0.6  # between disc and skin, of a preset that does not say
-HOVER = 0.4e-3  # [m] between disc and skin while nothing is touched
+HOVER = DEVICE["thimble_hover"].default
 TRIED_TILT, TRIED_DEPTH = 0.2, 0.5e-3  # [rad], [m]: where a surrogate must be able to answer
-LARGEST_HOVER = 5e-3  # [m] more would be out of reach of most mechanisms
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +70,10 @@ def fitted(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any]) -> 
     Raises:
         DermisError: a preset that cannot be built, or angles that no pose of the platform has.
     """
-    device, friction = mechanism(spec), float(spec.parameters.get("skin_friction", FRICTION))
-    if not parameters.get("thimble_calibrated", False):
+    device, friction = mechanism(spec), float(spec.value("skin_friction"))
+    if not DEVICE["thimble_calibrated"].of(parameters, spec.key):
         return device, friction
-    felt = np.array([float(parameters.get(f"thimble_felt_{i}", 0.0)) for i in (1, 2, 3)])
+    felt = np.array([float(DEVICE[f"thimble_felt_{i}"].of(parameters, spec.key)) for i in (1, 2, 3)])
     low, high = device.servo_limits
     if not np.isfinite(felt).all() or (felt < low).any() or (felt > high).any():
         raise DermisError(
@@ -99,16 +98,7 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
         DermisError: an unknown method, a hover out of range, or what `fitted` raises.
     """
     device, friction = fitted(spec, skin, parameters)
-    method, hover = str(parameters.get("thimble_method", "stress")), float(parameters.get("thimble_hover", HOVER))
-    if method not in METHODS:
-        raise DermisError("unknown method", where=where, value=method, limit=", ".join(METHODS))
-    if not 0.0 < hover <= LARGEST_HOVER:
-        raise DermisError(
-            "the disc cannot wait at that distance",
-            where=where,
-            value=f"{1e3 * hover:g} mm",
-            limit=f"above 0, up to {1e3 * LARGEST_HOVER:g} mm",
-        )
+    method, hover = (DEVICE[name].of(parameters, where) for name in ("thimble_method", "thimble_hover"))
     near = _near(spec, device, contact_of(device, skin, friction))
     if method not in LEARNED:
         return ThimbleUse(device, skin, friction, hover, method, None, None, near)
@@ -159,7 +149,7 @@ def surrogate_path(parameters: Mapping[str, Any], skin: SkinModel, device: Thimb
     Raises:
         DermisError: none is named.
     """
-    given = str(parameters.get("thimble_surrogate", ""))
+    given = DEVICE["thimble_surrogate"].of(parameters)
     if not given:
         raise DermisError(
             "no surrogate was adapted to this finger",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import DermisError
+from ..parameters.device import DEVICE
 from ..presets import Library
 from ..scene.tactile_scene import TactileScene
 from .bake import Bake
@@ -50,7 +51,7 @@ def export_screen_maps(scene: TactileScene, library: Library, folder: Path) -> t
         for use in finger.devices:
             spec = library.device(use.preset)
             # a relief that is read from the mesh itself needs no map
-            if spec.kind == "friction_screen" and use.parameters.get("relief", "map") != "mesh":
+            if spec.kind == "friction_screen" and DEVICE["relief"].of(use.parameters) != "mesh":
                 wanted.append((finger.name, use, spec))
     if not wanted:
         raise DermisError(

@@ -17,10 +17,11 @@ from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from ..devices.mechanism import kind_of
 from ..devices.safe_state import safe_findings
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
-from ..matching import SKIN_KINDS
+from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT
 from ..presets import Library
 from ..scene.content_hash import ContentHash
 from ..scene.tactile_scene import DeviceUse, TactileScene
@@ -36,18 +37,6 @@ if TYPE_CHECKING:
     from ..skin.model import SkinModel
 
     Renderer = Callable[..., Rendered]
-
-
-DEFAULT_SKIN = "index_medium"
-# kind of device -> the file in matching/ that drives it
-RENDERERS = {
-    "shear_tactor": "shear_tactor",
-    "friction_screen": "friction_screen",
-    "pin_array": "pins",
-    "thimble": "thimble",
-    "cable_platform": "lookup",
-    "hexapod": "lookup",
-}
 
 
 def render(scene: TactileScene, library: Library, *, cache: Cache | None = None) -> Generator[Progress, None, Bake]:
@@ -80,7 +69,7 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
         yield Progress("devices", step, len(wanted))
         with clock.stage("devices"):
             try:
-                more = (felt[finger],) if spec.kind in SKIN_KINDS else ()
+                more = (felt[finger],) if spec.follows_skin else ()
                 rendered = _renderer(spec)(touch, scene, finger, use, spec, *more)
                 output = _finish(rendered, scene, finger, use, content_hash)
             except DermisError as error:  # one device that cannot be rendered does not take the others down
@@ -120,7 +109,7 @@ def _wanted(
 ) -> Iterator[tuple[int, DeviceUse, DeviceSpec]]:
     """Pair every finger with the devices that can be driven; say which cannot, and go on."""
     for i, finger in enumerate(scene.fingers):
-        if not finger.devices and not finger.parameters.get("skin_shown", False):
+        if not finger.devices and not SKIN_CONTACT["skin_shown"].of(finger.parameters):
             findings.append(
                 Finding(
                     "warning",
@@ -156,8 +145,8 @@ def _skins(
 
     A finger whose skin cannot be made loses the devices that need it; the others are rendered.
     """
-    needed = {f for f, _, spec in wanted if spec.kind in SKIN_KINDS}
-    needed |= {f for f, finger in enumerate(scene.fingers) if finger.parameters.get("skin_shown", False)}
+    needed = {f for f, _, spec in wanted if spec.follows_skin}
+    needed |= {f for f, finger in enumerate(scene.fingers) if SKIN_CONTACT["skin_shown"].of(finger.parameters)}
     skins: dict[int, SkinModel] = {}
     for done, f in enumerate(sorted(needed)):
         yield Progress("skin", done, len(needed))
@@ -168,11 +157,11 @@ def _skins(
         try:
             with clock.stage("skin"):
                 parameters = finger.parameters.get("skin") or library.skin(DEFAULT_SKIN)
-                level = str(finger.parameters.get("skin_level", "standard"))
+                level = SKIN_CONTACT["skin_level"].of(finger.parameters, place)
                 skins[f] = skin_from_parameters(parameters, level=level, cache=cache, where=f"{place}, skin")
         except DermisError as error:
             findings.append(_unavailable(finger.name, error))
-            wanted[:] = [w for w in wanted if w[0] != f or w[2].kind not in SKIN_KINDS]
+            wanted[:] = [w for w in wanted if w[0] != f or not w[2].follows_skin]
     return skins
 
 
@@ -217,11 +206,7 @@ def _sample(
 
 def _renderer(spec: DeviceSpec) -> Renderer:
     """Return the method that drives this kind of device; its module loads only now."""
-    if spec.kind not in RENDERERS:
-        raise DermisError(
-            "unknown kind of device", where=f"device preset '{spec.key}'", value=spec.kind, limit=", ".join(RENDERERS)
-        )
-    render: Renderer = import_module(f"..matching.{RENDERERS[spec.kind]}", __package__).render
+    render: Renderer = import_module(f"..matching.{kind_of(spec).renderer}", __package__).render
     return render
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
+from ..parameters.material import FRICTION
 from .tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
 
 Array = NDArray[np.float64]
@@ -32,7 +33,7 @@ SLIDE = 2.0  # [s] of movement that is presented. Source: [S1] IV.A
 
 def sliding_plane(
     depth: float = 2.0e-3,
-    friction: float = 0.6,
+    friction: float = FRICTION,
     direction: float = 0.0,
     *,
     devices: Sequence[DeviceUse] = (),

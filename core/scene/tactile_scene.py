@@ -16,6 +16,10 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
 from ..interpolate import MOST_SAMPLES
+from ..parameters.finger import FINGER
+from ..parameters.material import BODY
+from ..parameters.parameter import Table
+from ..parameters.screen import SCREEN, SEQUENCE
 
 Array = NDArray[np.float64]
 SCENE_VERSION = 1
@@ -182,7 +186,8 @@ class TactileScene:
         """Refuse a scene that cannot be rendered.
 
         Raises:
-            DermisError: nothing to do, a name used twice, a reversed range, a broken mesh or map.
+            DermisError: nothing to do, a name used twice, a reversed range, a parameter out of range, a broken mesh or
+                map.
         """
         validate(self)
 
@@ -229,7 +234,7 @@ def validate(scene: TactileScene) -> None:
     where = f"scene '{scene.name}'"
     if not scene.fingers:
         raise DermisError("no finger", where=where, remedy="Add one with Add > Dermis > Finger", code="no-finger")
-    patterned = any(f.parameters.get("pattern", "none") != "none" for f in scene.fingers)
+    patterned = any(FINGER["pattern"].of(f.parameters, f"finger '{f.name}'") != "none" for f in scene.fingers)
     if not scene.bodies and not scene.screens and not patterned:
         raise DermisError(
             "nothing to touch",
@@ -248,12 +253,15 @@ def validate(scene: TactileScene) -> None:
         )
     if not (np.isfinite(scene.rate) and scene.rate > 0):
         raise DermisError("the sampling rate must be positive", where=where, value=scene.rate, limit="> 0 Hz")
-    groups: tuple[tuple[str, Any], ...] = (
-        ("finger", scene.fingers),
-        ("object", scene.bodies),
-        ("screen", scene.screens),
+    groups: tuple[tuple[str, Any, Table], ...] = (
+        ("finger", scene.fingers, FINGER),
+        ("object", scene.bodies, BODY),
+        ("screen", scene.screens, {**SCREEN, **SEQUENCE}),
     )
-    for kind, items in groups:
+    for kind, items, table in groups:
+        for item in items:  # devices and skins are judged where they are rendered: others can go on without them
+            for row in table.values():
+                row.of(item.parameters, f"{kind} '{item.name}'")
         names = [item.name for item in items]
         for name in sorted(set(names)):
             if names.count(name) > 1:

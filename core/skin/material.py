@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import DermisError
-
-POISSON_LIMIT = 0.499  # averaged nodal pressure oscillates above
+from ..parameters.skin import TISSUE
 
 
 @dataclass(frozen=True)
@@ -16,27 +15,18 @@ class Elastic:
     """A linear isotropic material.
 
     Attributes:
-        young: Young's modulus E [Pa]. Source: [S1] section IV.A, 1e5 Pa.
-        poisson: Poisson's ratio, 0 to 0.499. Source: [S1] section IV.A, 0.48.
-        alpha: personal factor on E, measured with a press test [1]. Source: [S1] section IV.C, 0.61 to 0.90.
+        young: Young's modulus E [Pa]. poisson: ratio. alpha: personal factor on E. See `parameters/skin.py`.
     """
 
-    young: float = 1.0e5
-    poisson: float = 0.48
-    alpha: float = 1.0
+    young: float = TISSUE["young"].default
+    poisson: float = TISSUE["poisson"].default
+    alpha: float = TISSUE["alpha"].default
 
     def __post_init__(self) -> None:
         for name, value in (("young", self.young), ("alpha", self.alpha)):
             if not (np.isfinite(value) and value > 0):
                 raise DermisError("must be above zero", where=f"skin material, {name}", value=value, limit="> 0")
-        if not 0.0 <= self.poisson <= POISSON_LIMIT:
-            raise DermisError(
-                "Poisson's ratio out of range",
-                where="skin material, poisson",
-                value=self.poisson,
-                limit=f"0 to {POISSON_LIMIT}",
-                remedy="Soft tissue is near 0.48",
-            )
+        TISSUE["poisson"].check(self.poisson, "skin material")
 
     @property
     def modulus(self) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from ..cache import Cache, cache_key
 from ..errors import DermisError
-from ..units import number
+from ..parameters.skin import LENGTHS, OWN_MESH, TISSUE
 from .assembly import Element, degrees, stiffness
 from .condense import Condensed, condense
 from .fingertip import LEVELS, fingertip_mesh
 from .material import Elastic
 from .mesh import TetraMesh
-from .own_mesh import MESH_PARAMETERS, own_mesh
+from .own_mesh import own_mesh
 from .quality import check_mesh
 from .shape import FingertipShape, shape_from_parameters
 from .store import MESH_ARRAYS, read_model, read_table, write_model, write_table
@@ -29,7 +29,6 @@ Array = NDArray[np.float64]
 Floats = NDArray[np.floating[Any]]
 
 MODEL_VERSION = 1  # part of every key: raise it whenever mesh, assembly or condensation changes
-MATERIAL_PARAMETERS = ("young", "poisson", "alpha")
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,15 +281,15 @@ def skin_from_parameters(
     if not isinstance(parameters, Mapping):
         raise DermisError("the skin's parameters are no object", where=where, value=type(parameters).__name__)
     own = "mesh" in parameters
-    lengths = set(MESH_PARAMETERS if own else (f.name for f in fields(FingertipShape)))
-    for name in parameters:
-        if name not in lengths and name not in MATERIAL_PARAMETERS:
-            known = ", ".join([*sorted(lengths), *MATERIAL_PARAMETERS])
-            raise DermisError("unknown parameter", where=where, value=name, limit=known)
-    material = Elastic(**{n: number(parameters, n, where) for n in MATERIAL_PARAMETERS if n in parameters})
+    known = {**(OWN_MESH if own else LENGTHS), **TISSUE}
+    for name, value in parameters.items():
+        if name not in known:
+            raise DermisError("unknown parameter", where=where, value=name, limit=", ".join(known))
+        known[name].check(value, where)
+    material = Elastic(**{n: float(v) for n, v in parameters.items() if n in TISSUE})
     if own:
         return mesh_skin(own_mesh(parameters, where), material, cache=cache)
-    shape = shape_from_parameters({n: v for n, v in parameters.items() if n in lengths}, where=where)
+    shape = shape_from_parameters({n: v for n, v in parameters.items() if n in LENGTHS}, where=where)
     return fingertip_skin(shape, material, level=level, cache=cache)
 
 

@@ -12,8 +12,6 @@ from ..files import read_bytes
 from .file import load_mesh
 from .mesh import TetraMesh
 
-MESH_PARAMETERS = ("mesh", "mesh_hash")
-
 
 def digest(path: Path) -> str:
     """Return the SHA-256 of a file.

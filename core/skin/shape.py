@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
+from ..parameters.skin import LENGTHS
 from ..scene.tactile_scene import Mesh
-from ..units import number
 from .disk import disk_quads, split_quads
 
 Array = NDArray[np.float64]
@@ -37,17 +37,17 @@ class FingertipShape:
         bone_margin: soft tissue between the bone's end and the tip, along Y.
     """
 
-    width: float = 16.0e-3
-    thickness: float = 13.0e-3
-    length: float = 24.0e-3
-    tip: float = 10.5e-3
-    nail_width: float = 10.5e-3
-    nail_length: float = 11.0e-3
-    nail_margin: float = 1.5e-3
-    bone_width: float = 6.4e-3
-    bone_thickness: float = 4.6e-3
-    bone_bed: float = 2.0e-3
-    bone_margin: float = 4.5e-3
+    width: float = LENGTHS["width"].default
+    thickness: float = LENGTHS["thickness"].default
+    length: float = LENGTHS["length"].default
+    tip: float = LENGTHS["tip"].default
+    nail_width: float = LENGTHS["nail_width"].default
+    nail_length: float = LENGTHS["nail_length"].default
+    nail_margin: float = LENGTHS["nail_margin"].default
+    bone_width: float = LENGTHS["bone_width"].default
+    bone_thickness: float = LENGTHS["bone_thickness"].default
+    bone_bed: float = LENGTHS["bone_bed"].default
+    bone_margin: float = LENGTHS["bone_margin"].default
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -197,14 +197,12 @@ def shape_from_parameters(parameters: dict[str, Any], *, where: str = "fingertip
     Raises:
         DermisError: an unknown name, or lengths that do not fit together.
     """
-    known = {f.name for f in fields(FingertipShape)}
     for name in parameters:
-        if name not in known:
-            raise DermisError("unknown length", where=where, value=name, limit=", ".join(sorted(known)))
-    base = FingertipShape()
-    outer = {n: number(parameters, n, where, getattr(base, n)) for n in ("width", "thickness", "length")}
-    rest = {n: number(parameters, n, where) for n in parameters if n not in outer}
-    return FingertipShape.scaled(outer["width"], outer["thickness"], outer["length"], **rest)
+        if name not in LENGTHS:
+            raise DermisError("unknown length", where=where, value=name, limit=", ".join(LENGTHS))
+    given = {name: float(row.of(parameters, where)) for name, row in LENGTHS.items()}
+    rest = {name: given[name] for name in parameters if name not in ("width", "thickness", "length")}
+    return FingertipShape.scaled(given["width"], given["thickness"], given["length"], **rest)
 
 
 def _waist(q2: Array, drop: Array | float) -> Array:

@@ -9,7 +9,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 from typing import Any
 
-from ..devices.spec import KINDS, NAME, WIRE, Channel, DeviceSpec
+from ..devices.kinds import KINDS
+from ..devices.spec import NAME, WIRE, Channel, DeviceSpec
 from ..errors import DermisError
 from ..foreign import json_of
 from ..units import UNITS

@@ -72,7 +72,7 @@ def test_every_setting_of_a_material_can_be_reached() -> None:
     }
     for effect in (c for c in panels.CLASSES if getattr(c, "switch", "")):
         shown |= {effect.switch, *effect.shown}
-    names = {a.attribute for a in scene_properties.ATTRIBUTES[scene_properties.DermisMaterial]}
+    names = {row.saved for row in scene_properties.TABLES[scene_properties.DermisMaterial].values()}
     assert names <= shown
 
 

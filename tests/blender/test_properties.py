@@ -6,7 +6,7 @@ import bpy
 import pytest
 
 from blender_addon.properties import scene_properties
-from core.presets import MATERIAL_PARAMETERS
+from core.parameters.material import BODY
 
 from .build import empty, finger, keys, span
 
@@ -72,7 +72,7 @@ def own(group: type) -> list[bpy.types.Property]:
 def test_groups_give_exactly_the_engines_parameters() -> None:
     obj = empty("Thing")
     device = obj.dermis.finger.devices.add()
-    assert set(scene_properties.parameters(obj.dermis.material)) == set(MATERIAL_PARAMETERS) | {"held"}
+    assert set(scene_properties.parameters(obj.dermis.material)) == set(BODY)
     assert set(scene_properties.parameters(obj.dermis.finger)) == FINGER
     assert set(scene_properties.parameters(device)) == DEVICE
 

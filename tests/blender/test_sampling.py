@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from blender_addon import changes, quantities
+from blender_addon.properties import scene_properties
 from blender_addon.sampling import frames, scene_sweep
 from core.errors import DermisError
 from tests.blender import build
@@ -418,12 +419,15 @@ def test_exchanging_an_object_in_the_middle_of_a_sweep_is_refused():
         list(sweep)
 
 
-def test_a_newer_file_is_told():
+def test_a_newer_file_is_refused_and_stays_marked():
     scene = build.span(1, 3)
     build.cube()
     build.finger()
     scene.dermis.file_version = 99
-    assert [f.value for f in scene_sweep.sample(scene).findings if f.code == "newer-version"] == [99]
+    with pytest.raises(DermisError, match=r"newer Dermis.*found 99; allowed: up to 1\). Update Dermis"):
+        scene_sweep.sample(scene)
+    scene_properties.stamp(scene)
+    assert scene.dermis.file_version == 99  # saved here, it still holds what only the newer one can read
 
 
 def test_children_are_content():

@@ -7,15 +7,19 @@ from pathlib import Path
 
 import pytest
 
+from core.devices.kinds import KINDS
+
 ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "core"
 ADDON = ROOT / "blender_addon"
 
-GROUND = set("errors units version foreign files npz number_rows cache interpolate recent following steps".split())
+GROUND = set(
+    "errors units version foreign files npz number_rows cache interpolate recent following steps parameters".split()
+)
 # Files of devices/ that need no more than a device's description: presets are judged by them.
-MECHANISMS = frozenset(
-    "parameters shear_tactor friction_screen pin_array linkage thimble firmness forward_kinematics servo_limits "
-    "cable_platform hexapod poses coupling retraction calibration".split()
+MECHANISMS = {kind.mechanism.partition(".")[0] for kind in KINDS.values()} | set(
+    "preset_check mechanism linkage firmness forward_kinematics servo_limits poses coupling retraction "
+    "calibration".split()
 )
 DEVICE = GROUND | {"devices.spec", "devices.mechanisms"}
 SCENE = GROUND | {"scene"}
@@ -32,6 +36,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "following": set(),
     "steps": set(),
     "units": {"errors"},
+    "parameters": {"errors", "units"},
     "foreign": {"errors"},
     "files": {"errors", "foreign"},
     "npz": {"errors", "foreign", "files"},
@@ -42,7 +47,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "images": GROUND,
     "motion": GROUND,
     # what a device is
-    "devices.spec": {"errors", "units"},  # only its description: tracks carry it
+    "devices.spec": {"errors", "units", "parameters"},  # only its description: tracks carry it
     "devices.mechanisms": GROUND | {"devices.spec"},
     "presets": DEVICE,
     "track": TRACK,
@@ -64,7 +69,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     # live to the hardware
     "stream.protocols": DEVICE,
     "stream.links": DEVICE | {"stream.protocols"},
-    "stream.virtual": DEVICE | {"stream.protocols", "stream.links"},
+    "stream.virtual": DEVICE | {"stream.protocols", "stream.links", "work"},
     "stream": LIVE,
     "stream.acceptance": LIVE | {"stream"},
 }
@@ -97,7 +102,7 @@ def module_name(path: Path, root: Path | None = None) -> tuple[str, ...]:
 
 def unit_of(name: tuple[str, ...]) -> str:
     """Return the row of the table that a module belongs to: its folder, or itself where it lies loose."""
-    if name[:2] in (("devices", "spec"), ("devices", "safe_state")):
+    if name[:2] in (("devices", "spec"), ("devices", "safe_state"), ("devices", "kinds")):
         return "devices.spec"
     if name[:1] == ("devices",) and name[1:2] and name[1] in MECHANISMS:
         return "devices.mechanisms"

@@ -91,5 +91,5 @@ def test_keyed_holds_while_the_switch_is_on_for_fingers_that_touch() -> None:
 
 def test_never_and_unknown() -> None:
     assert holding_times(*grasp([(0.02, 0, 0), (-0.02, 0, 0)], held_mode="never"), 0, 0, TIMES) is None
-    with pytest.raises(DermisError, match="way of holding"):
+    with pytest.raises(DermisError, match="unknown held mode"):
         holding_times(*grasp([(0.02, 0, 0)], held_mode="glue"), 0, 0, TIMES)

@@ -289,7 +289,7 @@ def test_too_deep_is_a_finding_with_its_frame(skin):
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"depth_mode": "floating"}, "touch depth"),
+        ({"depth_mode": "floating"}, "unknown depth mode"),
         ({"depth_mode": "compliant", "bone_stiffness": 0.0}, "bone_stiffness"),
         ({"depth_mode": "compliant", "force_limit": -1.0}, "force_limit"),
     ],

@@ -136,8 +136,8 @@ def test_without_friction_the_way_back_ends_where_the_way_in_did(device, skin, s
         ("pulley_radius", 0.0, "must be above zero"),
         ("spring_stiffness", -1.0, "must be above zero"),
         ("joint_angles", [0.1, 0.2, 0.3], "must surround the middle"),
-        ("joint_angles", [0.1, 2.0], "must be 3 angles"),
-        ("base_radius", None, "must be above zero"),
+        ("joint_angles", [0.1, 2.0], "a list of 3 numbers in rad"),
+        ("base_radius", None, "one number in m"),
     ],
 )
 def test_a_broken_preset_is_refused(spec, name, value, message):

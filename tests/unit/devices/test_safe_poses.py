@@ -10,8 +10,9 @@ import pytest
 
 from core.devices.calibration import Calibration
 from core.devices.firmness import posture
+from core.devices.kinds import KINDS
 from core.devices.retraction import CLEAR, DEEPENING, FITTED, SPARED, THICKEST, clearance, retracted
-from core.devices.spec import WORN, from_preset
+from core.devices.spec import from_preset
 from core.devices.thimble import FIRM, mechanism
 from core.errors import DermisError
 from core.presets import BUILT_IN, Library
@@ -47,7 +48,9 @@ def without(key: str, *names: str) -> Any:
 
 
 def test_every_worn_preset_states_a_safe_value_for_every_actuator() -> None:
-    assert len(WORN_KEYS) == 5 and {LIBRARY.device(k).kind for k in WORN_KEYS} == set(WORN)
+    assert len(WORN_KEYS) == 5 and {LIBRARY.device(k).kind for k in WORN_KEYS} == {
+        name for name, kind in KINDS.items() if kind.worn
+    }
     for key in WORN_KEYS:
         spec = LIBRARY.device(key)
         np.testing.assert_allclose(Wire.of(spec).safe, retracted(spec), atol=1e-9, err_msg=key)

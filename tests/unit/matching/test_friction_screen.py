@@ -381,9 +381,9 @@ def screens_scaled(*scale):
         ({"device": {"downhill": "free"}}, "downhill"),
         ({"device": {"scale_mode": "guess"}}, "scale"),
         ({"device": {"scale_mode": "manual", "scale": 0.0}}, "zero"),
-        ({"device": {"scale_mode": "manual", "scale": math.nan}}, "zero"),
+        ({"device": {"scale_mode": "manual", "scale": math.nan}}, "finite"),
         ({"device": {"direction_window": -1.0}}, "direction_window"),
-        ({"parameters": {"map_fps": -1.0}}, "maps_per_second"),
+        ({"parameters": {"map_fps": -1.0}}, "map_fps"),
     ],
 )
 def test_refuses_with_a_reason(options, message):

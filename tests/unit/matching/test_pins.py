@@ -285,7 +285,7 @@ def test_impossible_planes_are_refused(bad):
 
 @pytest.mark.parametrize(
     ("parameters", "words"),
-    [({"pin_method": "DM3"}, "method"), ({"pin_nodes": "nail"}, "weighting"), ({"pin_fade_in": -0.1}, "fade")],
+    [({"pin_method": "DM3"}, "method"), ({"pin_nodes": "nail"}, "unknown pin nodes"), ({"pin_fade_in": -0.1}, "fade")],
 )
 def test_bad_settings_are_refused(parameters, words):
     with pytest.raises(DermisError, match=words):

@@ -220,11 +220,11 @@ def test_channels_without_a_speed_limit_take_a_second_for_their_range() -> None:
 
 def test_a_channel_without_any_limit_takes_a_second_for_its_way() -> None:
     spec = DeviceSpec("free", "Free", "t", 100.0, (Channel("a", "rad", None, None, None, 0.0, "a"),))
-    gate = Gate(Wire.of(spec))
-    gate.begin(np.array([5.0]), 0.0, 0.0)
-    gate.step(np.array([5.0]), 0.01)
-    ramp = SafeRamp(gate, 0.01, 0.01)
-    assert gate.last[0] == 5.0 and ramp.seconds == pytest.approx(1.0)
+    limiter = OutputLimiter(Wire.of(spec))
+    limiter.begin(np.array([5.0]), 0.0, 0.0)
+    limiter.step(np.array([5.0]), 0.01)
+    ramp = SafeRamp(limiter, 0.01, 0.01)
+    assert limiter.last[0] == 5.0 and ramp.seconds == pytest.approx(1.0)
     path = [float(ramp.step(0.01 * (k + 2))[0]) for k in range(110)]
     assert np.allclose(-np.diff([5.0, *path])[:99], 0.05) and path[-1] == 0.0 and ramp.there
 

@@ -1,0 +1,222 @@
+"""Kinds of device: one row says all that must be known before a mechanism is loaded.
+
+Everything else reads its row here: which file judges a preset and which renders a track, what a preset may set, which
+channels it can fill, whether a finger is in it. `core/README.md`, *Adding a kind of device*, has the other places.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ..parameters.material import FRICTION
+from ..parameters.parameter import NAMES, TEXT, Parameter, Table, table
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """One kind of device.
+
+    Attributes:
+        mechanism: what reads a preset, and refuses one that it cannot be made from: file and function in `devices/`.
+        renderer: the file in `matching/` whose `render` makes its track.
+        parameters: what a preset may set. settings: the rows of `parameters/device.py` that the renderer reads.
+        channels: that it can fill by name, with their units; whichever a preset has where empty.
+        count: how many channels a preset has: a number, or the parameters whose product it is; any where 0.
+        worn: a finger is in it, and must be let go: a preset states a safe pose.
+        follows_skin: `render` takes what the finger's whole skin feels, besides the touch of its pad.
+        platform: its motors have ranges, may be coupled, and a look-up table says what they do.
+    """
+
+    mechanism: str
+    renderer: str
+    parameters: Table
+    settings: tuple[str, ...]
+    channels: Mapping[str, str] = field(default_factory=dict)
+    count: int | tuple[str, ...] = 0
+    worn: bool = True
+    follows_skin: bool = False
+    platform: bool = False
+
+
+def _size(name: str, unit: str) -> Parameter:
+    return Parameter(name=name, unit=unit, required=True, above=0.0)
+
+
+def _count(name: str) -> Parameter:
+    return Parameter(name=name, unit="1", required=True, low=1.0, whole=True)
+
+
+def _needed(name: str, unit: str, size: int | None = None) -> Parameter:
+    return Parameter(name=name, unit=unit, required=True, size=size)
+
+
+def _told(name: str, unit: str) -> Parameter:
+    """A figure of the device that no mechanism needs, but people and senders want."""
+    return Parameter(name=name, unit=unit, low=0.0)
+
+
+_RANGE_DISC = (
+    Parameter(name="range_disc", unit=NAMES),
+    Parameter(name="range_disc_radius", unit="", above=0.0),  # in the unit of the channels that share it
+)
+_PLATFORM = (
+    *_RANGE_DISC,
+    _size("platform_radius", "m"),
+    _size("base_radius", "m"),
+    _size("disc_radius", "m"),
+    _size("rest_distance", "m"),
+    _size("base_height", "m"),
+    Parameter(name="friction", unit="1", low=0.0, default=0.4, source="chosen: as of the six interactions' surface"),
+    Parameter(name="knee_error", unit="1", above=0.0),
+    _needed("sweep_press", "m", 2),
+    _needed("sweep_tilt", "rad"),
+    Parameter(name="coupling", unit="1", size=-1),
+    Parameter(name="coupling_offset", unit="1", size=0),
+    Parameter(name="coupling_low", unit="1", size=0),
+    Parameter(name="coupling_high", unit="1", size=0),
+    Parameter(name="coupling_unit", unit=TEXT),
+)
+
+KINDS: Mapping[str, Kind] = {
+    "shear_tactor": Kind(
+        mechanism="shear_tactor.ShearTactor.from_spec",
+        renderer="shear_tactor",
+        channels={"tactor_x": "m", "tactor_y": "m", "pulley_1": "rad", "pulley_2": "rad"},
+        settings=(
+            *(f"use_{effect}" for effect in ("transient", "texture", "weight", "content", "pattern")),
+            *("auto_range", "projection", "transient_axis", "weight_sign"),
+        ),
+        parameters=table(
+            *_RANGE_DISC,
+            _size("link_length", "m"),
+            _size("range", "m"),
+            _size("max_speed", "m/s"),
+            _size("torque_limit", "N*m"),
+            _needed("axis_direction", "rad"),
+            _needed("tap_axis", "1", 2),
+            _told("force_reference", "N"),
+            _told("force_anywhere", "N"),
+            _told("pulley_diameter", "m"),
+            _told("motor_pulley_diameter", "m"),
+            _told("reduction", "1"),
+            _told("hole_diameter", "m"),
+            _told("cap_diameter", "m"),
+            _told("cap_mass", "kg"),
+            _told("device_mass", "kg"),
+            _told("skin_stiffness_low", "N/m"),
+            _told("skin_stiffness_high", "N/m"),
+        ),
+    ),
+    "friction_screen": Kind(
+        mechanism="friction_screen.FrictionScreen.of",
+        renderer="friction_screen",
+        worn=False,
+        settings=(
+            *("relief", "relief_formula", "profile", "downhill", "direction_window", "threshold"),
+            *("scale_mode", "scale", "carrier"),
+        ),
+        parameters=table(
+            *_RANGE_DISC,
+            Parameter(name="law_slope", unit="1", above=0.0, default=1.24, source="[S4] eq. 1"),
+            Parameter(name="law_intercept", unit="1", default=-1.05, source="[S4] eq. 1"),
+            Parameter(name="law_base", unit="1", above=1.0, default=10.0),
+            Parameter(name="span_factor", unit="1", low=1.0, default=3.5),
+            Parameter(name="span_high", unit="V", above=0.0),
+            Parameter(name="carrier_low", unit="Hz", above=0.0, default=60.0),
+            Parameter(name="carrier_high", unit="Hz", above=0.0, default=200.0),
+        ),
+    ),
+    "pin_array": Kind(
+        mechanism="pin_array.layout",
+        renderer="pins",
+        count=("rows", "columns"),
+        follows_skin=True,
+        settings=("pin_method", "pin_nodes", "pin_bounded", "pin_lead", "pin_fade_in", "pin_fade_out"),
+        parameters=table(
+            *_RANGE_DISC,
+            _count("rows"),
+            _count("columns"),
+            _size("pitch", "m"),
+            _size("pin_radius", "m"),
+            _size("cylinder_radius", "m"),
+            _size("stroke", "m"),
+            _size("force_limit", "N"),
+            _size("spread", "m"),
+            Parameter(name="standoff", unit="m", default=0.0),
+            Parameter(name="forward", unit="m", default=0.0),
+            Parameter(name="mount_pitch", unit="rad", default=0.0),
+            Parameter(name="delay", unit="s", low=0.0, default=0.0),
+        ),
+    ),
+    "thimble": Kind(
+        mechanism="thimble.mechanism",
+        renderer="thimble",
+        channels={**{f"servo_{servo}": "rad" for servo in (1, 2, 3)}, "pitch": "rad", "roll": "rad", "distance": "m"},
+        follows_skin=True,
+        settings=(
+            *("thimble_method", "thimble_surrogate", "thimble_hover", "thimble_calibrated"),
+            *("thimble_felt_1", "thimble_felt_2", "thimble_felt_3"),
+        ),
+        parameters=table(
+            *_RANGE_DISC,
+            _size("platform_radius", "m"),
+            _size("base_radius", "m"),
+            _size("crank", "m"),
+            _size("rod", "m"),
+            _size("disc_radius", "m"),
+            _size("reference_distance", "m"),
+            _size("servo_range", "rad"),
+            _size("servo_speed", "rad/s"),
+            Parameter(name="mount_position", unit="m", size=3),
+            Parameter(
+                name="knee",
+                unit=TEXT,
+                default="outwards",
+                choices=(
+                    ("outwards", "Outwards", "The knees point away from the finger"),
+                    ("inwards", "Inwards", "The knees point to the finger"),
+                ),
+            ),
+            Parameter(name="skin_friction", unit="1", low=0.0, default=FRICTION),
+            Parameter(name="pulse_neutral", unit="s", above=0.0, default=1.5e-3),
+            Parameter(name="pulse_gain", unit="s", default=1e-3 / (math.pi / 2)),
+        ),
+    ),
+    "cable_platform": Kind(
+        mechanism="cable_platform.mechanism",
+        renderer="lookup",
+        count=3,
+        follows_skin=True,
+        platform=True,
+        settings=("table", "table_rows"),
+        parameters=table(
+            *_PLATFORM,
+            _needed("joint_angles", "rad", 3),
+            _size("pulley_radius", "m"),
+            _size("spring_stiffness", "N/m"),
+            _size("spring_bending", "N/m"),
+            _size("spring_preload", "N"),
+            _size("cable_stiffness", "N/m"),
+            _size("tension_limit", "N"),
+            _count("sweep_levels"),
+        ),
+    ),
+    "hexapod": Kind(
+        mechanism="hexapod.mechanism",
+        renderer="lookup",
+        count=6,
+        follows_skin=True,
+        platform=True,
+        settings=("table", "table_rows"),
+        parameters=table(
+            *_PLATFORM,
+            _needed("platform_angles", "rad", 6),
+            _needed("base_angles", "rad", 6),
+            _needed("sweep_shift", "m"),
+            _needed("sweep_yaw", "rad"),
+            _count("sweep_rows"),
+        ),
+    ),
+}

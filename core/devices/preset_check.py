@@ -1,0 +1,101 @@
+"""Whether a device can be made from a preset: what its kind's row asks for, and its channels.
+
+A preset that passes here and at its kind's own reading can be rendered: what is malformed is said where presets are
+listed, not in the middle of a bake.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..errors import DermisError
+from ..parameters.parameter import Parameter
+from .coupling import coupling_of
+from .kinds import Kind
+from .mechanism import kind_of, mechanism_of
+from .safe_state import safe_state
+from .spec import DeviceSpec
+
+# What may be stated of single channels, as 'bandwidth.motor_1': judged before a track leaves.
+OF_CHANNELS = ("acceleration", "bandwidth", "resolution")
+
+
+def check_device(spec: DeviceSpec) -> None:
+    """Refuse a device preset that its kind cannot be made from.
+
+    Raises:
+        DermisError: an unknown kind or parameter, one that is missing, of another form, unit or sign, or channels, a
+            safe state or quantities that the kind's own reading refuses.
+    """
+    where = f"device preset '{spec.key}'"
+    kind = kind_of(spec)
+    table = kind.parameters
+    for name, row in table.items():
+        if row.required:
+            spec.value(name)
+    fields = spec.source.get("parameters", {})
+    for name, value in spec.parameters.items():
+        unit = fields[name]["unit"] if isinstance(fields[name], Mapping) else "1"
+        found = table.get(name) or _of_channel(spec, name)
+        if found is None:
+            raise DermisError(
+                "unknown parameter",
+                where=where,
+                value=name,
+                limit=", ".join(table),
+                remedy="What is only for people belongs into 'description'",
+            )
+        if name == "range_disc_radius":
+            continue  # in the unit of the channels that share it, and checked with them
+        found.check(value, where, unit)
+    _check_channels(spec, kind, where)
+    safe_state(spec)
+    try:
+        mechanism_of(spec)
+        if kind.platform:
+            coupling_of(spec)
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        raise DermisError("its quantities fit no mechanism", where=where, value=str(error)) from error
+
+
+def _check_channels(spec: DeviceSpec, kind: Kind, where: str) -> None:
+    """Refuse channels that the kind has no values for, or more or fewer of them than it has motors or pins."""
+    for channel in spec.channels if kind.channels else ():
+        if channel.name not in kind.channels:
+            raise DermisError(
+                "no such channel of this kind of device",
+                where=where,
+                value=channel.name,
+                limit=", ".join(kind.channels),
+            )
+        if channel.unit != kind.channels[channel.name]:
+            raise DermisError(
+                "a channel of another unit",
+                where=f"{where}, channel '{channel.name}'",
+                value=channel.unit,
+                limit=kind.channels[channel.name],
+            )
+    count = kind.count if isinstance(kind.count, int) else math.prod(int(spec.parameters[name]) for name in kind.count)
+    if count and "coupling" not in spec.parameters and len(spec.channels) != count:
+        raise DermisError(
+            "the channels are not as many as the device's pins or motors",
+            where=where,
+            value=len(spec.channels),
+            limit=str(count),
+        )
+    for channel in spec.channels if kind.platform else ():
+        if channel.low is None or channel.high is None or not channel.high > channel.low:
+            raise DermisError(
+                "a motor needs a range", where=f"{where}, channel '{channel.name}'", remedy="Give it 'low' and 'high'"
+            )
+
+
+def _of_channel(spec: DeviceSpec, name: str) -> Parameter | None:
+    """Return what may be stated of a channel; its unit is the channel's, or left out."""
+    group, _, channel = name.partition(".")
+    if group not in OF_CHANNELS or channel not in {c.name for c in spec.channels}:
+        return None
+    return Parameter(name=name, unit="", above=0.0)

@@ -1,0 +1,194 @@
+"""What a device is told on a finger, besides its preset: the parameters of a `DeviceUse`.
+
+Which kinds of device read which of them says `devices/kinds.py`.
+"""
+
+from __future__ import annotations
+
+from .parameter import SWITCH, TEXT, Parameter, Table, table
+from .skin_devices import PINS, PLATFORM, THIMBLE
+
+
+def _effect(name: str, label: str, text: str, source: str) -> Parameter:
+    return Parameter(name=f"use_{name}", unit=SWITCH, label=label, text=text, source=source, default=True, keyed=True)
+
+
+_TACTOR = table(
+    _effect("transient", "Contact Transient", "Render the vibration of making contact", "[S3] eq. 1"),
+    _effect("texture", "Texture", "Render the texture of what the finger slides over", "[S3] eq. 2 and 3"),
+    _effect("weight", "Weight", "Render weight and inertia of a held object", "[S3] eq. 4"),
+    _effect("content", "Content", "Render what moves inside a held object", "[S3] eq. 5"),
+    _effect("pattern", "Pattern", "Render the finger's own pattern, a cue for direction", "[S3] eq. 7 and 8"),
+    Parameter(
+        name="projection",
+        unit=TEXT,
+        label="Projection",
+        text="How a displacement in space becomes one in the tactor's plane",
+        source="[S3] eq. 6",
+        default="magnitude",
+        choices=(
+            ("magnitude", "Keep Magnitude", "The length is min(1, |P inv(T) d|), the direction that of P inv(T) d"),
+            ("printed", "As Printed", "The formula as the paper prints it, which weakens tilted vectors twice"),
+        ),
+    ),
+    Parameter(
+        name="transient_axis",
+        unit=TEXT,
+        label="Transient Axis",
+        text="Where the part of an impact that points into the pad goes, which a 2D tactor cannot show",
+        default="tilted",
+        choices=(
+            ("tilted", "Turned to the Pad", "Turn the normal part to the pad axis that the device preset declares"),
+            ("printed", "As Printed", "Drop it, as the printed formula does"),
+        ),
+    ),
+    Parameter(
+        name="weight_sign",
+        unit=TEXT,
+        label="Inertia Sign",
+        text="Sign of the acceleration term of weight",
+        source="[S3] eq. 4",
+        default="paper",
+        choices=(
+            ("paper", "As in the Paper", "The tactor moves with the acceleration"),
+            ("inertia", "Inertia", "The tactor drags behind the acceleration, as a real mass would"),
+        ),
+    ),
+    Parameter(
+        name="auto_range",
+        unit=SWITCH,
+        label="Auto Range",
+        text="Scale weights so that the scene's heaviest just uses the whole range and "
+        "lighter ones stay apart; without it strong accelerations saturate",
+        default=False,
+    ),
+)
+
+_FRICTION_SCREEN = table(
+    Parameter(
+        name="relief",
+        unit=TEXT,
+        label="Relief",
+        text="Where the slope under the finger is read",
+        source="[S4]",
+        default="map",
+        choices=(
+            (
+                "map",
+                "Screen's Map",
+                "The relief that the touch screen was given: an image, or a mesh cast onto it once ([S4] eq. 3)",
+            ),
+            (
+                "mesh",
+                "Mesh",
+                "The surface of the touchable object under the finger itself, which may move and deform; "
+                "profile Slope only ([S4] eq. 6)",
+            ),
+        ),
+    ),
+    Parameter(
+        name="relief_formula",
+        unit=TEXT,
+        label="Formula",
+        text="How the normal of a mesh becomes friction",
+        source="[S4] eq. 6",
+        default="slope",
+        choices=(
+            ("slope", "Equal to the Map", "-f0 n_xy . v / n_z, the slope of the surface: what a map of it would give"),
+            (
+                "printed",
+                "As Printed",
+                "f0 n . [v, 0], the formula as the paper prints it: its sign is opposite, downhill "
+                "resists, and steep slopes are compressed",
+            ),
+        ),
+    ),
+    Parameter(
+        name="profile",
+        unit=TEXT,
+        label="Profile",
+        text="What of the relief becomes friction",
+        source="[S4]",
+        default="slope",
+        choices=(
+            ("slope", "Slope", "Friction follows the slope along the movement: the gradient method"),
+            ("height", "Height", "Friction follows the height under the finger"),
+            ("rectangle", "Rectangle", "Full friction wherever the height is above the threshold"),
+        ),
+    ),
+    Parameter(
+        name="downhill",
+        unit=TEXT,
+        label="Downhill",
+        text="What to do where the slope along the movement is negative: friction cannot be",
+        default="rectify",
+        choices=(
+            ("rectify", "Rectify", "No extra friction downhill"),
+            ("offset", "Offset", "Flat ground at mid range, less friction downhill"),
+            ("absolute", "Absolute", "Friction of the steepness, uphill or down"),
+        ),
+    ),
+    Parameter(
+        name="scale_mode",
+        unit=TEXT,
+        label="Scale",
+        text="How slope becomes perceived friction",
+        default="auto",
+        choices=(
+            ("auto", "Automatic", "The steepest slope of the whole bake becomes friction 100"),
+            ("manual", "Manual", "Use the factor f0 below"),
+        ),
+    ),
+    Parameter(
+        name="scale",
+        unit="1",
+        label="f0",
+        text="Perceived friction for a slope of 1 along the movement",
+        source="[S4] eq. 5",
+        default=100.0,
+        absent=0.0,
+        low=0.0,
+        high=1e9,
+        soft=(None, 1000.0),
+        keyed=True,
+        note="scale_mode 'manual' asks for one above 0",
+    ),
+    Parameter(
+        name="carrier",
+        unit="Hz",
+        label="Carrier",
+        text="Carrier frequency of the electrovibration voltage",
+        default=60.0,
+        absent=None,
+        low=1.0,
+        high=20_000.0,
+        soft=(None, 500.0),
+        keyed=True,
+        note="the rest of the preset's channel 'carrier' where nobody says; outside the preset's range is reported",
+    ),
+    Parameter(
+        name="direction_window",
+        unit="s",
+        label="Direction Window",
+        text="Length of the moving average that gives the finger's direction",
+        default=0.05,
+        absent=0.02,
+        low=0.0,
+        high=10.0,
+        soft=(None, 0.5),
+        digits=3,
+        note="scripts sample paths that are exact; what people animate is smoothed longer",
+    ),
+    Parameter(
+        name="threshold",
+        unit="1",
+        label="Threshold",
+        text="Rectangle profile: part of the map's height above which friction is on",
+        default=0.5,
+        low=0.0,
+        high=1.0,
+        keyed=True,
+    ),
+)
+
+DEVICE: Table = {**_TACTOR, **_FRICTION_SCREEN, **PINS, **PLATFORM, **THIMBLE}

@@ -1,0 +1,81 @@
+"""What a fingertip is told, besides its skin and its devices: the parameters of a `Finger`."""
+
+from __future__ import annotations
+
+from .parameter import SWITCH, TEXT, Parameter, table
+
+FINGER = table(
+    Parameter(
+        name="touch_distance",
+        unit="m",
+        label="Touch Gap",
+        text="The pad counts as touching where a surface is at most this far from its centre",
+        default=0.5e-3,
+        low=0.0,
+        high=1.0,
+        saved="touch_distance_mm",
+        shown="mm",
+        soft=(None, 5e-3),
+        digits=3,
+        keyed=True,
+    ),
+    Parameter(
+        name="pattern",
+        unit=TEXT,
+        label="Pattern",
+        text="A cue of the finger's own, played on the tactor",
+        default="none",
+        choices=(
+            ("none", "None", "No pattern"),
+            ("orientation", "Orientation", "The tactor rubs along a line ([S3] eq. 7)"),
+            ("direction", "Direction", "The tactor moves out along a direction and comes back ([S3] eq. 8)"),
+        ),
+    ),
+    Parameter(
+        name="pattern_play",
+        unit=SWITCH,
+        label="Play",
+        text="Key this on to start the pattern: every change from off to on starts it",
+        default=False,
+        keyed=True,
+    ),
+    Parameter(
+        name="pattern_angle",
+        unit="rad",
+        label="Angle",
+        text="Direction of the pattern in the pad's plane, clockwise as in the paper",
+        default=0.0,
+        low=-1e4,
+        high=1e4,
+        soft=(-6.2832, 6.2832),
+        keyed=True,
+    ),
+    Parameter(
+        name="pattern_frequency",
+        unit="Hz",
+        label="Frequency",
+        text="Repetitions a second",
+        default=2.0,
+        low=0.01,
+        high=500.0,
+        soft=(None, 20.0),
+        keyed=True,
+    ),
+    Parameter(
+        name="pattern_amplitude",
+        unit="1",
+        label="Amplitude",
+        text="Part of the device's range",
+        default=1.0,
+        low=0.0,
+        high=1.0,
+        keyed=True,
+    ),
+    Parameter(
+        name="pattern_repeat",
+        unit=SWITCH,
+        label="Repeat",
+        text="Go on while Play is on, instead of playing once",
+        default=False,
+    ),
+)

@@ -1,0 +1,58 @@
+"""What a touch screen is told: the parameters of a `Screen`, and how high its relief is."""
+
+from __future__ import annotations
+
+from .parameter import Parameter, table
+
+SCREEN = table(
+    Parameter(
+        name="touch_distance",
+        unit="m",
+        label="Touch Gap",
+        text="The finger counts as touching up to this far above the screen",
+        default=1e-3,
+        absent=None,
+        low=0.0,
+        high=1.0,
+        saved="touch_distance_mm",
+        shown="mm",
+        soft=(None, 10e-3),
+        digits=3,
+        keyed=True,
+        note="the finger's own where a screen does not say",
+    )
+)
+# Of a relief that is a sequence of maps; a scene with one map says nothing of it.
+SEQUENCE = table(
+    Parameter(
+        name="sequence_start",
+        unit="1",
+        label="Start Frame",
+        text="Scene frame that shows the sequence's first file",
+        default=1,
+        absent=None,
+        whole=True,
+        note="the first frame of the range where a scene does not say",
+    ),
+    Parameter(
+        name="map_fps",
+        unit="Hz",
+        text="Maps a second of a sequence",
+        above=0.0,
+        note="one a frame where a scene does not say; Blender's sequences are",
+    ),
+)
+# Makes a map's values to lengths while a scene is sampled; the engine gets `Screen.height_unit`.
+HEIGHT = Parameter(
+    name="height",
+    unit="m",
+    label="Height",
+    text="How high white stands above black",
+    default=2e-3,
+    low=0.0,
+    high=1e3,
+    saved="height_mm",
+    shown="mm",
+    soft=(None, 20e-3),
+    digits=3,
+)

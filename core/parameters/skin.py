@@ -1,0 +1,165 @@
+"""A finger's skin: what a skin preset holds (`SKIN`), and how its contact is solved (`SKIN_CONTACT`)."""
+
+from __future__ import annotations
+
+from .parameter import SWITCH, TEXT, Parameter, table
+
+DEFAULT_SKIN = "index_medium"  # preset of a finger that says nothing of its skin
+TETRAHEDRA = {"draft": "1.6k", "standard": "6.4k", "fine": "26k"}
+
+
+def _length(name: str, label: str, text: str, default: float) -> Parameter:
+    return Parameter(
+        name=name,
+        unit="m",
+        label=label,
+        text=text,
+        source="chosen: a typical adult's",
+        default=default,
+        low=0.05e-3,
+        high=200e-3,
+        saved=f"{name}_mm",
+        shown="mm",
+        soft=(None, 60e-3),
+    )
+
+
+# Lengths that give the outer shape of the finger's mesh, too.
+OUTER = table(
+    _length("width", "Width", "Of the finger at the pad's centre", 16e-3),
+    _length("thickness", "Thickness", "From pad to back at the pad's centre", 13e-3),
+    _length("length", "Length", "From the cut end to the tip", 24e-3),
+    _length("tip", "Pad to Tip", "From the pad's centre to the tip", 10.5e-3),
+    _length("nail_width", "Nail Width", "The nail holds the tissue under it", 10.5e-3),
+    _length("nail_length", "Nail Length", "Of the nail, along the finger", 11e-3),
+    _length("nail_margin", "Nail to Tip", "From the nail's front edge to the tip", 1.5e-3),
+)
+LENGTHS = table(
+    *OUTER.values(),
+    _length("bone_width", "Bone Width", "Of the last phalanx's shaft", 6.4e-3),
+    _length("bone_thickness", "Bone Thickness", "Of the last phalanx's shaft", 4.6e-3),
+    _length("bone_bed", "Bone to Back", "Soft tissue between the bone and the back of the finger", 2e-3),
+    _length("bone_margin", "Bone to Tip", "Soft tissue between the bone's end and the tip", 4.5e-3),
+)
+TISSUE = table(
+    Parameter(
+        name="young",
+        unit="Pa",
+        label="Stiffness E",
+        text="Young's modulus of the tissue",
+        source="[S1] section IV.A, 100 kPa",
+        default=1e5,
+        low=1.0,
+        high=1e9,
+        saved="young_kpa",
+        shown="kPa",
+        soft=(10e3, 1e6),
+        digits=1,
+    ),
+    Parameter(
+        name="poisson",
+        unit="1",
+        label="Poisson's Ratio",
+        text="0.5 would be incompressible, and close to it averaged nodal pressure oscillates",
+        source="[S1] section IV.A, 0.48",
+        default=0.48,
+        low=0.0,
+        high=0.499,
+        soft=(0.3, None),
+        digits=3,
+    ),
+    Parameter(
+        name="alpha",
+        unit="1",
+        label="Personal Factor",
+        text="Alpha: this person's stiffness over E, from a press test; 0.61 to 0.90 among the paper's subjects",
+        source="[S1] section IV.C",
+        default=1.0,
+        low=1e-3,
+        high=1e3,
+        soft=(0.3, 3.0),
+    ),
+)
+# A tetrahedral mesh of one's own, in place of lengths.
+OWN_MESH = table(
+    Parameter(
+        name="mesh",
+        unit=TEXT,
+        label="Mesh File",
+        text="A tetrahedral mesh of your own in place of lengths and accuracy: .npz or .json, "
+        "described in presets/skins/README.md",
+        saved="mesh_file",
+        file=True,
+        default="",
+    ),
+    Parameter(name="mesh_hash", unit=TEXT, text="SHA-256 of the mesh file: one that changed is refused", default=""),
+)
+SKIN = table(*LENGTHS.values(), *TISSUE.values(), *OWN_MESH.values())
+
+# Rows of `Finger.parameters`, beside 'skin', which holds those of `SKIN`.
+SKIN_CONTACT = table(
+    Parameter(
+        name="skin_shown",
+        unit=SWITCH,
+        label="Skin",
+        text="Solve the contact of this finger's skin: show it in the view, and bake its forces",
+        default=False,
+        saved="shown",
+    ),
+    Parameter(
+        name="skin_level",
+        unit=TEXT,
+        label="Accuracy",
+        text="How fine the tissue's mesh is",
+        default="standard",
+        saved="level",
+        choices=(
+            ("draft", "Draft", f"About {TETRAHEDRA['draft']} tetrahedra: for several fingers while scrubbing"),
+            (
+                "standard",
+                "Standard",
+                f"About {TETRAHEDRA['standard']} tetrahedra: force within 2 %, stress within 6 % of a much finer mesh",
+            ),
+            ("fine", "Fine", f"About {TETRAHEDRA['fine']} tetrahedra: for final figures; made once in some seconds"),
+        ),
+        besides=("reference",),
+        note="'reference', 88k tetrahedra, is for scripts: no window should wait for it",
+    ),
+    Parameter(
+        name="depth_mode",
+        unit=TEXT,
+        label="Touch Depth",
+        text="What the bone does when the animation presses the finger into an object",
+        default="animated",
+        choices=(
+            ("animated", "As Animated", "The bone follows the animation exactly, however deep"),
+            (
+                "compliant",
+                "Compliant",
+                "The bone rests on a spring along the pad's normal and gives way to what "
+                "presses it beyond a force limit, as a finger's joint does",
+            ),
+        ),
+    ),
+    Parameter(
+        name="bone_stiffness",
+        unit="N/m",
+        label="Spring",
+        text="How firmly the bone is held",
+        default=2000.0,
+        low=1e-3,
+        high=1e9,
+        soft=(100.0, 10_000.0),
+        digits=0,
+    ),
+    Parameter(
+        name="force_limit",
+        unit="N",
+        label="Force Limit",
+        text="The bone lets go of whatever presses it harder",
+        source="chosen: a firm touch",
+        default=2.0,
+        low=1e-3,
+        soft=(0.1, 10.0),
+    ),
+)

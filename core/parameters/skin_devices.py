@@ -1,0 +1,173 @@
+"""What devices that follow a finger's whole skin are told: pin arrays, platforms and thimbles. See `device.DEVICE`."""
+
+from __future__ import annotations
+
+from .parameter import SWITCH, TEXT, Parameter, table
+
+
+def _fade(name: str, label: str, text: str) -> Parameter:
+    return Parameter(
+        name=name, unit="s", label=label, text=text, default=0.1, low=0.0, high=60.0, soft=(None, 2.0), digits=3
+    )
+
+
+def _first_contact(servo: int) -> Parameter:
+    return Parameter(
+        name=f"thimble_felt_{servo}",
+        unit="rad",
+        label=f"Servo {servo}",
+        text="Angle of this servo from neutral at which the person first feels the disc",
+        default=0.0,
+        low=-3.15,
+        high=3.15,
+        soft=(-0.698, 0.698),
+        note="must lie within the servo's range, which the preset says",
+    )
+
+
+PINS = table(
+    Parameter(
+        name="pin_method",
+        unit=TEXT,
+        label="Method",
+        text="How pin forces are found from what the skin shall feel",
+        source="[S1]",
+        default="DM2",
+        choices=(
+            (
+                "DM2",
+                "Deformation, Optimal (DM2)",
+                "The pins' forces whose effect on the skin is nearest to the target's, within what a pin can do",
+            ),
+            ("DM1", "Deformation, Clamped (DM1)", "As DM0, then every force moved into its range: for comparison"),
+            ("DM0", "Deformation, Free (DM0)", "Pins that could pull as well as push: for comparison"),
+            (
+                "FM2",
+                "Force, Optimal (FM2)",
+                "The pins' forces nearest to the target's forces, within what a pin can do",
+            ),
+            ("FM1", "Force, Clamped (FM1)", "As FM0, then every force moved into its range: the usual way"),
+            ("FM0", "Force, Free (FM0)", "Pins that could pull as well as push: for comparison"),
+        ),
+    ),
+    Parameter(
+        name="pin_nodes",
+        unit=TEXT,
+        label="Compare",
+        text="Where the skin's deformation is compared with the target's",
+        default="all",
+        choices=(
+            ("all", "All Tissue", "Every node of the mesh that can move, as in the paper"),
+            ("surface", "Surface", "The surface of the skin"),
+            ("receptor", "Receptor Depth", "0.3 to 2.0 mm below the pad, where receptors are"),
+        ),
+    ),
+    Parameter(
+        name="pin_bounded",
+        unit=SWITCH,
+        label="Force Limit",
+        text="Solve within the force that a pin can give; without it as the paper does, and "
+        "what is too much is cut off afterwards",
+        default=True,
+    ),
+    Parameter(
+        name="pin_lead",
+        unit=SWITCH,
+        label="Lead by Delay",
+        text="Let the track run ahead by the device's control delay, so that pins press when the touch is seen",
+        default=True,
+    ),
+    _fade("pin_fade_in", "Fade In", "Time in which the pins' forces come up at the start of the track"),
+    _fade("pin_fade_out", "Fade Out", "Time in which the pins' forces go down at the end of the track"),
+)
+
+PLATFORM = table(
+    Parameter(
+        name="table",
+        unit=TEXT,
+        label="Table",
+        text="A collected look-up table of this platform (.npz); empty: one is swept for this finger's skin and kept",
+        default="",
+        file=True,
+    ),
+    Parameter(
+        name="table_rows",
+        unit="1",
+        label="Configurations",
+        text="How many configurations of the platform are swept for its table: more are "
+        "finer and take longer, some 2000 a second",
+        default=3375,
+        low=8,
+        high=2_000_000,
+        whole=True,
+        soft=(512, 30_000),
+    ),
+)
+
+THIMBLE = table(
+    Parameter(
+        name="thimble_method",
+        unit=TEXT,
+        label="Method",
+        text="How the disc's pose is found from what the skin shall feel",
+        source="[S0]",
+        default="stress",
+        choices=(
+            (
+                "stress",
+                "Stress, Direct",
+                "The pose whose stress in the skin is nearest to the target's; the contact is "
+                "solved for every pose that is tried",
+            ),
+            (
+                "network",
+                "Stress, Network",
+                "The same with a small network in place of the contact; needs an adaptation to this finger",
+            ),
+            (
+                "ridge",
+                "Stress, Polynomial",
+                "The same with a quadratic polynomial (ridge); needs an adaptation to this finger",
+            ),
+            ("force", "Force Only", "Only the total force is compared: the paper's first rival, for comparison"),
+            (
+                "geometry",
+                "Geometry Only",
+                "The disc's plane is laid on the contact: the paper's second rival, for comparison",
+            ),
+        ),
+    ),
+    Parameter(
+        name="thimble_surrogate",
+        unit=TEXT,
+        label="Surrogate",
+        text="File of an adaptation (.npz, with its .onnx beside it); empty: the one that Adapt to This Finger made",
+        default="",
+        file=True,
+    ),
+    Parameter(
+        name="thimble_hover",
+        unit="m",
+        label="Hover",
+        text="Distance between disc and skin while nothing is touched",
+        default=0.4e-3,
+        low=0.01e-3,
+        high=5e-3,
+        saved="thimble_hover_mm",
+        shown="mm",
+        soft=(None, 2e-3),
+        digits=3,
+        note="more would be out of reach of most mechanisms",
+    ),
+    Parameter(
+        name="thimble_calibrated",
+        unit=SWITCH,
+        label="Calibrated",
+        text="Mount the device as it sits on this person: the servo angles below are those "
+        "at which the disc is first felt",
+        default=False,
+    ),
+    _first_contact(1),
+    _first_contact(2),
+    _first_contact(3),
+)

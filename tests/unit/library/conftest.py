@@ -86,14 +86,14 @@ def installed(request: pytest.FixtureRequest, sources: Path, library: Installed,
 
 
 def install(what: list[str], sources: Path, folder: Path) -> Installed:
-    """Make an environment, show it the numpy and scipy of this one, and install Dermis into it."""
+    """Make an environment, show it numpy, scipy and setuptools of this one, and install Dermis into it."""
     venv.create(folder, with_pip=False, symlinks=os.name != "nt")
     python = folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
-    pip("--python", str(python), "install", *OFFLINE, *what)
-    found = [find_spec(name) for name in ("numpy", "scipy")]
+    found = [find_spec(name) for name in ("numpy", "scipy", "setuptools")]
     places = {str(Path(spec.origin).parents[1]) for spec in found if spec is not None and spec.origin}
     packages = next(folder.rglob("site-packages"))
-    (packages / "numpy_and_scipy.pth").write_text("\n".join(sorted(places)) + "\n", encoding="utf-8")
+    (packages / "shown.pth").write_text("\n".join(sorted(places)) + "\n", encoding="utf-8")
+    pip("--python", str(python), "install", *OFFLINE, *what)
     return Installed(python, sources)
 
 

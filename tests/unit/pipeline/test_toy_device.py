@@ -51,7 +51,7 @@ class Buzzer:
 RENDERER = """
 import numpy as np
 
-from ..contact.held import meet
+from ..contact.holding_times import meet
 from ..devices.buzzer import Buzzer
 from ..parameters.device import DEVICE
 from ..track.command_track import CommandTrack
@@ -138,7 +138,7 @@ def test_a_new_kind_bakes_when_it_is_added_where_the_readme_says(house: Path, tm
     (house / "presets/devices/buzzer.json").write_text(json.dumps(PRESET), encoding="utf-8")
     changed = {name for name, content in contents(house).items() if before.get(name) != content}
 
-    section = (ROOT / "core/README.md").read_text(encoding="utf-8").split("## Adding a kind of device")[1]
+    section = (ROOT / "core/README.md").read_text(encoding="utf-8").split("## A new device")[1]
     places = re.findall(r"^\| `(\S+)` \|", section.split("\n## ")[0], re.MULTILINE)
     assert changed == {place.replace("NAME", "buzzer") for place in places}
 

@@ -1,8 +1,10 @@
-"""What the devices do at the current frame, from the same evaluator as the bake.
+"""What the devices do at the current frame, without a bake.
 
 Where a fresh bake covers the frame, its track is read. Otherwise the frames visited last form a trail: a step forward
 extends it, anything else (a jump, a step back, undo) starts a new one from rest, and the preview says so. The engine
-renders that trail exactly as it renders a bake; only the sampling is coarser, one sample a visited frame.
+renders that trail as it renders a bake; only the sampling is coarser, one sample a visited frame. Devices that follow
+a skin which `skin_preview` solves anyway take another road, in `pin_preview`, `thimble_preview` and `platform_preview`:
+they match this one frame.
 """
 
 from __future__ import annotations

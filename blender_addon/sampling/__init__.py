@@ -1,1 +1,12 @@
-"""From Blender to the engine: who takes part, and where everything is at every sample."""
+"""From Blender to the engine: who takes part, and where everything is at every sample, in the order of the data.
+
+participants      which objects feel, are touched or are screens, instances among them
+prepass           what must be known of the range before: which surfaces change, which instances appear
+simulated_motion  what simulations move, swept at whole frames
+frames            the range to bake, and the frames nearest to a steady rate
+scene_header      names, parameters and flaws, before the first sample
+height_maps       relief of screens; mesh_heights casts it from a mesh
+meshes            the vertices of an evaluated object
+recorder          poses, surfaces and animated parameters at one sample
+scene_sweep       all samples, in chunks: a `TactileScene`
+"""

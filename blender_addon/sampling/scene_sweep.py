@@ -1,4 +1,4 @@
-"""From Blender's evaluated scene to the engine's `TactileScene`: the only reader of scene data.
+"""From Blender's evaluated scene to the engine's `TactileScene`, sample by sample over the range.
 
 Everything is sampled at (frame, sub-frame) after full evaluation, never from F-curves, so constraints, IK, drivers,
 NLA and instances just work. One sweep samples all objects. Blender evaluates time in single precision, so samples are

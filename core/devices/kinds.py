@@ -1,7 +1,7 @@
 """Kinds of device: one row says all that must be known before a mechanism is loaded.
 
 Everything else reads its row here: which file judges a preset and which renders a track, what a preset may set, which
-channels it can fill, whether a finger is in it. `core/README.md`, *Adding a kind of device*, has the other places.
+channels it can fill, whether a finger is in it. `core/README.md`, *A new device*, has the other places.
 """
 
 from __future__ import annotations

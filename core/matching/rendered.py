@@ -19,7 +19,7 @@ class Rendered:
     """One device's commands, and what is worth knowing about how they came about.
 
     Attributes:
-        track: the commands at the device's rate, within its range; the pipeline limits its speed.
+        track: the commands at the device's rate, within its range; the pipeline checks every limit again.
         signals: diagnostic series at the track's times, such as 'contact' (0 or 1), shape (n,) each.
         findings: what a person should look at.
         skipped: what was not computed because the scene did not need it, by name.

@@ -1,7 +1,8 @@
 """Shear tactor: add up the effects that a finger feels, lay them into the pad's plane, and turn the pulleys.
 
 The declared rule for several effects at once: their displacements are added, in the finger's frame and as fractions of
-the tactor's range; the sum is then limited, once.
+the tactor's range; the sum is then limited to range and speed,
+for both pulleys together. The pipeline and the sender check the channels again.
 
 Source: [S3] section 4
 """

@@ -1,6 +1,8 @@
 """The whole way from a sampled scene to command tracks; it reads from top to bottom.
 
-scene -> contact on the skin -> target stimulus -> device match -> command track -> file
+scene -> contact of the pads' centres and of the skins -> each device's commands -> command tracks within limits
+
+`outputs` writes them to files.
 
 `render` decides what a scene does not need: fingers without devices are not rendered, far objects are dropped
 by the broad phase, and effects that nothing switches on are never computed. What was skipped is counted.
@@ -56,7 +58,7 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
     content = ContentHash(scene)
 
     skins = yield from _skins(scene, wanted, library, cache, clock, findings)
-    touch, felt = yield from _sample(scene, skins, content, clock)
+    touch, felt = yield from _contact(scene, skins, content, clock)
     findings += touch.findings
     skipped = Counter(touch.skipped)
     for skin in felt.values():
@@ -165,10 +167,13 @@ def _skins(
     return skins
 
 
-def _sample(
+def _contact(
     scene: TactileScene, skins: Mapping[int, SkinModel], content: ContentHash, clock: _Stages
 ) -> Generator[Progress, None, tuple[PadContact, dict[int, SkinContact]]]:
-    """Draw the chunks through the contact of the pads' centres and, where somebody needs it, of the whole skin."""
+    """Draw the chunks through the contact of the pads' centres and, where somebody needs it, of the whole skin.
+
+    The pads come first: surfaces that are not finite are mended there, and the skins get the mended chunk.
+    """
     from ..contact.pad_sampler import PadSampler
 
     pads, skin = PadSampler(scene), None

@@ -14,7 +14,7 @@ from .request import StreamRequest
 from .signals import Signals
 from .streamer import Streamer
 from .touch_input import TouchInput
-from .virtual.link import open_link
+from .virtual.link import open_any_link
 
 
 class PanelSession(LocalStream):
@@ -29,7 +29,7 @@ class PanelSession(LocalStream):
     """
 
     def __init__(self, request: StreamRequest, screen: Screen, given: TouchInput | None, signals: Signals) -> None:
-        super().__init__(Streamer(open_link, lambda _: screen), request, signals)
+        super().__init__(Streamer(open_any_link, lambda _: screen), request, signals)
         self.given = given
         self.touches = self.reports = 0
         self.volts = (0.0, 0.0)

@@ -12,7 +12,7 @@ from .local_stream import LocalStream, say
 from .shared_state import Heartbeat
 from .signals import Interrupted, Signals
 from .streamer import Streamer
-from .virtual.link import open_link
+from .virtual.link import open_any_link
 
 UNKNOWN_POSE = """The device does not say where it is: with the first pulse it may jump to its safe pose, at its own
 full speed. Take the finger out before you arm; put it in when the device stands still."""
@@ -49,7 +49,7 @@ class _Player(LocalStream):
             say(str(finding))
         more = {"look_ahead": options.look_ahead, "ramp": options.ramp, "play_on": True}
         request = request_from(options, key, connect=True, track=str(options.track), **more)
-        super().__init__(Streamer(open_link), request, signals)
+        super().__init__(Streamer(open_any_link), request, signals)
         self._number = 0
         self._playing_since: float | None = None
         self._not_rendered = ""

@@ -19,7 +19,7 @@ from .request import request_of
 from .shared_state import SharedState
 from .signals import Signals
 from .streamer import Streamer
-from .virtual.link import open_link
+from .virtual.link import open_any_link
 
 STATUS_EVERY = 0.05
 
@@ -32,7 +32,7 @@ def run(path: Path, load_screen: Callable[[Path], Screen] | None = None) -> int:
     for name in Signals.NAMES:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), lambda number, _: ended.append(str(number)))
-    streamer = Streamer(open_link, load_screen)
+    streamer = Streamer(open_any_link, load_screen)
     gc.collect()
     gc.freeze()  # a collection in the middle of a stream then has little to look at
     try:

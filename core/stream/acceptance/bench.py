@@ -23,7 +23,7 @@ from ..protocols.wire import Array, Wire
 from ..request import StreamRequest
 from ..shared_state import Heartbeat
 from ..streamer import Streamer
-from ..virtual.link import open_link
+from ..virtual.link import open_any_link
 
 SAFE_MS = 100.0  # by then silence or a flood has ended in the safe state [ms]
 FLOOD_RATE = 50_000.0  # as fast as a serial line of 500,000 baud [bytes/s]
@@ -68,7 +68,7 @@ class Bench:
         self._request = replace(request, connect=True, mode="jog", ramp=1.0, stall=60.0)
         self._number = self._arms = 0
         self.wire = Wire.of(request.spec(), request.calibrated())
-        self.streamer = Streamer(open_link)
+        self.streamer = Streamer(open_any_link)
 
     @property
     def connection(self) -> Connection:
@@ -99,7 +99,7 @@ class Bench:
             DermisError: it has not.
         """
         if self.streamer.drive is None:
-            self.streamer = Streamer(open_link)  # one that has lost its link waits for a person
+            self.streamer = Streamer(open_any_link)  # one that has lost its link waits for a person
         self._apply(connect=True, jog=self._jog(self.wire.safe), arm_id=0)
         self.until(lambda: self.streamer.state in ("ready", "fault") or not self._holds, CONNECTING)
         if self.streamer.state != "ready":

@@ -8,7 +8,7 @@ import socket
 import threading
 from typing import Any
 
-from ..links.open_link import open_link as open_real
+from ..links.open_link import open_link
 from ..links.transport import Gone, Stream, Transport
 from ..links.url import Url
 from ..protocols.adapter import kind
@@ -91,13 +91,13 @@ class VirtualLink(Stream):
             self._theirs.send(message)
 
 
-def open_link(url: Url, wire: Wire, protocol: str = "native") -> Transport:
+def open_any_link(url: Url, wire: Wire, protocol: str = "native") -> Transport:
     """Open any link, 'virtual:' included.
 
     Raises:
         DermisError: it cannot be opened.
     """
-    return open_real(url, lambda inner: VirtualLink(protocol, wire, inner), kind(protocol).baud)
+    return open_link(url, lambda inner: VirtualLink(protocol, wire, inner), kind(protocol).baud)
 
 
 def _udp_pair() -> tuple[socket.socket, socket.socket]:

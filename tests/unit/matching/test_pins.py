@@ -260,7 +260,7 @@ def test_nothing_touched_gives_zeros_without_any_matrices(monkeypatch):
     assert not any(s.any() for s in found.signals.values())
     with pytest.raises(DermisError, match="nothing was touched"):
         pin_report.compare(nothing, spec())
-    with pytest.raises(DermisError, match="'rows' must be a whole number"):  # a bad layout does not wait for a touch
+    with pytest.raises(DermisError, match="'rows' is too small"):  # a bad layout does not wait for a touch
         rendered(nothing, spec(rows=0))
 
 

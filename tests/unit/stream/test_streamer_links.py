@@ -166,11 +166,11 @@ def test_calibration_takes_effect_under_way_and_smoothly() -> None:
 
 def test_a_track_is_read_once_and_again_when_it_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A reconnection or another offset must not keep the device waiting for a file that is known."""
-    from core.stream import source
+    from core.stream import track_source
 
     spec, t, reads = Library().device("haptip"), np.arange(2001) / 1000, []
-    read = source.export.read
-    monkeypatch.setattr(source.export, "read", lambda path: reads.append(path) or read(path))
+    read = track_source.export.read
+    monkeypatch.setattr(track_source.export, "read", lambda path: reads.append(path) or read(path))
     path = tmp_path / "t.csv"
     for value in (0.1, 0.25):
         csv.write(CommandTrack(spec, t, np.column_stack([0 * t, 0 * t, 0 * t + value, 0 * t])), path)

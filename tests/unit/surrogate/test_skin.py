@@ -212,7 +212,7 @@ def test_a_calibrated_thimble_touches_where_the_person_feels_it(skin, device):
     assert fitted(spec, skin, {**felt, "thimble_calibrated": False})[0].mount[2, 3] == device.mount[2, 3]
     with pytest.raises(DermisError, match="outside the servos' range"):
         fitted(spec, skin, {**felt, "thimble_felt_2": 1.0})
-    with pytest.raises(DermisError, match="wait at that distance"):
+    with pytest.raises(DermisError, match="'thimble_hover' is too large"):
         prepare(spec, skin, {"thimble_hover": 0.05})
 
 

@@ -20,7 +20,7 @@ from core.stream.links.url import Url
 from core.stream.protocols import adapter
 from core.stream.protocols.native import Native
 from core.stream.protocols.wire import Wire
-from core.stream.virtual.link import open_link
+from core.stream.virtual.link import open_any_link
 from tests.unit.stream.stream_box import posix
 from tests.unit.stream.stream_lab import Lab, sine_track
 
@@ -131,10 +131,10 @@ def test_connecting_refuses_and_a_lower_rate_is_taken(tmp_path: Path) -> None:
 
 
 def test_a_virtual_link_tells_how_slow_it_is() -> None:
-    link = open_link(Url("virtual:?slow=11520"), HAPTIP)
+    link = open_any_link(Url("virtual:?slow=11520"), HAPTIP)
     assert link.carries == 11_520.0
     link.close()
-    link = open_link(Url("virtual:"), HAPTIP)
+    link = open_any_link(Url("virtual:"), HAPTIP)
     assert link.carries is None
     link.close()
 
@@ -162,6 +162,6 @@ def test_a_serial_port_is_opened_with_the_protocols_own_baud(
     protocol: str, options: str, bytes_a_second: float, pty: str, tmp_path: Path
 ) -> None:
     for url in (f"{pty}{options}", f"spy://{pty}?file={tmp_path / 'spy'}{options.replace('?', '&')}"):
-        link = open_link(Url(url), HAPTIP, protocol)
+        link = open_any_link(Url(url), HAPTIP, protocol)
         assert link.carries == bytes_a_second
         link.close()

@@ -21,7 +21,7 @@ from core.stream.links.url import Url
 from core.stream.protocols.wire import Wire
 from core.stream.streamer import Streamer
 from core.stream.virtual import faults
-from core.stream.virtual.link import open_link as open_any
+from core.stream.virtual.link import open_any_link
 from core.work.child import command, environment
 from tests.unit.stream.stream_box import HAPTIP, Box, posix, ready
 from tests.unit.stream.stream_lab import sine_track
@@ -245,7 +245,7 @@ def test_a_fault_that_cannot_be_is_refused_before_anything_is_told(fault: str, l
     assert done.returncode == 2 and done.stdout == "" and "Traceback" not in done.stderr
     assert limit in done.stderr and fault.partition("=")[0] in done.stderr, done.stderr
     with pytest.raises(DermisError, match=limit):
-        open_any(Url(f"virtual:?{fault}"), Wire.of(Library().device("haptip")))
+        open_any_link(Url(f"virtual:?{fault}"), Wire.of(Library().device("haptip")))
 
 
 def test_faults_have_limits_in_words() -> None:
@@ -258,7 +258,7 @@ def test_faults_have_limits_in_words() -> None:
 def test_a_streamers_words_stay_those_of_the_link() -> None:
     from core.stream.request import StreamRequest
 
-    streamer = Streamer(open_any)
+    streamer = Streamer(open_any_link)
     preset = Library().load("devices", "haptip")
     streamer.apply(StreamRequest(connect=True, url="bogus://x", device={"key": "haptip", "preset": preset}), 1.0)
     streamer.tick(1.0)

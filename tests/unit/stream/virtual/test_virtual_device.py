@@ -18,7 +18,7 @@ from core.stream.client import SenderClient
 from core.stream.links.open_link import open_link
 from core.stream.links.url import Url
 from core.stream.virtual.faults import Faults
-from core.stream.virtual.link import open_link as open_any
+from core.stream.virtual.link import open_any_link
 from tests.unit.stream.stream_box import HAPTIP, beating, posix, ready
 
 pytestmark = pytest.mark.real_time
@@ -61,7 +61,7 @@ def test_what_is_not_there_says_so() -> None:
         from core.stream.protocols.wire import Wire
 
         with pytest.raises(DermisError, match=what):
-            open_any(Url(url), Wire.of(Library().device("haptip")))
+            open_any_link(Url(url), Wire.of(Library().device("haptip")))
 
 
 @posix

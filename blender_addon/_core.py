@@ -82,6 +82,7 @@ if TYPE_CHECKING:
     import core.track.file_names
     import core.work.executor
     import core.work.processes
+    from core.arrays import Array, Floats32, Indices, Indices32
     from core.errors import DermisError, Finding, worst
 else:
     from importlib import import_module
@@ -106,3 +107,5 @@ else:
     # an installed extension holds the engine inside; a source checkout beside it
     core = _Package(import_module(".core", PACKAGE) if PACKAGE.startswith("bl_ext.") else import_module("core"))
     DermisError, Finding, worst = core.DermisError, core.Finding, core.worst
+    Array, Floats32 = core.arrays.Array, core.arrays.Floats32
+    Indices, Indices32 = core.arrays.Indices, core.arrays.Indices32

@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ._core import Array
 
 _RINGS, _SEGMENTS = 60, 80
 _PALM_SHARE, _WAIST_PALM, _WAIST_SIDE = 0.54, 0.12, 0.05  # as the engine's skin has them

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Array
 from .contact.solver.bodies import ContactBody
 from .contact.solver.path import PathSolver
 from .devices.spec import DeviceSpec
@@ -22,8 +23,6 @@ from .presets import Library
 from .skin.model import SkinModel, skin_from_parameters
 from .skin.stimulus import Stimulus, von_mises
 from .surface.gap import Surface
-
-Array = NDArray[np.float64]
 
 STEP = 0.1e-3  # from pose to pose on the way of a press; friction remembers the way [m]
 DEEPEST = 5e-3  # of a press: beyond it linear skin says nothing [m]

@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Array
 from .errors import DermisError
 
-Array = NDArray[np.float64]
 Method = Literal["linear", "pchip"]
 METHODS: tuple[Method, ...] = ("linear", "pchip")
 MOST_SAMPLES = 2**27  # of all channels of a track together: 1 GiB, or 37 hours of one channel at 1 kHz

@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array
 from .errors import DermisError
 from .files import read_text
-
-Array = NDArray[np.float64]
 
 
 def read_rows(path: Path) -> Array:

@@ -17,8 +17,7 @@ def drain(steps: Generator[Step, None, Made], tell: Callable[[Step], object] | N
         try:
             step = next(steps)
         except StopIteration as stop:
-            made: Made = stop.value
-            return made
+            return stop.value
         if tell is not None:
             tell(step)
 
@@ -30,6 +29,5 @@ def in_words(steps: Generator[Step, None, Made], words: Callable[[Step], Other])
             try:
                 step = next(steps)
             except StopIteration as stop:
-                made: Made = stop.value
-                return made
+                return stop.value
             yield words(step)

@@ -222,5 +222,4 @@ def _smooth(at: np.ndarray, keys: Keys) -> np.ndarray:
     times, values = np.array(keys, np.float64).T
     i = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
     s = np.clip((at - times[i]) / (times[i + 1] - times[i]), 0.0, 1.0)
-    out: np.ndarray = values[i] + (values[i + 1] - values[i]) * (0.5 - 0.5 * np.cos(np.pi * s))
-    return out
+    return values[i] + (values[i + 1] - values[i]) * (0.5 - 0.5 * np.cos(np.pi * s))

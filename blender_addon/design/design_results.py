@@ -153,8 +153,7 @@ def save(scene: bpy.types.Scene, folder: Path) -> tuple[Path, ...]:
     if answer is None:
         raise DermisError("nothing was found yet", where="How Many Motors?", remedy="Press How Many Motors?")
     motors = settings.motors or None
-    written: tuple[Path, ...] = core.design.task.write(answer.design, folder, choice=settings.choice, motors=motors)
-    return written
+    return core.design.task.write(answer.design, folder, choice=settings.choice, motors=motors)
 
 
 def forget() -> None:

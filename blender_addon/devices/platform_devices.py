@@ -18,7 +18,6 @@ from ..preferences import user_folder
 from ..properties import skin_properties
 from . import active_presets, skin_models
 
-MOST = 8
 WORKERS = max(1, min(2, (os.cpu_count() or 2) - 1))
 
 

@@ -68,8 +68,7 @@ class Named(Streaming):
 
     def ask(self: Any, context: bpy.types.Context, title: str) -> set[str]:
         """Ask for name and serial number."""
-        found: set[str] = context.window_manager.invoke_props_dialog(self, width=380, title=title, confirm_text="Save")
-        return found
+        return context.window_manager.invoke_props_dialog(self, width=380, title=title, confirm_text="Save")
 
 
 class DERMIS_OT_calibration_keep(Named, bpy.types.Operator):

@@ -51,14 +51,13 @@ class DERMIS_OT_stream_connect(Streaming, bpy.types.Operator):
         if not agreed_paths.pending(context.scene.dermis_stream):
             return self.execute(context)
         self.confirmed = True  # by the dialog's button
-        found: set[str] = context.window_manager.invoke_props_dialog(
+        return context.window_manager.invoke_props_dialog(
             self,
             width=560,
             title="Files Named by This .blend",
             confirm_text="Use Them and Connect",
             cancel_default=True,
         )
-        return found
 
     def draw(self, context: bpy.types.Context) -> None:
         """Name each file, and what happens to it."""
@@ -105,10 +104,9 @@ class DERMIS_OT_stream_arm(Streaming, bpy.types.Operator):
         if not (session.connected() and session.pose_unknown()):
             return self.execute(context)
         self.fingers_out = True  # by the dialog's button
-        found: set[str] = context.window_manager.invoke_props_dialog(
+        return context.window_manager.invoke_props_dialog(
             self, width=440, title="Take the Finger Out", confirm_text="Arm", cancel_default=True
         )
-        return found
 
     def draw(self, context: bpy.types.Context) -> None:
         """Say what may happen, and what the board cannot do."""

@@ -31,8 +31,7 @@ def of(scene: bpy.types.Scene) -> Census:
     key = (scene.session_uid, changes.ticks(), len(scene.objects))
     if _memo.get("key") != key:
         _memo["key"], _memo["census"] = key, _count(scene)
-    census: Census = _memo["census"]
-    return census
+    return _memo["census"]
 
 
 def _count(scene: bpy.types.Scene) -> Census:

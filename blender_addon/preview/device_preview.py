@@ -212,11 +212,7 @@ def _run(tactile: TactileScene) -> core.pipeline.bake.Bake:
     presets = library()
     steps = core.pipeline.render.render(tactile, presets, cache=skin_models.cache())
     with skin_models.one_thread() if skin_models.wanted(tactile, presets) else nullcontext():
-        while True:
-            try:
-                next(steps)
-            except StopIteration as stop:
-                return stop.value
+        return core.steps.drain(steps)
 
 
 def _solved(finger: core.scene.tactile_scene.Finger) -> bool:

@@ -13,18 +13,15 @@ from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import changes
-from .._core import DermisError, core
+from .._core import Array, DermisError, core
 from ..devices import pin_devices, skin_models
 from ..preferences import library
 from ..properties import skin_properties
 from . import followers, skin_preview
 from .rows import Row, by_channel, row_of
 from .skin_state import SkinState
-
-Array = NDArray[np.float64]
 
 MOST = 8
 

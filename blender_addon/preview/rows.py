@@ -6,11 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .._core import core
-
-Array = NDArray[np.float64]
+from .._core import Array, core
 
 NO_PATH = np.empty((0, 2))
 

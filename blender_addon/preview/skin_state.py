@@ -6,12 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from .._core import core
-
-Array = NDArray[np.float64]
+from .._core import Array, core
 
 
 @dataclass(frozen=True, eq=False)

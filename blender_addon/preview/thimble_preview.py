@@ -13,17 +13,14 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import changes
-from .._core import DermisError, core
+from .._core import Array, DermisError, core
 from ..devices import skin_models, thimble_devices
 from ..results import store
 from . import followers, skin_preview
 from .rows import Row, row_of
 from .skin_state import SkinState
-
-Array = NDArray[np.float64]
 
 STEP_SECONDS = 0.25  # a longer step forward is a jump, as for the skin
 

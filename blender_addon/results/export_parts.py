@@ -12,8 +12,6 @@ import bpy
 
 from .._core import DermisError, Finding, core
 
-SPANS = ("ALL", "PREVIEW", "MARKERS", "ACTION")
-
 
 @dataclass(frozen=True)
 class Part:
@@ -37,7 +35,8 @@ def write(
     """Write a file for each output and each range; return the files, and what there is to say about them.
 
     Args:
-        form: of `core.track.export.FORMATS`. span: of `SPANS`. active: whose action 'ACTION' means.
+        form: of `core.track.export.FORMATS`. active: whose action 'ACTION' means.
+        span: 'ALL', 'PREVIEW', 'MARKERS' or 'ACTION'.
         finger: this one only; None: all.
 
     Raises:

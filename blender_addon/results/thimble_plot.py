@@ -37,5 +37,4 @@ def write(scene: bpy.types.Scene, obj: bpy.types.Object, path: Path) -> Path:
         forces = thimble.forces_at(felt, times)
         found = thimble.match_touch(use, forces, use.device.servo_speed / spec.rate)
         made = core.matching.stimulus_plot.stimulus_plot(use, forces, found)
-    written: Path = core.plot.stimuli.write(path, *command.picture(made, found, obj.name))
-    return written
+    return core.plot.stimuli.write(path, *command.picture(made, found, obj.name))

@@ -6,11 +6,8 @@ from fractions import Fraction
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
-from .._core import core
-
-Array = NDArray[np.float64]
+from .._core import Array, core
 
 
 def frames_per_second(scene: bpy.types.Scene) -> Fraction:

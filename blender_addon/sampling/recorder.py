@@ -11,14 +11,11 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
-from .._core import DermisError, Finding, core
+from .._core import Array, DermisError, Finding, core
 from . import participants
 from .meshes import MeshReader, absent_mesh
 from .participants import Entry, InstanceKey, Roster
-
-Array = NDArray[np.float64]
 
 SMALLEST_SCALE = 1e-6
 """What a scale of zero becomes: a matrix that cannot be inverted has no inside."""

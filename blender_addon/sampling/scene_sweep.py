@@ -15,18 +15,15 @@ from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import changes
-from .._core import DermisError, core
+from .._core import Array, DermisError, core
 from ..quantities import metres_per_unit
 from . import height_maps, participants, prepass, scene_header, simulated_motion
 from .frames import frame_range, frames_per_second, sweep_frames
 from .meshes import MeshReader
 from .participants import Entry, InstanceKey, Roster
 from .recorder import Recorder
-
-Array = NDArray[np.float64]
 
 CHUNK = 64
 """Samples in a chunk. It is fixed, because the content hash sees chunks."""

@@ -13,9 +13,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import core
-
-Array = NDArray[np.float64]
+from .._core import Array, core
 
 MARGIN = 8
 """Frames of vertices taken either side of a window: a cubic spline forgets a knot by 0.27 a frame, 3e-5 in eight."""

@@ -103,16 +103,6 @@ def device_key(scene: bpy.types.Scene) -> str:
     return device_of(scene)[1]
 
 
-def device_name(scene: bpy.types.Scene) -> str:
-    """Return 'finger: device' of what the settings speak of.
-
-    Raises:
-        DermisError: there is no device.
-    """
-    finger, key = device_of(scene)
-    return f"{finger}: {key}" if finger else key
-
-
 def load_file(scene: bpy.types.Scene) -> Any:
     """Return the command track of the settings' file.
 

@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
+from .._core import Array
 from ..devices import pin_devices
 from ..preview.pin_preview import Pins
 from ..preview.rows import Row
 from . import drawing, paint, tactor_twin
 from .drawing import finger_matrix
-
-Array = NDArray[np.float64]
 
 SIDES = 14  # of a disc
 STEM = 2.4e-3  # [m] how far a pin is drawn to stick out

@@ -13,15 +13,12 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .._core import core
+from .._core import Array, core
 from ..devices import skin_models
 from . import tactor_twin
 from .tactor_twin import Colour, Part
 from .thimble_twin import BASE, DISC, DISC_HEIGHT, LINK, bar, joined, placed
-
-Array = NDArray[np.float64]
 
 CABLE, LEG, RIM, COIL = 0.45e-3, 0.9e-3, 1.0e-3, 0.25e-3  # half widths [m]
 TURNS, COIL_RADIUS, PER_TURN = 7, 2.0e-3, 10

@@ -10,11 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import core
+from .._core import Array, core
 from ..preview.skin_state import SkinState
 from .skin_surface import DisplaySurface
-
-Array = NDArray[np.float64]
 
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 SIGNED = frozenset(COMPONENTS)

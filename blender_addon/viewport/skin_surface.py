@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int32]
+from .._core import Array, Indices32
 
 TRIANGLES = 3000  # a surface is refined until it has about as many
 MOST_LEVELS = 2
@@ -35,12 +34,12 @@ class DisplaySurface:
         at_rest: normals of the drawn vertices without deformation, shape (d, 3).
     """
 
-    nodes: Index
+    nodes: Indices32
     refine: Any
     rest: Array
-    triangles: Index
+    triangles: Indices32
     palmar: NDArray[np.bool_]
-    coarse: Index
+    coarse: Indices32
     scatter: Any
     at_rest: Array
 
@@ -86,18 +85,17 @@ class DisplaySurface:
 
 
 def _unit(vectors: Array) -> Array:
-    out: Array = vectors / np.maximum(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)), 1e-30)[:, None]
-    return out
+    return vectors / np.maximum(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)), 1e-30)[:, None]
 
 
-def _crosses(points: Array, triangles: Index) -> tuple[Array, Array, Array]:
+def _crosses(points: Array, triangles: Indices32) -> tuple[Array, Array, Array]:
     """Return twice the area times the normal of triangles, component by component."""
     a = points[triangles[:, 0]]
     b, c = (points[triangles[:, 1]] - a).T, (points[triangles[:, 2]] - a).T
     return b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
 
 
-def _refined(points: Array, triangles: Index) -> tuple[Any, Index]:
+def _refined(points: Array, triangles: Indices32) -> tuple[Any, Indices32]:
     """Return a matrix (n + edges, n) that adds a midpoint to every edge, and the four times as many triangles."""
     from scipy.sparse import coo_array, diags_array, identity, vstack
 
@@ -123,7 +121,7 @@ def _refined(points: Array, triangles: Index) -> tuple[Any, Index]:
     return vstack([identity(n, format="csr"), middle], format="csr"), np.concatenate(parts).astype(np.int32)
 
 
-def _tangents(points: Array, triangles: Index) -> tuple[Array, Array]:
+def _tangents(points: Array, triangles: Indices32) -> tuple[Array, Array]:
     """Return two unit vectors in the tangent plane of each point."""
     normal = np.zeros_like(points)
     crosses = np.stack(_crosses(points, triangles), axis=1)

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 Colour = tuple[float, float, float, float]
 
 HOUSING: Colour = (0.16, 0.18, 0.21, 0.95)

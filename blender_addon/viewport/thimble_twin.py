@@ -10,14 +10,11 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .._core import core
+from .._core import Array, core
 from ..preview.rows import Row
 from . import tactor_twin
 from .tactor_twin import Colour, Part
-
-Array = NDArray[np.float64]
 
 BASE: Colour = (0.24, 0.27, 0.31, 0.55)
 LINK: Colour = (0.62, 0.66, 0.70, 0.95)

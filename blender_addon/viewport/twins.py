@@ -6,15 +6,12 @@ from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
-from .._core import DermisError, core
+from .._core import Array, DermisError, core
 from ..devices import pin_devices, platform_devices, thimble_devices
 from ..preview import pin_preview
 from ..preview.rows import Row
 from . import platform_twin, thimble_twin
-
-Array = NDArray[np.float64]
 
 MOST = 8
 _mechanisms: dict[tuple[Any, ...], core.devices.thimble.Thimble] = {}

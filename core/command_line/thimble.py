@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import DermisError, Finding
 from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
     from ..presets import Library
     from ..scene.tactile_scene import TactileScene
     from ..skin.model import SkinModel
-
-Array = NDArray[np.float64]
 
 
 def add_parser(commands: Any) -> None:

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import Finding
 from ..parameters.skin import SKIN_CONTACT
 from ..skin.model import SkinModel
-from ..surface.triangles import Array
 from .solver.bodies import ContactBody, ContactFrame
 from .solver.notes import Notes
 from .solver.path import DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep

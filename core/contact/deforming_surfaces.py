@@ -12,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError, Finding
 from ..scene.tactile_scene import Chunk, Mesh
 from ..surface.gap import Surface
 from ..surface.repairs import Repairs
-from ..surface.triangles import Array
 from .surfaces import box_of
 
 # What stands for an object whose vertices have not been numbers yet: too far away to be touched.

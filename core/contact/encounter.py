@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..motion import MotionSamples
 from ..motion.vectors import cross, dot, scaled, turn, turn_back
-from ..surface.triangles import Array
 from .pad_contact import PadContact, PairContact
 
 Which = slice | NDArray[np.intp]

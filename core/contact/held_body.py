@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import Finding
 from ..parameters.material import BODY
 from ..scene.tactile_scene import Body, Chunk, TactileScene
 from ..surface.gap import Surface
-from ..surface.triangles import Array
 from .holding_times import holding_times
 from .pad_contact import PadContact
 from .solver.bodies import ContactBody

@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..parameters.finger import FINGER
 from ..parameters.material import BODY
 from ..scene.tactile_scene import TactileScene
-from ..surface.triangles import Array
 from .encounter import Encounter, encounter
 from .pad_contact import PadContact
 

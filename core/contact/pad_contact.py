@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import Finding
 from ..motion import Motion, MotionSamples, Spline
 from ..parameters.parameter import Parameter
 from ..scene.tactile_scene import Mesh
 from ..surface.centre import centre_of
-from ..surface.triangles import Array
 
 
 @dataclass(frozen=True, eq=False)

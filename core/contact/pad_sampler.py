@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError, Finding
 from ..motion import rotations, singular
 from ..motion.vectors import turn as turned
@@ -23,7 +24,6 @@ from ..scene.tactile_scene import Chunk, TactileScene
 from ..surface.centre import centre_of
 from ..surface.gap import GapQuery, Surface
 from ..surface.repairs import Repairs
-from ..surface.triangles import Array
 from .deforming_surfaces import DeformingSurfaces
 from .pad_contact import PadContact
 from .pair_record import PairRecord

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ..surface.triangles import Array
+from ..arrays import Array
 from .pad_contact import PairContact
 
 

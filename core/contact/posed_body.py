@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import DermisError
 from ..motion import rotations
 from ..scene.tactile_scene import Body, Chunk, Mesh
 from ..surface.gap import Surface
-from ..surface.triangles import Array
 from .surfaces import SAME_STRETCH, box_of, carried, surface_of
 
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..arrays import Array
 from ..motion import rotations
 from ..parameters.material import BODY
 from ..scene.tactile_scene import Body, Chunk
-from ..surface.triangles import Array
 from .posed_body import Posed, PosedBody
 from .solver.bodies import ContactBody
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..arrays import Array
 from ..files import atomic
-from ..surface.triangles import Array
 from .skin_contact import SkinContact
 
 VERSION = 1

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..scene.tactile_scene import Chunk, Mesh
-from ..surface.triangles import Array
 
 # Stands for the surface of a deforming body in samples that no finger needs it in.
 NO_MESH = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..arrays import Array
 from ..parameters.finger import FINGER
 from ..scene.tactile_scene import Chunk, TactileScene
-from ..surface.triangles import Array
 
 # A pad that comes nearer faster than this [m/s] may be noticed only at the sample in which it arrives.
 FASTEST_APPROACH = 12.0

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import Finding
 from ..skin.model import SkinModel
-from ..surface.triangles import Array
 
 
 @dataclass(frozen=True, eq=False)

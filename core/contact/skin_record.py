@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import Finding
 from ..skin.model import SkinModel
-from ..surface.triangles import Array
 from .skin_contact import SkinContact, SkinStep
 
 _NOTHING = (0.0, 0.0, 0.0, 0.0, 0, 0)

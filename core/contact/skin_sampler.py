@@ -16,10 +16,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import DermisError, Finding
 from ..scene.tactile_scene import Chunk, TactileScene
 from ..skin.model import SkinModel
-from ..surface.triangles import Array
 from .held_bodies import HeldBodies
 from .held_body import may_be_held
 from .pad_contact import PadContact

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..motion import rotations, singular
-from ..surface.triangles import Array
 from .surfaces import SAME_STRETCH
 
 

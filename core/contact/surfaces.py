@@ -6,9 +6,9 @@ import weakref
 
 import numpy as np
 
+from ..arrays import Array
 from ..scene.tactile_scene import Mesh
 from ..surface.gap import Surface
-from ..surface.triangles import Array
 
 # A surface is used again as long as its scale stays within this fraction (Blender's matrices are float32).
 SAME_STRETCH = 1e-5

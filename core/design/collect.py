@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..cache import cache_key
 from ..devices.spec import DeviceSpec, from_preset
 from ..errors import DermisError
@@ -31,8 +32,6 @@ from ..skin.material import Elastic
 from ..skin.model import SkinModel, fingertip_skin
 from ..skin.shape import FingertipShape
 from ..work.executor import POLL_SECONDS, InlineExecutor, JobExecutor
-
-Array = NDArray[np.float64]
 
 PART = 2048  # rows in a part: a second or two of work
 SPREAD_ROWS = 512  # rows that the reversed sweep is made for

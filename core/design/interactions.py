@@ -12,13 +12,11 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from ..interpolate import smoothstep
 from ..scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
-
-Array = NDArray[np.float64]
 
 EXPECTED = {"flat": 1, "back": 2, "tip": 2, "left": 2, "right": 2, "complex": 3}  # motors. Source: [S2] V.A
 NAMES = tuple(EXPECTED)

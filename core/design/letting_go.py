@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.retraction import CLEAR, THICKEST, clearance
 from ..devices.safe_state import safe_state
 from ..devices.spec import DeviceSpec
-
-Array = NDArray[np.float64]
 
 
 def safe_commands(spec: DeviceSpec) -> Array | None:

@@ -12,15 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from ..files import read_text
 from ..matching.nearest import NEIGHBOURS
 from ..matching.readings import CHANNELS, FULL_SCALE, SATURATED
 from ..matching.table import SkinTable
-
-Array = NDArray[np.float64]
 
 SLACK = 0.01  # of a motor's range, that a recorded command may lie beyond its ends
 LONGEST = 4_000_000  # lines; a whole day at 100 Hz is about twice that, and no interaction

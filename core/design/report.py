@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.coupling import refuse_coupled
 from ..devices.spec import DEVICE_SCHEMA, DeviceSpec, from_preset
 from ..errors import DermisError, Finding
@@ -23,8 +23,6 @@ from ..matching.readings import FULL_SCALE, SATURATED
 from ..matching.table import SkinTable
 from .letting_go import coupled_safe, safe_commands
 from .synergies import CHOICES, Choice, Reduction, reduce
-
-Array = NDArray[np.float64]
 
 POOR = 0.3  # of what a touch changes in the readings: if all motors leave more, the table does not hold this touch
 LOW_RANK = 0.9  # share of the variance that fewer motors must explain to be called a low rank

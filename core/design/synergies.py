@@ -15,13 +15,12 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from ..matching.lookup import commands_of, readings_for
 from ..matching.table import SkinTable
 
-Array = NDArray[np.float64]
 Choice = Literal["variance", "rendered"]
 CHOICES: tuple[Choice, ...] = get_args(Choice)
 
@@ -55,8 +54,7 @@ class Components:
 
     def amounts(self, commands: Array, k: int) -> Array:
         """Return the reduced commands, shape (q, k). Source: [S2] eq. 5."""
-        out: Array = ((commands - self.mean) / self.scale) @ self.readout[:k].T
-        return out
+        return ((commands - self.mean) / self.scale) @ self.readout[:k].T
 
     def reconstructed(self, commands: Array, k: int) -> Array:
         """Return the commands that k components make of the given ones, shape (q, n). Source: [S2] eq. 7."""
@@ -86,8 +84,7 @@ class Reduction:
     @property
     def mean_percent(self) -> Array:
         """Mean of the interactions' percentages, (n,). The ratio of mean errors would be another number."""
-        out: Array = self.percent.mean(axis=0)
-        return out
+        return self.percent.mean(axis=0)
 
 
 def components(commands: Array, scale: Array, metric: Array | None = None) -> Components:
@@ -197,5 +194,4 @@ def _root(metric: Array) -> Array:
     values, vectors = np.linalg.eigh(metric)
     if values[0] <= 0.0:
         raise DermisError("the metric is not positive definite", where="design", value=float(values[0]))
-    out: Array = (vectors * np.sqrt(values)) @ vectors.T
-    return out
+    return (vectors * np.sqrt(values)) @ vectors.T

@@ -73,8 +73,7 @@ def sense_touch(touch: SkinContact, *, noise: float = NOISE, seed: int = 0) -> N
     if len(touch.times) < 2 or np.abs(np.diff(touch.times) * RATE - 1.0).max() < 1e-6:
         return sensed
     times = np.arange(int(touch.times[-1] * RATE + 1e-9) + 1) / RATE
-    whole: NDArray[np.uint16] = np.rint(interpolate(touch.times, sensed.astype(float), times)).astype(np.uint16)
-    return whole
+    return np.rint(interpolate(touch.times, sensed.astype(float), times)).astype(np.uint16)
 
 
 def load_table(spec: DeviceSpec, file: Path) -> SkinTable:

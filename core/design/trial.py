@@ -20,8 +20,6 @@ from ..skin.model import SkinModel
 from .interactions import EXPECTED, KNEE, NAMES, NOISE, WOBBLE, Wobble, interaction
 from .synergies import CHOICES, reduce
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Verdict:

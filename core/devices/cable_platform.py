@@ -16,13 +16,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from .poses import Poses, crossing
 from .spec import DeviceSpec
-
-Array = NDArray[np.float64]
 
 NEWTON_STEPS = 40
 BALANCE = 1e-6  # [N], and over the platform's radius for moments: a pose this near to balance is one
@@ -120,8 +118,7 @@ class CablePlatform:
 
     def imbalance(self, poses: Poses, commands: Array, load: Array) -> Array:
         """Return what is left of forces [N] and moments [N m] on the platform, shape (n, 6)."""
-        wrench: Array = self._balance(poses, self.lengths(commands))[0] + load
-        return wrench
+        return self._balance(poses, self.lengths(commands))[0] + load
 
     def energy(self, poses: Poses, commands: Array) -> Array:
         """Return the energy of springs and cables [J], shape (n,); its derivative is the force, for tests."""

@@ -10,12 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from .spec import Channel, DeviceSpec
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,15 +31,13 @@ class Coupling:
 
     def original(self, commands: Array) -> Array:
         """Return the original motors' commands, (..., k) to (..., n)."""
-        out: Array = self.offset + commands @ self.matrix.T
-        return out
+        return self.offset + commands @ self.matrix.T
 
     def reduced(self, commands: Array) -> Array:
         """Return the nearest commands of the new motors, each original one over its range, (..., n) to (..., k)."""
         scale = 1.0 / np.array([(c.high or 0.0) - (c.low or 0.0) for c in self.channels])
         inverse = np.linalg.pinv(self.matrix * scale[:, None]) * scale
-        out: Array = (commands - self.offset) @ inverse.T
-        return out
+        return (commands - self.offset) @ inverse.T
 
 
 def coupling_of(spec: DeviceSpec) -> Coupling | None:

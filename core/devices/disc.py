@@ -20,12 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..contact.solver.cone import OPEN, SLIP, STICK
 from ..contact.solver.solve import solve as solve_contact
 from ..errors import DermisError
 from .disc_pose import FALLBACK_TOLERANCE, TOLERANCE, Disc, DiscPose, DiscSolution, FrictionState
-
-Array = NDArray[np.float64]
 
 MAX_STEPS = 10
 NEAR, MARGIN = 0.9e-3, 0.3e-3  # candidates have gaps below NEAR; they are chosen anew when others come to MARGIN
@@ -89,8 +88,7 @@ class DiscContact:
         """Return the gap of every undeformed node [m], shape (m,)."""
         local = (self.positions - pose.centre) @ pose.rotation
         over = np.maximum(np.sqrt(local[:, 0] ** 2 + local[:, 1] ** 2) - self.disc.radius, 0.0)
-        gap: Array = over * over * (0.5 / self.disc.rounding) - local[:, 2]
-        return gap
+        return over * over * (0.5 / self.disc.rounding) - local[:, 2]
 
     def solve(self, pose: DiscPose) -> DiscSolution:
         """Return the contact at a pose, from the friction state that is held."""

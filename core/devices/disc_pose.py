@@ -10,14 +10,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..contact.solver.bodies import ContactBody
 from ..contact.solver.cone import OPEN
 from ..surface.gap import GapQuery
 from ..surface.plane import Plane
 from .linkage import PlatformPose
 from .thimble import Thimble
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 1e-6  # of the natural residual, relative to the forces
 FALLBACK_TOLERANCE = 1e-8

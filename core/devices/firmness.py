@@ -20,12 +20,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from .linkage import LEGS, Linkage
-
-Array = NDArray[np.float64]
 
 UPRIGHT = 1.5 * math.sqrt(3.0)  # the determinant of a level platform on upright rods
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .disc import DiscContact
 from .disc_pose import placed
 from .thimble import Thimble
-
-Array = NDArray[np.float64]
 
 
 def first_contact(device: Thimble, contact: DiscContact, pitch: float = 0.0, roll: float = 0.0) -> float:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..arrays import Array
 from ..errors import DermisError
 from .firmness import posture
 from .linkage import Linkage
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 1e-13  # [rad] of the servo angles
 STEPS = 80

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError, Finding
 from .kinds import KINDS
 from .spec import DeviceSpec
-
-Array = NDArray[np.float64]
 
 AMPLITUDE, CARRIER = "amplitude", "carrier"
 FULL_FRICTION = 100.0

@@ -14,16 +14,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from .cable_platform import joint_angles, on_circle
 from .poses import Poses
 from .spec import DeviceSpec
 
-Array = NDArray[np.float64]
-
-MOTORS = 6
 NEWTON_STEPS = 30
 CLOSED = 1e-11  # [m] a pose whose legs are this near to the lengths asked for is the pose
 SINGULAR = 1e-4  # least ratio of the singular values of the legs' directions, moments over the platform's radius

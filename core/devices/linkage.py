@@ -16,11 +16,10 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..arrays import Array
 from ..errors import DermisError
-
-Array = NDArray[np.float64]
 
 LEG_ANGLES = np.radians([0.0, 120.0, 240.0])
 LEG_DIRECTIONS = np.column_stack([np.cos(LEG_ANGLES), np.sin(LEG_ANGLES), np.zeros(3)])

@@ -14,10 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError, Finding
 from .spec import DeviceSpec
-
-Array = NDArray[np.float64]
 
 SPREAD_REACH = 3.0  # of sigma: nodes farther from a pin's point of action get none of its force
 

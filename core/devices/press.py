@@ -18,13 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array, Floats32
 from ..errors import DermisError
 from .poses import Poses
 from .press_problem import Carrier, PressProblem
 from .press_state import PressState
-
-Array = NDArray[np.float64]
-Floats = NDArray[np.float32]
 
 STEPS = 3
 BATCH = 256
@@ -44,8 +42,8 @@ class Pressed:
         imbalance: force on the platform left over [N], shape (n,).
     """
 
-    force: Floats
-    displacement: Floats
+    force: Floats32
+    displacement: Floats32
     poses: Poses
     touching: NDArray[np.bool_]
     residual: Array

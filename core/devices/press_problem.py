@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from .disc_pose import ROUNDING
 from .poses import Poses
-
-Array = NDArray[np.float64]
 
 
 class Carrier(Protocol):

@@ -8,11 +8,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array, Floats32
 from .poses import Poses
 from .press_problem import PressProblem
-
-Array = NDArray[np.float64]
-Floats = NDArray[np.float32]
 
 TOLERANCE = 2e-4  # of the iteration, relative to the forces of a row: below the last of 12 bits
 MAX_ITERATIONS = 240
@@ -102,7 +100,7 @@ class PressState:
             f = product[:, : 3 * m]
             if core is not None:
                 f = f - np.matmul(core, product[:, 3 * m :, None])[:, :, 0] @ problem.spread
-            v: Floats = np.multiply(f, np.float32(RELAXATION))
+            v: Floats32 = np.multiply(f, np.float32(RELAXATION))
             v += (1.0 - RELAXATION) * z
             v += y
             new, stick = _projected(v, n, problem.friction, m)
@@ -131,7 +129,7 @@ class PressState:
         self.image[rows] = self.force[rows] @ problem.compliance
 
 
-def _projected(v: Floats, normal: Floats, friction: float, m: int) -> tuple[Floats, NDArray[np.bool_]]:
+def _projected(v: Floats32, normal: Floats32, friction: float, m: int) -> tuple[Floats32, NDArray[np.bool_]]:
     """Return Coulomb's projection of a batch (n, 3 m, by component) and which nodes stick, (n, m)."""
     a, b, c = (normal[:, i : i + 1] for i in range(3))
     vx, vy, vz = v[:, :m], v[:, m : 2 * m], v[:, 2 * m :]

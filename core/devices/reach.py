@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from .thimble import Thimble
-
-Array = NDArray[np.float64]
 
 STEEPEST = np.radians(60.0)  # of tilt that is looked at
 HALVINGS = 14  # of an interval in the search for a limit: 0.004 degrees, 1 um

@@ -15,14 +15,12 @@ pose by up to 7.5, and the safe pose with it.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from . import cable_platform, hexapod, thimble
 from .coupling import coupling_of
 from .poses import Poses
 from .spec import DeviceSpec
-
-Array = NDArray[np.float64]
 
 FITTED = 13.0e-3  # [m] thickness of the finger that the platforms' presets were made for, nail to pad
 THICKEST = 18.0e-3  # [m] of the skins that ship: a large thumb

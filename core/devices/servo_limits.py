@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from .spec import DeviceSpec
-
-Array = NDArray[np.float64]
 
 SERVOS = ("servo_1", "servo_2", "servo_3")
 

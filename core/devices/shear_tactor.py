@@ -9,13 +9,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from ..following import follow
 from .spec import DeviceSpec
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

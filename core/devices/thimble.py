@@ -14,14 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from .firmness import firmness, posture
 from .forward_kinematics import configuration
 from .linkage import Linkage, PlatformPose
 from .servo_limits import servo_bounds, servo_speed
 from .spec import DeviceSpec
-
-Array = NDArray[np.float64]
 
 FIRM = 0.03  # least firmness: there a servo's error turns the platform some 15 times as far, and beyond it gives way
 

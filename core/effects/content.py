@@ -12,11 +12,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
-
-Array = NDArray[np.float64]
 
 # Bounces within one step; a body that would bounce more often lies still until the next.
 MOST_BOUNCES = 8

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array, Floats32
 from ..errors import DermisError
 
-Array = NDArray[np.float64]
-Map = NDArray[np.float32]
 # Points a pass: the work arrays of a chunk stay in the processor's second-level cache.
 CHUNK = 16384
 # Pixels a run of the gradient (2 MB): long enough to pay for numpy's calls, short enough for the last cache.
@@ -26,7 +25,7 @@ class GradientField:
         size: width and height of the screen [m].
     """
 
-    slopes: Map
+    slopes: Floats32
     size: tuple[float, float]
 
     def at(self, x: Array, y: Array) -> tuple[Array, Array]:
@@ -66,8 +65,8 @@ def metres_of(size: tuple[float, float], height_unit: float) -> float:
 
 
 def gradient(
-    heights: NDArray[np.floating], spacing: tuple[float, float], *, scale: float = 1.0, out: Map | None = None
-) -> Map:
+    heights: NDArray[np.floating], spacing: tuple[float, float], *, scale: float = 1.0, out: Floats32 | None = None
+) -> Floats32:
     """Return dF/dx and dF/dy by central differences, one-sided at the border, shape (2, rows, columns).
 
     A single row or column has no slope along itself. The border is of first order on purpose: such a difference is a
@@ -110,7 +109,7 @@ def gradient(
     return out
 
 
-def _border(slopes: Map, lines: NDArray[np.floating], factor: float) -> None:
+def _border(slopes: Floats32, lines: NDArray[np.floating], factor: float) -> None:
     """Write the one-sided slopes of the first and the last line, across lines."""
     if len(lines) < 2:
         slopes[...] = 0.0
@@ -119,14 +118,14 @@ def _border(slopes: Map, lines: NDArray[np.floating], factor: float) -> None:
         slopes[-1] = (lines[-1] - lines[-2]) * factor
 
 
-def steepest(slopes: Map) -> float:
+def steepest(slopes: Floats32) -> float:
     """Return the largest length of a pixel's gradient, slopes of shape (2, rows, columns)."""
     squares = slopes[0] * slopes[0]
     squares += slopes[1] * slopes[1]
     return float(np.sqrt(squares.max()))
 
 
-def bilinear(planes: Map, size: tuple[float, float], x: Array, y: Array) -> Map:
+def bilinear(planes: Floats32, size: tuple[float, float], x: Array, y: Array) -> Floats32:
     """Read planes of numbers at points by bilinear interpolation, shape (planes, n), float32.
 
     A pixel's value belongs to its centre; half a pixel from the border, and beyond, the border's value goes on.

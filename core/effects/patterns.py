@@ -8,11 +8,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
-
-Array = NDArray[np.float64]
 
 # Periods of each pattern in one 1/f: eq. 8 has twice the frequency, so that both have the mean speed 4 A f.
 PERIODS = {"orientation": 1.0, "direction": 2.0}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..arrays import Array
 
 # A background at infinity is written as 1e10 by Blender's depth pass; no height or depth in use is as large.
 FAR = 1e9

@@ -7,11 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from ..parameters.device import DEVICE
 from .heading import Heading
-
-Array = NDArray[np.float64]
 
 FULL = 100.0  # the strongest friction of [S4]'s scale of 0 to 100
 LEAST = 1.0  # the weakest that Table 1 renders

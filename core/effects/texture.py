@@ -8,12 +8,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from ..motion.vectors import dot, scaled
-
-Array = NDArray[np.float64]
 
 
 def displacement(

@@ -8,11 +8,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
-
-Array = NDArray[np.float64]
 
 # A transient ends when its envelope has fallen to this fraction of the device's range (2 pm of 2 mm).
 END = 1e-9

@@ -6,11 +6,9 @@ Source: [S3] eq. 4.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
-
-Array = NDArray[np.float64]
 
 SIGNS = {"paper": 1.0, "inertia": -1.0}
 

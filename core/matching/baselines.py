@@ -12,14 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.disc_pose import placed
 from ..devices.thimble import Thimble
 from ..skin.model import SkinModel
 from .gauss_newton import Minimum, ServoLimits, minimise
-
-Array = NDArray[np.float64]
 
 HOLD = 1e-2  # weight of staying where the platform was, relative to the contact's own: decides tilts a line leaves open
 

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
-
-Array = NDArray[np.float64]
 
 WHERE = "bounded least squares"
 

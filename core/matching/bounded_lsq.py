@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from ..recent import Recent
 from .bounded_input import WHERE, bounds_of, statuses_of
@@ -23,7 +24,6 @@ from .bounded_solution import BoundedSolution
 
 __all__ = ["BoundedLeastSquares", "BoundedSolution", "bounded_least_squares"]
 
-Array = NDArray[np.float64]
 
 SIGN_TOLERANCE = 1e-13  # of the largest gradient or bound: below it a sign counts as right
 MAX_BLOCK_TRIES = 6  # block exchanges without progress before the primal active set takes over

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..contact.pad_contact import PadContact
 from ..effects import content
 from ..errors import DermisError, Finding
 from ..parameters.material import BODY
 from ..scene.tactile_scene import TactileScene
-
-Array = NDArray[np.float64]
 
 
 def content_offset(

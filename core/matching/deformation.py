@@ -16,10 +16,10 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from .bounded_lsq import BoundedLeastSquares, BoundedSolution
 
-Array = NDArray[np.float64]
 Method = Literal["DM0", "DM1", "DM2", "FM0", "FM1", "FM2"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
@@ -154,8 +154,7 @@ class Matcher:
         force, x = np.atleast_2d(force), np.atleast_2d(x)
         squared = np.einsum("ij,ij->i", force if target is None else force @ target, force)
         squared += np.einsum("ij,ij->i", x @ gram - 2.0 * (force @ cross.T), x)
-        out: Array = np.sqrt(np.maximum(squared, 0.0) / self.nodes)
-        return out
+        return np.sqrt(np.maximum(squared, 0.0) / self.nodes)
 
 
 class PinSolver:

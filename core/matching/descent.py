@@ -13,8 +13,8 @@ import math
 from operator import sub
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.firmness import posture
 from ..devices.thimble import FIRM, Thimble
 from ..errors import DermisError
@@ -35,8 +35,6 @@ from .gauss_newton import (
     minimise,
     shorter,
 )
-
-Array = NDArray[np.float64]
 
 
 def descend(
@@ -123,8 +121,7 @@ def _gram(both: Array, stimulus: Array, jacobian: Array, target: Array, radius: 
     both[:, :3] = jacobian
     both[:, 2] *= radius
     np.subtract(stimulus, target, out=both[:, 3])
-    rows: list[list[float]] = (both.T @ both).tolist()
-    return rows
+    return (both.T @ both).tolist()
 
 
 def _step(gram: list[list[float]]) -> list[float] | None:

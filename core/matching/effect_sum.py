@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..contact.encounter import Encounter, turned, turned_back
 from ..contact.holding_times import holding_times, meet
 from ..contact.pad_contact import PadContact
@@ -26,8 +27,6 @@ from ..parameters.finger import FINGER
 from ..parameters.material import BODY
 from ..scene.tactile_scene import DeviceUse, TactileScene
 from .content_offset import content_offset
-
-Array = NDArray[np.float64]
 
 PLAYED = ("pattern_play", "pattern_frequency", "pattern_amplitude", "pattern_angle")
 
@@ -242,11 +241,10 @@ class EffectSum:
 
     def _acceleration(self, b: int) -> Array:
         """Acceleration of a body's centre of gravity [m/s^2], shape (n, 3)."""
-        made: Array = self.touch.keep(
+        return self.touch.keep(
             ("acceleration", b, len(self.times)),
             lambda: self.touch.centre(b, self.scene.bodies[b].mesh).at(self.times, 2),
         )
-        return made
 
     def _body(self, b: int, name: str) -> Any:
         return self.touch.series(f"body/{b}", BODY[name], self.scene.bodies[b].parameters, self.times)

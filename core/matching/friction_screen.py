@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.friction_screen import FrictionScreen
 from ..devices.spec import DeviceSpec
 from ..effects.gradient import check_map, metres_of
@@ -27,8 +28,6 @@ from .screen_path import Settings, driven_values, scale_findings, screen_path, s
 
 if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
-
-Array = NDArray[np.float64]
 
 
 def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:

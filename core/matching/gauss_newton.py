@@ -14,12 +14,11 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.thimble import Thimble
 from ..errors import DermisError
 
-Array = NDArray[np.float64]
 Evaluate = Callable[[Array], tuple[Array, Array]]
 
 OPTIMAL = 3e-3  # KKT residual to stop at

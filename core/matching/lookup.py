@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..cache import cache_key
 from ..devices.coupling import Coupling, coupling_of
 from ..devices.spec import DeviceSpec
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     from ..contact.skin_contact import SkinContact
     from .nearest import Neighbours
 
-Array = NDArray[np.float64]
 
 SLACK = 0.01  # of an original motor's range, that a coupling may drive it beyond unsaid
 ROWS = DEVICE["table_rows"].default
@@ -106,8 +106,7 @@ def _mean(found: Neighbours, values: Array) -> Array:
     else:
         weights = 1.0 / found.squared
     weights /= weights.sum(axis=1, keepdims=True)
-    out: Array = np.matmul(weights[:, None], values[found.index])[:, 0]
-    return out
+    return np.matmul(weights[:, None], values[found.index])[:, 0]
 
 
 def _weighted(squared: Array, values: Array) -> Array:
@@ -115,8 +114,7 @@ def _weighted(squared: Array, values: Array) -> Array:
     if squared[0] == 0.0:
         return values[0]
     weights = 1.0 / squared
-    out: Array = weights @ values / weights.sum()
-    return out
+    return weights @ values / weights.sum()
 
 
 def render(

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..contact.encounter import Encounter, turned, turned_back
 from ..contact.holding_times import meet
 from ..devices.friction_screen import FrictionScreen
@@ -35,8 +36,6 @@ from .screen_path import Settings, driven_values, scale_findings, screen_path, s
 
 if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
-
-Array = NDArray[np.float64]
 
 
 def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:

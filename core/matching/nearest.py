@@ -19,10 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array, Indices
 from ..errors import DermisError
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 NEIGHBOURS = 8  # that are averaged. Source: [S2] III.B
 LEAF = 32  # points in a leaf of the tree (measured)
@@ -123,8 +121,7 @@ class NearestPoints:
         doubt = SLACK * (float(turned @ turned) + self._size)
         near = np.asarray(self._tree.query_ball_point(turned, np.sqrt(max(squared, 0.0) + doubt)), np.int64)
         near.sort()
-        out: Indices = near[self._squared(query, near) <= squared]
-        return out
+        return near[self._squared(query, near) <= squared]
 
     def _decided(self, query: Array, found: Indices) -> tuple[Indices, Array, bool]:
         """Return one query's neighbours, squared distances and whether they are tied, from the points as given."""
@@ -138,5 +135,4 @@ class NearestPoints:
 
     def _squared(self, query: Array, rows: Indices) -> Array:
         off = self.points[rows] - query
-        out: Array = np.einsum("ij,ij->i", off, off)
-        return out
+        return np.einsum("ij,ij->i", off, off)

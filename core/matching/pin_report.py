@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..cache import Cache
 from ..contact.pad_sampler import PadSampler
 from ..contact.skin_contact import SkinContact
@@ -30,8 +30,6 @@ from ..skin.model import SkinModel, skin_from_parameters
 from . import pin_resolution
 from .deformation import METHODS, Method
 from .pins import Matched, PinSetup, Weighting, make_solver, match, setup
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.pin_array import PinContacts, PinLayout
 from ..errors import Finding
 from .deformation import RANK_TOLERANCE, Matcher, Method
-
-Array = NDArray[np.float64]
 
 # A pattern counts as seen where its gain on the mesh is at least this share of the weakest one's on real skin; chosen
 # far enough below 1 that a mesh which sees all patterns, though not all alike, loses none.

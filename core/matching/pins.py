@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..contact.pad_contact import PadContact
 from ..contact.skin_contact import SkinContact
 from ..devices import pin_array
@@ -29,7 +29,6 @@ from . import pin_resolution
 from .deformation import Matcher, Method, PinSolver
 from .rendered import Rendered
 
-Array = NDArray[np.float64]
 Weighting = Literal["all", "surface", "receptor"]
 WEIGHTINGS: tuple[Weighting, ...] = get_args(Weighting)
 

@@ -6,16 +6,14 @@ import hashlib
 import json
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices import cable_platform, hexapod
 from ..devices.coupling import coupling_of
 from ..devices.kinds import KINDS
 from ..devices.mechanism import kind_of, mechanism_of
 from ..devices.spec import Channel, DeviceSpec
 from ..errors import DermisError
-
-Array = NDArray[np.float64]
 
 Mechanism = cable_platform.CablePlatform | hexapod.Hexapod
 
@@ -33,8 +31,7 @@ def mechanism(spec: DeviceSpec) -> Mechanism:
             value=spec.kind,
             limit=", ".join(name for name, kind in KINDS.items() if kind.platform),
         )
-    found: Mechanism = mechanism_of(spec)
-    return found
+    return mechanism_of(spec)
 
 
 def original_channels(spec: DeviceSpec) -> tuple[Channel, ...]:

@@ -9,16 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..arrays import Array
 from ..contact.solver.bodies import ContactBody
 from ..contact.solver.path import PathSolver
 from ..errors import DermisError
 from ..parameters.material import FRICTION  # of the push plate too: it changes the load of a press by little
 from ..skin.model import SkinModel
 from ..surface.plane import Plane
-
-Array = NDArray[np.float64]
 
 DEPTHS = (0.5e-3, 1.0e-3, 1.5e-3, 2.0e-3)  # [m] of the press test. Source: [S1] IV.D
 PAPER_RANGE = (0.61, 0.90)  # alpha of the ten people of [S1] fig. 6

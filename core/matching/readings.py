@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..skin.model import SkinModel
 from ..skin.sensor import electrode_sensor
 
-Array = NDArray[np.float64]
 Counts = NDArray[np.uint16]
 
 CHANNELS = 20

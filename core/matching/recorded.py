@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.disc import DiscContact
 from ..devices.disc_pose import DiscSolution
 from ..devices.thimble import Thimble
@@ -23,8 +23,6 @@ from .gauss_newton import Minimum, ServoLimits
 from .start_table import recorded_table
 from .stress import Search, StressMatcher, ThimbleFrame
 from .thimble_use import HOVER
-
-Array = NDArray[np.float64]
 
 MIN_ROWS = 8  # a quadratic polynomial of three unknowns has ten coefficients
 SLACK = np.radians(3.0)  # of the servos' range: a real device is assembled less exactly than it is computed

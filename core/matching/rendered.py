@@ -5,13 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..arrays import Array
 from ..errors import Finding
 from ..track.command_track import CommandTrack
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ states are kept at intervals, so that going back a little costs a little.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.disc_pose import DiscSolution, FrictionState, placed
 from ..devices.spec import DeviceSpec
 from ..devices.thimble import Thimble
@@ -16,8 +16,6 @@ from ..errors import DermisError
 from ..skin.model import SkinModel
 from ..surrogate.store import contact_of
 from ..track.command_track import CommandTrack
-
-Array = NDArray[np.float64]
 
 INTERVAL = 32  # samples between two states that are kept
 

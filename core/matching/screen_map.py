@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array, Floats32
 from ..devices.friction_screen import FrictionScreen
-from ..effects.gradient import Map, bilinear, check_map, gradient, metres_of, steepest
+from ..effects.gradient import bilinear, check_map, gradient, metres_of, steepest
 from ..effects.heading import REST_RADIUS, Heading
 from ..effects.slide import FULL, LEAST, friction_of_slope, without_downhill
 from ..errors import DermisError
@@ -25,8 +26,6 @@ from ..files import write_bytes
 from ..foreign import json_of
 from ..npz import opened_npz
 from ..parameters.device import DEVICE
-
-Array = NDArray[np.float64]
 
 SCHEMA = "dermis-screen-map 1"
 
@@ -78,7 +77,7 @@ class ScreenMap:
         direction_window: length of the moving average of the direction [s], for who follows a real finger.
     """
 
-    heights: Map
+    heights: Floats32
     size: tuple[float, float]
     height_unit: float
     device: FrictionScreen
@@ -92,7 +91,7 @@ class ScreenMap:
     maps_per_second: float = 0.0
     start: float = 0.0
     direction_window: float = 0.0
-    _slopes: dict[int, Map] = field(default_factory=dict, init=False, repr=False)
+    _slopes: dict[int, Floats32] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.heights.ndim != 3:
@@ -194,7 +193,7 @@ class ScreenMap:
             out[:, used] += weight[used] * bilinear(planes, self.size, x[used], y[used])
         return tuple(out)
 
-    def _slopes_of(self, index: int) -> Map:
+    def _slopes_of(self, index: int) -> Floats32:
         """Return one map's slopes; the last two stay in memory, as many as a moment of a sequence needs."""
         if index not in self._slopes:
             rows, columns = self.heights.shape[1:]
@@ -276,17 +275,17 @@ _FIELDS = (
 )
 
 
-def height_range(heights: Map) -> tuple[float, float]:
+def height_range(heights: Floats32) -> tuple[float, float]:
     """Return the lowest and highest height of all maps of a bake."""
     return float(heights.min()), float(heights.max())
 
 
-def steepest_of_all(heights: Map, size: tuple[float, float], height_unit: float) -> float:
+def steepest_of_all(heights: Floats32, size: tuple[float, float], height_unit: float) -> float:
     """Return the steepest slope [m/m] over all maps of a bake, shape (k, rows, columns), one in memory at a time."""
     return max(_slopes_of_all(heights, size, height_unit))
 
 
-def _slopes_of_all(heights: Map, size: tuple[float, float], height_unit: float) -> Iterator[float]:
+def _slopes_of_all(heights: Floats32, size: tuple[float, float], height_unit: float) -> Iterator[float]:
     rows, columns = heights.shape[1:]
     buffer = np.empty((2, rows, columns), np.float32)
     for surface in heights:

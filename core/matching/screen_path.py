@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.friction_screen import AMPLITUDE, CARRIER, FrictionScreen
 from ..devices.spec import DeviceSpec
 from ..effects.heading import STILL_SPEED
@@ -22,7 +23,6 @@ from .shear_tactor import device_times
 if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
 
-Array = NDArray[np.float64]
 
 BEHIND = 0.02  # [m]; a pad deeper than a fingertip is thick lies behind the screen and does not touch it
 SCALE_CHANGE = 1e-4  # relative; float32 matrices differ by less

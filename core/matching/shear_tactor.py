@@ -10,8 +10,8 @@ Source: [S3] section 4
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..contact.pad_contact import PadContact
 from ..devices.shear_tactor import ShearTactor, within_speed
 from ..devices.spec import DeviceSpec
@@ -21,8 +21,6 @@ from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
 from ..track.command_track import CommandTrack
 from .effect_sum import EffectSum
 from .rendered import Rendered
-
-Array = NDArray[np.float64]
 
 # A length of up to this above 1 is rounding, not a displacement that had to be limited.
 SLACK = 1e-9

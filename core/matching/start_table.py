@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.disc import DiscContact
 from ..devices.disc_pose import FrictionState
 from ..devices.first_contact import first_contact
 from ..devices.thimble import Thimble
 from ..errors import DermisError
 from ..surrogate.forward import ForwardModel
-
-Array = NDArray[np.float64]
 
 TABLE_TILTS = np.radians([-24.0, -16.0, -8.0, 0.0, 8.0, 16.0, 24.0])
 TABLE_DEPTHS = (0.05e-3, 0.15e-3, 0.35e-3, 0.7e-3, 1.1e-3, 1.5e-3)

@@ -13,14 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..steps import drain
 from ..surrogate.dataset import MAX_DEPTH, MAX_TILT, record
 from ..surrogate.store import contact_of
 from .thimble import describe
 from .thimble_sequence import ThimbleSequence
 from .thimble_use import ThimbleUse
-
-Array = NDArray[np.float64]
 
 MOVEMENTS = 240
 MOST = 2500  # dots of the cloud

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.disc import DiscContact
 from ..devices.disc_pose import DiscSolution, FrictionState, placed
 from ..devices.first_contact import first_contact
@@ -27,7 +27,6 @@ from .gauss_newton import GIVES_WAY, Minimum, ServoLimits
 from .start_table import StartTable, start_table
 from .thimble_use import HOVER
 
-Array = NDArray[np.float64]
 Search = Callable[[Array, ServoLimits], Minimum]
 
 NOTHING = 1e-12  # targets below this share of the table's strongest stimulus are no touch
@@ -264,8 +263,7 @@ class StressMatcher:
         return float(np.linalg.norm(stimulus - minimum.stimulus)) > MISTRUST * size
 
     def _stimulus(self, solution: DiscSolution) -> Array:
-        out: Array = self.direct.readout @ solution.spread(self.contact.count).ravel()
-        return out
+        return self.direct.readout @ solution.spread(self.contact.count).ravel()
 
     def _contact_at(self, x: Array, *, searched: bool) -> DiscSolution:
         """Return the contact at the pose chosen, from the friction state before it."""

@@ -6,15 +6,13 @@ Source: [S2] III.A
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.poses import Poses, rotation
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError
 from .nearest import NEIGHBOURS
 from .platforms import ends_of, mechanism, original_channels
-
-Array = NDArray[np.float64]
 
 
 def sweep(spec: DeviceSpec, points: Array, rows: int | None = None) -> Array:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.press import Press, Pressed
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
@@ -26,8 +27,6 @@ from .nearest import NEIGHBOURS, NearestPoints
 from .platforms import mechanism, mechanism_key, scale_of
 from .readings import Counts, Readings, quantised, saturated
 from .sweep import sweep
-
-Array = NDArray[np.float64]
 
 FORMAT = "dermis-skin-table 1"
 UNBALANCED = 0.02  # [N] a platform whose forces are farther from balance is left out of the table
@@ -119,8 +118,7 @@ class SkinTable:
     def from_rest(self, readings: NDArray[Any]) -> Array:
         """Return how far readings are from those of rest [counts], shape (n,)."""
         off = np.asarray(readings, np.float64) - self.felt[self.rest]
-        out: Array = np.sqrt(np.einsum("ij,ij->i", off, off))
-        return out
+        return np.sqrt(np.einsum("ij,ij->i", off, off))
 
     def heard_with(self, noise: float) -> SkinTable:
         """Return the same table for a sensor with noise of a standard deviation [counts] in every channel."""

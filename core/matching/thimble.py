@@ -6,8 +6,8 @@ from collections.abc import Generator
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..cache import cache_key
 from ..devices.spec import DeviceSpec
 from ..devices.thimble import FIRM, Thimble
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
     from ..contact.skin_contact import SkinContact
 
-Array = NDArray[np.float64]
 
 DESCRIPTOR_MOVEMENTS = 240  # enough for the subspace: more change its size by one component at most
 LATE = 0.05  # of the touched samples: if the disc is not there yet in more, a person should know

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from .gauss_newton import GIVES_WAY
 from .stress import ThimbleFrame
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

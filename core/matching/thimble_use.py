@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.disc import DiscContact
 from ..devices.disc_pose import placed
 from ..devices.first_contact import calibrated, first_contact
@@ -29,8 +29,6 @@ from ..skin.model import SkinModel
 from ..surrogate.forward import ForwardModel
 from ..surrogate.soundness import try_out
 from ..surrogate.store import contact_of, load, place_of
-
-Array = NDArray[np.float64]
 
 METHODS = DEVICE["thimble_method"].keys
 LEARNED = ("network", "ridge")

@@ -5,13 +5,11 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .rotation import continuous, matrices, quaternions, rotations
 from .spline import Spline
 from .vectors import cross, dot, scaled
-
-Array = NDArray[np.float64]
 
 
 class Motion:

@@ -7,10 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from .vectors import cross, dot, scaled
-
-Array = NDArray[np.float64]
 
 # Columns of a matrix count as orthogonal if the cosine between them is below this (Blender's matrices are float32).
 ORTHOGONAL = 1e-5

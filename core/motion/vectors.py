@@ -7,9 +7,8 @@ components lie together in memory (Fortran order), so what follows runs along n 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..arrays import Array
 
 
 def dot(a: Array, b: Array) -> Array:

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from ..arrays import Array
 from ..errors import Finding
-from ..track.command_track import Array, CommandTrack
+from ..track.command_track import CommandTrack
 
 if TYPE_CHECKING:
     from ..contact.skin_contact import SkinContact

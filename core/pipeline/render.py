@@ -211,8 +211,7 @@ def _contact(
 
 def _renderer(spec: DeviceSpec) -> Renderer:
     """Return the method that drives this kind of device; its module loads only now."""
-    render: Renderer = import_module(f"..matching.{kind_of(spec).renderer}", __package__).render
-    return render
+    return import_module(f"..matching.{kind_of(spec).renderer}", __package__).render
 
 
 def _finish(rendered: Rendered, scene: TactileScene, finger: int, use: DeviceUse, content_hash: str) -> Output:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import Array
 from .canvas import Canvas
-
-Array = NDArray[np.float64]
 
 INK, FAINT, GRID, PAPER, FRAME = "#20262e", "#6b7480", "#e4e7eb", "#ffffff", "#b9c0c8"
 LIMIT, TOUCH = "#c8503c", "#fdebc8"

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 from xml.sax.saxutils import escape
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..arrays import Array
 
 if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont
 
-Array = NDArray[np.float64]
 Anchor = Literal["start", "middle", "end"]
 Colour = str  # '#rrggbb'
 

@@ -7,14 +7,12 @@ left to right, each pin a disc whose area and colour follow its force.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.spec import DeviceSpec
 from ..track.command_track import CommandTrack
 from .axes import FAINT, FRAME, GRID, SMALL, Axes, legend
 from .canvas import Canvas
-
-Array = NDArray[np.float64]
 
 MAPS, MAP_HEIGHT, GAP, PANEL, FOOT = 6, 90.0, 46.0, 136.0, 44.0
 HEIGHT = MAP_HEIGHT + GAP + PANEL + FOOT  # [points]

@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..files import write_bytes
 from .axes import FAINT, INK, PAPER, SMALL, Axes, legend
 from .canvas import Canvas, PngCanvas, SvgCanvas
-
-Array = NDArray[np.float64]
 
 SIDE, GAP, LEFT, TOP, FOOT = 240.0, 56.0, 56.0, 76.0, 64.0
 WIDTH, HEIGHT = LEFT + 3 * SIDE + 2 * GAP + 20.0, TOP + SIDE + FOOT

@@ -5,16 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.spec import Channel
 from ..files import write_bytes
 from ..track.command_track import CommandTrack
 from . import pins
 from .axes import FAINT, INK, LIMIT, PAPER, SMALL, TOUCH, Axes, legend
 from .canvas import Canvas, PngCanvas, SvgCanvas
-
-Array = NDArray[np.float64]
 
 WIDTH, LEFT, RIGHT = 920.0, 76.0, 24.0  # [points]
 TOP, PANEL, GAP = 74.0, 92.0, 52.0

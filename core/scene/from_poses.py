@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..arrays import Array
 from ..errors import DermisError
 from .tactile_scene import Body, Chunk, Finger, Screen, TactileScene
-
-Array = NDArray[np.float64]
 
 
 def scene_from_poses(

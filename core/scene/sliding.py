@@ -11,13 +11,11 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from ..parameters.material import FRICTION
 from .tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
-
-Array = NDArray[np.float64]
 
 STROKE = 0.02  # R [m]. Source: [S1] IV.A
 ANGULAR_VELOCITY = np.pi / 4  # omega [rad/s], a period of 8 s. Source: [S1] IV.A

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError, Finding
 from ..interpolate import MOST_SAMPLES
 from ..parameters.finger import FINGER
@@ -21,7 +22,6 @@ from ..parameters.material import BODY
 from ..parameters.parameter import Table
 from ..parameters.screen import SCREEN, SEQUENCE
 
-Array = NDArray[np.float64]
 SCENE_VERSION = 1
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from .material import Elastic
 from .mesh import TetraMesh
@@ -15,7 +16,6 @@ from .mesh import TetraMesh
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-Array = NDArray[np.float64]
 Element = Literal["anp", "p1"]
 ELEMENTS: tuple[Element, ...] = ("anp", "p1")
 

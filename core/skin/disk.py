@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array, Indices32
 from ..errors import DermisError
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int32]
 Complex = NDArray[np.complex128]
 
 # The fine block in the chart, whose radius is 1: its half width, and how far it runs back from the pad's centre and
@@ -38,10 +37,10 @@ class DiskQuads:
     """
 
     chart: Complex
-    quads: Index
-    colour: Index
-    rim: Index
-    mirror: Index
+    quads: Indices32
+    colour: Indices32
+    rim: Indices32
+    mirror: Indices32
 
 
 def disk_quads(across: int, along: int, rings: int) -> DiskQuads:
@@ -114,13 +113,13 @@ def _growth(first: float, count: int) -> float:
     return 0.5 * (low + high)
 
 
-def mirrored(points: Array, mirror: Index) -> Array:
+def mirrored(points: Array, mirror: Indices32) -> Array:
     """Return points made exactly symmetric in x, so that rounding cannot tell left from right."""
     other = points[mirror] * np.array([-1.0, 1.0, 1.0])
     return 0.5 * (points + other)
 
 
-def split_quads(quads: Index, colour: NDArray[np.integer]) -> Index:
+def split_quads(quads: Indices32, colour: NDArray[np.integer]) -> Indices32:
     """Split quadrilaterals along the diagonal between vertices of colour 0, shape (2 q, 3)."""
     even = colour[quads[:, 0]] == 0
     a, b, c, d = quads.T
@@ -129,7 +128,7 @@ def split_quads(quads: Index, colour: NDArray[np.integer]) -> Index:
     return np.concatenate([first, second]).astype(np.int32)
 
 
-def split_hexahedra(hexahedra: Index, colour: NDArray[np.integer]) -> Index:
+def split_hexahedra(hexahedra: Indices32, colour: NDArray[np.integer]) -> Indices32:
     """Split hexahedra into five tetrahedra each, conforming where `colour` is a two-colouring of the edges' ends."""
     even = colour[hexahedra[:, 0]] == 0
     out = np.empty((len(hexahedra), 5, 4), np.int32)

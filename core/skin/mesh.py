@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array, Indices32
+
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int32]
 
 FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))  # of a tetrahedron, counter-clockwise from outside
 PAD_TILT = -0.1  # skin whose outward normal has a smaller Z may touch
@@ -34,17 +34,17 @@ class TetraMesh:
     """
 
     nodes: Array
-    tetrahedra: Index
-    fixed: Index
-    pad: Index
-    surface: Index
+    tetrahedra: Indices32
+    fixed: Indices32
+    pad: Indices32
+    surface: Indices32
     name: str = "fingertip"
 
     def __repr__(self) -> str:
         return f"TetraMesh({self.name}, {len(self.nodes)} nodes, {len(self.tetrahedra)} tetrahedra)"
 
     @cached_property
-    def free(self) -> Index:
+    def free(self) -> Indices32:
         """Nodes that can move, rising, shape (n - f,)."""
         held = np.zeros(len(self.nodes), bool)
         held[self.fixed] = True
@@ -96,7 +96,7 @@ class TetraMesh:
         return out
 
 
-def pad_nodes(mesh: TetraMesh, exclude: NDArray[np.integer] | None = None) -> Index:
+def pad_nodes(mesh: TetraMesh, exclude: NDArray[np.integer] | None = None) -> Indices32:
     """Return the free nodes of the palmar skin: those whose outward normal points well away from the nail."""
     vectors = mesh._node_vectors
     length = np.linalg.norm(vectors, axis=1)
@@ -107,13 +107,13 @@ def pad_nodes(mesh: TetraMesh, exclude: NDArray[np.integer] | None = None) -> In
     return np.flatnonzero(palmar).astype(np.int32)
 
 
-def tetra_volumes(nodes: Array, tetrahedra: Index) -> Array:
+def tetra_volumes(nodes: Array, tetrahedra: Indices32) -> Array:
     """Return the signed volume of tetrahedra [m^3], shape (e,)."""
     a, b, c, d = (nodes[tetrahedra[:, i]] for i in range(4))
     return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6.0
 
 
-def boundary_faces(tetrahedra: Index) -> Index:
+def boundary_faces(tetrahedra: Indices32) -> Indices32:
     """Return the faces that belong to one tetrahedron only, counter-clockwise from outside, shape (b, 3)."""
     faces = tetrahedra[:, FACES].reshape(-1, 3)
     _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..cache import Cache, cache_key
 from ..errors import DermisError
 from ..parameters.skin import LENGTHS, OWN_MESH, TISSUE
@@ -25,7 +26,6 @@ from .shape import FingertipShape, shape_from_parameters
 from .store import MESH_ARRAYS, read_model, read_table, write_model, write_table
 from .stress import Probes, StressOperator, receptor_probes
 
-Array = NDArray[np.float64]
 Floats = NDArray[np.floating[Any]]
 
 MODEL_VERSION = 1  # part of every key: raise it whenever mesh, assembly or condensation changes

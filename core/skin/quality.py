@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from .mesh import FACES, TetraMesh, tetra_volumes
-
-Array = NDArray[np.float64]
 
 MIN_RELATIVE_VOLUME = 1e-6  # of the cube of an element's longest edge; flatter ones ruin the stiffness matrix
 _PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))

@@ -15,14 +15,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from ..npz import opened_npz
 from ..number_rows import read_rows
 from .model import SkinModel
-
-Array = NDArray[np.float64]
 
 # Places of the electrodes seen from the pad, as fractions of half the finger's width (x) and of the distance from the
 # pad's centre to the tip (y): seven along the middle, six to either side.

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from ..parameters.skin import LENGTHS
 from ..scene.tactile_scene import Mesh
 from .disk import disk_quads, split_quads
-
-Array = NDArray[np.float64]
 
 # How far the pulp narrows behind the pad's centre, as a fraction of the half section. The palm recedes towards the
 # crease of the joint; the sides and the back run almost straight.

@@ -7,14 +7,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .stress import COMPONENTS, nodal_average, von_mises
 
 if TYPE_CHECKING:
     from .model import SkinModel
 
-Array = NDArray[np.float64]
 
 __all__ = ["COMPONENTS", "Stimulus", "von_mises"]
 

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from ..files import put_array
 from ..npz import opened_npz
 from .mesh import TetraMesh
 
-Array = NDArray[np.float64]
 MESH_ARRAYS = ("nodes", "tetrahedra", "fixed", "pad", "surface")
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from .assembly import Element, Geometry, geometry
 from .material import Elastic
@@ -18,7 +19,6 @@ from .mesh import TetraMesh
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-Array = NDArray[np.float64]
 Floats = NDArray[np.floating[Any]]
 
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")

@@ -7,10 +7,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..arrays import Array
 from ..devices.calibration import Calibration
 from .output_limiter import OutputLimiter
 from .panel_source import PanelSource, Screen
-from .protocols.wire import Array, Wire
+from .protocols.wire import Wire
 from .request import StreamRequest
 from .sample_clock import SampleClock
 from .shared_state import Heartbeat

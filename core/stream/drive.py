@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections import Counter
 from enum import Enum
 
+from ..arrays import Array
 from ..devices.calibration import Calibration
 from .connection import Connection
 from .drain import Drain
 from .outbox import SendResult
 from .panel_source import PanelSource
 from .protocols.packets import Reach
-from .protocols.wire import Array
 from .request import StreamRequest
 from .safe_ramp import SafeRamp
 from .track_source import TrackSource

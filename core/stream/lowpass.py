@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import DermisError
 from ..interpolate import interpolate
 from ..units import from_si
-from .protocols.wire import Array
 
 FINE = 4  # samples for each value of the output, at least, where a track's own are unevenly spaced
 MAX_SAMPLES = 20_000_000  # samples that an uneven track may become: more than an hour at 1 kHz

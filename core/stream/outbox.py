@@ -6,10 +6,10 @@ import math
 from collections import Counter, deque
 from enum import Enum
 
+from ..arrays import Array
 from .links.token_bucket import TokenBucket
 from .links.transport import Transport
 from .protocols.adapter import Adapter
-from .protocols.wire import Array
 
 MEMORY = 0.5  # a link that was congested without a word is not hurried for this long [s]
 MAX_WAITING = 16  # messages of the protocol's own that wait for room in the link

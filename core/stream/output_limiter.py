@@ -6,7 +6,8 @@ from collections import Counter
 
 import numpy as np
 
-from .protocols.wire import Array, Wire
+from ..arrays import Array
+from .protocols.wire import Wire
 
 SLACK = 1e-9
 PERIODS = 2.0  # a step counts as at most so many periods between commands, however long the sender slept

@@ -7,10 +7,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import DermisError
 from .protocols.adapter import Touch
 from .protocols.clock import TrackClock
-from .protocols.wire import Array, Wire
+from .protocols.wire import Wire
 
 TOUCH_OLD = 0.2  # a touch that the panel has not repeated for this long has ended [s]
 

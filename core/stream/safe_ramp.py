@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..arrays import Array
 from .output_limiter import OutputLimiter, way_seconds
 from .protocols.packets import Reach
-from .protocols.wire import SAFE_SWEEP, Array, Wire
+from .protocols.wire import SAFE_SWEEP, Wire
 
 STUBBORN = 1.0  # a link that takes nothing for this long will not [s]
 

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import DermisError
 from .panel_source import PanelSource, Screen
-from .protocols.wire import Array, Wire
+from .protocols.wire import Wire
 from .request import StreamRequest
 from .track_source import TrackSource, read_track
 

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import DermisError
 from ..interpolate import interpolate
 from ..track import export
 from ..track.command_track import CommandTrack
 from .lowpass import Loss, low_passed
 from .protocols.clock import TrackClock
-from .protocols.wire import Array, Wire
+from .protocols.wire import Wire
 
 
 class TrackSource:

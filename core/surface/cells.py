@@ -14,8 +14,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array, Indices
 from .nearest import SLACK, TIE, Nearest
-from .triangles import Array, Indices, TriangleTable
+from .triangles import TriangleTable
 
 # Triangles listed in a cell at most. Points in fuller ones ask cells of half the side, and so on; after the last
 # (in the very middle of a ball) they are searched for afresh.
@@ -225,8 +226,7 @@ class CellLists:
 def _even_radii(table: TriangleTable) -> Array:
     """Circumscribing radii of equilateral triangles with the same areas, of the usable triangles."""
     twice_area = table.rows[13, table.usable] ** -0.5
-    out: Array = np.sqrt(twice_area / (1.5 * np.sqrt(3.0)))
-    return out
+    return np.sqrt(twice_area / (1.5 * np.sqrt(3.0)))
 
 
 def within(table: TriangleTable, points: Array, limit: Array) -> tuple[Indices, Indices, Array, Array, Array]:
@@ -273,8 +273,7 @@ _MIX = np.int64(0x1E3779B97F4A7C15)
 
 def _key(cell: Indices) -> Indices:
     shifted = cell + OFFSET
-    out: Indices = (shifted[:, 0] << 42) | (shifted[:, 1] << 21) | shifted[:, 2]
-    return out
+    return (shifted[:, 0] << 42) | (shifted[:, 1] << 21) | shifted[:, 2]
 
 
 def _firsts(owner: Indices) -> Indices:

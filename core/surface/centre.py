@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..scene.tactile_scene import Mesh
-
-Array = NDArray[np.float64]
 
 # A mesh whose faces' area vectors add up to less than this fraction of its area encloses a volume.
 CLOSED = 1e-6

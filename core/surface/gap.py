@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array, Indices
 from ..errors import DermisError, Finding
 from ..scene.tactile_scene import Mesh
 from . import shapes
@@ -28,7 +29,7 @@ from .gap_query import GapQuery
 from .nearest import CentroidTree, Nearest, nearest
 from .normals import SurfaceNormals
 from .topology import BOUNDARY, IRREGULAR, REGULAR, Topology, topology_of
-from .triangles import Array, Indices, TriangleTable
+from .triangles import TriangleTable
 from .winding import winding
 
 __all__ = ["GapQuery", "Surface"]
@@ -392,5 +393,4 @@ class Surface:
 
 
 def _dot(a: Array, b: Array) -> Array:
-    out: Array = np.einsum("ij,ij->i", a, b)
-    return out
+    return np.einsum("ij,ij->i", a, b)

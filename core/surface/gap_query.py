@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .triangles import Array, Indices
+from ..arrays import Array, Indices
 
 
 @dataclass(frozen=True)

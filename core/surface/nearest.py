@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .triangles import Array, Indices, TriangleTable
+from ..arrays import Array, Indices
+from .triangles import TriangleTable
 
 # Bounds are compared with this relative slack, far above rounding and far below any distance that matters.
 SLACK = 1e-9

@@ -6,8 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
+from ..arrays import Array, Indices
 from .topology import Topology
-from .triangles import Array, Indices, TriangleTable
+from .triangles import TriangleTable
 
 # Faces that meet at less than this angle stand for a curved surface; at more, for an edge. Cosine of 30 degrees.
 SMOOTH = 0.8660254037844387

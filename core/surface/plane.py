@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import DermisError
 from .gap import GapQuery
-from .triangles import Array
 
 
 @dataclass(frozen=True, eq=False)

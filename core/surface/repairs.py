@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError, Finding
 from ..scene.tactile_scene import Chunk
-from .triangles import Array
 
 
 class Repairs:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 
-Array = NDArray[np.float64]
 Shape = tuple[Array, NDArray[np.int64]]  # vertices [m], shape (V, 3), and triangles, counter-clockwise from outside
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .triangles import Array
+from ..arrays import Array
 
 REGULAR, BOUNDARY, IRREGULAR = 0, 1, 2
 

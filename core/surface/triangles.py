@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from ..arrays import Array, Indices
 
 # A triangle flatter than this (twice its area over its longest edge squared) has no usable normal.
 FLAT = 1e-10

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .triangles import Array
+from ..arrays import Array
 
 
 def winding(corner: Array, points: Array) -> Array:

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array, Indices
 from ..devices.disc import DiscContact
 from ..devices.disc_pose import FrictionState, placed
 from ..devices.first_contact import first_contact
 from ..devices.thimble import Thimble
 from ..errors import DermisError
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 MAX_TILT = np.radians(25.0)
 MAX_DEPTH = 1.6e-3  # [m] beyond first contact

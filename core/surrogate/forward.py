@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.disc import DiscContact
 from ..devices.disc_pose import DiscSolution, FrictionState, placed
 from ..devices.thimble import Thimble
 from ..errors import DermisError
-
-Array = NDArray[np.float64]
 
 
 class ForwardModel(Protocol):

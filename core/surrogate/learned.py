@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.disc_pose import FrictionState
 from ..errors import DermisError
 from .dataset import Dataset
 from .subspace import TOLERANCE, Subspace, principal_components
 from .table import Fit, SampleTable
-
-Array = NDArray[np.float64]
 
 
 class LearnedModel:

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from .table import SampleTable
 
-Array = NDArray[np.float64]
 Report = Callable[[int, int], None]
 
 HIDDEN = 260  # Source: [S0] 4.2
@@ -86,15 +86,13 @@ class Network:
 
 def softplus(z: Array) -> Array:
     """Return log(1 + exp z) without overflow."""
-    out: Array = np.log1p(np.exp(-np.abs(z))) + np.maximum(z, 0.0)
-    return out
+    return np.log1p(np.exp(-np.abs(z))) + np.maximum(z, 0.0)
 
 
 def sigmoid(z: Array) -> Array:
     """Return 1 / (1 + exp -z) without overflow, the derivative of softplus."""
     e = np.exp(-np.abs(z))
-    out: Array = np.where(z >= 0.0, 1.0, e) / (1.0 + e)
-    return out
+    return np.where(z >= 0.0, 1.0, e) / (1.0 + e)
 
 
 def train(

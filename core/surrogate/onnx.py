@@ -16,13 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from ..files import read_bytes, write_bytes
 from ..foreign import json_of
 from ..version import version
 from .network import Network
-
-Array = NDArray[np.float64]
 
 OPSET, IR_VERSION = 17, 8
 META = "dermis"
@@ -178,8 +177,7 @@ class OnnxFit:
     def predict(self, u: Array) -> Array:
         """Return channels for rows of inputs."""
         u = np.atleast_2d(np.asarray(u, np.float64))
-        out: Array = self._session.run(["stress"], {"x": u[:, :3], "friction": u[:, 3:]})[0]
-        return out
+        return self._session.run(["stress"], {"x": u[:, :3], "friction": u[:, 3:]})[0]
 
     def evaluate(self, u: Array) -> tuple[Array, Array]:
         """Return the channels and their derivative by the first three inputs."""

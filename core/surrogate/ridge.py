@@ -9,10 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from .table import SampleTable
-
-Array = NDArray[np.float64]
 
 # On coefficients of standardised inputs, times the number of samples. Larger ones may predict few samples better, but
 # flatten the slopes by x, and a search lives on slopes.

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from .forward import ForwardModel
 from .surrogate import Surrogate
-
-Array = NDArray[np.float64]
 
 REMEDY = "Adapt it again, or use the direct method"
 

@@ -36,8 +36,6 @@ from .subspace import TOLERANCE, Subspace
 from .surrogate import Surrogate, check_made_for
 from .table import SampleTable, relative_rms
 
-Array = NDArray[np.float64]
-
 SCHEMA = "dermis-surrogate 1"
 TRAJECTORIES = 2400  # Source: [S0] 4.1
 _RIDGE = ("centre", "scale", "constant", "linear", "quadratic")

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 0.10  # Source: [S0] 4.1, 'a predefined accuracy (10 % in our experiments)'
 

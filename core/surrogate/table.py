@@ -10,12 +10,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError
 from ..files import write_npz
 from ..npz import opened_npz
 from ..number_rows import read_rows
-
-Array = NDArray[np.float64]
 
 TABLE_SCHEMA = "dermis-sample-table 1"
 

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import DermisError, Finding
-from .command_track import Array, CommandTrack
+from .command_track import CommandTrack
 
 if TYPE_CHECKING:
     from ..devices.spec import DeviceSpec

@@ -9,12 +9,11 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.spec import Channel, DeviceSpec, range_disc
 from ..errors import DermisError, Finding, Severity
 from ..interpolate import MOST_SAMPLES, Method, grid, interpolate
 from .limiter import DIGITS, SLEW_SLACK, Limiter
-
-Array = NDArray[np.float64]
 
 # What a limiter did: how bad it is, and how it reads.
 LIMITED: dict[str, tuple[Severity, str]] = {

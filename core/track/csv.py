@@ -22,12 +22,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ..arrays import Array
 from ..devices.spec import NAME
 from ..errors import DermisError
 from ..files import opened, read_bytes, write_bytes
 from ..foreign import MOST_TEXT
 from ..units import UNITS
-from .command_track import Array, CommandTrack
+from .command_track import CommandTrack
 from .csv_header import (
     KEY,
     MAGIC,

@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import DermisError
 from ..files import read_text, write_bytes
 from ..foreign import MOST_TEXT, json_of
-from .command_track import Array, CommandTrack
+from .command_track import CommandTrack
 from .track_header import check_finite, check_schema, grid_of, header_of, text_of, track_of
 
 SCHEMA = "dermis-track-json 1"

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..devices.spec import DeviceSpec, range_disc
 from ..following import follow
 from ..interpolate import smoothstep
-
-Array = NDArray[np.float64]
 
 # Nine digits in a file move a value by up to half a unit of its ninth digit; a step between two by twice that.
 DIGITS = 5e-9

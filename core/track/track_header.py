@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import DermisError
-from .command_track import MOST_SAMPLES, Array, CommandTrack
+from .command_track import MOST_SAMPLES, CommandTrack
 from .csv_header import KEY, check_known, check_limited, check_meta, count, is_own, spec_of
 
 LIMITS = ("low", "high", "slew", "rest", "actuator")

@@ -14,7 +14,8 @@ CORE = ROOT / "core"
 ADDON = ROOT / "blender_addon"
 
 GROUND = set(
-    "errors units version foreign files npz number_rows cache interpolate recent following steps parameters".split()
+    "arrays errors units version foreign files npz number_rows cache interpolate recent following steps "
+    "parameters".split()
 )
 # Files of devices/ that need no more than a device's description: presets are judged by them.
 MECHANISMS = {kind.mechanism.partition(".")[0] for kind in KINDS.values()} | set(
@@ -30,18 +31,19 @@ LIVE = TRACK | {"work", "stream.protocols", "stream.links", "stream.virtual"}
 # folder or loose file: which others it may import. Within itself everybody may; no file imports in a circle.
 MAY_IMPORT: dict[str, set[str]] = {
     # the ground
+    "arrays": set(),
     "errors": set(),
     "version": set(),
     "recent": set(),
-    "following": set(),
+    "following": {"arrays"},
     "steps": set(),
     "units": {"errors"},
     "parameters": {"errors", "units"},
     "foreign": {"errors"},
     "files": {"errors", "foreign"},
     "npz": {"errors", "foreign", "files"},
-    "number_rows": {"errors", "files"},
-    "interpolate": {"errors", "units"},
+    "number_rows": {"arrays", "errors", "files"},
+    "interpolate": {"arrays", "errors", "units"},
     "cache": {"errors", "units", "version", "files"},
     "work": GROUND,
     "images": GROUND,

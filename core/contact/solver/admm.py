@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...surface.triangles import Array
+from ...arrays import Array
 
 RELAXATION = 1.7
 

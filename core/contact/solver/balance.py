@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...surface.triangles import Array
+from ...arrays import Array
 from .cone import natural_residual, project
 from .grip import Grip
 

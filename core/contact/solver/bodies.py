@@ -9,10 +9,10 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array, Indices
 from ...errors import DermisError
 from ...surface.gap import Surface
 from ...surface.plane import Plane
-from ...surface.triangles import Array, Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,8 +209,7 @@ def _plane_of(surface: Surface, triangle: Indices) -> tuple[Array, Array, Array,
 
 
 def _dot(a: Array, b: Array) -> Array:
-    out: Array = np.einsum("ij,ij->i", a, b)
-    return out
+    return np.einsum("ij,ij->i", a, b)
 
 
 def _boxes_meet(points: Array, box: Array, reach: float) -> bool:

@@ -9,10 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...surface.triangles import Array
-
-Indices = NDArray[np.int64]
-Floats32 = NDArray[np.float32]
+from ...arrays import Array, Floats32, Indices
 
 # After so many block updates the next rebuild is due; the error of each is about 1e-6.
 MAX_UPDATES = 400
@@ -146,8 +143,7 @@ class CandidateInverse:
 
 
 def _rows(nodes: Indices) -> Indices:
-    out: Indices = (3 * nodes[:, None] + np.arange(3)).reshape(-1)
-    return out
+    return (3 * nodes[:, None] + np.arange(3)).reshape(-1)
 
 
 def _inverse(matrix: Array) -> Floats32:
@@ -162,5 +158,4 @@ def _inverse(matrix: Array) -> Floats32:
     if info != 0:
         return np.linalg.inv(matrix).astype(np.float32)
     lower = np.tril(inverse)
-    out: Floats32 = np.ascontiguousarray(lower + np.tril(inverse, -1).T)
-    return out
+    return np.ascontiguousarray(lower + np.tril(inverse, -1).T)

@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...errors import DermisError
-from ...surface.triangles import Array
 
 
 class Compliance(Protocol):
@@ -53,5 +53,4 @@ def ends(matrix: NDArray[np.float64], name: str) -> tuple[float, float]:
 
 
 def _unit(vector: Array) -> Array:
-    out: Array = vector / np.linalg.norm(vector)
-    return out
+    return vector / np.linalg.norm(vector)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...surface.triangles import Array
+from ...arrays import Array
 
 OPEN, STICK, SLIP = 0, 1, 2
 TINY = 1e-300
@@ -18,8 +18,7 @@ TINY = 1e-300
 
 def along(vectors: Array, normals: Array) -> Array:
     """Return the components of vectors, shape (k, 3), along unit normals, shape (k, 3)."""
-    out: Array = np.einsum("ij,ij->i", vectors, normals)
-    return out
+    return np.einsum("ij,ij->i", vectors, normals)
 
 
 def project(vectors: Array, normals: Array, friction: Array) -> tuple[Array, NDArray[np.int8]]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ...surface.triangles import Array, Indices
+from ...arrays import Array, Indices
 from .bodies import ContactBody, ContactFrame
 from .cone import along
 from .history import ContactHistory

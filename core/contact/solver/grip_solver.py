@@ -13,10 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import DermisError, Finding
 from ...surface.gap import Surface
 from ...surface.plane import Plane
-from ...surface.triangles import Array
 from .balance import TOLERANCE, balance
 from .bodies import ContactBody, contact_frame
 from .cone import STICK, along
@@ -312,8 +312,7 @@ def _rotation(vector: Array) -> Array:
         return np.eye(3)
     x, y, z = vector / angle
     k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    out: Array = np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)
-    return out
+    return np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)
 
 
 def _vector(rotation: Array) -> Array:
@@ -323,5 +322,4 @@ def _vector(rotation: Array) -> Array:
     )
     sine = float(np.linalg.norm(axis))
     angle = float(np.arctan2(sine, 0.5 * (np.trace(rotation) - 1.0)))
-    out: Array = axis * (angle / sine) if sine > 1e-15 else axis
-    return out
+    return axis * (angle / sine) if sine > 1e-15 else axis

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...surface.triangles import Array, Indices
+from ...arrays import Array, Indices
 from .bodies import ContactBody, ContactFrame, from_material, to_material
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...surface.triangles import Array
+from ...arrays import Array
 from .cone import OPEN, SLIP, along, project
 
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import DermisError, Finding
-from ...surface.triangles import Array
 from .admm import State, iterate
 from .bodies import ContactBody, ContactFrame, contact_frame, same_places
 from .candidates import CandidateInverse

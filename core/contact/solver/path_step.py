@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...surface.triangles import Array
+from ...arrays import Array
 from .bodies import ContactFrame
 from .solve import Solution
 

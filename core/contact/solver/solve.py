@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...errors import DermisError
-from ...surface.triangles import Array
 from .admm import State, iterate
 from .cone import OPEN, SLIP, STICK, along, natural_residual, project
 from .gauss_seidel import gauss_seidel
@@ -69,8 +69,7 @@ class Solution:
     @property
     def resultant(self) -> Array:
         """Total force on the skin [N], shape (3,)."""
-        total: Array = self.force.sum(axis=0)
-        return total
+        return self.force.sum(axis=0)
 
     def complementarity_residual(self) -> float:
         """Return the largest violation of 0 <= f_n, 0 <= w_n, f_n w_n = 0, relative to force and displacement."""

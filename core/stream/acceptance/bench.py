@@ -15,11 +15,12 @@ from typing import Any
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import DermisError
 from ..connection import Connection
 from ..protocols.native import Native
 from ..protocols.packets import DeviceState, Kind, pack
-from ..protocols.wire import Array, Wire
+from ..protocols.wire import Wire
 from ..request import StreamRequest
 from ..shared_state import Heartbeat
 from ..streamer import Streamer

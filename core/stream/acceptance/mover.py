@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import DermisError
-from ..protocols.wire import Array
 from .bench import Bench
 
 AWAY = 0.3  # part of the way from the safe pose to the far end of the range that the checks move by

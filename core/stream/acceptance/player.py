@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import DermisError
 from ...track import csv
 from ...track.command_track import CommandTrack
 from ...work.child import command, environment
-from ..protocols.wire import Array, Wire
+from ..protocols.wire import Wire
 from .bench import RAMPING, SAFE_MS, Bench
 
 PLAY_SECONDS = 30.0

@@ -7,8 +7,9 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from ...arrays import Array
 from ...errors import DermisError
-from .wire import Array, Wire
+from .wire import Wire
 
 
 @dataclass(frozen=True)
@@ -175,8 +176,7 @@ def kind(protocol: str) -> type[Adapter]:
     if protocol not in NAMES:
         raise DermisError("no such protocol", value=protocol, limit=", ".join(NAMES))
     module, name, _ = NAMES[protocol]
-    found: type[Adapter] = getattr(import_module(f".{module}", __package__), name)
-    return found
+    return getattr(import_module(f".{module}", __package__), name)
 
 
 def make(protocol: str, wire: Wire, options: Mapping[str, str]) -> Adapter:

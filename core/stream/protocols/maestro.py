@@ -9,10 +9,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import DermisError
 from .adapter import Adapter
 from .packets import Reach
-from .wire import Array, Wire
+from .wire import Wire
 
 SET_TARGET = 0x84
 CHANNELS = 24  # of the largest one

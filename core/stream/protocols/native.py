@@ -8,12 +8,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import DermisError
 from . import packets
 from .adapter import Adapter, Touch
 from .clock import DeviceClock, RoundTrips
 from .packets import DeviceState, Kind, Nack, Packet, Reach
-from .wire import REACH, Array, Wire
+from .wire import REACH, Wire
 
 WATCHDOG_MS = 50  # silence after which the device goes to its safe state: with 30 ms of backlog and a pulse's 20, 100
 HELLO_EVERY, SYNC_EVERY, ARM_EVERY, SAFE_EVERY = 0.1, 0.01, 0.03, 0.005

@@ -12,10 +12,11 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 
+from ...arrays import Array
 from ...errors import DermisError
 from .adapter import Adapter, Touch
 from .packets import Reach
-from .wire import Array, Wire
+from .wire import Wire
 
 NTP = 2_208_988_800  # seconds from 1900, where time tags start, to 1970
 IMMEDIATELY = 1

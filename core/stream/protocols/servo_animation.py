@@ -11,10 +11,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import DermisError
 from .adapter import Adapter
 from .packets import Reach
-from .wire import Array, Wire
+from .wire import Wire
 
 START, END, TRAP = 0x3C, 0x3E, 0x3C
 REFRESH = 0.1

@@ -14,9 +14,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import DermisError
 from .adapter import Adapter
-from .wire import Array, Wire
+from .wire import Wire
 
 HEAD = struct.Struct("<2sH")
 TO_BOARD, FROM_BOARD = b"DT", b"DA"

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...devices.calibration import Calibration
 from ...devices.safe_state import bare_channels, safe_state
 from ...devices.spec import DeviceSpec, range_disc
 from ...errors import DermisError
 from .packets import FULL, Reach
-
-Array = NDArray[np.float64]
 
 REACH = {"at_once": Reach.AT_ONCE, "ramp": Reach.RAMP, "release": Reach.RELEASE}
 SAFE_SWEEP = 1.0  # a channel that states no speed is ramped to its safe value at its range over this [s]

@@ -52,8 +52,7 @@ def make(protocol: str, wire: Wire, options: dict[str, float]) -> Device:
         raise DermisError("no such protocol", value=protocol, limit=", ".join(KINDS))
     module, name = KINDS[protocol]
     clock = {"skew": options.get("skew", 0.0)} if protocol == "native" else {}  # the others have none
-    made: Device = getattr(import_module(f".{module}", __package__), name)(wire, stuck=stuck, **clock)
-    return made
+    return getattr(import_module(f".{module}", __package__), name)(wire, stuck=stuck, **clock)
 
 
 def options_of(url: Url) -> dict[str, float]:

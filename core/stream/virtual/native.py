@@ -9,10 +9,11 @@ from collections import deque
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import DermisError
 from ..protocols import packets
 from ..protocols.packets import DeviceState, Kind, Nack, Packet, Reach, Welcome
-from ..protocols.wire import Array, Wire
+from ..protocols.wire import Wire
 
 DEVICE_ID = b"VIRTUAL1"
 TOUCH_EVERY = 0.02  # a finger that stays down is reported again this often [s]

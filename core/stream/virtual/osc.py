@@ -6,9 +6,10 @@ import struct
 import time
 from heapq import heappop, heappush
 
+from ...arrays import Array
 from ...errors import DermisError
 from ..protocols import osc
-from ..protocols.wire import Array, Wire
+from ..protocols.wire import Wire
 
 
 class OscDevice:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...arrays import Array
 from ..protocols import torque
-from ..protocols.wire import Array, Wire
+from ..protocols.wire import Wire
 
 
 class TorqueDevice:

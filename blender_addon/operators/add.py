@@ -10,6 +10,7 @@ from mathutils import Euler, Matrix
 from .. import choices
 from ..demos import demo_scene
 from ..fingertip_mesh import mesh
+from ..polls import needs
 from ..properties import scene_properties
 from ..quantities import metres_per_unit
 
@@ -50,6 +51,7 @@ def _zoom(context: bpy.types.Context) -> None:
             bpy.ops.view3d.view_selected()
 
 
+@needs(lambda context: context.mode == "OBJECT", "Leave edit mode first")
 class DERMIS_OT_add_finger(bpy.types.Operator):
     """Add a fingertip at the 3D cursor: origin at the pad, +Y to the tip, +Z to the nail"""
 
@@ -59,12 +61,6 @@ class DERMIS_OT_add_finger(bpy.types.Operator):
 
     device: StringProperty(name="Device", description="Preset of a device to put on it", default="")
     frame_view: BoolProperty(name="Zoom In", description="Bring the finger into view", default=True)
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need object mode."""
-        cls.poll_message_set("Leave edit mode first")
-        return context.mode == "OBJECT"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
@@ -78,6 +74,7 @@ class DERMIS_OT_add_finger(bpy.types.Operator):
         return {"FINISHED"}
 
 
+@needs(lambda context: context.mode == "OBJECT", "Leave edit mode first")
 class DERMIS_OT_add_screen(bpy.types.Operator):
     """Add a touch screen at the 3D cursor: a rectangle that looks up, with a relief to feel"""
 
@@ -93,12 +90,6 @@ class DERMIS_OT_add_screen(bpy.types.Operator):
         items=(("BUMPS", "Bumps", "An image of round bumps to start from"), ("NONE", "None", "Choose an image later")),
     )
     frame_view: BoolProperty(name="Zoom In", description="Bring the screen into view", default=True)
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need object mode."""
-        cls.poll_message_set("Leave edit mode first")
-        return context.mode == "OBJECT"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""

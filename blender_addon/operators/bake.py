@@ -5,11 +5,13 @@ from typing import Any
 import bpy
 
 from .. import choices, jobs, reporting
+from ..polls import needs
 from ..preferences import library
 from ..preview import device_preview
 from ..results import store
 
 
+@needs(lambda context: context.mode in ("OBJECT", "POSE"), "Leave edit mode first")
 class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
     """Work out what every device on every finger does over the frame range; Esc cancels"""
 
@@ -17,12 +19,6 @@ class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
     bl_label = "Bake"
     bl_options = {"REGISTER"}
     job_title = "Bake"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need an object mode in which the scene is evaluated as it will be played."""
-        cls.poll_message_set("Leave edit mode first")
-        return context.mode in ("OBJECT", "POSE")
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return sampling and rendering as one generator."""

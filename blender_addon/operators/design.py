@@ -12,6 +12,7 @@ from .._core import DermisError
 from ..demos import demo_motors, demo_skin
 from ..design import design_results
 from ..devices import platform_devices
+from ..polls import needs
 from ..preview import device_preview, platform_preview
 from ..results import store
 from .add import open_scene
@@ -22,6 +23,7 @@ def _worn(context: bpy.types.Context) -> Any:
     return platform_devices.device_of(obj) if obj is not None and obj.dermis.role == "FINGER" else None
 
 
+@needs(lambda context: _worn(context) is not None, "Select a finger with a cable platform or a six-leg platform")
 class DERMIS_OT_make_table(jobs.Job, bpy.types.Operator):
     """Sweep this finger's platform in simulation, so that touches can be looked up while you scrub; Esc cancels, and
     what was swept is kept"""
@@ -30,12 +32,6 @@ class DERMIS_OT_make_table(jobs.Job, bpy.types.Operator):
     bl_label = "Make Table"
     bl_options = {"REGISTER"}
     job_title = "Table"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger with a platform."""
-        cls.poll_message_set("Select a finger with a cable platform or a six-leg platform")
-        return _worn(context) is not None
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the sweep."""
@@ -91,17 +87,13 @@ class DERMIS_OT_add_design_touch(bpy.types.Operator):
         return {"FINISHED"}
 
 
+@needs(lambda context: context.scene.dermis_design.touches)
 class DERMIS_OT_remove_design_touch(bpy.types.Operator):
     """Take the selected touch off the list"""
 
     bl_idname = "dermis.remove_design_touch"
     bl_label = "Remove Touch"
     bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a touch."""
-        return bool(context.scene.dermis_design.touches)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Remove it."""
@@ -111,6 +103,7 @@ class DERMIS_OT_remove_design_touch(bpy.types.Operator):
         return {"FINISHED"}
 
 
+@needs(lambda context: context.scene.dermis_design.touches, "Add a baked scene or a recording first")
 class DERMIS_OT_design(jobs.Job, bpy.types.Operator):
     """Find the fewest motors, and their coupling, with which the device renders the touches; Esc cancels"""
 
@@ -118,12 +111,6 @@ class DERMIS_OT_design(jobs.Job, bpy.types.Operator):
     bl_label = "How Many Motors?"
     bl_options = {"REGISTER"}
     job_title = "How many motors"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a touch."""
-        cls.poll_message_set("Add a baked scene or a recording first")
-        return bool(context.scene.dermis_design.touches)
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the work."""
@@ -141,17 +128,13 @@ class DERMIS_OT_design(jobs.Job, bpy.types.Operator):
         return {"FINISHED"}
 
 
+@needs(lambda context: design_results.current(context.scene) is not None)
 class DERMIS_OT_design_preset(bpy.types.Operator):
     """Write the device preset anew, for other components or another number of motors"""
 
     bl_idname = "dermis.design_preset"
     bl_label = "Write Preset"
     bl_options = {"REGISTER"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need an answer."""
-        return design_results.current(context.scene) is not None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Write it."""
@@ -168,16 +151,12 @@ class DERMIS_OT_design_preset(bpy.types.Operator):
         return {"FINISHED"}
 
 
+@needs(lambda _context: design_results.IMAGE in bpy.data.images)
 class DERMIS_OT_show_design(bpy.types.Operator):
     """Show error against number of motors in an Image editor; where none is open, in a window of its own"""
 
     bl_idname = "dermis.show_design"
     bl_label = "Show Picture"
-
-    @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        """Need the picture."""
-        return design_results.IMAGE in bpy.data.images
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Find or open an Image editor."""
@@ -194,6 +173,7 @@ class DERMIS_OT_show_design(bpy.types.Operator):
         return {"FINISHED"}
 
 
+@needs(lambda context: design_results.current(context.scene) is not None)
 class DERMIS_OT_save_design(bpy.types.Operator):
     """Write the report as text, JSON and PNG, and the preset, into a folder"""
 
@@ -201,11 +181,6 @@ class DERMIS_OT_save_design(bpy.types.Operator):
     bl_label = "Save Report"
 
     directory: StringProperty(name="Folder", subtype="DIR_PATH")
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need an answer."""
-        return design_results.current(context.scene) is not None
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Ask for the folder."""

@@ -8,6 +8,7 @@ from bpy.props import StringProperty
 
 from .. import animation_paths, changes, choices, reporting
 from .._core import DermisError
+from ..polls import needs
 from ..preferences import library
 from ..properties import scene_properties
 from .roles import Chooser
@@ -61,18 +62,16 @@ class DERMIS_OT_add_device(bpy.types.Operator):
         return {"FINISHED"}
 
 
+@needs(
+    lambda context: _finger(context, "") is not None and bool(context.object.dermis.finger.devices),
+    "The active object is no finger with a device",
+)
 class DERMIS_OT_remove_device(bpy.types.Operator):
     """Take the selected device off the finger"""
 
     bl_idname = "dermis.remove_device"
     bl_label = "Remove Device"
     bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger that has a device."""
-        cls.poll_message_set("The active object is no finger with a device")
-        return _finger(context, "") is not None and bool(context.object.dermis.finger.devices)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Remove it, with its keys and drivers."""

@@ -9,12 +9,14 @@ from bpy.props import BoolProperty, StringProperty
 
 from .. import reporting
 from .._core import DermisError, core
+from ..polls import needs
 from ..preferences import library
 from ..properties import scene_properties
 from ..results import store, stored_skins
 from ..sampling import scene_sweep
 
 
+@needs(lambda context: store.current(context.scene) is not None, "Bake first")
 class DERMIS_OT_export_tracks(bpy.types.Operator):
     """Write one CSV file for each finger and device of the last bake, and one for the forces on each skin"""
 
@@ -26,12 +28,6 @@ class DERMIS_OT_export_tracks(bpy.types.Operator):
         name="Folder", description="Where the files go; empty: the scene's output folder", subtype="DIR_PATH"
     )
     plots: BoolProperty(name="With Plots", description="Write a PNG plot beside each track", default=False)
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a bake."""
-        cls.poll_message_set("Bake first")
-        return store.current(context.scene) is not None
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Write to the scene's output folder; ask where that is relative to a file that was never saved."""
@@ -112,6 +108,7 @@ class DERMIS_OT_export_scene(bpy.types.Operator):
         return {"FINISHED"}
 
 
+@needs(lambda context: any(o.dermis.role == "SCREEN" for o in context.scene.objects), "Add a touch screen first")
 class DERMIS_OT_export_screen_maps(bpy.types.Operator):
     """Write each touch screen's relief and law of friction, for a screen that answers to a real finger"""
 
@@ -122,12 +119,6 @@ class DERMIS_OT_export_screen_maps(bpy.types.Operator):
     directory: StringProperty(
         name="Folder", description="Where the files go; empty: the scene's output folder", subtype="DIR_PATH"
     )
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a touch screen."""
-        cls.poll_message_set("Add a touch screen first")
-        return any(o.dermis.role == "SCREEN" for o in context.scene.objects)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Ask for the folder."""

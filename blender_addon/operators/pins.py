@@ -10,6 +10,7 @@ from .. import changes, reporting
 from .._core import DermisError, core
 from ..demos import demo_pins, demo_skin
 from ..devices import pin_devices, skin_models
+from ..polls import needs
 from ..properties import skin_properties
 from ..results import pin_reports
 from .add import open_scene
@@ -34,6 +35,7 @@ def _is_finger(context: bpy.types.Context) -> bool:
     return context.object is not None and context.object.dermis.role == "FINGER"
 
 
+@needs(_is_finger, "Select a finger")
 class DERMIS_OT_press_test(bpy.types.Operator):
     """Enter the loads of a press test: they give this person's stiffness, the finger's personal factor"""
 
@@ -45,12 +47,6 @@ class DERMIS_OT_press_test(bpy.types.Operator):
     load_2: _load(DEPTHS_MM[1])
     load_3: _load(DEPTHS_MM[2])
     load_4: _load(DEPTHS_MM[3])
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger."""
-        cls.poll_message_set("Select a finger")
-        return _is_finger(context)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Ask for the loads."""
@@ -88,17 +84,15 @@ class DERMIS_OT_press_test(bpy.types.Operator):
         return {"FINISHED"}
 
 
+@needs(
+    lambda context: _is_finger(context) and pin_devices.device_of(context.object) is not None,
+    "Select a finger with a pin array",
+)
 class DERMIS_OT_compare_pins(bpy.types.Operator):
     """Say how far each matching method would miss for what this finger felt in the last bake"""
 
     bl_idname = "dermis.compare_pins"
     bl_label = "Compare Methods"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger with a pin array."""
-        cls.poll_message_set("Select a finger with a pin array")
-        return _is_finger(context) and pin_devices.device_of(context.object) is not None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Compare."""

@@ -8,6 +8,7 @@ from bpy.props import EnumProperty, StringProperty
 
 from .. import changes, choices, reporting
 from .._core import DermisError
+from ..polls import needs
 from ..preferences import library
 from ..properties import scene_properties
 
@@ -31,6 +32,7 @@ class Chooser:
         return {"FINISHED"}
 
 
+@needs(_meshes, "Select a mesh object")
 class DERMIS_OT_make_touchable(bpy.types.Operator):
     """Let fingers feel the selected mesh objects, with a haptic material from a preset or by hand"""
 
@@ -39,12 +41,6 @@ class DERMIS_OT_make_touchable(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     preset: StringProperty(name="Material", description="Preset to take the values from; empty keeps the values")
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a mesh object."""
-        cls.poll_message_set("Select a mesh object")
-        return bool(_meshes(context))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Set role and material of every selected mesh."""
@@ -69,6 +65,15 @@ class DERMIS_OT_make_touchable(bpy.types.Operator):
         return {"FINISHED"}
 
 
+@needs(
+    lambda context: (
+        context.object is not None
+        and context.object.type == "MESH"
+        and context.mode == "OBJECT"
+        and (context.object.dermis.role in ("NONE", "TOUCHABLE"))
+    ),
+    "Select the mesh object that fingers shall feel",
+)
 class DERMIS_OT_choose_material(Chooser, bpy.types.Operator):
     """Choose a haptic material for the selected mesh objects"""
 
@@ -76,18 +81,8 @@ class DERMIS_OT_choose_material(Chooser, bpy.types.Operator):
     bl_label = "Choose Haptic Material"
     menu = "DERMIS_MT_materials"
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a mesh object that may become touchable."""
-        cls.poll_message_set("Select the mesh object that fingers shall feel")
-        return (
-            context.object is not None
-            and context.object.type == "MESH"
-            and context.mode == "OBJECT"
-            and (context.object.dermis.role in ("NONE", "TOUCHABLE"))
-        )
 
-
+@needs(lambda context: context.object is not None, "Select an object")
 class DERMIS_OT_set_role(bpy.types.Operator):
     """Change what the active object is to Dermis; its settings are kept"""
 
@@ -113,12 +108,6 @@ class DERMIS_OT_set_role(bpy.types.Operator):
             "FINGER": "This object feels: its origin is the pad's centre, +Y points to the tip, +Z to the nail",
             "SCREEN": "This object is a touch screen: a rectangle in its own XY plane, looking along +Z",
         }.get(properties.role, "Fingers can feel this object")
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need an active object."""
-        cls.poll_message_set("Select an object")
-        return context.object is not None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Set it."""

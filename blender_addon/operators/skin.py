@@ -10,6 +10,7 @@ from .. import changes, redraw, reporting
 from .._core import DermisError
 from ..demos import demo_skin
 from ..devices import skin_models
+from ..polls import needs
 from ..preferences import library
 from ..properties import scene_properties, skin_properties
 from ..viewport import skin_shown
@@ -26,6 +27,7 @@ def _fingers(context: bpy.types.Context) -> list[bpy.types.Object]:
     return chosen
 
 
+@needs(_fingers, "Select a finger")
 class DERMIS_OT_choose_skin(Chooser, bpy.types.Operator):
     """Choose size and stiffness of the selected fingers from the presets"""
 
@@ -33,13 +35,8 @@ class DERMIS_OT_choose_skin(Chooser, bpy.types.Operator):
     bl_label = "Choose Fingertip"
     menu = "DERMIS_MT_skins"
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger."""
-        cls.poll_message_set("Select a finger")
-        return bool(_fingers(context))
 
-
+@needs(_fingers, "Select a finger")
 class DERMIS_OT_apply_skin(bpy.types.Operator):
     """Give the selected fingers this size and stiffness; a fingertip of ours changes its shape with it"""
 
@@ -48,12 +45,6 @@ class DERMIS_OT_apply_skin(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     preset: StringProperty(name="Fingertip", description="Key of a skin preset")
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger."""
-        cls.poll_message_set("Select a finger")
-        return bool(_fingers(context))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Set the values."""

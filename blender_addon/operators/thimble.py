@@ -10,6 +10,7 @@ from bpy.props import EnumProperty, StringProperty
 from .. import changes, choices, jobs, reporting
 from ..demos import demo_skin, demo_thimble
 from ..devices import thimble_adaptation, thimble_devices
+from ..polls import needs
 from ..results import thimble_plot
 from .add import open_scene
 
@@ -19,6 +20,7 @@ def _worn(context: bpy.types.Context) -> Any:
     return thimble_devices.device_of(obj) if obj is not None and obj.dermis.role == "FINGER" else None
 
 
+@needs(lambda context: _worn(context) is not None, "Select a finger with a thimble")
 class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
     """Learn what this finger's thimble does to its skin, for the methods Network and Polynomial; Esc cancels"""
 
@@ -26,12 +28,6 @@ class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
     bl_label = "Adapt to This Finger"
     bl_options = {"REGISTER"}
     job_title = "Adapt"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger with a thimble."""
-        cls.poll_message_set("Select a finger with a thimble")
-        return _worn(context) is not None
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the work of a child process."""
@@ -50,6 +46,7 @@ class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
         return {"FINISHED"}
 
 
+@needs(lambda context: _worn(context) is not None, "Select a finger with a thimble")
 class DERMIS_OT_plot_thimble(bpy.types.Operator):
     """Draw what this finger felt in the last bake in three components, beside all that the thimble can do"""
 
@@ -59,12 +56,6 @@ class DERMIS_OT_plot_thimble(bpy.types.Operator):
 
     filepath: StringProperty(name="File", description="Picture to write, .png or .svg", subtype="FILE_PATH")
     filter_glob: StringProperty(default="*.png;*.svg", options={"HIDDEN"})
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger with a thimble."""
-        cls.poll_message_set("Select a finger with a thimble")
-        return _worn(context) is not None
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Ask for the file."""

@@ -6,6 +6,7 @@ import bpy
 
 from .. import changes, reporting
 from ..layouts import paragraph
+from ..polls import needs
 from ..results import store
 from .main import DermisPanel
 
@@ -38,16 +39,12 @@ class DERMIS_PT_bake(DermisPanel, bpy.types.Panel):
         layout.operator("dermis.export_screen_maps", icon="TEXTURE")
 
 
+@needs(lambda context: store.current(context.scene) is not None or bool(context.scene.dermis.bake_key))
 class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
     """What the last bake gave."""
 
     bl_idname = "DERMIS_PT_result"
     bl_label = "Result"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a result, in memory or stored."""
-        return store.current(context.scene) is not None or bool(context.scene.dermis.bake_key)
 
     def draw_header(self, context: bpy.types.Context) -> None:
         """Mark a result that is out of date."""

@@ -8,6 +8,7 @@ import numpy as np
 from ..demos import demo_motors
 from ..design import design_results
 from ..layouts import paragraph, properties
+from ..polls import needs
 from ..results import store
 from ..viewport import shown
 from .main import DermisPanel
@@ -20,17 +21,13 @@ def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
         column.prop(device, "table_rows")
 
 
+@needs(lambda context: shown.worn(context.scene, context.object, "platform") is not None)
 class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
     """A finger's platform: whether its table is at hand."""
 
     bl_idname = "DERMIS_PT_platform"
     bl_label = "Platform"
     bl_parent_id = "DERMIS_PT_object"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger with a platform."""
-        return shown.worn(context.scene, context.object, "platform") is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the table's state, and the way to make it."""

@@ -6,20 +6,17 @@ import bpy
 
 from .. import choices
 from ..layouts import properties, role
+from ..polls import needs
 from .main import DermisPanel
 
 
+@needs(lambda context: role(context) == "TOUCHABLE")
 class DERMIS_PT_material(DermisPanel, bpy.types.Panel):
     """The haptic material of something touchable."""
 
     bl_idname = "DERMIS_PT_material"
     bl_label = "Haptic Material"
     bl_parent_id = "DERMIS_PT_object"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a touchable object."""
-        return role(context) == "TOUCHABLE"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw preset and friction."""

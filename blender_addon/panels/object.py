@@ -7,6 +7,7 @@ import bpy
 from .. import choices
 from .._core import core
 from ..layouts import paragraph, properties, role
+from ..polls import needs
 from . import design, thimble
 from .main import DermisPanel
 
@@ -14,16 +15,12 @@ DEVICE_ICONS = {"friction_screen": "DESKTOP", "pin_array": "LIGHTPROBE_VOLUME"}
 ICONS = {"FINGER": "VIEW_PAN", "TOUCHABLE": "MATERIAL", "SCREEN": "DESKTOP", "NONE": "OBJECT_DATA"}
 
 
+@needs(lambda context: context.object is not None)
 class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
     """What the active object is to Dermis."""
 
     bl_idname = "DERMIS_PT_object"
     bl_label = "Object"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need an active object."""
-        return context.object is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the object's role and what belongs to it."""
@@ -89,17 +86,13 @@ class DERMIS_UL_devices(bpy.types.UIList):
         row.prop(item, "enabled", text="")
 
 
+@needs(lambda context: role(context) == "FINGER")
 class DERMIS_PT_devices(DermisPanel, bpy.types.Panel):
     """A finger's devices."""
 
     bl_idname = "DERMIS_PT_devices"
     bl_label = "Devices"
     bl_parent_id = "DERMIS_PT_object"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger."""
-        return role(context) == "FINGER"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the list, and why the active device cannot be used."""
@@ -202,6 +195,7 @@ class DERMIS_PT_device(DermisPanel, bpy.types.Panel):
                 properties(layout, device, *(core.parameters.device.DEVICE[row].saved for row in rows))
 
 
+@needs(lambda context: role(context) == "FINGER")
 class DERMIS_PT_pattern(DermisPanel, bpy.types.Panel):
     """A finger's own cue."""
 
@@ -209,11 +203,6 @@ class DERMIS_PT_pattern(DermisPanel, bpy.types.Panel):
     bl_label = "Pattern"
     bl_parent_id = "DERMIS_PT_object"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger."""
-        return role(context) == "FINGER"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the pattern's settings."""

@@ -3,22 +3,19 @@
 import bpy
 
 from ..layouts import paragraph
+from ..polls import needs
 from ..results import pin_reports
 from ..viewport import shown
 from .main import DermisPanel
 
 
+@needs(lambda context: shown.worn(context.scene, context.object, "pins") is not None)
 class DERMIS_PT_pins(DermisPanel, bpy.types.Panel):
     """Calibration and comparison."""
 
     bl_idname = "DERMIS_PT_pins"
     bl_label = "Pin Array"
     bl_parent_id = "DERMIS_PT_object"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger with a pin array."""
-        return shown.worn(context.scene, context.object, "pins") is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the personal factor and the table."""

@@ -3,22 +3,19 @@
 import bpy
 
 from ..layouts import paragraph
+from ..polls import needs
 from ..quantities import quantity
 from ..viewport import shown
 from . import census
 from .main import DermisPanel
 
 
+@needs(lambda context: census.of(context.scene).fingers)
 class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
     """What the devices do now."""
 
     bl_idname = "DERMIS_PT_preview"
     bl_label = "Preview"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger."""
-        return bool(census.of(context.scene).fingers)
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the view's settings and each device's values."""

@@ -7,6 +7,7 @@ import bpy
 from .. import choices
 from .._core import core
 from ..layouts import paragraph, properties
+from ..polls import needs
 from ..preview import skin_preview
 from ..preview.skin_state import SkinState
 from ..viewport import shown, skin_cards, skin_field, skin_shown
@@ -19,17 +20,13 @@ def _finger(context: bpy.types.Context) -> Any:
     return obj.dermis.finger if obj is not None and obj.dermis.role == "FINGER" else None
 
 
+@needs(lambda context: _finger(context) is not None)
 class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
     """A finger's skin."""
 
     bl_idname = "DERMIS_PT_skin"
     bl_label = "Skin"
     bl_parent_id = "DERMIS_PT_object"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger."""
-        return _finger(context) is not None
 
     def draw_header(self, context: bpy.types.Context) -> None:
         """Draw the switch."""
@@ -56,6 +53,7 @@ class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
             column.prop(skin, "force_limit")
 
 
+@needs(lambda context: _finger(context) is not None)
 class DERMIS_PT_skin_size(DermisPanel, bpy.types.Panel):
     """Lengths of the fingertip."""
 
@@ -63,11 +61,6 @@ class DERMIS_PT_skin_size(DermisPanel, bpy.types.Panel):
     bl_label = "Size, Nail and Bone"
     bl_parent_id = "DERMIS_PT_skin"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger."""
-        return _finger(context) is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the lengths."""
@@ -81,16 +74,12 @@ class DERMIS_PT_skin_size(DermisPanel, bpy.types.Panel):
             properties(self.layout, skin, *names, keys=False)
 
 
+@needs(lambda context: census.of(context.scene).fingers)
 class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
     """How the view shows skins, and what they feel now."""
 
     bl_idname = "DERMIS_PT_skin_view"
     bl_label = "Skin Heat Map"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger."""
-        return bool(census.of(context.scene).fingers)
 
     def draw_header(self, context: bpy.types.Context) -> None:
         """Draw the switch."""

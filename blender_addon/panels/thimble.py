@@ -7,6 +7,7 @@ import bpy
 from ..demos import demo_thimble
 from ..devices import thimble_devices
 from ..layouts import paragraph, properties
+from ..polls import needs
 from ..preview import thimble_preview
 from ..viewport import shown
 from .main import DermisPanel
@@ -26,17 +27,13 @@ def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
         paragraph(layout, context, "Turn the servos, in the Stream panel, until the disc is first felt.", "INFO")
 
 
+@needs(lambda context: shown.worn(context.scene, context.object, "thimble") is not None)
 class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
     """Method, adaptation, mismatch and what the view shows."""
 
     bl_idname = "DERMIS_PT_thimble"
     bl_label = "Thimble"
     bl_parent_id = "DERMIS_PT_object"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a finger with a thimble."""
-        return shown.worn(context.scene, context.object, "thimble") is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the adaptation's state, the mismatch of this frame and the view's switches."""

@@ -63,7 +63,7 @@ def with_reported(shown: Preview | None, reported: dict[str, float], output: str
             tactor = core.devices.shear_tactor.ShearTactor.from_spec(spec)
             place = tactor.forward(np.array([values["pulley_1"], values["pulley_2"]]))
             values["tactor_x"], values["tactor_y"] = (float(v) for v in place)
-        rows.append(replace(row, values=values))
+        rows.append(replace(row, values=values, signals={}))  # how well what was computed fits says nothing of this
     return Preview(shown.frame, "device", "what the device reports", tuple(rows)) if replaced else None
 
 

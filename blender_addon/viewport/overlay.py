@@ -118,7 +118,7 @@ def _card(row: Row, twin: Any, left: float, bottom: float, scale: float) -> None
     elif row.kind == "pin_array":
         pin_view.card(row, twin, x, bottom + MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, DIAL * scale, scale)
     elif row.kind == "thimble" and "servo_1" in row.values:
-        thimble_view.card(row, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
+        thimble_view.card(row, twin, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
     elif row.kind in platform_devices.kinds():
         platform_view.card(row, twin, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
     elif "amplitude" in row.values:

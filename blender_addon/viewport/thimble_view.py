@@ -14,8 +14,8 @@ from .twins import ThimbleTwin
 _handlers = drawing.Handlers()
 
 
-def card(row: Row, left: float, bottom: float, width: float, scale: float) -> None:
-    """Draw the servos as gauges between their limits, the pose, and how far the rendered stress is off [px]."""
+def card(row: Row, twin: ThimbleTwin | None, left: float, bottom: float, width: float, scale: float) -> None:
+    """Draw the servos as gauges between their limits, their pose, and how far the rendered stress is off [px]."""
     line, used = 20 * scale, thimble_twin.shares(row)
     top = bottom + 5.1 * line
     bar = 0.42 * width
@@ -28,12 +28,11 @@ def card(row: Row, left: float, bottom: float, width: float, scale: float) -> No
         paint.rectangle(middle - 0.5, y - 2 * scale, 1.0, 12 * scale, paint.FAINT)
         paint.text(f"{np.degrees(angle):+.1f}°", left + bar + 6 * scale, y, paint.INK, scale)
     x, y = left + 0.66 * width, top - 0.75 * line
-    for name, text in (("pitch", "pitch"), ("roll", "roll"), ("distance", "")):
-        if name in row.values:
-            value = row.values[name]
-            words = f"{1e3 * value:.2f} mm" if name == "distance" else f"{text} {np.degrees(value):+.1f}°"
+    if twin is not None:  # the pose that these angles make, whoever says them: a device reports its servos alone
+        pitch, roll, distance = twin.joints.x.tolist()
+        for words in (f"pitch {np.degrees(pitch):+.1f}°", f"roll {np.degrees(roll):+.1f}°", f"{1e3 * distance:.2f} mm"):
             paint.text(words, x, y, paint.INK, scale)
-        y -= line
+            y -= line
     y = top - 3.9 * line
     mismatch = row.signals.get("mismatch")
     if row.contact is not None and row.contact < 0.5:

@@ -2,5 +2,6 @@
 
 Everything else about a setting follows from its row: the property in Blender's window, what presets and scenes may
 hold, what the engine takes where nobody says, and `core/PARAMETERS.md`. Search for a parameter's name to find its row
-and every use. The rows are plain data; kinds of device list theirs in `devices/kinds.py`.
+and its uses; switches of effects and devices are read as `{effect}_on` and `use_{effect}`. The rows are plain data;
+kinds of device list theirs in `devices/kinds.py`.
 """

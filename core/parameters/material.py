@@ -13,12 +13,12 @@ _OFF = "of amplitude 0 where nobody says, so that a bare scene is still; the win
 _ON = "on where nobody says, at amplitude 0; off in the window until somebody wants it"
 
 
-def _texture_amplitude(axis: str) -> Parameter:
+def _texture_amplitude(name: str, axis: str) -> Parameter:
     return Parameter(
-        name=f"texture_amplitude_{axis}",
+        name=name,
         unit="1",
-        label=f"Amplitude {axis.upper()}",
-        text=f"Part of the device's range, for movement along the object's {axis.upper()}",
+        label=f"Amplitude {axis}",
+        text=f"Part of the device's range, for movement along the object's {axis}",
         default=0.4,
         absent=0.0,
         low=0.0,
@@ -28,16 +28,16 @@ def _texture_amplitude(axis: str) -> Parameter:
     )
 
 
-def _texture_period(axis: str) -> Parameter:
+def _texture_period(name: str, saved: str, axis: str) -> Parameter:
     return Parameter(
-        name=f"texture_period_{axis}",
+        name=name,
         unit="m",
-        label=f"Period {axis.upper()}",
-        text=f"Spatial period of the texture along the object's {axis.upper()}",
+        label=f"Period {axis}",
+        text=f"Spatial period of the texture along the object's {axis}",
         default=4e-3,
         low=1e-6,
         high=1e3,
-        saved=f"texture_period_{axis}_mm",
+        saved=saved,
         shown="mm",
         soft=(0.1e-3, 50e-3),
         digits=3,
@@ -143,10 +143,10 @@ MATERIAL = table(
         keyed=True,
         note=_ON,
     ),
-    _texture_amplitude("x"),
-    _texture_amplitude("y"),
-    _texture_period("x"),
-    _texture_period("y"),
+    _texture_amplitude("texture_amplitude_x", "X"),
+    _texture_amplitude("texture_amplitude_y", "Y"),
+    _texture_period("texture_period_x", "texture_period_x_mm", "X"),
+    _texture_period("texture_period_y", "texture_period_y_mm", "Y"),
     Parameter(
         name="texture_speed_threshold",
         unit="m/s",

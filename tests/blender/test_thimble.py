@@ -14,6 +14,7 @@ from blender_addon.preferences import library
 from blender_addon.preview import device_preview, skin_preview, thimble_preview
 from blender_addon.properties import scene_properties
 from blender_addon.results import store
+from blender_addon.streaming import reported_values
 from blender_addon.viewport import shown as views
 from blender_addon.viewport import thimble_twin, thimble_view, twins
 
@@ -98,6 +99,23 @@ def test_the_twins_joints_obey_forward_kinematics(demo, source) -> None:
     np.testing.assert_allclose(shares, np.abs(angles) / device.servo_range, rtol=1e-6)
     part = thimble_twin.parts(device, at, shares)
     assert part.triangles.max() == len(part.positions) - 1 and np.isfinite(part.positions).all()
+
+
+def test_servos_that_a_device_reports_are_shown_in_their_own_pose(demo) -> None:
+    bake(demo, 30)
+    demo.frame_set(30)
+    baked = views.devices(demo)
+    angles = {f"servo_{i}": 0.0 for i in (1, 2, 3)}
+    (row,) = reported_values.with_reported(baked, angles, "").rows
+    twin = twins.twin_of(demo, row)
+    np.testing.assert_allclose(twin.joints.x[:2], 0.0, atol=1e-9)  # three equal servos hold the disc level
+    assert abs(baked.rows[0].values["distance"] - twin.joints.x[2]) > 1e-4 and not row.signals
+    drawn: list[str] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(thimble_view.paint, "text", lambda words, *_: drawn.append(words))
+        patch.setattr(thimble_view.paint, "rectangle", lambda *_: None)
+        thimble_view.card(row, twin, 0.0, 0.0, 200.0, 1.0)
+    assert f"{1e3 * twin.joints.x[2]:.2f} mm" in drawn and not any("mismatch" in words for words in drawn)
 
 
 def test_a_servo_near_its_limit_turns_orange(demo) -> None:

@@ -7,7 +7,7 @@ the skin and not after it; the limit is found by retracting the bone until the f
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,6 +20,7 @@ from ..skin.model import SkinModel
 from .solver.bodies import ContactBody, ContactFrame
 from .solver.notes import Notes
 from .solver.path import DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
+from .solver.sub_steps import SubStepper
 
 LIMIT_TOLERANCE = 1e-3  # of the force limit
 MAX_TRIALS = 12
@@ -51,8 +52,10 @@ class CompliantBone:
 
     def __init__(self, solver: PathSolver, stiffness: float, force_limit: float, name: str) -> None:
         self.solver, self.stiffness, self.force_limit, self.name = solver, stiffness, force_limit, name
+        self._sub_steps = SubStepper(solver, float(np.linalg.norm(solver.bone)))
         self._retraction = 0.0  # by the force limit, beyond what the spring gives way [m]
         self._slope = 0.0
+        self._before: Callable[[], Sequence[ContactBody] | None] = lambda: None
         self._notes = Notes(name)
 
     @classmethod
@@ -90,12 +93,12 @@ class CompliantBone:
     def idle(self, count: int = 1) -> PathStep:
         """Take frames in which nothing is near."""
         self._retraction = 0.0
-        return self.solver.idle(count)
+        return self._sub_steps.idle(count)
 
     def save(self) -> Mapping[str, Any]:
         """Return the state between two frames, for `restore`."""
         return {
-            "solver": self.solver.save(),
+            "solver": self._sub_steps.save(),
             "retraction": self._retraction,
             "slope": self._slope,
             "notes": self._notes.copy(),
@@ -103,24 +106,35 @@ class CompliantBone:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved state."""
-        self.solver.restore(state["solver"])
+        self._sub_steps.restore(state["solver"])
         self._retraction, self._slope, self._notes = state["retraction"], state["slope"], state["notes"].copy()
 
-    def step(self, bodies: Sequence[ContactBody], frame: float) -> BoneStep:
-        """Solve the next frame."""
+    def step(
+        self,
+        bodies: Sequence[ContactBody],
+        frame: float,
+        before: Callable[[], Sequence[ContactBody] | None] = lambda: None,
+    ) -> BoneStep:
+        """Solve the next frame.
+
+        Args:
+            before: the same bodies in the frame before, for a finger that touches nothing there.
+        """
+        self._before = before
         if np.isfinite(self.force_limit):
             step, retraction = self._limited(bodies, frame)
         else:
-            step, retraction = self.solver.step(bodies, frame_number=frame), 0.0
+            step, retraction = self._sub_steps.step(bodies, before, frame_number=frame), 0.0
         return self._bone_step(step, retraction, frame)
 
     def retraction(self, bodies: Sequence[ContactBody], frame: float) -> float:
         """Return how far the force limit would retract the bone in the next frame [m], without taking it."""
         if not np.isfinite(self.force_limit):
             return 0.0
-        before, found = self.solver.save(), self._notes.copy()
+        self._before = lambda: None
+        before, found = self._sub_steps.save(), self._notes.copy()
         _, retraction = self._limited(bodies, frame)
-        self.solver.restore(before)
+        self._sub_steps.restore(before)
         self._notes = found
         return retraction
 
@@ -149,7 +163,7 @@ class CompliantBone:
 
     def _limited(self, bodies: Sequence[ContactBody], frame: float) -> tuple[PathStep, float]:
         """Retract the bone until the force is at its limit, or the retraction is zero."""
-        before = self.solver.save()
+        before = self._sub_steps.save()
         low, high = 0.0, np.inf  # retractions that press too much, and not enough
         retraction, step = self._retraction, self._try(bodies, self._retraction, frame)
         for _ in range(MAX_TRIALS):
@@ -158,7 +172,7 @@ class CompliantBone:
                 break
             low, high = (retraction, high) if excess > 0 else (low, retraction)
             trial = self._next(retraction, excess, low, high, step)
-            self.solver.restore(before)
+            self._sub_steps.restore(before)
             following = self._try(bodies, trial, frame)
             if trial != retraction:
                 self._slope = (excess + self.force_limit - self._force(following)) / (trial - retraction)
@@ -180,7 +194,7 @@ class CompliantBone:
         if retraction > 0.0:
             down = np.array([0.0, 0.0, -retraction])  # the finger goes up, so all else goes down in its frame
             bodies = [replace(body, translation=body.translation + down) for body in bodies]
-        return self.solver.step(bodies, frame_number=frame)
+        return self._sub_steps.step(bodies, self._before, frame_number=frame)
 
     def _next(self, retraction: float, excess: float, low: float, high: float, step: PathStep) -> float:
         """Return the next retraction: along the last slope, kept within the bracket, which is halved where it fails."""

@@ -62,10 +62,17 @@ class PosedBody:
         self._turned: tuple[Array, Array] | None = None  # linear maps, and their rotations
         self._known = False  # that those are this chunk's
         self._box: tuple[Mesh, Array] | None = None  # of a mesh, in its object's space
+        self._previous: tuple[Array, Mesh | None] | None = None  # pose and mesh of the sample before the chunk
 
-    def take(self, b: int, chunk: Chunk) -> None:
-        """Go on to a chunk, in which it is body `b`."""
+    def take(self, b: int, chunk: Chunk, *, again: bool = False) -> None:
+        """Go on to a chunk, in which it is body `b`; `again` where it stands for the last one once more."""
+        if not again and len(self._poses):
+            self._previous = self._poses[-1], None if self._meshes is None else self._meshes[-1]
         self._poses, self._meshes, self._known = chunk.bodies[b], chunk.surfaces.get(b), False
+
+    def cut(self) -> None:
+        """Forget the sample before the chunk: what follows does not come from there."""
+        self._previous = None
 
     def boxes(self) -> Array:
         """Return the box in the object's space at every sample [m], shape (n, 2, 3), or (1, 2, 3) of a rigid body.
@@ -89,8 +96,26 @@ class PosedBody:
         Raises:
             DermisError: the object has scale 0.
         """
-        turn, pose = self._turns()[i], self._poses[i]
-        mesh = self._body.mesh if self._meshes is None else self._meshes[i]
+        return self._posed(self._poses[i], self._turns()[i], None if self._meshes is None else self._meshes[i])
+
+    def before(self, i: int) -> Posed | None:
+        """Return the body at the sample before sample `i`; None where there was none, or its surface was not kept.
+
+        Raises:
+            DermisError: the object has scale 0.
+        """
+        if i > 0:
+            pose, mesh = self._poses[i - 1], None if self._meshes is None else self._meshes[i - 1]
+        elif self._previous is not None:
+            pose, mesh = self._previous
+        else:
+            return None
+        if mesh is not None and not len(mesh.triangles):
+            return None
+        return self._posed(pose, self._rotations(pose[None, :3, :3])[0], mesh)
+
+    def _posed(self, pose: Array, turn: Array, mesh: Mesh | None) -> Posed:
+        mesh = self._body.mesh if mesh is None else mesh
         assert mesh is not None  # `boxes` refused it
         anew = self._meshes is not None and self._deforms is None
         kept = self._surface(mesh, turn.T @ pose[:3, :3], anew)
@@ -124,17 +149,18 @@ class PosedBody:
         """Return the rotations of all samples, shape (n, 3, 3); most objects stand still from chunk to chunk."""
         linear = self._poses[:, :3, :3]
         if self._turned is None or not (self._known or np.array_equal(linear, self._turned[0])):
-            try:
-                self._turned = linear.copy(), rotations(linear)
-            except DermisError as error:
-                raise DermisError(
-                    error.what,
-                    where=f"object '{self._body.name}'",
-                    limit=error.limit,
-                    remedy="Scale its vertices instead",
-                ) from error
+            self._turned = linear.copy(), self._rotations(linear)
         self._known = True
         return self._turned[1]
+
+    def _rotations(self, linear: Array) -> Array:
+        try:
+            return rotations(linear)
+        except DermisError as error:
+            where = f"object '{self._body.name}'"
+            raise DermisError(
+                error.what, where=where, limit=error.limit, remedy="Scale its vertices instead"
+            ) from error
 
     def _box_of(self, mesh: Mesh) -> Array:
         if self._box is None or self._box[0] is not mesh:

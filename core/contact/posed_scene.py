@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -33,17 +34,27 @@ class PosedScene:
         self._bodies = [PosedBody(body, d) for body, d in zip(bodies, told, strict=True)]
         self._turns: Array | None = None
         self._boxes: tuple[Array, Array] | None = None
+        self._previous: Array | None = None  # the fingers' poses at the sample before the chunk
 
-    def take(self, chunk: Chunk, bodies: Sequence[Body] | None = None) -> None:
+    def take(self, chunk: Chunk, bodies: Sequence[Body] | None = None, *, again: bool = False) -> None:
         """Go on to a chunk.
 
         Args:
             bodies: their headers, where parameters may have been edited since.
+            again: it stands for the last chunk once more.
         """
+        if not again and hasattr(self, "chunk"):
+            self._previous = self.chunk.fingers[:, -1]
         self.chunk, self._turns, self._boxes = chunk, None, None
         self._headers = self._headers if bodies is None else tuple(bodies)
         for b, body in enumerate(self._bodies):
-            body.take(b, chunk)
+            body.take(b, chunk, again=again)
+
+    def cut(self) -> None:
+        """Forget the sample before the chunk: what follows does not come from there."""
+        self._previous = None
+        for body in self._bodies:
+            body.cut()
 
     def turns(self) -> Array:
         """Return the fingers' rotations to the world, shape (F, n, 3, 3)."""
@@ -78,6 +89,19 @@ class PosedScene:
         """
         return self._bodies[b].at(i)
 
+    def finger_before(self, f: int, i: int) -> tuple[Array, Array] | None:
+        """Return a finger's rotation (3, 3) and place [m] at the sample before sample `i`; None where none was."""
+        if i > 0:
+            return self.turns()[f, i - 1], self.chunk.fingers[f, i - 1, :3, 3]
+        if self._previous is None:
+            return None
+        return rotations(self._previous[f : f + 1, :3, :3])[0], self._previous[f, :3, 3]
+
+    def seen_before(self, turn: Array, place: Array, b: int, i: int) -> ContactBody | None:
+        """Return a body at the sample before sample `i`, as `seen_from` does; None where it is not known."""
+        posed = self._bodies[b].before(i)
+        return None if posed is None else _seen(posed, turn, place)
+
     def seen_from(self, turn: Array, place: Array, b: int, i: int) -> ContactBody:
         """Return a body at a sample, in the frame of a finger with this rotation (3, 3) and place [m] in the world.
 
@@ -86,17 +110,18 @@ class PosedScene:
         """
         posed = self._bodies[b].at(i)
         stiffness = self._value(b, i, "surface_stiffness")
-        return ContactBody(
-            posed.surface,
-            turn.T @ posed.turn,
-            turn.T @ (posed.origin - place),
+        return replace(
+            _seen(posed, turn, place),
             friction=self._value(b, i, "friction"),
             softness=1.0 / stiffness if stiffness > 0 else 0.0,
-            deforms=posed.deforms,
-            carry=posed.carry,
         )
 
     def _value(self, b: int, i: int, name: str) -> float:
         """Return a body's parameter at a sample: animated, constant, or what holds where nobody says."""
         channel = self.chunk.channels.get(f"body/{b}/{name}")
         return float(self._headers[b].parameters.get(name, BODY[name].absent) if channel is None else channel[i])
+
+
+def _seen(posed: Posed, turn: Array, place: Array) -> ContactBody:
+    rotation, translation = turn.T @ posed.turn, turn.T @ (posed.origin - place)
+    return ContactBody(posed.surface, rotation, translation, deforms=posed.deforms, carry=posed.carry)

@@ -76,7 +76,8 @@ class SkinStepper:
         """
         if not approach.close(i):
             return self.idle()
-        return _skin_step(self.bone.step(self.around(approach, i), float(self._scene.chunk.frames[i])))
+        frame = float(self._scene.chunk.frames[i])
+        return _skin_step(self.bone.step(self.around(approach, i), frame, lambda: self._before(i)))
 
     def idle(self, count: int = 1) -> SkinStep:
         """Take samples in which nothing is near; history ends there."""
@@ -87,6 +88,13 @@ class SkinStepper:
         """Return the bodies that the finger has ever been near at a sample, in an order that never changes."""
         close, turn, place = approach.close(i), approach.turn[i], approach.place[i]
         return [self._scene.seen_from(turn, place, b, i) if b in close else AWAY for b in self._order]
+
+    def _before(self, i: int) -> list[ContactBody] | None:
+        """Return the same bodies at the sample before, wherever they were; None where that is not known."""
+        pose = self._scene.finger_before(self.index, i)
+        seen = [] if pose is None else [self._scene.seen_before(*pose, b, i) for b in self._order]
+        known = [body for body in seen if body is not None]
+        return known if known and len(known) == len(seen) else None
 
     def place_of(self, b: int) -> int:
         """Return which of the bodies `around` the finger is body `b`."""

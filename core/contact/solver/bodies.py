@@ -11,8 +11,14 @@ from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from ...errors import DermisError
-from ...surface.gap import Surface
+from ...surface.crossing import first_crossing
+from ...surface.gap import GapQuery, Surface
 from ...surface.plane import Plane
+
+# Normals that turned in a frame by more than this cosine says may belong to the other side of something thin.
+SAME_SIDE = 0.5
+# Ways through a surface start this far above where a node lay on it [m].
+ABOVE = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +70,9 @@ class ContactFrame:
 
     Attributes:
         bodies: what there is to touch.
-        gap: of the undeformed nodes [m], inf beyond reach, shape (m,).
+        gap: of the undeformed nodes, linear about where the deformed ones are expected [m], inf beyond reach,
+            shape (m,).
+        clearance: of the nodes where they are expected [m], inf beyond reach, shape (m,).
         normal: out of the body, into the finger, shape (m, 3).
         body: index of the closest body, -1 beyond reach, shape (m,).
         triangle: the closest triangle of that body, shape (m,).
@@ -74,6 +82,7 @@ class ContactFrame:
 
     bodies: tuple[ContactBody, ...]
     gap: Array
+    clearance: Array
     normal: Array
     body: Indices
     triangle: Indices
@@ -95,11 +104,23 @@ class ContactFrame:
             raise DermisError("a soft object needs the areas of the skin's nodes", where=where)
         return self.softness / areas
 
-    def opened(self, gap: Array) -> Array:
-        """Return by how much deformation opened these gaps, given the deformed ones [m]; 0 where nothing is near."""
-        out = np.zeros_like(gap)
-        np.subtract(gap, self.gap, out=out, where=self.body >= 0)
-        return out
+
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """Where a finger's nodes are looked for in a frame: as the last one left them, moved with what they stick to.
+
+    Attributes:
+        places: of the nodes [m], shape (m, 3).
+        origins: where they would be had all of them moved with their bodies: none of these is behind a surface [m],
+            NaN without a body, shape (m, 3).
+        normal: of the surface that they were above, turned with its body, shape (m, 3).
+        body: that body's index, -1 without, shape (m,).
+    """
+
+    places: Array
+    origins: Array
+    normal: Array
+    body: Indices
 
 
 def same_places(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> bool:
@@ -107,48 +128,76 @@ def same_places(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> boo
     return len(one) == len(other) and all(a.same_place(b) for a, b in zip(one, other, strict=True))
 
 
-def contact_frame(points: Array, bodies: Sequence[ContactBody], reach: float, bone: Array) -> ContactFrame:
+def contact_frame(
+    points: Array, bodies: Sequence[ContactBody], reach: float, bone: Array, expected: Expected | None = None
+) -> ContactFrame:
     """Measure each node against every body and keep the closest.
 
-    The gap is linear about the undeformed node, so that it depends on the pose alone and not on what came before.
+    Asked about is the deformed skin, which lies on what it touches and not behind it: so a sheet thinner than the
+    finger is pressed is felt as a block is, and the gap is exact to first order where the skin really is. A node
+    whose way from the last frame leads through a surface stays on the side that it came from.
 
     Args:
         points: undeformed nodes in the finger's frame [m], shape (m, 3).
         reach: gaps beyond this are of no interest [m].
         bone: a point inside the finger [m], shape (3,): an open surface is touched on the side where it lies.
+        expected: where the deformed nodes are; the undeformed ones where None.
     """
     m = points.shape[0]
+    places = points if expected is None else expected.places
     found = ContactFrame(
-        tuple(bodies), np.full(m, np.inf), np.zeros((m, 3)), np.full(m, -1), np.full(m, -1), np.zeros(m), np.zeros(m)
+        tuple(bodies),
+        np.full(m, np.inf),
+        np.full(m, np.inf),
+        np.zeros((m, 3)),
+        np.full(m, -1),
+        np.full(m, -1),
+        np.zeros(m),
+        np.zeros(m),
     )
     for index, body in enumerate(bodies):
         if body.away:
             continue
-        local = (points - body.translation) @ body.rotation
+        local = (places - body.translation) @ body.rotation
         if isinstance(body.surface, Surface) and not _boxes_meet(local, body.surface.box, reach):
             continue
-        answer = body.surface.query(local, reach)
-        if isinstance(body.surface, Surface) and not body.surface.closed:
-            if body.surface.side_of((bone - body.translation) @ body.rotation) < 0:
-                answer = answer.flipped()
-        closer = np.flatnonzero((answer.triangle >= 0) & (answer.gap < found.gap))
-        if closer.size == m:
-            everything = np.full(m, index)
-            found = ContactFrame(
-                found.bodies,
-                answer.gap,
-                answer.normal @ body.rotation.T,
-                everything,
-                answer.triangle,
-                np.full(m, body.friction),
-                np.full(m, body.softness),
-            )
-        elif closer.size:
-            found.gap[closer] = answer.gap[closer]
-            found.normal[closer] = answer.normal[closer] @ body.rotation.T
-            found.body[closer], found.triangle[closer] = index, answer.triangle[closer]
-            found.friction[closer], found.softness[closer] = body.friction, body.softness
+        answer, side = body.surface.query(local, reach), 1
+        if isinstance(body.surface, Surface):
+            if not body.surface.closed and body.surface.side_of((bone - body.translation) @ body.rotation) < 0:
+                answer, side = answer.flipped(), -1
+            if expected is not None:
+                _keep_sides(answer, body, index, side, local, expected)
+        closer = np.flatnonzero((answer.triangle >= 0) & (answer.gap < found.clearance))
+        found.clearance[closer] = answer.gap[closer]
+        found.normal[closer] = answer.normal[closer] @ body.rotation.T
+        found.body[closer], found.triangle[closer] = index, answer.triangle[closer]
+        found.friction[closer], found.softness[closer] = body.friction, body.softness
+    found.gap[:] = found.clearance
+    if expected is not None:
+        near = np.flatnonzero(found.body >= 0)
+        found.gap[near] -= np.einsum("ij,ij->i", places[near] - points[near], found.normal[near])
     return found
+
+
+def _keep_sides(answer: GapQuery, body: ContactBody, index: int, side: int, local: Array, expected: Expected) -> None:
+    """Give nodes that went through a surface the face that they went through first, in place."""
+    assert isinstance(body.surface, Surface)
+    own = np.flatnonzero((expected.body == index) & (answer.triangle >= 0))
+    before = expected.normal[own] @ body.rotation
+    turned = own[np.einsum("ij,ij->i", before, answer.normal[own]) < SAME_SIDE]
+    if turned.size == 0:
+        return
+    above = expected.origins[turned] + ABOVE * expected.normal[turned]
+    start = (above - body.translation) @ body.rotation
+    triangle, share = first_crossing(body.surface.table, start, local[turned], side)
+    through = triangle >= 0
+    turned, triangle, start, share = turned[through], triangle[through], start[through], share[through]
+    normal = side * body.surface.table.bounds[3:6].take(triangle, axis=1).T
+    way = local[turned] - start
+    answer.gap[turned] = (1.0 - share) * np.einsum("ij,ij->i", way, normal)
+    answer.normal[turned], answer.triangle[turned] = normal, triangle
+    answer.point[turned] = start + share[:, None] * way
+    answer.beside[turned] = False
 
 
 def to_material(frame: ContactFrame, nodes: Indices, positions: Array) -> tuple[Array, Indices]:

@@ -196,7 +196,10 @@ class GripSolver:
         finger, pose = self.fingers[index], context.pose
         body = self.body(pose, rotation, middle)
         bodies = (*context.bodies[: context.own], body, *context.bodies[context.own + 1 :])
-        frame = contact_frame(finger.points, bodies, SEARCH_RADIUS, finger.bone)
+        last = self._forces[index]
+        deformed = finger.points + (finger.compliance @ last.reshape(-1)).reshape(-1, 3)
+        expected = context.history.expected(bodies, deformed, SEARCH_RADIUS)
+        frame = contact_frame(finger.points, bodies, SEARCH_RADIUS, finger.bone, expected)
         near = np.flatnonzero(frame.body >= 0)
         offset = context.history.offset(frame, finger.points)[near]
         turn = pose[:3, :3]
@@ -281,7 +284,8 @@ class GripSolver:
             # on the body's surface: what is pressed into a soft one lies on it all the same
             soft = grip.frame.compliance(finger.areas, finger.name)
             deformed = finger.points + (finger.compliance @ whole.reshape(-1)).reshape(-1, 3)
-            grip.history.keep(moved, found == STICK, deformed + soft[:, None] * whole - gap[:, None] * moved.normal)
+            on_body = deformed + soft[:, None] * whole - gap[:, None] * moved.normal
+            grip.history.keep(moved, found == STICK, on_body, gap)
             status.append(found)
             frames.append(moved)
             slips.append(w)

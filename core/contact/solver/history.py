@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
-from .bodies import ContactBody, ContactFrame, from_material, to_material
+from .bodies import ContactBody, ContactFrame, Expected, from_material, to_material
 
 
 class ContactHistory:
@@ -25,16 +25,38 @@ class ContactHistory:
         self.body: Indices = np.full(count, -1)
         self._material = np.zeros((count, 3))
         self._triangle: Indices = np.full(count, -1)
+        self._normal = np.zeros((count, 3))  # out of the body, in its axes
+        self._gap = np.zeros(count)
+        self._sticking = np.zeros(count, dtype=bool)
 
     def clear(self) -> None:
         """Forget everything: the next frame starts from rest."""
         self.body[:] = -1
+        self._sticking[:] = False
 
     def copy(self) -> ContactHistory:
         """Return a copy that shares nothing with this one."""
         other = ContactHistory(len(self.body))
-        other.body, other._material, other._triangle = self.body.copy(), self._material.copy(), self._triangle.copy()
+        for name in ("body", "_material", "_triangle", "_normal", "_gap", "_sticking"):
+            setattr(other, name, getattr(self, name).copy())
         return other
+
+    def expected(self, bodies: Sequence[ContactBody], deformed: Array, reach: float) -> Expected:
+        """Return where nodes are to be looked for in the next frame.
+
+        Args:
+            bodies: posed as they are then. deformed: nodes as the last frame left them [m], shape (m, 3).
+            reach: a body that moved farther than this takes nothing along [m].
+        """
+        anchors = from_material(bodies, self.body, self._material, self._triangle)
+        normal = np.zeros_like(anchors)
+        for index, body in enumerate(bodies):
+            own = np.flatnonzero(self.body == index)
+            normal[own] = self._normal[own] @ body.rotation.T
+        moved = anchors - deformed
+        carried = self._sticking & (np.einsum("ij,ij->i", moved, moved) <= reach * reach)
+        places = np.where(carried[:, None], anchors, deformed)
+        return Expected(places, anchors + self._gap[:, None] * normal, normal, self.body)
 
     def offset(self, frame: ContactFrame, points: Array) -> Array:
         """Return b of the contact problem: the gap along the normal, the slip since the anchor across it.
@@ -61,14 +83,23 @@ class ContactHistory:
         moved += gap[:, None] * normal
         return moved
 
-    def keep(self, frame: ContactFrame, sticking: NDArray[np.bool_], positions: Array) -> None:
-        """Move the anchors of all nodes that do not stick to where they are now, [m], shape (m, 3)."""
+    def keep(self, frame: ContactFrame, sticking: NDArray[np.bool_], positions: Array, gap: Array) -> None:
+        """Move the anchors of all nodes that do not stick to where they are now.
+
+        Args:
+            positions: of the nodes on the bodies' surfaces [m], shape (m, 3). gap: above them [m], shape (m,).
+        """
         near = frame.body >= 0
         renewed = near & ~(sticking & (self.body == frame.body))
         nodes = np.flatnonzero(renewed)
         if nodes.size:
             self._material[nodes], self._triangle[nodes] = to_material(frame, nodes, positions[nodes])
         self.body = np.where(near, frame.body, -1)
+        self._sticking = near & sticking
+        self._gap = np.maximum(gap, 0.0)
+        for index, body in enumerate(frame.bodies):
+            own = np.flatnonzero(self.body == index)
+            self._normal[own] = frame.normal[own] @ body.rotation
 
     def anchors(self, bodies: Sequence[ContactBody]) -> Array:
         """Return where the anchors are now [m], NaN without one, shape (m, 3)."""

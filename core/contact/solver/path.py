@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...arrays import Array
 from ...errors import DermisError, Finding
@@ -40,7 +41,7 @@ AT_REST = 1e-9
 DEPTH_LIMIT = 2e-3
 BONE = np.array([0.0, 0.0, 0.006])
 # What a frame changes, besides the history; each is replaced, never written into.
-_STATE = ("_force", "_y", "_last", "_image", "_shift", "_step", "_bodies", "_at_rest", "_frames")
+_STATE = ("_force", "_y", "_last", "_image", "_step", "_bodies", "_at_rest", "frames")
 
 
 class PathSolver:
@@ -57,7 +58,9 @@ class PathSolver:
 
     Attributes:
         counters: how many frames were 'solved', 'unchanged', 'same', 'idle' and 'held' (see `adopt`); 'fallback',
-            'unconverged' and 'deep' ones; 'rebuilds' and 'updates' of the candidate inverse.
+            'unconverged' and 'deep' ones; 'rebuilds' and 'updates' of the candidate inverse; 'parts' of frames that
+            `SubStepper` divided.
+        frames: how many there were.
 
     Raises:
         DermisError: shapes that do not fit, or a compliance that is not positive definite.
@@ -99,10 +102,23 @@ class PathSolver:
         self._zero = np.zeros((m, 3))
         self._status = np.zeros(m, dtype=np.int8)
         self.counters = dict.fromkeys(
-            ("solved", "unchanged", "same", "idle", "fallback", "unconverged", "rebuilds", "updates", "deep", "held"), 0
+            (
+                "solved",
+                "unchanged",
+                "same",
+                "idle",
+                "fallback",
+                "unconverged",
+                "rebuilds",
+                "updates",
+                "deep",
+                "held",
+                "parts",
+            ),
+            0,
         )
-        self._notes = Notes(name)
-        self._frames = 0
+        self.notes = Notes(name)
+        self.frames = 0
         self.reset()
 
     def reset(self) -> None:
@@ -112,7 +128,6 @@ class PathSolver:
         self._y = self._zero
         self._last: tuple[Array, Array] | None = None
         self._image = self._zero
-        self._shift: Array | float = 0.0  # what deformation added to the gap of each node
         self._step: PathStep | None = None
         self._bodies: tuple[ContactBody, ...] = ()
         self._at_rest = False
@@ -120,7 +135,7 @@ class PathSolver:
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`: a step may then be tried and taken back."""
         state = {name: getattr(self, name) for name in _STATE}
-        state.update(history=self.history.copy(), counters=dict(self.counters), _notes=self._notes.copy())
+        state.update(history=self.history.copy(), counters=dict(self.counters), _notes=self.notes.copy())
         return state
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -128,17 +143,17 @@ class PathSolver:
         for name in _STATE:
             setattr(self, name, state[name])
         self.history = state["history"].copy()
-        self.counters, self._notes = dict(state["counters"]), state["_notes"].copy()
+        self.counters, self.notes = dict(state["counters"]), state["_notes"].copy()
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What did not converge and what went too deep, with the first frame and how often."""
-        return self._notes.findings()
+        return self.notes.findings()
 
     def idle(self, count: int = 1) -> PathStep:
         """Take frames in which the broad phase found nothing near: no work, and no history afterwards."""
         self.counters["idle"] += count
-        self._frames += count
+        self.frames += count
         if self._step is not None and self._step.work == "idle":
             return self._step
         self.reset()
@@ -147,36 +162,77 @@ class PathSolver:
         self._step = PathStep(nothing, self._zero, None, "idle", False)
         return self._step
 
-    def step(self, bodies: Sequence[ContactBody], *, frame_number: float | None = None) -> PathStep:
+    @property
+    def fresh(self) -> bool:
+        """Whether there is no history: the next frame is the first that touches or is near something."""
+        return not (self.history.body >= 0).any()
+
+    @property
+    def bodies(self) -> tuple[ContactBody, ...]:
+        """What was near in the last frame."""
+        return self._bodies
+
+    @property
+    def frame(self) -> ContactFrame | None:
+        """The gaps of the last frame; None where nothing was near."""
+        return None if self._step is None or self.fresh else self._step.frame
+
+    @property
+    def loaded(self) -> NDArray[np.bool_]:
+        """Which nodes carried force in the last frame, shape (m,)."""
+        return np.asarray(self._force.any(axis=1), dtype=np.bool_)
+
+    def step(
+        self,
+        bodies: Sequence[ContactBody],
+        *,
+        frame_number: float | None = None,
+        frame: ContactFrame | None = None,
+        part: bool = False,
+    ) -> PathStep:
         """Solve the next frame.
 
         Args:
             bodies: what is near, posed in the finger's frame; the same order every frame.
             frame_number: of the scene, for findings.
+            frame: what `look` said of it.
+            part: it is a part of the way to a frame: nothing is noted and no frame is counted.
         """
         bodies = tuple(bodies)
-        if self._at_rest and self._step is not None and same_places(bodies, self._bodies):
+        if not part and self.unmoved(bodies):
+            assert self._step is not None
             self.counters["same"] += 1
-            self._frames += 1
+            self.frames += 1
             return replace(self._step, work="same", from_rest=False)
-        frame = contact_frame(self.points, bodies, self.reach, self.bone)
+        frame = self.look(bodies) if frame is None else frame
         if not (frame.body >= 0).any():
             self._bodies = bodies
-            return self.idle()
-        return self.step_frame(frame, frame_number=frame_number)
+            return self.idle(0 if part else 1)
+        return self.step_frame(frame, frame_number=frame_number, part=part)
 
-    def step_frame(self, frame: ContactFrame, *, frame_number: float | None = None) -> PathStep:
+    def unmoved(self, bodies: Sequence[ContactBody]) -> bool:
+        """Return whether the next frame is the last one again: everything rests where it was."""
+        return self._at_rest and self._step is not None and same_places(bodies, self._bodies)
+
+    def look(self, bodies: Sequence[ContactBody]) -> ContactFrame:
+        """Measure the next frame's gaps, without taking it."""
+        expected = self.history.expected(bodies, self.points + self._image, self.reach)
+        return contact_frame(self.points, bodies, self.reach, self.bone, expected)
+
+    def step_frame(self, frame: ContactFrame, *, frame_number: float | None = None, part: bool = False) -> PathStep:
         """Solve the next frame from gaps that were measured elsewhere."""
-        from_rest = not (self.history.body >= 0).any()
+        from_rest = self.fresh
         b = self.history.offset(frame, self.points)
         b += self.operator.offset(self._force)
         soft = frame.compliance(self.areas, self.name)
         solution, y, image, work = self._solve(b, frame, soft)
-        where = self._frames if frame_number is None else frame_number
-        self._report(solution, frame, where)
         self._remember(solution, y, image, frame, soft)
-        self.counters[work] += 1
-        self._frames += 1
+        if part:
+            self.counters["parts"] += 1
+        else:
+            self._report(solution, frame, self.frames if frame_number is None else frame_number)
+            self.counters[work] += 1
+            self.frames += 1
         self.counters["rebuilds"], self.counters["updates"] = self._candidates.rebuilds, self._candidates.updates
         self._step = PathStep(solution, image, frame, work, from_rest)
         return self._step
@@ -209,12 +265,11 @@ class PathSolver:
             CHECK * self.tolerance,
             "admm",
         )
-        self._report(solution, frame, self._frames if frame_number is None else frame_number)
+        self._report(solution, frame, self.frames if frame_number is None else frame_number)
         self._last, self._force, self._y, self._image = None, force, displacement / -self._rho, self._apply(force)
-        self._shift = frame.opened(along(displacement, frame.normal))
         self._bodies, self._at_rest = frame.bodies, False
         self.counters["held"] += 1
-        self._frames += 1
+        self.frames += 1
         self._step = PathStep(solution, self._image, frame, "solved", from_rest)
         return self._step
 
@@ -235,8 +290,7 @@ class PathSolver:
         if residual <= UNCHANGED * self.tolerance:
             method = "admm" if start.any() else "none"
             return Solution(start, w, normal, mu, status, 0, residual, goal, method), w / -rho, image, "unchanged"
-        loaded = np.asarray(self._force.any(axis=1), dtype=np.bool_)
-        self._candidates.follow(frame.gap + self._shift, loaded, self._spacing, soft)
+        self._candidates.follow(frame.clearance, self.loaded, self._spacing, soft)
         reference = start
         force, y = self._extrapolated(start, w)
         iterations = 0
@@ -320,13 +374,12 @@ class PathSolver:
         sticking = solution.status == STICK
         # on the body's surface; the tangential part is w itself, the very slip that the solver saw
         positions = self.points + image + soft[:, None] * solution.force - gap[:, None] * normal
-        self.history.keep(frame, sticking, positions)
+        self.history.keep(frame, sticking, positions, gap)
         slip = w - gap[:, None] * normal
         touching = solution.status != OPEN
         self._at_rest = bool((np.abs(slip[touching & ~sticking]) <= AT_REST).all())
         self._last = (self._force, self._y) if self._force.any() else None
         self._force, self._y, self._image = solution.force, y, image
-        self._shift = frame.opened(gap)
         self._bodies = frame.bodies
 
     # -- small parts ---------------------------------------------------------------------------------------------
@@ -337,7 +390,7 @@ class PathSolver:
     def _report(self, solution: Solution, frame: ContactFrame, where: float) -> None:
         if not solution.converged:
             self.counters["unconverged"] += 1
-            self._notes.warn(
+            self.notes.warn(
                 "not-converged",
                 "contact did not converge",
                 where,
@@ -348,7 +401,7 @@ class PathSolver:
         depth = -float(frame.gap.min())
         if depth > self.depth_limit:
             self.counters["deep"] += 1
-            self._notes.warn(
+            self.notes.warn(
                 "too-deep",
                 "the finger sinks deeper than linear skin is trusted",
                 where,

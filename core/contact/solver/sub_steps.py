@@ -1,0 +1,237 @@
+"""SubStepper: the way between two frames, walked in steps that contact can follow.
+
+Friction remembers the way, and a surface is only known where the skin is. So a frame that presses or turns much is
+walked in parts; a finger that is first seen inside an object is led there from outside; and an object that went all
+the way through a finger lets it go, and says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...arrays import Array, Indices
+from ...motion import matrices, quaternions
+from ...surface.gap import Surface
+from .bodies import AWAY, ContactBody, ContactFrame, contact_frame
+from .path import PathSolver
+from .path_step import PathStep
+
+# A part of a frame presses by no more than this [m]; where the surface turns, it moves by no more than TURNING.
+PRESSING, TURNING = 0.15e-3, 0.1e-3
+# The surface turns where normals of loaded nodes differ by more than this cosine says.
+STRAIGHT = 0.95
+MAX_PARTS = 40
+# A finger counts as outside an object when no node is deeper in it than this [m].
+OUTSIDE = 1e-7
+SEARCHES = 40
+
+
+class SubStepper:
+    """Steps a solver from frame to frame.
+
+    Args:
+        solver: of one finger.
+        deepest: depth at which an object that the bone has left again went through the finger [m].
+    """
+
+    def __init__(self, solver: PathSolver, deepest: float) -> None:
+        self.solver, self.deepest = solver, deepest
+        self._left: frozenset[int] = frozenset()  # bodies that are not felt until the finger is outside of them
+        self._number = 0.0  # of the frame, for findings
+
+    def idle(self, count: int = 1) -> PathStep:
+        """Take frames in which nothing is near."""
+        self._left = frozenset()
+        return self.solver.idle(count)
+
+    def save(self) -> dict[str, Any]:
+        """Return the state between two frames, for `restore`."""
+        return {"solver": self.solver.save(), "left": self._left}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go back to a saved state."""
+        self.solver.restore(state["solver"])
+        self._left = state["left"]
+
+    def step(
+        self,
+        bodies: Sequence[ContactBody],
+        before: Callable[[], Sequence[ContactBody] | None] = lambda: None,
+        *,
+        frame_number: float | None = None,
+    ) -> PathStep:
+        """Solve the next frame.
+
+        Args:
+            bodies: as in `PathSolver.step`.
+            before: asked for the same bodies in the frame before, where the solver did not see that one: a finger
+                that is now inside came from there; along its own normal where that gives None.
+        """
+        self._number = float(self.solver.frames) if frame_number is None else frame_number
+        bodies = self._felt(bodies)
+        if self.solver.unmoved(bodies):
+            return self.solver.step(bodies, frame_number=frame_number)
+        frame = self.solver.look(bodies)
+        start: Sequence[ContactBody] = self.solver.bodies
+        if self.solver.fresh:
+            start = self._start(bodies, before, frame)
+        ways = self._ways(start, bodies, frame)
+        for way in ways:
+            self.solver.step(way, part=True)
+        step = self.solver.step(bodies, frame_number=frame_number, frame=None if ways else frame)
+        return self._through(step, bodies)
+
+    # -- the way -------------------------------------------------------------------------------------------------
+
+    def _ways(
+        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], frame: ContactFrame
+    ) -> list[list[ContactBody]]:
+        """Return the bodies at each part of the way but the last."""
+        if len(start) != len(bodies):
+            return []
+        parts = self._parts(start, bodies, frame)
+        if parts > MAX_PARTS:
+            self.solver.notes.warn(
+                "too-fast",
+                "contact moves so much in a frame that its way is walked in coarser steps",
+                self._number,
+                value=f"{parts} steps",
+                limit=f"<= {MAX_PARTS}",
+                remedy="Sample more often, or move slower",
+            )
+            parts = MAX_PARTS
+        return [[between(a, b, k / parts) for a, b in zip(start, bodies, strict=True)] for k in range(1, parts)]
+
+    def _parts(self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], frame: ContactFrame) -> int:
+        last = self.solver.frame
+        pressed = np.flatnonzero((frame.body >= 0) & ((frame.clearance < 0.0) | self.solver.loaded))
+        if pressed.size == 0:
+            return 1
+        if last is None:
+            return int(np.ceil(-frame.gap.min() / PRESSING))
+        same = pressed[last.body[pressed] == frame.body[pressed]]
+        if same.size == 0:
+            return int(np.ceil(self._travel(start, bodies, frame, pressed) / PRESSING))
+        parts = np.ceil(np.abs(frame.gap[same] - last.gap[same]).max() / PRESSING)
+        if np.einsum("ij,ij->i", frame.normal[same], last.normal[same]).min() < STRAIGHT:
+            parts = max(parts, np.ceil(self._travel(start, bodies, frame, same) / TURNING))
+        return max(int(parts), 1)
+
+    def _travel(
+        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], frame: ContactFrame, nodes: Indices
+    ) -> float:
+        """Return how far the bodies' matter moves at the nodes that it is closest to [m]."""
+        which = frame.body[nodes]
+        return max(
+            travel(start[i], bodies[i], self.solver.points[nodes[which == i]]) for i in np.unique(which).tolist()
+        )
+
+    # -- the first touch -----------------------------------------------------------------------------------------
+
+    def _start(
+        self, bodies: list[ContactBody], before: Callable[[], Sequence[ContactBody] | None], frame: ContactFrame
+    ) -> Sequence[ContactBody]:
+        """Return the bodies where they first touch on their way to where they are."""
+        if not frame.gap.min() < -PRESSING:
+            return bodies
+        came = before()
+        if came is not None and len(came) == len(bodies) and self._gap(came) >= -OUTSIDE:
+            return self._first_touch(came, bodies)
+        start: list[ContactBody] = list(bodies)
+        for index in sorted(set(frame.body[frame.gap < -PRESSING].tolist())):
+            far = self._retreat(bodies[index])
+            if far is not None:
+                start[index] = lowered(bodies[index], far)
+            else:
+                self.solver.notes.warn(
+                    "starts-inside",
+                    "the finger starts inside an object, and how it came there is not known",
+                    self._number,
+                    remedy="Begin where the finger is outside",
+                )
+        return start
+
+    def _retreat(self, body: ContactBody) -> float | None:
+        """Return how far a body must go down for the finger to be outside of it [m]; None beyond the bone."""
+        far = 0.0
+        for _ in range(SEARCHES):
+            inside = -self._gap([lowered(body, far)])
+            if inside <= OUTSIDE:
+                return far
+            far += inside
+            if far > self.deepest:
+                return None
+        return None
+
+    def _first_touch(self, before: Sequence[ContactBody], bodies: Sequence[ContactBody]) -> list[ContactBody]:
+        """Advance from where nothing touches by what the smallest gap allows, until that is nothing."""
+        share = 0.0
+        for _ in range(SEARCHES):
+            here = [between(a, b, share) for a, b in zip(before, bodies, strict=True)]
+            gap = self._gap(here)
+            if gap <= OUTSIDE:
+                break
+            far = max(travel(a, b, self.solver.points) for a, b in zip(before, bodies, strict=True))
+            share = min(share + gap / max(far, 1e-12), 1.0)
+        return here
+
+    def _gap(self, bodies: Sequence[ContactBody]) -> float:
+        """Return the smallest gap of the undeformed skin [m]."""
+        return float(contact_frame(self.solver.points, bodies, np.inf, self.solver.bone).gap.min())
+
+    # -- all the way through -------------------------------------------------------------------------------------
+
+    def _felt(self, bodies: Sequence[ContactBody]) -> list[ContactBody]:
+        """Return the bodies, those away that went through the finger and are not out of it yet."""
+        for index in self._left:
+            if index >= len(bodies) or bodies[index].away or self._gap([bodies[index]]) >= -OUTSIDE:
+                self._left -= {index}
+        return [AWAY if index in self._left else body for index, body in enumerate(bodies)]
+
+    def _through(self, step: PathStep, bodies: Sequence[ContactBody]) -> PathStep:
+        frame = step.frame
+        if frame is None or not -frame.gap.min() > self.deepest:
+            return step
+        deep = np.unique(frame.body[-frame.gap > self.deepest])
+        gone = {int(i) for i in deep if _outside_bone(bodies[i], self.solver.bone)}
+        if not gone:
+            return step
+        self._left |= gone
+        what, remedy = "an object went through the finger, and is not felt until it is outside", "Raise the finger"
+        self.solver.notes.warn("passed-through", what, self._number, remedy=remedy)
+        return self.solver.step(self._felt(bodies), frame_number=self._number)
+
+
+def between(a: ContactBody, b: ContactBody, share: float) -> ContactBody:
+    """Return a body on its way from one pose to another, with the second's surface and friction."""
+    if a.away or b.away or share == 1.0:
+        return b
+    if np.array_equal(a.rotation, b.rotation):
+        rotation: Array = b.rotation
+    else:
+        ends = quaternions(np.stack([a.rotation, b.rotation]))
+        near = ends[1] if ends[0] @ ends[1] >= 0.0 else -ends[1]
+        rotation = matrices(((1.0 - share) * ends[0] + share * near)[None])[0]
+    return replace(b, rotation=rotation, translation=(1.0 - share) * a.translation + share * b.translation)
+
+
+def travel(a: ContactBody, b: ContactBody, points: Array) -> float:
+    """Return how far a body's matter at points [m], shape (n, 3), moves from one pose to another [m]."""
+    if a.away or b.away:
+        return 0.0
+    moved = ((points - a.translation) @ a.rotation) @ b.rotation.T + b.translation - points
+    return float(np.sqrt((moved * moved).sum(axis=1)).max())
+
+
+def lowered(body: ContactBody, far: float) -> ContactBody:
+    """Return a body moved away from the pad, down the finger's Z [m]."""
+    return replace(body, translation=body.translation - np.array([0.0, 0.0, far]))
+
+
+def _outside_bone(body: ContactBody, bone: Array) -> bool:
+    local = ((bone - body.translation) @ body.rotation)[None]
+    return isinstance(body.surface, Surface) and float(body.surface.query(local).gap[0]) > 0.0

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Array
+from ..arrays import Array, Indices
 from ..errors import DermisError, Finding
 from ..motion import rotations, singular
 from ..motion.vectors import turn as turned
@@ -26,13 +26,10 @@ from ..surface.gap import GapQuery, Surface
 from ..surface.repairs import Repairs
 from .deforming_surfaces import DeformingSurfaces
 from .pad_contact import PadContact
-from .pair_record import PairRecord
+from .pair_record import BONE_HEIGHT, PairRecord
 from .search_radius import SearchRadius
 from .stretch_rates import StretchRates
 from .surfaces import SAME_STRETCH, box_of, carried, surface_of
-
-# Where a finger's bone is, from the pad along +Z [m]: on that side of an open surface the finger is outside.
-BONE_HEIGHT = 0.006
 
 
 class PadSampler:
@@ -268,6 +265,20 @@ class PadSampler:
             return
         points, samples, who = points[inside], samples[inside], who[inside]
         found = surface.query(points, self._radius.longest)
+        if surface.closed:
+            for f in np.unique(who).tolist():
+                which = np.flatnonzero(np.isfinite(found.gap) & (who == f))
+                if which.size:
+                    self._keep_side(
+                        self._pairs.setdefault((f, b), PairRecord()),
+                        surface,
+                        found,
+                        which,
+                        points,
+                        samples,
+                        turn,
+                        fingers[f],
+                    )
         known = np.isfinite(found.gap)
         if own_radius is not None:  # a chunk's longest radius must not lend others what they would not know alone
             known &= (found.gap if surface.closed else np.abs(found.gap)) <= own_radius[who, samples]
@@ -293,6 +304,34 @@ class PadSampler:
             pair.surface_velocity.append(moving[own])
             if relief is not None:
                 pair.relief.append(turned(turn[index], relief))
+
+    def _keep_side(
+        self,
+        pair: PairRecord,
+        surface: Surface,
+        found: GapQuery,
+        which: Indices,
+        points: Array,
+        samples: Indices,
+        turn: Array,
+        finger: Array,
+    ) -> None:
+        """Let a closed surface be felt on the side that the finger came from; it begins anew after a gap in time."""
+        number = self._count + samples[which]
+        begins = np.flatnonzero(number != np.concatenate([[pair.seen], number[:-1]]) + 1)
+        for part in np.split(which, begins):
+            if part.size == 0:
+                continue
+            if pair.seen + 1 != self._count + samples[part[0]]:
+                i = samples[part[0]]
+                up = finger[i, :3, 2] / np.sqrt(finger[i, :3, 2] @ finger[i, :3, 2])
+                pair.proxy.start(surface, found, int(part[0]), points[part[0]], turn[i].T @ up)
+                rest = part[1:]
+            else:
+                rest = part
+            if rest.size:
+                pair.proxy.follow(surface, found, rest, points)
+            pair.seen = self._count + int(samples[part[-1]])
 
     def _sides(
         self, pair: PairRecord, surface: Surface, index: NDArray[np.intp], local: Array, turn: Array, finger: Array

@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from .pad_contact import PairContact
+from .pad_proxy import PadProxy
+
+# Where a finger's bone is, from the pad along +Z [m]: on that side of an open surface the finger is outside.
+BONE_HEIGHT = 0.006
 
 
 @dataclass
@@ -18,7 +22,9 @@ class PairRecord:
     Attributes:
         start: samples at which the gap is known, rising.
         gap, normal, point, surface_velocity, relief: there, as in `PairContact`; relief only where a device asks.
-        last: the last such sample. side: of an open surface, on which the finger is, +1 or -1.
+        last: the last such sample. seen: the last that `proxy` took in.
+        side: of an open surface, on which the finger is, +1 or -1.
+        proxy: of a closed surface: which of its sides the finger came from.
     """
 
     start: list[NDArray[np.intp]] = field(default_factory=list)
@@ -28,7 +34,9 @@ class PairRecord:
     surface_velocity: list[Array] = field(default_factory=list)
     relief: list[Array] = field(default_factory=list)
     last: int = -2
+    seen: int = -2
     side: int = 1
+    proxy: PadProxy = field(default_factory=lambda: PadProxy(BONE_HEIGHT))
 
     def assembled(self, count: int) -> PairContact:
         """Spread what is known over all samples, `count` of them."""

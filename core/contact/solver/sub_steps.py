@@ -15,19 +15,22 @@ import numpy as np
 
 from ...arrays import Array, Indices
 from ...motion import matrices, quaternions
+from ...surface.crossing import first_crossing
 from ...surface.gap import Surface
 from .bodies import AWAY, ContactBody, ContactFrame, contact_frame
 from .path import PathSolver
 from .path_step import PathStep
 
 # A part of a frame presses by no more than this [m]; where the surface turns, it moves by no more than TURNING.
-PRESSING, TURNING = 0.15e-3, 0.1e-3
+PRESSING, TURNING = 0.1e-3, 0.1e-3
 # The surface turns where normals of loaded nodes differ by more than this cosine says.
 STRAIGHT = 0.95
-MAX_PARTS = 40
+MAX_PARTS = 60
 # A finger counts as outside an object when no node is deeper in it than this [m].
 OUTSIDE = 1e-7
 SEARCHES = 40
+# An object that went through a finger is above the pad for as long as some of so many ways meet it within this [m].
+WAYS, ABOVE = 16, 0.1
 
 
 class SubStepper:
@@ -108,11 +111,12 @@ class SubStepper:
 
     def _parts(self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], frame: ContactFrame) -> int:
         last = self.solver.frame
+        if last is None:
+            far = max(travel(a, b, self.solver.points) for a, b in zip(start, bodies, strict=True))
+            return max(int(np.ceil(far / PRESSING)), 1)
         pressed = np.flatnonzero((frame.body >= 0) & ((frame.clearance < 0.0) | self.solver.loaded))
         if pressed.size == 0:
             return 1
-        if last is None:
-            return int(np.ceil(-frame.gap.min() / PRESSING))
         same = pressed[last.body[pressed] == frame.body[pressed]]
         if same.size == 0:
             return int(np.ceil(self._travel(start, bodies, frame, pressed) / PRESSING))
@@ -136,13 +140,13 @@ class SubStepper:
         self, bodies: list[ContactBody], before: Callable[[], Sequence[ContactBody] | None], frame: ContactFrame
     ) -> Sequence[ContactBody]:
         """Return the bodies where they first touch on their way to where they are."""
-        if not frame.gap.min() < -PRESSING:
+        if not (frame.body >= 0).any():
             return bodies
         came = before()
         if came is not None and len(came) == len(bodies) and self._gap(came) >= -OUTSIDE:
             return self._first_touch(came, bodies)
         start: list[ContactBody] = list(bodies)
-        for index in sorted(set(frame.body[frame.gap < -PRESSING].tolist())):
+        for index in sorted(set(frame.body[frame.body >= 0].tolist())):
             far = self._retreat(bodies[index])
             if far is not None:
                 start[index] = lowered(bodies[index], far)
@@ -157,7 +161,7 @@ class SubStepper:
 
     def _retreat(self, body: ContactBody) -> float | None:
         """Return how far a body must go down for the finger to be outside of it [m]; None beyond the bone."""
-        far = 0.0
+        far = self._above(body, self.solver.points, self.deepest)
         for _ in range(SEARCHES):
             inside = -self._gap([lowered(body, far)])
             if inside <= OUTSIDE:
@@ -166,6 +170,15 @@ class SubStepper:
             if far > self.deepest:
                 return None
         return None
+
+    def _above(self, body: ContactBody, points: Array, height: float) -> float:
+        """Return the highest that a body's upper faces lie above points of the pad, of those below a height [m]."""
+        if not isinstance(body.surface, Surface) or not body.surface.closed:
+            return 0.0
+        up = self.solver.bone * (height / np.linalg.norm(self.solver.bone))
+        high, low = ((p - body.translation) @ body.rotation for p in (points + up, points))
+        triangle, share = first_crossing(body.surface.table, high, low)
+        return float(((1.0 - share) * (triangle >= 0)).max()) * height
 
     def _first_touch(self, before: Sequence[ContactBody], bodies: Sequence[ContactBody]) -> list[ContactBody]:
         """Advance from where nothing touches by what the smallest gap allows, until that is nothing."""
@@ -188,9 +201,13 @@ class SubStepper:
     def _felt(self, bodies: Sequence[ContactBody]) -> list[ContactBody]:
         """Return the bodies, those away that went through the finger and are not out of it yet."""
         for index in self._left:
-            if index >= len(bodies) or bodies[index].away or self._gap([bodies[index]]) >= -OUTSIDE:
+            if index >= len(bodies) or bodies[index].away or not self._in_or_above(bodies[index]):
                 self._left -= {index}
         return [AWAY if index in self._left else body for index, body in enumerate(bodies)]
+
+    def _in_or_above(self, body: ContactBody) -> bool:
+        some = self.solver.points[:: max(len(self.solver.points) // WAYS, 1)]
+        return self._gap([body]) < -OUTSIDE or self._above(body, some, ABOVE) > 0.0
 
     def _through(self, step: PathStep, bodies: Sequence[ContactBody]) -> PathStep:
         frame = step.frame

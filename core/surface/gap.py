@@ -38,6 +38,8 @@ __all__ = ["GapQuery", "Surface"]
 ON_FEATURE = 1e-9
 # A point is straight above a rim if it is off by less than this fraction of its distance.
 STRAIGHT = 1e-6
+# Nearer than this to a surface the way to its closest point has no direction to speak of [m].
+ON_SURFACE = 1e-9
 
 
 class Surface:
@@ -380,8 +382,8 @@ class Surface:
         return rim
 
     def _directions(self, offset: Array, distance: Array, sign: Array, pseudo: Array, triangle: Indices) -> Array:
-        """Gradient of the gap; on the surface itself, where it is not defined, the pseudonormal."""
-        tiny = distance <= 1e-12
+        """Gradient of the gap; so near the surface that rounding would turn it, the pseudonormal."""
+        tiny = distance <= ON_SURFACE
         if not tiny.any():
             return offset * (sign / distance)[:, None]
         normal = offset * (sign / np.where(tiny, 1.0, distance))[:, None]

@@ -58,7 +58,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "scene": GROUND,
     "surface": SCENE,
     "skin": SCENE,
-    "contact.solver": GROUND | {"surface"},
+    "contact.solver": GROUND | {"motion", "surface"},
     "contact": CONTACT,
     # what a device does about it
     "devices": DEVICE | {"surface", "contact.solver"},

@@ -79,7 +79,7 @@ class SubStepper:
         if self.solver.unmoved(bodies):
             return self.solver.step(bodies, frame_number=frame_number)
         frame = self.solver.look(bodies)
-        start: Sequence[ContactBody] = self.solver.bodies
+        start: Sequence[ContactBody] = (*self.solver.bodies, *bodies[len(self.solver.bodies) :])  # others came since
         if self.solver.fresh:
             start = self._start(bodies, before, frame)
         ways = self._ways(start, bodies, frame)
@@ -94,8 +94,6 @@ class SubStepper:
         self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], frame: ContactFrame
     ) -> list[list[ContactBody]]:
         """Return the bodies at each part of the way but the last."""
-        if len(start) != len(bodies):
-            return []
         parts = self._parts(start, bodies, frame)
         if parts > MAX_PARTS:
             self.solver.notes.warn(
@@ -224,7 +222,7 @@ class SubStepper:
 
 
 def between(a: ContactBody, b: ContactBody, share: float) -> ContactBody:
-    """Return a body on its way from one pose to another, with the second's surface and friction."""
+    """Return a body on its way from one pose and shape to another, with the second's friction."""
     if a.away or b.away or share == 1.0:
         return b
     if np.array_equal(a.rotation, b.rotation):
@@ -233,7 +231,16 @@ def between(a: ContactBody, b: ContactBody, share: float) -> ContactBody:
         ends = quaternions(np.stack([a.rotation, b.rotation]))
         near = ends[1] if ends[0] @ ends[1] >= 0.0 else -ends[1]
         rotation = matrices(((1.0 - share) * ends[0] + share * near)[None])[0]
-    return replace(b, rotation=rotation, translation=(1.0 - share) * a.translation + share * b.translation)
+    translation = (1.0 - share) * a.translation + share * b.translation
+    surface, carry = b.surface, b.carry
+    if a.surface is not b.surface and isinstance(a.surface, Surface) and isinstance(surface, Surface):
+        triangles = surface.triangles
+        if np.array_equal(a.surface.triangles, triangles) and len(a.surface.vertices) == len(surface.vertices):
+            surface = Surface.build((1.0 - share) * a.surface.vertices + share * surface.vertices, triangles)
+            if a.carry is not None or carry is not None:
+                first, last = (np.eye(3) if c is None else c for c in (a.carry, carry))
+                carry = (1.0 - share) * first + share * last
+    return replace(b, surface=surface, rotation=rotation, translation=translation, carry=carry)
 
 
 def travel(a: ContactBody, b: ContactBody, points: Array) -> float:

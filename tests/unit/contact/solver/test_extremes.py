@@ -70,7 +70,10 @@ def test_a_finger_on_its_own_copy(skin, order):
     first = solver.step([ContactBody(surface, friction=MU)]).solution
     assert np.isfinite(first.force).all() and np.abs(first.force).max() < 1e-6
     second = solver.step([ContactBody(surface, translation=np.array([0.0, 0.0, 1e-4]), friction=MU)]).solution
-    laws(second)
+    assert second.converged and second.normal_force.min() >= 0.0 and second.cone_residual() <= 1e-9
+    # against the way it was moved: where every node sticks, w itself is rounding
+    apart = np.minimum(second.normal_force / np.abs(second.force).max(), second.gap / 1e-4)
+    assert np.abs(apart).max() <= 2e-3
 
 
 def test_contact_with_one_node(skin):

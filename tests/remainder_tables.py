@@ -1,6 +1,6 @@
 """The remainders of the standard skins: `python -m tests.remainder_tables [preset ...]` makes the files that ship.
 
-Each is fitted to 88k tetrahedra, in minutes and about a gigabyte and a half of memory.
+Each is fitted to 88k tetrahedra, in two minutes and 3 GB of memory.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ along the finger (`FingertipShape.skin` of the exponential of a complex number),
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -46,7 +46,7 @@ class Patches:
 
     def take(self, index: NDArray[np.integer] | slice) -> Patches:
         """Return some of the pieces."""
-        return Patches(*(getattr(self, field.name)[index] for field in fields(Patches)))
+        return Patches(self.positions[index], self.normals[index], self.sides[index], self.areas[index])
 
 
 @dataclass(frozen=True, eq=False)

@@ -54,7 +54,7 @@ def make_remainder(
     """Fit the remainder of a fingertip to a fine mesh of it and keep it in the cache; yields (done, total).
 
     Args:
-        level: of the mesh: 'fine' (some 20 s and 0.4 GB) or 'reference' (minutes and 1.5 GB).
+        level: of the mesh: 'fine' (some 20 s and 1.3 GB) or 'reference' (two minutes and 3 GB).
 
     Raises:
         DermisError: a shape that cannot be meshed.

@@ -10,8 +10,9 @@ import numpy as np
 from ..arrays import Array
 from ..motion import rotations
 from ..parameters.material import BODY
-from ..scene.tactile_scene import Body, Chunk
+from ..scene.tactile_scene import Body, Chunk, Mesh
 from .posed_body import Posed, PosedBody
+from .proximity import RelativePoses
 from .solver.bodies import ContactBody
 
 
@@ -88,6 +89,18 @@ class PosedScene:
             DermisError: the object has scale 0.
         """
         return self._bodies[b].at(i)
+
+    def mesh_at(self, b: int, i: int) -> Mesh:
+        """Return the mesh that a body has at a sample."""
+        mesh = self.chunk.surfaces[b][i] if b in self.chunk.surfaces else self._headers[b].mesh
+        assert mesh is not None  # `boxes` refused it
+        return mesh
+
+    def relative(self, turn: Array, place: Array, b: int) -> RelativePoses:
+        """Return a body at all samples, seen from a finger of rotations (n, 3, 3) and places [m], shape (n, 3)."""
+        poses, back = self.chunk.bodies[b], np.swapaxes(turn, 1, 2)
+        moved = back @ (poses[:, :3, 3] - place)[:, :, None]
+        return RelativePoses(back @ poses[:, :3, :3], moved[:, :, 0])
 
     def finger_before(self, f: int, i: int) -> tuple[Array, Array] | None:
         """Return a finger's rotation (3, 3) and place [m] at the sample before sample `i`; None where none was."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..scene.tactile_scene import Chunk, Mesh
+from .proximity import RelativePoses
 
 # Stands for the surface of a deforming body in samples that no finger needs it in.
 NO_MESH = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
@@ -22,11 +23,13 @@ class Approach:
     Attributes:
         near: body -> in which samples it is near the finger, shape (n,); only bodies that ever are.
         turn: rotation to the world, shape (n, 3, 3). place: of the pad's centre in the world [m], shape (n, 3).
+        poses: of those bodies, seen from the finger.
     """
 
     near: Mapping[int, NDArray[np.bool_]]
     turn: Array
     place: Array
+    poses: Mapping[int, RelativePoses]
 
     def close(self, i: int) -> list[int]:
         """Return the bodies that are near at a sample."""

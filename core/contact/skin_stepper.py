@@ -17,6 +17,7 @@ from ..scene.tactile_scene import Finger
 from ..skin.model import SkinModel
 from .compliant_bone import BoneStep, CompliantBone
 from .posed_scene import PosedScene
+from .proximity import Proximity
 from .sample_window import Approach
 from .skin_contact import SkinStep
 from .solver.bodies import AWAY, ContactBody
@@ -50,6 +51,7 @@ class SkinStepper:
         self._scene = scene
         self._low, self._high = skin.positions.min(axis=0), skin.positions.max(axis=0)
         self._order: list[int] = []  # bodies it has ever been near; only ever grows
+        self._proximity = Proximity(skin.positions, self.bone.solver.bone)
 
     def approach(self) -> Approach:
         """Find the bodies whose boxes come within reach of the fingertip's in the chunk, and in which samples.
@@ -66,7 +68,7 @@ class SkinStepper:
         near = {int(b): inside[b] for b in np.flatnonzero(inside.any(axis=1))}
         # so that a body keeps its index in the solver's memory
         self._order += [b for b in near if b not in self._order]
-        return Approach(near, turn, place)
+        return Approach(near, turn, place, {b: self._scene.relative(turn, place, b) for b in near})
 
     def step(self, approach: Approach, i: int) -> SkinStep:
         """Solve sample `i` of the chunk.
@@ -74,20 +76,44 @@ class SkinStepper:
         Raises:
             DermisError: an object nearby has scale 0.
         """
-        if not approach.close(i):
+        bodies = self.around(approach, i)
+        if all(body.away for body in bodies):
             return self.idle()
         frame = float(self._scene.chunk.frames[i])
-        return _skin_step(self.bone.step(self.around(approach, i), frame, lambda: self._before(i)))
+        return _skin_step(self.bone.step(bodies, frame, lambda: self._before(i)))
 
     def idle(self, count: int = 1) -> SkinStep:
         """Take samples in which nothing is near; history ends there."""
         self.bone.idle(count)
         return SkinStep(np.zeros((self.skin.pad_count, 3)))
 
-    def around(self, approach: Approach, i: int) -> list[ContactBody]:
-        """Return the bodies that the finger has ever been near at a sample, in an order that never changes."""
-        close, turn, place = approach.close(i), approach.turn[i], approach.place[i]
-        return [self._scene.seen_from(turn, place, b, i) if b in close else AWAY for b in self._order]
+    def around(self, approach: Approach, i: int, *, untouched: bool = False) -> list[ContactBody]:
+        """Return the bodies that the finger has ever been near at a sample, in an order that never changes.
+
+        Those that it cannot touch are away: without load the undeformed skin is the skin, and nothing is felt before
+        its gap is closed; else by how far skin may bulge out.
+
+        Args:
+            untouched: return these too.
+        """
+        close, loaded = approach.close(i), self.bone.solver.loaded_bodies
+        reach = self.bone.solver.bulge if loaded else 0.0
+        return [
+            self._body(approach, i, b, reach, known=untouched or k in loaded) if b in close else AWAY
+            for k, b in enumerate(self._order)
+        ]
+
+    def _body(self, approach: Approach, i: int, b: int, reach: float, *, known: bool) -> ContactBody:
+        """Return a body at a sample; away, unless it is `known` to count, where nothing of it can be within reach."""
+        mesh = self._scene.mesh_at(b, i)
+        if not known and self._proximity.gap(b, i, approach.poses[b], mesh) > reach:
+            return AWAY
+        body = self._scene.seen_from(approach.turn[i], approach.place[i], b, i)
+        if not known:
+            gap = self._proximity.measure(b, i, approach.poses[b], mesh, body, self.bone.solver.reach)
+            if gap > reach:
+                return AWAY
+        return body
 
     def _before(self, i: int) -> list[ContactBody] | None:
         """Return the same bodies at the sample before, wherever they were; None where that is not known."""

@@ -39,6 +39,8 @@ EASY = 3
 AT_REST = 1e-9
 # Depth that linear skin is still trusted at [m]: against a neo-Hookean one its stress is then off by a third.
 DEPTH_LIMIT = 2e-3
+# In a frame skin comes out by no more than this multiple of the largest displacement of the last, and a margin [m].
+BULGE, MARGIN = 1.5, 0.3e-3
 BONE = np.array([0.0, 0.0, 0.006])
 # What a frame changes, besides the history; each is replaced, never written into.
 _STATE = ("_force", "_y", "_last", "_image", "_step", "_bodies", "_at_rest", "frames")
@@ -181,6 +183,17 @@ class PathSolver:
     def loaded(self) -> NDArray[np.bool_]:
         """Which nodes carried force in the last frame, shape (m,)."""
         return np.asarray(self._force.any(axis=1), dtype=np.bool_)
+
+    @property
+    def bulge(self) -> float:
+        """How far skin may come out in the next frame to what it does not touch yet [m]."""
+        moved = float(np.sqrt(np.einsum("ij,ij->i", self._image, self._image).max()))
+        return min(BULGE * moved + MARGIN, self.reach)
+
+    @property
+    def loaded_bodies(self) -> frozenset[int]:
+        """Indices of the bodies that pressed in the last frame."""
+        return frozenset(self.history.body[self.loaded].tolist())
 
     def step(
         self,

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from core.contact.posed_scene import PosedScene
+from core.contact.proximity import Proximity
 from core.contact.skin_sampler import SkinSampler
 from core.contact.skin_stepper import SkinStepper
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
@@ -134,3 +135,49 @@ def test_edited_headers_hold_from_the_next_sample_on(skin):
     soft = (replace(HEADERS[0], parameters={"surface_stiffness": 2e7}), HEADERS[1])
     posed.take(sample(whole, 20, (PLATE, BALL)), soft)
     assert 0.2 * hard.normal_force < again.step(again.approach(), 0).normal_force < 0.9 * hard.normal_force
+
+
+def test_what_is_near_and_untouched_is_not_asked(skin, monkeypatch):
+    """Boxes beside the path change nothing and are asked once; a finger that hovers asks once, until it comes near."""
+    whole = chunk()
+    boxes = np.tile(np.eye(4), (COUNT, 1, 1))
+    boxes[:, :3, 3] = [0.0, 0.02, SIZE + 6e-3]
+    near = replace(whole, bodies=np.concatenate([whole.bodies, boxes[None]]))
+    asked = []
+    measure = Proximity.measure
+    monkeypatch.setattr(Proximity, "measure", lambda self, b, *a: asked.append(b) or measure(self, b, *a))
+    headers = (*HEADERS, Body("box", BALL, {}))
+    alone, both = baked(skin, whole, {}), baked(skin, near, {}, headers)
+    np.testing.assert_array_equal(both.force, alone.force)
+    assert 1 <= asked.count(2) <= 3
+    asked.clear()
+    fingers = whole.fingers.copy()
+    fingers[0, :, 2, 3] = SIZE + 1.5e-3 - skin.positions[:, 2].min()
+    hover = baked(skin, replace(whole, fingers=fingers, bodies=whole.bodies[:1]), {}, HEADERS[:1])
+    assert not hover.normal_force.any() and hover.skipped["skin_frames_idle"] == COUNT and len(asked) <= 6
+
+
+def test_a_touch_that_begins_between_samples_comes_along_the_way(skin):
+    """A fast press over a few samples ends like the slow one, wherever the samples are cut into chunks."""
+    slow = chunk()
+    slow.fingers[0, :, :3, 3] = np.linspace([0.0, 0, SIZE + 6e-3], [2e-3, 0, SIZE - 1e-3], COUNT)
+    slow = replace(slow, bodies=np.tile(np.eye(4), (1, COUNT, 1, 1)), channels={})
+    every = np.arange(0, COUNT, 13)
+
+    def taken(which):
+        return replace(
+            slow, frames=slow.frames[which], times=slow.times[which], fingers=slow.fingers[:, which],
+            bodies=slow.bodies[:, which], screens=slow.screens[:, which],
+        )  # fmt: skip
+
+    body = (Body("plate", PLATE, {"friction": 0.6}),)
+    reference = baked(skin, slow, {}, body).force_at(COUNT - 1)
+    fast = baked(skin, taken(every), {}, body)
+    assert np.abs(reference[:, 0]).max() > 0.01 * np.abs(reference).max()
+    np.testing.assert_allclose(fast.force_at(3), reference, atol=0.03 * np.abs(reference).max())
+    posed, sampler = PosedScene(body), None
+    sampler = SkinStepper(skin, 0, Finger("f", (), {}), posed)
+    for k in range(len(every)):
+        posed.take(taken(every[k : k + 1]))
+        one = sampler.step(sampler.approach(), 0)
+    np.testing.assert_array_equal(one.force.astype(np.float32), fast.force_at(3))

@@ -1,0 +1,67 @@
+"""Bounds of gaps: never above the truth, and good enough to leave bodies alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.contact.proximity import Proximity, RelativePoses
+from core.contact.solver.bodies import ContactBody, contact_frame
+from core.surface.gap import Surface
+
+BONE = np.array([0.0, 0.0, 0.006])
+REACH = 2.5e-3
+
+
+def turns(axis, angles):
+    axis = np.asarray(axis, float) / np.linalg.norm(axis)
+    k = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.eye(3) + np.sin(angles)[:, None, None] * k + (1 - np.cos(angles))[:, None, None] * (k @ k)
+
+
+@pytest.mark.parametrize(
+    "stretch", [np.eye(3), np.diag([1.0, 1.4, 0.7]), np.array([[1.0, 0.3, 0], [0, 1, 0], [0, 0, 1]])]
+)
+def test_a_bound_is_never_above_the_gap(skin, stretch):
+    """However the body turns, moves and is stretched; and where it keeps its shape, however large it is."""
+    n = 60
+    t = np.linspace(0.0, 1.0, n)
+    surface = Surface.block(0.3, 0.3, 0.01)
+    place = np.column_stack([0.004 * t, -0.003 * np.sin(5 * t), -0.004 - 0.003 * np.cos(7 * t)])
+    poses = RelativePoses(turns([1, 2, 3], 0.15 * np.sin(6 * t)) @ stretch, place)
+    proximity, mesh = Proximity(skin.positions, BONE), surface.mesh
+    carried = Surface.build(surface.vertices @ stretch.T, surface.triangles)
+
+    def body(i):
+        return ContactBody(carried, poses.linear[i] @ np.linalg.inv(stretch), poses.place[i])
+
+    true = np.array([contact_frame(skin.positions, [body(i)], np.inf, BONE).gap.min() for i in range(n)])
+    assert proximity.gap(0, 0, poses, mesh) == -np.inf
+    measured = proximity.measure(0, 20, poses, mesh, body(20), REACH)
+    assert measured <= true[20] + 1e-12
+    bounds = np.array([proximity.gap(0, i, poses, mesh) for i in range(n)])
+    assert (bounds <= true + 1e-12).all() and bounds[20] == measured
+    # a plate of 30 cm that turns a little under a still finger is not as far away as its corners move
+    assert np.abs(true - bounds)[15:26].max() < 4e-3
+    assert proximity.gap(0, 20, poses, Surface.block(0.3, 0.3, 0.01).mesh) == -np.inf  # another surface: not known
+
+
+def test_a_gap_within_reach_is_exact(skin):
+    surface = Surface.sphere(5e-3, 500)
+    poses = RelativePoses(np.eye(3)[None], np.array([[0.0, 0.0, skin.positions[:, 2].min() - 1e-3]]))
+    body = ContactBody(surface, translation=poses.place[0])
+    exact = contact_frame(skin.positions, [body], np.inf, BONE).gap.min()
+    assert 1e-3 < exact < REACH
+    assert Proximity(skin.positions, BONE).measure(0, 0, poses, surface.mesh, body, REACH) == pytest.approx(exact)
+
+
+def test_what_is_far_is_told_by_few_points(skin, monkeypatch):
+    asked = []
+    query = Surface.query
+    monkeypatch.setattr(Surface, "query", lambda self, points, *a: asked.append(len(points)) or query(self, points, *a))
+    surface = Surface.sphere(5e-3, 500)
+    poses = RelativePoses(np.eye(3)[None], np.array([[0.0, 0.0, -0.03]]))
+    gap = Proximity(skin.positions, BONE).measure(
+        0, 0, poses, surface.mesh, ContactBody(surface, translation=poses.place[0]), REACH
+    )
+    assert gap > 0.02 and asked == [16]

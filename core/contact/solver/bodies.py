@@ -128,6 +128,14 @@ def same_places(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> boo
     return len(one) == len(other) and all(a.same_place(b) for a, b in zip(one, other, strict=True))
 
 
+def travel(a: ContactBody, b: ContactBody, points: Array) -> float:
+    """Return how far a body's matter at points [m], shape (n, 3), moves from one pose to another [m]."""
+    if a.away or b.away:
+        return 0.0
+    moved = ((points - a.translation) @ a.rotation) @ b.rotation.T + b.translation - points
+    return float(np.sqrt((moved * moved).sum(axis=1)).max())
+
+
 def contact_frame(
     points: Array, bodies: Sequence[ContactBody], reach: float, bone: Array, expected: Expected | None = None
 ) -> ContactFrame:
@@ -200,16 +208,14 @@ def _keep_sides(answer: GapQuery, body: ContactBody, index: int, side: int, loca
     answer.beside[turned] = False
 
 
-def to_material(frame: ContactFrame, nodes: Indices, positions: Array) -> tuple[Array, Indices]:
-    """Return the material coordinates on their bodies of positions [m], shape (n, 3), near the given nodes.
+def to_material(bodies: Sequence[ContactBody], owner: Indices, triangle: Indices, positions: Array) -> Array:
+    """Return the material coordinates of positions [m], shape (n, 3), on the bodies and triangles they are near.
 
     On a rigid body they are its local coordinates; where its scale changed, those at its first scale; on one that
-    deforms, two affine weights in the plane of a triangle and the height above it. Also returned: that triangle.
+    deforms, two affine weights in the plane of a triangle and the height above it.
     """
     out = np.empty_like(positions)
-    triangle = frame.triangle[nodes]
-    owner = frame.body[nodes]
-    for index, body in enumerate(frame.bodies):
+    for index, body in enumerate(bodies):
         own = owner == index
         count = np.count_nonzero(own)
         if count == 0:
@@ -227,7 +233,7 @@ def to_material(frame: ContactFrame, nodes: Indices, positions: Array) -> tuple[
         elif body.carry is not None:
             local = local @ np.linalg.inv(body.carry).T
         out[which] = local
-    return out, triangle
+    return out
 
 
 def from_material(

@@ -26,14 +26,14 @@ class CandidateInverse:
 
     Args:
         compliance: C of all nodes [m/N], shape (3 m, 3 m).
-        rho: the shift [m/N].
+        rho: the shift of each node [m/N], shape (m,).
     """
 
-    def __init__(self, compliance: Array, rho: float) -> None:
+    def __init__(self, compliance: NDArray[np.floating], rho: Array) -> None:
         self.rho = rho
         self.count = compliance.shape[0] // 3
         self._c = compliance
-        self._store = np.zeros((3 * self.count, 3 * self.count), dtype=np.float32)
+        self._store = np.zeros((0, 0), dtype=np.float32)
         self._softness = np.zeros(self.count)
         self.members: Indices = np.zeros(0, dtype=np.int64)
         self.inside = np.zeros(self.count, dtype=bool)
@@ -46,18 +46,35 @@ class CandidateInverse:
         n = 3 * self.members.size
         return self._store[:n, :n]
 
+    def renumber(self, order: Indices, compliance: NDArray[np.floating], rho: Array) -> None:
+        """Go over to other nodes: some of the old ones in a new order, then new ones, which are no members yet."""
+        count = compliance.shape[0] // 3
+        place = np.full(self.count, -1)
+        place[order] = np.arange(len(order))
+        leaving = self.members[place[self.members] < 0]
+        if leaving.size > REBUILD:
+            self.members = self.members[:0]
+        else:
+            self.remove(leaving)
+        softness = np.zeros(count)
+        softness[: len(order)] = self._softness[order]
+        self.members = place[self.members]
+        self.inside = np.zeros(count, dtype=bool)
+        self.inside[self.members] = True
+        self.rho, self.count, self._c, self._softness = rho, count, compliance, softness
+
     def stale(self, softness: Array) -> bool:
         """Whether the members' softness [m/N], shape (m,), is no longer what was inverted, or drift is due."""
         changed = not np.array_equal(self._softness[self.members], softness[self.members])
         return changed or self.updates > MAX_UPDATES
 
-    def follow(self, gap: Array, loaded: NDArray[np.bool_], spacing: float, softness: Array) -> None:
+    def follow(self, gap: Array, loaded: NDArray[np.bool_], spacing: Array, softness: Array) -> None:
         """Bring the members up to date: at once for nodes that may touch, ahead of time for those that come near.
 
         Args:
             gap: predicted for the deformed skin [m], inf where nothing is near, shape (m,).
             loaded: whether a node carries force, shape (m,).
-            spacing: of the nodes [m].
+            spacing: of the nodes [m], shape (m,).
             softness: of what is below each node [m/N], shape (m,).
         """
         needed = (gap < ENTER * spacing) | loaded
@@ -80,6 +97,7 @@ class CandidateInverse:
     def rebuild(self, nodes: Indices, softness: Array) -> None:
         """Start over with the given nodes; softness of all nodes [m/N], shape (m,)."""
         n = 3 * nodes.size
+        self._make_room(n)
         self._store[:n, :n] = _inverse(self._shifted(nodes, softness))
         self.members = nodes.copy()
         self.inside[:] = False
@@ -96,6 +114,7 @@ class CandidateInverse:
             self.rebuild(nodes, softness)
             return
         n, new = 3 * self.members.size, 3 * nodes.size
+        self._make_room(n + new)
         old = self._store[:n, :n]
         side = self._c[_rows(self.members)[:, None], _rows(nodes)].astype(np.float32)
         image = old @ side
@@ -135,10 +154,17 @@ class CandidateInverse:
         self.members = self.members[:size].copy()
         self.updates += 1
 
+    def _make_room(self, wanted: int) -> None:
+        if wanted > len(self._store):
+            n = 3 * self.members.size
+            store = np.zeros((min(2 * wanted, 3 * self.count),) * 2, dtype=np.float32)
+            store[:n, :n] = self.matrix
+            self._store = store
+
     def _shifted(self, nodes: Indices, softness: Array) -> Array:
         rows = _rows(nodes)
-        block = self._c[rows[:, None], rows]
-        block[np.diag_indices(rows.size)] += self.rho + np.repeat(softness[nodes], 3)
+        block = self._c[rows[:, None], rows].astype(np.float64, copy=False)
+        block[np.diag_indices(rows.size)] += np.repeat(self.rho[nodes] + softness[nodes], 3)
         return block
 
 

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from ...arrays import Array, Indices
 from .bodies import ContactBody, ContactFrame, Expected, from_material, to_material
 
+_ARRAYS = ("body", "_material", "_triangle", "_normal", "_gap", "_sticking")
+
 
 class ContactHistory:
     """Anchors of the nodes, in the material of the bodies, so that they move, turn and stretch with them.
@@ -37,9 +39,29 @@ class ContactHistory:
     def copy(self) -> ContactHistory:
         """Return a copy that shares nothing with this one."""
         other = ContactHistory(len(self.body))
-        for name in ("body", "_material", "_triangle", "_normal", "_gap", "_sticking"):
+        for name in _ARRAYS:
             setattr(other, name, getattr(self, name).copy())
         return other
+
+    def rearranged(self, order: Indices, count: int) -> ContactHistory:
+        """Return the history of other points: some of these in a new order, then so many without any."""
+        other = ContactHistory(len(order) + count)
+        for name in _ARRAYS:
+            getattr(other, name)[: len(order)] = getattr(self, name)[order]
+        return other
+
+    def inherit(
+        self, nodes: Indices, source: ContactHistory, sources: Indices, bodies: Sequence[ContactBody], positions: Array
+    ) -> None:
+        """Give points the history of others in whose place they come, anchored where they are now.
+
+        Args:
+            source: of the others. sources: which of them, for each of the points.
+            bodies: where they were in the last frame. positions: of the points there [m], shape (n, 3).
+        """
+        for name in _ARRAYS:
+            getattr(self, name)[nodes] = getattr(source, name)[sources]
+        self._put(bodies, nodes, self.body[nodes], self._triangle[nodes], positions)
 
     def expected(self, bodies: Sequence[ContactBody], deformed: Array, reach: float) -> Expected:
         """Return where nodes are to be looked for in the next frame.
@@ -93,13 +115,19 @@ class ContactHistory:
         renewed = near & ~(sticking & (self.body == frame.body))
         nodes = np.flatnonzero(renewed)
         if nodes.size:
-            self._material[nodes], self._triangle[nodes] = to_material(frame, nodes, positions[nodes])
+            self._put(frame.bodies, nodes, frame.body[nodes], frame.triangle[nodes], positions[nodes])
         self.body = np.where(near, frame.body, -1)
         self._sticking = near & sticking
         self._gap = np.maximum(gap, 0.0)
         for index, body in enumerate(frame.bodies):
             own = np.flatnonzero(self.body == index)
             self._normal[own] = frame.normal[own] @ body.rotation
+
+    def _put(
+        self, bodies: Sequence[ContactBody], nodes: Indices, body: Indices, triangle: Indices, positions: Array
+    ) -> None:
+        self._material[nodes] = to_material(bodies, body, triangle, positions)
+        self._triangle[nodes] = triangle
 
     def anchors(self, bodies: Sequence[ContactBody]) -> Array:
         """Return where the anchors are now [m], NaN without one, shape (m, 3)."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Array
+from ...arrays import Array, Indices
 from ...errors import DermisError, Finding
 from .admm import State, iterate
 from .bodies import ContactBody, ContactFrame, contact_frame, same_places
@@ -79,13 +79,10 @@ class PathSolver:
         name: str = "finger",
         depth_limit: float = DEPTH_LIMIT,
     ) -> None:
+        self._begin(tolerance, bone, name, depth_limit)
         self.operator: Compliance = Linear(compliance) if isinstance(compliance, np.ndarray) else compliance
         self.points = np.asarray(points, dtype=np.float64)
         self.areas = areas
-        self.tolerance = tolerance
-        self.bone = np.asarray(bone, dtype=np.float64)
-        self.name = name
-        self.depth_limit = depth_limit
         c = np.ascontiguousarray(self.operator.compliance, dtype=np.float64)
         m = self.points.shape[0]
         if c.shape != (3 * m, 3 * m):
@@ -94,15 +91,23 @@ class PathSolver:
             )
         self._c = c
         low, high = ends(c, name)
-        self._rho = float(np.sqrt(low * high))
+        self._rho = np.full((m, 1), np.sqrt(low * high))
         extent = np.sort(np.ptp(self.points, axis=0))
-        self._spacing = float(np.sqrt(max(extent[-1] * extent[-2], 1e-12) / m))
+        spacing = float(np.sqrt(max(extent[-1] * extent[-2], 1e-12) / m))
+        self._spacing = np.full(m, spacing)
         # skin cannot bulge out of what presses into it by more than it is pressed: nodes farther off stay open
-        self.reach = max(2.5 * self._spacing, 2.5e-3)
-        self._candidates = CandidateInverse(c, self._rho)
+        self.reach = max(2.5 * spacing, 2.5e-3)
+        self._candidates = CandidateInverse(c, self._rho[:, 0])
         self.history = ContactHistory(m)
         self._zero = np.zeros((m, 3))
         self._status = np.zeros(m, dtype=np.int8)
+        self.reset()
+
+    def _begin(self, tolerance: float, bone: Array, name: str, depth_limit: float) -> None:
+        self.tolerance = tolerance
+        self.bone = np.asarray(bone, dtype=np.float64)
+        self.name = name
+        self.depth_limit = depth_limit
         self.counters = dict.fromkeys(
             (
                 "solved",
@@ -121,7 +126,6 @@ class PathSolver:
         )
         self.notes = Notes(name)
         self.frames = 0
-        self.reset()
 
     def reset(self) -> None:
         """Forget the history: the next frame is solved from rest."""
@@ -159,9 +163,9 @@ class PathSolver:
         if self._step is not None and self._step.work == "idle":
             return self._step
         self.reset()
-        none = np.zeros(self.points.shape[0])
+        none = np.zeros(len(self._zero))
         nothing = Solution(self._zero, self._zero, self._zero, none, self._status, 0, 0.0, self.tolerance, "none")
-        self._step = PathStep(nothing, self._zero, None, "idle", False)
+        self._step = PathStep(nothing, self._zero, None, "idle", False, self.nodal(self._zero))
         return self._step
 
     @property
@@ -173,6 +177,11 @@ class PathSolver:
     def bodies(self) -> tuple[ContactBody, ...]:
         """What was near in the last frame."""
         return self._bodies
+
+    @property
+    def pad(self) -> Array:
+        """Points of the undeformed skin that tell where anything first touches [m], shape (n, 3)."""
+        return self.points
 
     @property
     def frame(self) -> ContactFrame | None:
@@ -187,7 +196,7 @@ class PathSolver:
     @property
     def bulge(self) -> float:
         """How far skin may come out in the next frame to what it does not touch yet [m]."""
-        moved = float(np.sqrt(np.einsum("ij,ij->i", self._image, self._image).max()))
+        moved = float(np.sqrt(np.einsum("ij,ij->i", self._image, self._image).max(initial=0.0)))
         return min(BULGE * moved + MARGIN, self.reach)
 
     @property
@@ -247,7 +256,7 @@ class PathSolver:
             self.counters[work] += 1
             self.frames += 1
         self.counters["rebuilds"], self.counters["updates"] = self._candidates.rebuilds, self._candidates.updates
-        self._step = PathStep(solution, image, frame, work, from_rest)
+        self._step = PathStep(solution, image, frame, work, from_rest, self.nodal(solution.force))
         return self._step
 
     def adopt(
@@ -283,7 +292,7 @@ class PathSolver:
         self._bodies, self._at_rest = frame.bodies, False
         self.counters["held"] += 1
         self.frames += 1
-        self._step = PathStep(solution, self._image, frame, "solved", from_rest)
+        self._step = PathStep(solution, self._image, frame, "solved", from_rest, self.nodal(force))
         return self._step
 
     # -- one frame -----------------------------------------------------------------------------------------------
@@ -313,7 +322,7 @@ class PathSolver:
             exact = (image[members] + soft[members, None] * z).reshape(-1)
             sweep = iterate(
                 self._candidates.matrix,
-                rho,
+                np.repeat(rho[members, 0], 3),
                 b[members].reshape(-1),
                 normal[members],
                 mu[members],
@@ -346,9 +355,8 @@ class PathSolver:
         """Solve the frame in float64 with every method there is."""
         self.counters["fallback"] += 1
         near = np.flatnonzero(frame.body >= 0)
-        rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
         solution = solve(
-            self._c[rows[:, None], rows],
+            self._block(near),
             b[near],
             frame.friction[near],
             normals=frame.normal[near],
@@ -399,6 +407,14 @@ class PathSolver:
 
     def _apply(self, force: Array) -> Array:
         return (self._c @ force.reshape(-1)).reshape(-1, 3)
+
+    def _block(self, nodes: Indices) -> Array:
+        rows = (3 * nodes[:, None] + np.arange(3)).reshape(-1)
+        return self._c[rows[:, None], rows]
+
+    def nodal(self, force: Array) -> Array:
+        """Return forces on the points [N] as forces on the nodes of the skin's mesh, which here are the same."""
+        return force
 
     def _report(self, solution: Solution, frame: ContactFrame, where: float) -> None:
         if not solution.converged:

@@ -20,6 +20,8 @@ class PathStep:
         work: 'solved', 'unchanged' (forces still obey the laws), 'same' (same pose, same history) or 'idle'
             (nothing near).
         from_rest: there was no history: the first frame, or a jump.
+        nodal: the forces on the nodes of the skin's mesh [N]: those of the solution, brought to the nodes where the
+            solver's points are others, shape (m, 3).
     """
 
     solution: Solution
@@ -27,3 +29,4 @@ class PathStep:
     frame: ContactFrame | None
     work: str
     from_rest: bool
+    nodal: Array

@@ -17,7 +17,7 @@ from ...arrays import Array, Indices
 from ...motion import matrices, quaternions
 from ...surface.crossing import first_crossing
 from ...surface.gap import Surface
-from .bodies import AWAY, ContactBody, ContactFrame, contact_frame
+from .bodies import AWAY, ContactBody, ContactFrame, contact_frame, travel
 from .path import PathSolver
 from .path_step import PathStep
 
@@ -110,7 +110,7 @@ class SubStepper:
     def _parts(self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], frame: ContactFrame) -> int:
         last = self.solver.frame
         if last is None:
-            far = max(travel(a, b, self.solver.points) for a, b in zip(start, bodies, strict=True))
+            far = max(travel(a, b, self.solver.pad) for a, b in zip(start, bodies, strict=True))
             return max(int(np.ceil(far / PRESSING)), 1)
         pressed = np.flatnonzero((frame.body >= 0) & ((frame.clearance < 0.0) | self.solver.loaded))
         if pressed.size == 0:
@@ -159,7 +159,7 @@ class SubStepper:
 
     def _retreat(self, body: ContactBody) -> float | None:
         """Return how far a body must go down for the finger to be outside of it [m]; None beyond the bone."""
-        far = self._above(body, self.solver.points, self.deepest)
+        far = self._above(body, self.solver.pad, self.deepest)
         for _ in range(SEARCHES):
             inside = -self._gap([lowered(body, far)])
             if inside <= OUTSIDE:
@@ -186,13 +186,13 @@ class SubStepper:
             gap = self._gap(here)
             if gap <= OUTSIDE:
                 break
-            far = max(travel(a, b, self.solver.points) for a, b in zip(before, bodies, strict=True))
+            far = max(travel(a, b, self.solver.pad) for a, b in zip(before, bodies, strict=True))
             share = min(share + gap / max(far, 1e-12), 1.0)
         return here
 
     def _gap(self, bodies: Sequence[ContactBody]) -> float:
         """Return the smallest gap of the undeformed skin [m]."""
-        return float(contact_frame(self.solver.points, bodies, np.inf, self.solver.bone).gap.min())
+        return float(contact_frame(self.solver.pad, bodies, np.inf, self.solver.bone).gap.min())
 
     # -- all the way through -------------------------------------------------------------------------------------
 
@@ -204,7 +204,7 @@ class SubStepper:
         return [AWAY if index in self._left else body for index, body in enumerate(bodies)]
 
     def _in_or_above(self, body: ContactBody) -> bool:
-        some = self.solver.points[:: max(len(self.solver.points) // WAYS, 1)]
+        some = self.solver.pad[:: max(len(self.solver.pad) // WAYS, 1)]
         return self._gap([body]) < -OUTSIDE or self._above(body, some, ABOVE) > 0.0
 
     def _through(self, step: PathStep, bodies: Sequence[ContactBody]) -> PathStep:
@@ -241,14 +241,6 @@ def between(a: ContactBody, b: ContactBody, share: float) -> ContactBody:
                 first, last = (np.eye(3) if c is None else c for c in (a.carry, carry))
                 carry = (1.0 - share) * first + share * last
     return replace(b, surface=surface, rotation=rotation, translation=translation, carry=carry)
-
-
-def travel(a: ContactBody, b: ContactBody, points: Array) -> float:
-    """Return how far a body's matter at points [m], shape (n, 3), moves from one pose to another [m]."""
-    if a.away or b.away:
-        return 0.0
-    moved = ((points - a.translation) @ a.rotation) @ b.rotation.T + b.translation - points
-    return float(np.sqrt((moved * moved).sum(axis=1)).max())
 
 
 def lowered(body: ContactBody, far: float) -> ContactBody:

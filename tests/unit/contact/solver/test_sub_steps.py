@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.contact.solver.bodies import ContactBody
+from core.contact.solver.bodies import ContactBody, travel
 from core.contact.solver.path import PathSolver
-from core.contact.solver.sub_steps import PRESSING, SubStepper, between, travel
+from core.contact.solver.sub_steps import PRESSING, SubStepper, between
 from core.surface.gap import Surface
 
 FRICTION = 0.6

@@ -17,9 +17,12 @@ from ..arrays import Array
 from ..errors import Finding
 from ..parameters.skin import SKIN_CONTACT
 from ..skin.model import SkinModel
+from ..skin.nodal_forces import NodalForces
+from ..skin.surface_compliance import SurfaceCompliance
 from .solver.bodies import ContactBody, ContactFrame
 from .solver.notes import Notes
 from .solver.path import DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
+from .solver.point_path import PointSolver
 from .solver.sub_steps import SubStepper
 
 LIMIT_TOLERANCE = 1e-3  # of the force limit
@@ -60,9 +63,17 @@ class CompliantBone:
 
     @classmethod
     def of(
-        cls, skin: SkinModel, parameters: Mapping[str, Any], name: str, tolerance: float | None = None
+        cls,
+        skin: SkinModel,
+        parameters: Mapping[str, Any],
+        name: str,
+        tolerance: float | None = None,
+        surface: SurfaceCompliance | None = None,
     ) -> CompliantBone:
         """Build from a finger's parameters: depth_mode, bone_stiffness [N/m], force_limit [N].
+
+        Args:
+            surface: the smooth pad of the same skin: contact is then solved on its points, not on the mesh's nodes.
 
         Raises:
             DermisError: an unknown mode, or a stiffness or limit that is out of range.
@@ -74,14 +85,23 @@ class CompliantBone:
             limit = float(SKIN_CONTACT["force_limit"].of(parameters, name))
             compliance = compliance.copy()
             compliance[2::3, 2::3] += 1.0 / stiffness
+        # what the spring gives way is known only after the solve: then `step` looks at the depth itself
+        depth_limit = DEPTH_LIMIT if stiffness == 0 else np.inf
+        if surface is not None:
+            if stiffness:
+                surface = surface.with_spring(np.array([0.0, 0.0, 1.0]), stiffness)
+            nodes = NodalForces(skin.mesh, surface.chart)
+            points = PointSolver(surface, nodes, name=name, depth_limit=depth_limit)
+            if tolerance is not None:
+                points.tolerance = tolerance
+            return cls(points, stiffness, limit, name)
         solver = PathSolver(
             compliance,
             skin.positions,
             areas=skin.areas,
             tolerance=TOLERANCE if tolerance is None else tolerance,
             name=name,
-            # what the spring gives way is known only after the solve: then `step` looks at the depth itself
-            depth_limit=DEPTH_LIMIT if stiffness == 0 else np.inf,
+            depth_limit=depth_limit,
         )
         return cls(solver, stiffness, limit, name)
 

@@ -160,11 +160,11 @@ def _skin_step(bone: BoneStep) -> SkinStep:
     """Sum up a sample of the solver."""
     solution, work = bone.step.solution, bone.step.work
     if not solution.force.any():
-        return SkinStep(solution.force, lift=bone.lift, work=work, converged=solution.converged)
+        return SkinStep(bone.step.nodal, lift=bone.lift, work=work, converged=solution.converged)
     normal = solution.normal_force
     across = (solution.force - normal[:, None] * solution.normals).sum(axis=0)
     return SkinStep(
-        solution.force,
+        bone.step.nodal,
         float(normal.sum()),
         float(np.linalg.norm(across)),
         bone.depth,

@@ -17,6 +17,8 @@ MAX_UPDATES = 400
 # and ahead of time, a few each frame; they leave above the third.
 ENTER, PREFETCH, LEAVE = 0.05, 0.4, 1.2
 BUDGET = 4
+# An inverse that is off by more than this is made again.
+DRIFT = 0.02
 # More nodes than this at once are cheaper by starting over.
 REBUILD = 16
 
@@ -27,10 +29,13 @@ class CandidateInverse:
     Args:
         compliance: C of all nodes [m/N], shape (3 m, 3 m).
         rho: the shift of each node [m/N], shape (m,).
+        ahead, leave: gaps, over the spacing of the nodes, below which they join ahead of time and above which they go.
     """
 
-    def __init__(self, compliance: NDArray[np.floating], rho: Array) -> None:
-        self.rho = rho
+    def __init__(
+        self, compliance: NDArray[np.floating], rho: Array, ahead: float = PREFETCH, leave: float = LEAVE
+    ) -> None:
+        self.rho, self.ahead, self.leave = rho, ahead, leave
         self.count = compliance.shape[0] // 3
         self._c = compliance
         self._store = np.zeros((0, 0), dtype=np.float32)
@@ -68,6 +73,14 @@ class CandidateInverse:
         changed = not np.array_equal(self._softness[self.members], softness[self.members])
         return changed or self.updates > MAX_UPDATES
 
+    def drifts(self) -> bool:
+        """Return whether updates have made the inverse of the members wrong, by trying it on a vector."""
+        if self.updates == 0 or self.members.size == 0:
+            return False
+        probe = np.random.default_rng(self.updates).choice([-1.0, 1.0], 3 * self.members.size)
+        off = self._shifted(self.members, self._softness) @ (self.matrix @ probe) - probe
+        return not float(np.abs(off).max()) <= DRIFT
+
     def follow(self, gap: Array, loaded: NDArray[np.bool_], spacing: Array, softness: Array) -> None:
         """Bring the members up to date: at once for nodes that may touch, ahead of time for those that come near.
 
@@ -80,16 +93,16 @@ class CandidateInverse:
         needed = (gap < ENTER * spacing) | loaded
         missing = (needed & ~self.inside).nonzero()[0]
         if self.members.size == 0 or missing.size > REBUILD or self.stale(softness):
-            self.rebuild(np.flatnonzero(needed | (gap < PREFETCH * spacing)), softness)
+            self.rebuild(np.flatnonzero(needed | (gap < self.ahead * spacing)), softness)
             return
         if missing.size:
             self.add(missing, softness)
         else:
-            coming = ((gap < PREFETCH * spacing) & ~self.inside).nonzero()[0]
+            coming = ((gap < self.ahead * spacing) & ~self.inside).nonzero()[0]
             if coming.size:
                 self.add(coming[np.argsort(gap[coming])[:BUDGET]], softness)
                 return
-        leaves = (gap > LEAVE * spacing) & ~loaded
+        leaves = (gap > self.leave * spacing) & ~loaded
         leaving = self.members[leaves[self.members]]
         if leaving.size >= BUDGET:
             self.remove(leaving[: 2 * BUDGET])
@@ -118,7 +131,7 @@ class CandidateInverse:
         old = self._store[:n, :n]
         side = self._c[_rows(self.members)[:, None], _rows(nodes)].astype(np.float32)
         image = old @ side
-        corner = self._shifted(nodes, softness) - side.T.astype(np.float64) @ image
+        corner = self._shifted(nodes, softness).astype(np.float64, copy=False) - side.T.astype(np.float64) @ image
         block = _inverse(corner)
         weighted = image @ block
         old += weighted @ image.T
@@ -163,7 +176,7 @@ class CandidateInverse:
 
     def _shifted(self, nodes: Indices, softness: Array) -> Array:
         rows = _rows(nodes)
-        block = self._c[rows[:, None], rows].astype(np.float64, copy=False)
+        block = self._c[rows[:, None], rows]
         block[np.diag_indices(rows.size)] += np.repeat(self.rho[nodes] + softness[nodes], 3)
         return block
 
@@ -175,7 +188,7 @@ def _rows(nodes: Indices) -> Indices:
 def _inverse(matrix: Array) -> Floats32:
     """Inverse of a symmetric positive definite matrix, by its Cholesky factor in single precision."""
     if matrix.shape[0] <= 96:
-        return np.linalg.inv(matrix).astype(np.float32)
+        return np.linalg.inv(matrix.astype(np.float64, copy=False)).astype(np.float32)
     from scipy.linalg.lapack import spotrf, spotri
 
     factor, info = spotrf(matrix.astype(np.float32), lower=1, overwrite_a=1)

@@ -347,7 +347,11 @@ class PathSolver:
             if missed.size:
                 self._candidates.add(missed, soft)
             elif iterations >= MAX_ITERATIONS:
-                return self._fall_back(force, b, frame, soft, iterations)
+                if not self._candidates.drifts():
+                    return self._fall_back(force, b, frame, soft, iterations)
+                # many small updates in single precision can go wrong: begin again, from the last frame
+                self._candidates.rebuild(members, soft)
+                force, y, iterations = start, self._y, 0
 
     def _fall_back(
         self, force: Array, b: Array, frame: ContactFrame, soft: Array, iterations: int
@@ -355,32 +359,32 @@ class PathSolver:
         """Solve the frame in float64 with every method there is."""
         self.counters["fallback"] += 1
         near = np.flatnonzero(frame.body >= 0)
-        solution = solve(
-            self._block(near),
-            b[near],
-            frame.friction[near],
-            normals=frame.normal[near],
-            softness=soft[near],
-            start=force[near],
-            tolerance=self.tolerance,
-        )
+        exact, more, method = self._exactly(near, b[near], frame, soft[near], force[near])
         force = np.zeros_like(self._zero)
-        force[near] = solution.force
+        force[near] = exact
         image = self._apply(force)
         w = image + soft[:, None] * force + b
         residual, status = assess(force, w, frame.normal, frame.friction, 1.0 / self._rho)
         found = Solution(
-            force,
-            w,
-            frame.normal,
-            frame.friction,
-            status,
-            iterations + solution.iterations,
-            residual,
-            CHECK * self.tolerance,
-            solution.method,
+            force, w, frame.normal, frame.friction, status, iterations + more, residual, CHECK * self.tolerance, method
         )
         return found, w / -self._rho, image, "solved"
+
+    def _exactly(
+        self, near: Indices, b: Array, frame: ContactFrame, soft: Array, start: Array
+    ) -> tuple[Array, int, str]:
+        """Return forces on some nodes [N], the iterations they took and the method."""
+        rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
+        found = solve(
+            self._c[rows[:, None], rows],
+            b,
+            frame.friction[near],
+            normals=frame.normal[near],
+            softness=soft,
+            start=start,
+            tolerance=self.tolerance,
+        )
+        return found.force, found.iterations, found.method
 
     def _extrapolated(self, force: Array, w: Array) -> tuple[Array, Array]:
         """Start where the last two frames point to; paths are smoother than their frames are long."""
@@ -407,10 +411,6 @@ class PathSolver:
 
     def _apply(self, force: Array) -> Array:
         return (self._c @ force.reshape(-1)).reshape(-1, 3)
-
-    def _block(self, nodes: Indices) -> Array:
-        rows = (3 * nodes[:, None] + np.arange(3)).reshape(-1)
-        return self._c[rows[:, None], rows]
 
     def nodal(self, force: Array) -> Array:
         """Return forces on the points [N] as forces on the nodes of the skin's mesh, which here are the same."""

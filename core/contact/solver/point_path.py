@@ -15,9 +15,11 @@ import numpy as np
 from ...arrays import Array, Indices
 from ...skin.nodal_forces import NodalForces
 from ...skin.surface_compliance import SurfaceCompliance
+from .admm import State, iterate
 from .bodies import ContactBody, ContactFrame, Expected, contact_frame, travel
 from .candidates import CandidateInverse
 from .compliance import Linear
+from .cone import project
 from .history import ContactHistory
 from .path import BONE, DEPTH_LIMIT, PathSolver, PathStep
 from .point_history import succession
@@ -27,8 +29,12 @@ from .point_tree import PointTree
 TOLERANCE = 1e-4
 # The tree is asked again when something has moved this far since [m].
 ASK = 0.06e-3
+# Points join the iteration ahead of time below the first of these shares of their cell's side, and leave it above the
+# second: they have rows of the compliance already, so it takes little to join.
+MEMBERS = (0.1, 0.3)
 # Skin is looked for this far out [m].
 REACH = 2.5e-3
+MOST_ITERATIONS = 3000
 # The shift of the iteration over a cell's own compliance.
 WEIGHT = 0.75
 # A corner of a cell is reached from this far above it [m].
@@ -70,7 +76,7 @@ class PointSolver(PathSolver):
         self._matrix = PointMatrix(surface)
         self.operator = Linear(np.zeros((0, 0)))
         self._place = np.full(len(surface.chart.places), -1)  # of each cell in `cells`
-        self._candidates = CandidateInverse(self._matrix.matrix, np.zeros(0))
+        self._candidates = CandidateInverse(self._matrix.matrix, np.zeros(0), *MEMBERS)
         count = surface.chart.starts[1]
         self._rows = np.full((count, 3, 3 * count), np.nan, dtype=np.float32)  # of the coarsest cells, as asked for
         self.history = ContactHistory(0)
@@ -106,11 +112,11 @@ class PointSolver(PathSolver):
         """Go back to a saved state."""
         cells = state["cells"]
         if not np.array_equal(cells, self.cells):
-            self._candidates = CandidateInverse(np.zeros((0, 0), dtype=np.float32), np.zeros(0))
+            self._candidates = CandidateInverse(np.zeros((0, 0), dtype=np.float32), np.zeros(0), *MEMBERS)
             self._matrix.change(np.flatnonzero(~np.isin(self.cells, cells)), cells[~np.isin(cells, self.cells)])
             self._matrix.sort(cells)
             self._number()
-            self._candidates = CandidateInverse(self._matrix.matrix, self._rho[:, 0])
+            self._candidates = CandidateInverse(self._matrix.matrix, self._rho[:, 0], *MEMBERS)
             self._zero, self._status = np.zeros((len(cells), 3)), np.zeros(len(cells), dtype=np.int8)
         self._tree.restore(state["tree"])
         self._asked = state["asked"]
@@ -345,6 +351,19 @@ class PointSolver(PathSolver):
     def _apply(self, force: Array) -> Array:
         return self._matrix.displacement(force)
 
-    def _block(self, nodes: Indices) -> Array:
-        cells = self.cells[nodes]
-        return self.surface.block(cells, cells).reshape(3 * len(cells), -1)
+    def _exactly(
+        self, near: Indices, b: Array, frame: ContactFrame, soft: Array, start: Array
+    ) -> tuple[Array, int, str]:
+        """Iterate in double precision; what else there is takes minutes on so many points."""
+        cells, rho = self.cells[near], np.repeat(self._rho[near, 0], 3)
+        matrix = self.surface.block(cells, cells).reshape(rho.size, -1)
+        matrix[np.diag_indices(rho.size)] += np.repeat(soft, 3)
+        normal, friction = frame.normal[near], frame.friction[near]
+        first = project(start, normal, friction)[0]
+        image = matrix @ first.reshape(-1)
+        state = State(first, -(image + b.reshape(-1)).reshape(-1, 3) / self._rho[near])
+        inverse = np.linalg.inv(matrix + np.diag(rho))
+        found = iterate(
+            inverse, rho, b.reshape(-1), normal, friction, state, state, image, self.tolerance, MOST_ITERATIONS
+        )
+        return found.state.z, found.iterations, "admm"

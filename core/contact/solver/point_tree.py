@@ -20,7 +20,9 @@ TURNED, BENT = 0.15, 0.04e-3
 # A cell stays split down to this share of the limits.
 MERGE = 0.6
 # Cells of the last level but one are split only where normals differ by more than this: at sharp edges.
-SHARP = 0.5
+SHARP = 1.0
+# A cell that seems to lie deeper than this [m] is lifted; across its normal by no more than the inverse of this.
+DEEP, STEEP = 0.02e-3, 0.3
 CORNERS = 0.75  # of a cell's sides, from its centre
 # Points may touch below this share of their cell's side, and a margin for what moves until the tree is asked again [m].
 NEAR, MARGIN = 0.4, 0.1e-3
@@ -93,14 +95,25 @@ class PointTree:
         """Return which cells shall be split."""
         if len(cells) == 0:
             return np.zeros(0, dtype=bool)
-        points = self._corner_points(cells)
+        own, facing = centre.clearance[at], centre.normal[at]
+        # what is in between is to be seen from the surface: deep below it every edge is sharp
+        up = -self.pad.cells.normals[cells]
+        steep = np.maximum(np.einsum("ij,ij->i", up, facing), STEEP)
+        deep = np.flatnonzero(own < -DEEP)
+        lift = np.zeros_like(up)
+        lift[deep] = (-own[deep] / steep[deep])[:, None] * up[deep]
+        points = self._corner_points(cells) + lift[:, None]
         seen = look(np.repeat(cells, 4), points.reshape(-1, 3))
         gap, normal = seen.clearance.reshape(-1, 4), seen.normal.reshape(-1, 4, 3)
-        near = np.minimum(gap.min(axis=1), centre.clearance[at]) < limit
-        apart = normal - centre.normal[at][:, None]
+        near = np.minimum(gap.min(axis=1), own) < limit
+        if len(deep):
+            again = look(cells[deep], self.pad.cells.positions[cells[deep]] + lift[deep])
+            own, facing = own.copy(), facing.copy()
+            own[deep], facing[deep] = again.clearance, again.normal
+        apart = normal - facing[:, None]
         turned = np.sqrt(np.einsum("ijk,ijk->ij", apart, apart).max(axis=1))
         with np.errstate(invalid="ignore"):
-            middle = np.abs(gap.mean(axis=1) - centre.clearance[at])
+            middle = np.abs(gap.mean(axis=1) - own)
             twist = 0.25 * np.abs(gap[:, 0] - gap[:, 1] - gap[:, 2] + gap[:, 3])
         bent = np.nan_to_num(np.maximum(middle, twist), nan=np.inf, posinf=np.inf)
         share = np.where(self.split[cells], MERGE, 1.0)
@@ -111,6 +124,10 @@ class PointTree:
     def _corner_points(self, cells: Indices) -> Array:
         missing = cells[~self._known[cells]]
         if len(missing):
-            self._corners[missing] = self.chart.corners(missing, CORNERS)[0]
+            middle = self.pad.cells.positions[missing][:, None]
+            normal = self.pad.cells.normals[missing][:, None]
+            arms = self.chart.corners(missing, CORNERS)[0] - middle
+            # in the tangent plane: it is not the skin's own curvature that asks for more points
+            self._corners[missing] = middle + arms - (arms * normal).sum(axis=2, keepdims=True) * normal
             self._known[missing] = True
         return self._corners[cells]

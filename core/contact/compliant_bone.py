@@ -19,7 +19,7 @@ from ..parameters.skin import SKIN_CONTACT
 from ..skin.model import SkinModel
 from ..skin.nodal_forces import NodalForces
 from ..skin.surface_compliance import SurfaceCompliance
-from .solver.bodies import ContactBody, ContactFrame
+from .solver.bodies import ContactBody, NodeGaps
 from .solver.notes import Notes
 from .solver.path import DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
 from .solver.point_path import PointSolver
@@ -144,7 +144,7 @@ class CompliantBone:
         if np.isfinite(self.force_limit):
             step, retraction = self._limited(bodies, frame)
         else:
-            step, retraction = self._sub_steps.step(bodies, before, frame_number=frame), 0.0
+            step, retraction = self._sub_steps.step(bodies, before, scene_frame=frame), 0.0
         return self._bone_step(step, retraction, frame)
 
     def retraction(self, bodies: Sequence[ContactBody], frame: float) -> float:
@@ -159,10 +159,10 @@ class CompliantBone:
         return retraction
 
     def adopt(
-        self, force: Array, displacement: Array, gaps: ContactFrame, residual: float, retraction: float, frame: float
+        self, force: Array, displacement: Array, gaps: NodeGaps, residual: float, retraction: float, frame: float
     ) -> BoneStep:
         """Take over a frame that was solved together with other fingers, the bone retracted by `retraction` [m]."""
-        step = self.solver.adopt(force, displacement, gaps, residual, frame_number=frame)
+        step = self.solver.adopt(force, displacement, gaps, residual, scene_frame=frame)
         return self._bone_step(step, retraction, frame)
 
     def _bone_step(self, step: PathStep, retraction: float, frame: float) -> BoneStep:
@@ -214,7 +214,7 @@ class CompliantBone:
         if retraction > 0.0:
             down = np.array([0.0, 0.0, -retraction])  # the finger goes up, so all else goes down in its frame
             bodies = [replace(body, translation=body.translation + down) for body in bodies]
-        return self._sub_steps.step(bodies, self._before, frame_number=frame)
+        return self._sub_steps.step(bodies, self._before, scene_frame=frame)
 
     def _next(self, retraction: float, excess: float, low: float, high: float, step: PathStep) -> float:
         """Return the next retraction: along the last slope, kept within the bracket, which is halved where it fails."""

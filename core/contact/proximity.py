@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..scene.tactile_scene import Mesh
-from .solver.bodies import ContactBody, contact_frame
+from .solver.bodies import ContactBody, node_gaps
 
 # Nodes are asked in so many groups at first: far bodies are told by a few points.
 GROUPS = 16
@@ -74,7 +74,7 @@ class Proximity:
         return gap
 
     def _ask(self, points: Array, body: ContactBody, reach: float) -> Array:
-        return contact_frame(points, [body], reach, self._bone).gap
+        return node_gaps(points, [body], reach, self._bone).gap
 
     def _travel(self, known: _Measured, poses: RelativePoses) -> Array:
         """Return how far any point of a body moved from where it was measured, at most [m], shape (n,)."""

@@ -65,7 +65,7 @@ class ContactBody:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactFrame:
+class NodeGaps:
     """The gaps of a finger's nodes at one instant, in the finger's frame.
 
     Attributes:
@@ -136,9 +136,9 @@ def travel(a: ContactBody, b: ContactBody, points: Array) -> float:
     return float(np.sqrt((moved * moved).sum(axis=1)).max())
 
 
-def contact_frame(
+def node_gaps(
     points: Array, bodies: Sequence[ContactBody], reach: float, bone: Array, expected: Expected | None = None
-) -> ContactFrame:
+) -> NodeGaps:
     """Measure each node against every body and keep the closest.
 
     Asked about is the deformed skin, which lies on what it touches and not behind it: so a sheet thinner than the
@@ -153,7 +153,7 @@ def contact_frame(
     """
     m = points.shape[0]
     places = points if expected is None else expected.places
-    found = ContactFrame(
+    found = NodeGaps(
         tuple(bodies),
         np.full(m, np.inf),
         np.full(m, np.inf),

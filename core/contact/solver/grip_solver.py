@@ -18,7 +18,7 @@ from ...errors import DermisError, Finding
 from ...surface.gap import Surface
 from ...surface.plane import Plane
 from .balance import TOLERANCE, balance
-from .bodies import ContactBody, contact_frame
+from .bodies import ContactBody, node_gaps
 from .cone import STICK, along
 from .grip import Grip, GripStep, HoldContext, HoldingFinger
 from .history import ContactHistory
@@ -109,7 +109,7 @@ class GripSolver:
         angular_velocity: Array | None = None,
         angular_acceleration: Array | None = None,
         *,
-        frame_number: float | None = None,
+        scene_frame: float | None = None,
     ) -> GripStep:
         """Solve the next frame of fingers that touch nothing else.
 
@@ -125,7 +125,7 @@ class GripSolver:
             for p, h in zip(finger_poses, self._histories, strict=True)
         ]
         rates = acceleration, angular_velocity, angular_acceleration
-        step = self.step_among(pose, contexts, *rates, frame_number=frame_number)
+        step = self.step_among(pose, contexts, *rates, scene_frame=scene_frame)
         assert step is not None
         return step
 
@@ -137,7 +137,7 @@ class GripSolver:
         angular_velocity: Array | None = None,
         angular_acceleration: Array | None = None,
         *,
-        frame_number: float | None = None,
+        scene_frame: float | None = None,
         only_if_pressed: bool = False,
     ) -> GripStep | None:
         """Solve the next frame of fingers that may touch other bodies too.
@@ -152,7 +152,7 @@ class GripSolver:
         there = [g for g in grips if g is not None]
         if only_if_pressed and not any(g.pressing for g in there):
             return None
-        where = float(self._frames) if frame_number is None else frame_number
+        where = float(self._frames) if scene_frame is None else scene_frame
         self._frames += 1
         step = None
         if any(g.pressing for g in there):
@@ -199,7 +199,7 @@ class GripSolver:
         last = self._forces[index]
         deformed = finger.points + (finger.compliance @ last.reshape(-1)).reshape(-1, 3)
         expected = context.history.expected(bodies, deformed, SEARCH_RADIUS)
-        frame = contact_frame(finger.points, bodies, SEARCH_RADIUS, finger.bone, expected)
+        frame = node_gaps(finger.points, bodies, SEARCH_RADIUS, finger.bone, expected)
         near = np.flatnonzero(frame.body >= 0)
         offset = context.history.offset(frame, finger.points)[near]
         turn = pose[:3, :3]

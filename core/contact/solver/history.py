@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
-from .bodies import ContactBody, ContactFrame, Expected, from_material, to_material
+from .bodies import ContactBody, NodeGaps, Expected, from_material, to_material
 
 _ARRAYS = ("body", "_material", "_triangle", "_normal", "_gap", "_sticking")
 
@@ -80,7 +80,7 @@ class ContactHistory:
         places = np.where(carried[:, None], anchors, deformed)
         return Expected(places, anchors + self._gap[:, None] * normal, normal, self.body)
 
-    def offset(self, frame: ContactFrame, points: Array) -> Array:
+    def offset(self, frame: NodeGaps, points: Array) -> Array:
         """Return b of the contact problem: the gap along the normal, the slip since the anchor across it.
 
         Args:
@@ -105,7 +105,7 @@ class ContactHistory:
         moved += gap[:, None] * normal
         return moved
 
-    def keep(self, frame: ContactFrame, sticking: NDArray[np.bool_], positions: Array, gap: Array) -> None:
+    def keep(self, frame: NodeGaps, sticking: NDArray[np.bool_], positions: Array, gap: Array) -> None:
         """Move the anchors of all nodes that do not stick to where they are now.
 
         Args:

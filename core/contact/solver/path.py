@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...arrays import Array, Indices
 from ...errors import DermisError, Finding
 from .admm import State, iterate
-from .bodies import ContactBody, ContactFrame, contact_frame, same_places
+from .bodies import ContactBody, NodeGaps, node_gaps, same_places
 from .candidates import CandidateInverse
 from .compliance import Compliance, Linear, ends
 from .cone import OPEN, STICK, along, assess
@@ -184,7 +184,7 @@ class PathSolver:
         return self.points
 
     @property
-    def frame(self) -> ContactFrame | None:
+    def frame(self) -> NodeGaps | None:
         """The gaps of the last frame; None where nothing was near."""
         return None if self._step is None or self.fresh else self._step.frame
 
@@ -208,15 +208,15 @@ class PathSolver:
         self,
         bodies: Sequence[ContactBody],
         *,
-        frame_number: float | None = None,
-        frame: ContactFrame | None = None,
+        scene_frame: float | None = None,
+        frame: NodeGaps | None = None,
         part: bool = False,
     ) -> PathStep:
         """Solve the next frame.
 
         Args:
             bodies: what is near, posed in the finger's frame; the same order every frame.
-            frame_number: of the scene, for findings.
+            scene_frame: of the scene, for findings.
             frame: what `look` said of it.
             part: it is a part of the way to a frame: nothing is noted and no frame is counted.
         """
@@ -230,18 +230,18 @@ class PathSolver:
         if not (frame.body >= 0).any():
             self._bodies = bodies
             return self.idle(0 if part else 1)
-        return self.step_frame(frame, frame_number=frame_number, part=part)
+        return self.step_gaps(frame, scene_frame=scene_frame, part=part)
 
     def unmoved(self, bodies: Sequence[ContactBody]) -> bool:
         """Return whether the next frame is the last one again: everything rests where it was."""
         return self._at_rest and self._step is not None and same_places(bodies, self._bodies)
 
-    def look(self, bodies: Sequence[ContactBody]) -> ContactFrame:
+    def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps, without taking it."""
         expected = self.history.expected(bodies, self.points + self._image, self.reach)
-        return contact_frame(self.points, bodies, self.reach, self.bone, expected)
+        return node_gaps(self.points, bodies, self.reach, self.bone, expected)
 
-    def step_frame(self, frame: ContactFrame, *, frame_number: float | None = None, part: bool = False) -> PathStep:
+    def step_gaps(self, frame: NodeGaps, *, scene_frame: float | None = None, part: bool = False) -> PathStep:
         """Solve the next frame from gaps that were measured elsewhere."""
         from_rest = self.fresh
         b = self.history.offset(frame, self.points)
@@ -252,7 +252,7 @@ class PathSolver:
         if part:
             self.counters["parts"] += 1
         else:
-            self._report(solution, frame, self.frames if frame_number is None else frame_number)
+            self._report(solution, frame, self.frames if scene_frame is None else scene_frame)
             self.counters[work] += 1
             self.frames += 1
         self.counters["rebuilds"], self.counters["updates"] = self._candidates.rebuilds, self._candidates.updates
@@ -263,10 +263,10 @@ class PathSolver:
         self,
         force: Array,
         displacement: Array,
-        frame: ContactFrame,
+        frame: NodeGaps,
         residual: float,
         *,
-        frame_number: float | None = None,
+        scene_frame: float | None = None,
     ) -> PathStep:
         """Take over a frame that was solved together with other fingers, whose history is already kept.
 
@@ -287,7 +287,7 @@ class PathSolver:
             CHECK * self.tolerance,
             "admm",
         )
-        self._report(solution, frame, self.frames if frame_number is None else frame_number)
+        self._report(solution, frame, self.frames if scene_frame is None else scene_frame)
         self._last, self._force, self._y, self._image = None, force, displacement / -self._rho, self._apply(force)
         self._bodies, self._at_rest = frame.bodies, False
         self.counters["held"] += 1
@@ -297,7 +297,7 @@ class PathSolver:
 
     # -- one frame -----------------------------------------------------------------------------------------------
 
-    def _solve(self, b: Array, frame: ContactFrame, soft: Array) -> tuple[Solution, Array, Array, str]:
+    def _solve(self, b: Array, frame: NodeGaps, soft: Array) -> tuple[Solution, Array, Array, str]:
         normal, mu, rho = frame.normal, frame.friction, self._rho
         goal = CHECK * self.tolerance
         start, image = self._force, self._image
@@ -354,7 +354,7 @@ class PathSolver:
                 force, y, iterations = start, self._y, 0
 
     def _fall_back(
-        self, force: Array, b: Array, frame: ContactFrame, soft: Array, iterations: int
+        self, force: Array, b: Array, frame: NodeGaps, soft: Array, iterations: int
     ) -> tuple[Solution, Array, Array, str]:
         """Solve the frame in float64 with every method there is."""
         self.counters["fallback"] += 1
@@ -371,7 +371,7 @@ class PathSolver:
         return found, w / -self._rho, image, "solved"
 
     def _exactly(
-        self, near: Indices, b: Array, frame: ContactFrame, soft: Array, start: Array
+        self, near: Indices, b: Array, frame: NodeGaps, soft: Array, start: Array
     ) -> tuple[Array, int, str]:
         """Return forces on some nodes [N], the iterations they took and the method."""
         rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
@@ -393,7 +393,7 @@ class PathSolver:
         last_force, last_y = self._last
         return 2.0 * force - last_force, 2.0 * self._y - last_y
 
-    def _remember(self, solution: Solution, y: Array, image: Array, frame: ContactFrame, soft: Array) -> None:
+    def _remember(self, solution: Solution, y: Array, image: Array, frame: NodeGaps, soft: Array) -> None:
         w, normal = solution.displacement, frame.normal
         gap = along(w, normal)
         sticking = solution.status == STICK
@@ -416,7 +416,7 @@ class PathSolver:
         """Return forces on the points [N] as forces on the nodes of the skin's mesh, which here are the same."""
         return force
 
-    def _report(self, solution: Solution, frame: ContactFrame, where: float) -> None:
+    def _report(self, solution: Solution, frame: NodeGaps, where: float) -> None:
         if not solution.converged:
             self.counters["unconverged"] += 1
             self.notes.warn(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...arrays import Array
-from .bodies import ContactFrame
+from .bodies import NodeGaps
 from .solve import Solution
 
 
@@ -26,7 +26,7 @@ class PathStep:
 
     solution: Solution
     displacement: Array
-    frame: ContactFrame | None
+    frame: NodeGaps | None
     work: str
     from_rest: bool
     nodal: Array

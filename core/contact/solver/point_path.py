@@ -16,7 +16,7 @@ from ...arrays import Array, Indices
 from ...skin.nodal_forces import NodalForces
 from ...skin.surface_compliance import SurfaceCompliance
 from .admm import State, iterate
-from .bodies import ContactBody, ContactFrame, Expected, contact_frame, travel
+from .bodies import ContactBody, NodeGaps, Expected, node_gaps, travel
 from .candidates import CandidateInverse
 from .compliance import Linear
 from .cone import project
@@ -126,7 +126,7 @@ class PointSolver(PathSolver):
         """Return forces on the points [N] as forces on the nodes of the skin's mesh, shape (m, 3)."""
         return force if self.nodes is None else self.nodes.spread(self.cells, force)
 
-    def look(self, bodies: Sequence[ContactBody]) -> ContactFrame:
+    def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps, without taking it."""
         if self.fresh:
             self._survey(tuple(bodies))
@@ -136,15 +136,15 @@ class PointSolver(PathSolver):
         self,
         bodies: Sequence[ContactBody],
         *,
-        frame_number: float | None = None,
-        frame: ContactFrame | None = None,
+        scene_frame: float | None = None,
+        frame: NodeGaps | None = None,
         part: bool = False,
     ) -> PathStep:
         """Solve the next frame, as `PathSolver.step` does."""
         if (part or not self.unmoved(bodies)) and self._asks(bodies):
             self._survey(tuple(bodies))
             frame = None
-        return super().step(bodies, frame_number=frame_number, frame=frame, part=part)
+        return super().step(bodies, scene_frame=scene_frame, frame=frame, part=part)
 
     # -- the points ----------------------------------------------------------------------------------------------
 
@@ -173,7 +173,7 @@ class PointSolver(PathSolver):
         sources = self._sources()
         normal = self._turned(bodies)
 
-        def look(cells: Indices, points: Array) -> ContactFrame:
+        def look(cells: Indices, points: Array) -> NodeGaps:
             return self._look_at(bodies, sources, normal, cells, points)
 
         found = self._tree.survey(look, moved)
@@ -249,7 +249,7 @@ class PointSolver(PathSolver):
         ):
             new[here] = old[there]
         return replace(
-            step, frame=ContactFrame(frame.bodies, gap, clearance, normal, body, triangle, friction, softness)
+            step, frame=NodeGaps(frame.bodies, gap, clearance, normal, body, triangle, friction, softness)
         )
 
     # -- what the tree sees --------------------------------------------------------------------------------------
@@ -297,7 +297,7 @@ class PointSolver(PathSolver):
         normal: Array,
         cells: Indices,
         points: Array,
-    ) -> ContactFrame:
+    ) -> NodeGaps:
         place, mean = sources
         chart = self.surface.chart
         up = cells
@@ -316,8 +316,8 @@ class PointSolver(PathSolver):
             frame = self._look_for(bodies, normal, place[up], points + mean[up])
         return frame
 
-    def _look_for(self, bodies: tuple[ContactBody, ...], normal: Array, owner: Indices, places: Array) -> ContactFrame:
-        frame = contact_frame(places, bodies, self.reach, self.bone)
+    def _look_for(self, bodies: tuple[ContactBody, ...], normal: Array, owner: Indices, places: Array) -> NodeGaps:
+        frame = node_gaps(places, bodies, self.reach, self.bone)
         own = np.flatnonzero(owner >= 0)
         above = normal[owner[own]]
         same = self.history.body[owner[own]] == frame.body[own]
@@ -328,7 +328,7 @@ class PointSolver(PathSolver):
         before = normal[owner[turned]]
         body = self.history.body[owner[turned]]
         expected = Expected(places[turned], places[turned] + ABOVE * before, before, body)
-        again = contact_frame(places[turned], bodies, self.reach, self.bone, expected)
+        again = node_gaps(places[turned], bodies, self.reach, self.bone, expected)
         frame.clearance[turned], frame.normal[turned] = again.clearance, again.normal
         return frame
 
@@ -352,7 +352,7 @@ class PointSolver(PathSolver):
         return self._matrix.displacement(force)
 
     def _exactly(
-        self, near: Indices, b: Array, frame: ContactFrame, soft: Array, start: Array
+        self, near: Indices, b: Array, frame: NodeGaps, soft: Array, start: Array
     ) -> tuple[Array, int, str]:
         """Iterate in double precision; what else there is takes minutes on so many points."""
         cells, rho = self.cells[near], np.repeat(self._rho[near, 0], 3)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from ...skin.surface_compliance import SurfaceCompliance
-from .bodies import ContactFrame
+from .bodies import NodeGaps
 
 # A cell is split where normals at its corners differ by more than this, or a gap is off linear by more than this [m].
 TURNED, BENT = 0.15, 0.04e-3
@@ -28,7 +28,7 @@ CORNERS = 0.75  # of a cell's sides, from its centre
 NEAR, MARGIN = 0.4, 0.1e-3
 AROUND = 0.35  # times its side that a cell's corners may be nearer than its centre
 
-Look = Callable[[Indices, Array], ContactFrame]
+Look = Callable[[Indices, Array], NodeGaps]
 
 
 class PointTree:
@@ -91,7 +91,7 @@ class PointTree:
         found = np.concatenate(leaves) if leaves else np.zeros(0, dtype=np.int64)
         return found
 
-    def _wants(self, cells: Indices, centre: ContactFrame, at: Indices, look: Look, limit: Array) -> NDArray[np.bool_]:
+    def _wants(self, cells: Indices, centre: NodeGaps, at: Indices, look: Look, limit: Array) -> NDArray[np.bool_]:
         """Return which cells shall be split."""
         if len(cells) == 0:
             return np.zeros(0, dtype=bool)

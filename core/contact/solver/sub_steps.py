@@ -17,7 +17,7 @@ from ...arrays import Array, Indices
 from ...motion import matrices, quaternions
 from ...surface.crossing import first_crossing
 from ...surface.gap import Surface
-from .bodies import AWAY, ContactBody, ContactFrame, contact_frame, travel
+from .bodies import AWAY, ContactBody, NodeGaps, node_gaps, travel
 from .path import PathSolver
 from .path_step import PathStep
 
@@ -65,7 +65,7 @@ class SubStepper:
         bodies: Sequence[ContactBody],
         before: Callable[[], Sequence[ContactBody] | None] = lambda: None,
         *,
-        frame_number: float | None = None,
+        scene_frame: float | None = None,
     ) -> PathStep:
         """Solve the next frame.
 
@@ -74,10 +74,10 @@ class SubStepper:
             before: asked for the same bodies in the frame before, where the solver did not see that one: a finger
                 that is now inside came from there; along its own normal where that gives None.
         """
-        self._number = float(self.solver.frames) if frame_number is None else frame_number
+        self._number = float(self.solver.frames) if scene_frame is None else scene_frame
         bodies = self._felt(bodies)
         if self.solver.unmoved(bodies):
-            return self.solver.step(bodies, frame_number=frame_number)
+            return self.solver.step(bodies, scene_frame=scene_frame)
         frame = self.solver.look(bodies)
         start: Sequence[ContactBody] = (*self.solver.bodies, *bodies[len(self.solver.bodies) :])  # others came since
         if self.solver.fresh:
@@ -85,13 +85,13 @@ class SubStepper:
         ways = self._ways(start, bodies, frame)
         for way in ways:
             self.solver.step(way, part=True)
-        step = self.solver.step(bodies, frame_number=frame_number, frame=None if ways else frame)
+        step = self.solver.step(bodies, scene_frame=scene_frame, frame=None if ways else frame)
         return self._through(step, bodies)
 
     # -- the way -------------------------------------------------------------------------------------------------
 
     def _ways(
-        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], frame: ContactFrame
+        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], frame: NodeGaps
     ) -> list[list[ContactBody]]:
         """Return the bodies at each part of the way but the last."""
         parts = self._parts(start, bodies, frame)
@@ -107,7 +107,7 @@ class SubStepper:
             parts = MAX_PARTS
         return [[between(a, b, k / parts) for a, b in zip(start, bodies, strict=True)] for k in range(1, parts)]
 
-    def _parts(self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], frame: ContactFrame) -> int:
+    def _parts(self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], frame: NodeGaps) -> int:
         last = self.solver.frame
         if last is None:
             far = max(travel(a, b, self.solver.pad) for a, b in zip(start, bodies, strict=True))
@@ -124,7 +124,7 @@ class SubStepper:
         return max(int(parts), 1)
 
     def _travel(
-        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], frame: ContactFrame, nodes: Indices
+        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], frame: NodeGaps, nodes: Indices
     ) -> float:
         """Return how far the bodies' matter moves at the nodes that it is closest to [m]."""
         which = frame.body[nodes]
@@ -135,7 +135,7 @@ class SubStepper:
     # -- the first touch -----------------------------------------------------------------------------------------
 
     def _start(
-        self, bodies: list[ContactBody], before: Callable[[], Sequence[ContactBody] | None], frame: ContactFrame
+        self, bodies: list[ContactBody], before: Callable[[], Sequence[ContactBody] | None], frame: NodeGaps
     ) -> Sequence[ContactBody]:
         """Return the bodies where they first touch on their way to where they are."""
         if not (frame.body >= 0).any():
@@ -192,7 +192,7 @@ class SubStepper:
 
     def _gap(self, bodies: Sequence[ContactBody]) -> float:
         """Return the smallest gap of the undeformed skin [m]."""
-        return float(contact_frame(self.solver.pad, bodies, np.inf, self.solver.bone).gap.min())
+        return float(node_gaps(self.solver.pad, bodies, np.inf, self.solver.bone).gap.min())
 
     # -- all the way through -------------------------------------------------------------------------------------
 
@@ -218,7 +218,7 @@ class SubStepper:
         self._left |= gone
         what, remedy = "an object went through the finger, and is not felt until it is outside", "Raise the finger"
         self.solver.notes.warn("passed-through", what, self._number, remedy=remedy)
-        return self.solver.step(self._felt(bodies), frame_number=self._number)
+        return self.solver.step(self._felt(bodies), scene_frame=self._number)
 
 
 def between(a: ContactBody, b: ContactBody, share: float) -> ContactBody:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.contact.proximity import Proximity, RelativePoses
-from core.contact.solver.bodies import ContactBody, contact_frame
+from core.contact.solver.bodies import ContactBody, node_gaps
 from core.surface.gap import Surface
 
 BONE = np.array([0.0, 0.0, 0.006])
@@ -35,7 +35,7 @@ def test_a_bound_is_never_above_the_gap(skin, stretch):
     def body(i):
         return ContactBody(carried, poses.linear[i] @ np.linalg.inv(stretch), poses.place[i])
 
-    true = np.array([contact_frame(skin.positions, [body(i)], np.inf, BONE).gap.min() for i in range(n)])
+    true = np.array([node_gaps(skin.positions, [body(i)], np.inf, BONE).gap.min() for i in range(n)])
     assert proximity.gap(0, 0, poses, mesh) == -np.inf
     measured = proximity.measure(0, 20, poses, mesh, body(20), REACH)
     assert measured <= true[20] + 1e-12
@@ -50,7 +50,7 @@ def test_a_gap_within_reach_is_exact(skin):
     surface = Surface.sphere(5e-3, 500)
     poses = RelativePoses(np.eye(3)[None], np.array([[0.0, 0.0, skin.positions[:, 2].min() - 1e-3]]))
     body = ContactBody(surface, translation=poses.place[0])
-    exact = contact_frame(skin.positions, [body], np.inf, BONE).gap.min()
+    exact = node_gaps(skin.positions, [body], np.inf, BONE).gap.min()
     assert 1e-3 < exact < REACH
     assert Proximity(skin.positions, BONE).measure(0, 0, poses, surface.mesh, body, REACH) == pytest.approx(exact)
 

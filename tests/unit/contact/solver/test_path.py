@@ -100,7 +100,7 @@ def test_no_creep_in_ten_thousand_frames(skin, solver):
     assert (step.solution.status == SLIP).any() and (step.solution.status == STICK).any()
     first = None
     for i in range(10_000):
-        step = solver.step_frame(step.frame)  # not `step`, which would skip
+        step = solver.step_gaps(step.frame)  # not `step`, which would skip
         if i == 1:
             first = step.solution.force
     assert np.abs(step.solution.force - first).max() < 1e-4 * np.abs(first).max()
@@ -358,7 +358,7 @@ def test_a_frame_that_nothing_solves_is_a_finding(skin, monkeypatch):
     monkeypatch.setattr(path_module, "MAX_ITERATIONS", 1)
     monkeypatch.setattr(path_module, "CHECK", 0.0)
     solver = PathSolver(skin.compliance, skin.positions, tolerance=1e-5)
-    solver.step([plane(skin, 1e-3)], frame_number=17)
+    solver.step([plane(skin, 1e-3)], scene_frame=17)
     assert not solver._step.solution.converged
     assert [(f.code, f.frame) for f in solver.findings] == [("not-converged", 17)]
 

@@ -114,7 +114,7 @@ def test_what_went_through_the_finger_is_let_go_and_said(skin):
     steps, plate, forces, last = stepper(skin), card(2e-3), [], None
     for k, depth in enumerate(np.arange(-0.02, 0.04, 2.0 / 240)):
         body = [below(skin, plate, depth)]
-        forces.append(steps.step(body, lambda b=last: b, frame_number=float(k)).solution.force[:, 2].sum())
+        forces.append(steps.step(body, lambda b=last: b, scene_frame=float(k)).solution.force[:, 2].sum())
         last = body
     assert min(forces) >= 0.0 and max(forces) > 1.0 and forces[-1] == 0.0
     told = {f.code: f for f in steps.solver.findings}
@@ -136,7 +136,7 @@ def test_depth_is_measured_along_the_way_in(skin):
 def test_a_start_that_no_way_leads_to_is_said(skin):
     """A finger in the middle of a block ten times its size: the answer is what it was, and a finding says so."""
     steps = stepper(skin)
-    steps.step([below(skin, Surface.block(0.2, 0.2, 0.2), 0.1)], frame_number=7.0)
+    steps.step([below(skin, Surface.block(0.2, 0.2, 0.2), 0.1)], scene_frame=7.0)
     told = {f.code: f for f in steps.solver.findings}
     assert told["starts-inside"].frame == 7.0
 

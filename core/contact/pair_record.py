@@ -32,7 +32,7 @@ class PairRecord:
     normal: list[Array] = field(default_factory=list)
     point: list[Array] = field(default_factory=list)
     surface_velocity: list[Array] = field(default_factory=list)
-    relief: list[Array] = field(default_factory=list)
+    smooth_normal: list[Array] = field(default_factory=list)
     last: int = -2
     seen: int = -2
     side: int = 1
@@ -48,7 +48,7 @@ class PairRecord:
             full = np.zeros((count, 3))
             full[index] = np.concatenate(parts)
             arrays.append(full)
-        relief = np.zeros((count, 3)) if self.relief else None
-        if relief is not None:
-            relief[index] = np.concatenate(self.relief)
-        return PairContact(gap, arrays[0], arrays[1], arrays[2] if arrays[2].any() else None, relief)
+        smooth_normal = np.zeros((count, 3)) if self.smooth_normal else None
+        if smooth_normal is not None:
+            smooth_normal[index] = np.concatenate(self.smooth_normal)
+        return PairContact(gap, arrays[0], arrays[1], arrays[2] if arrays[2].any() else None, smooth_normal)

@@ -64,17 +64,17 @@ class Proximity:
             moved = self._moved[b] = poses, self._travel(known, poses)
         return known.gap - float(moved[1][i])
 
-    def measure(self, b: int, i: int, poses: RelativePoses, mesh: Mesh, body: ContactBody, reach: float) -> float:
-        """Ask a body itself, and return a lower bound of the gap [m] that is exact below `reach`."""
+    def measure(self, b: int, i: int, poses: RelativePoses, mesh: Mesh, body: ContactBody, search_radius: float) -> float:
+        """Ask a body itself, and return a lower bound of the gap [m] that is exact below `search_radius`."""
         gap = float((self._ask(self._centres, body, np.inf) - self._radii).min())
-        if gap <= reach:
-            gap = min(float(self._ask(self._points, body, reach).min()), reach)
+        if gap <= search_radius:
+            gap = min(float(self._ask(self._points, body, search_radius).min()), search_radius)
         self._known[b] = _Measured(gap, poses.linear[i], poses.place[i], mesh, _corners(mesh.vertices))
         self._moved.pop(b, None)
         return gap
 
-    def _ask(self, points: Array, body: ContactBody, reach: float) -> Array:
-        return node_gaps(points, [body], reach, self._bone).gap
+    def _ask(self, points: Array, body: ContactBody, search_radius: float) -> Array:
+        return node_gaps(points, [body], search_radius, self._bone).gap
 
     def _travel(self, known: _Measured, poses: RelativePoses) -> Array:
         """Return how far any point of a body moved from where it was measured, at most [m], shape (n,)."""

@@ -61,7 +61,7 @@ class SkinStepper:
         """
         turn, place = self._scene.turns()[self.index], self._scene.chunk.fingers[self.index, :, :3, 3]
         middle = place + turn @ ((self._low + self._high) / 2)
-        half = np.abs(turn) @ ((self._high - self._low) / 2) + self.bone.solver.reach
+        half = np.abs(turn) @ ((self._high - self._low) / 2) + self.bone.solver.search_radius
         box_middle, box_half = self._scene.boxes()
         inside = (np.abs(middle - box_middle) <= half + box_half).all(axis=2)
         self.far += int((~inside).sum())
@@ -97,21 +97,21 @@ class SkinStepper:
             untouched: return these too.
         """
         close, loaded = approach.close(i), self.bone.solver.loaded_bodies
-        reach = self.bone.solver.bulge if loaded else 0.0
+        search_radius = self.bone.solver.bulge if loaded else 0.0
         return [
-            self._body(approach, i, b, reach, known=untouched or k in loaded) if b in close else AWAY
+            self._body(approach, i, b, search_radius, known=untouched or k in loaded) if b in close else AWAY
             for k, b in enumerate(self._order)
         ]
 
-    def _body(self, approach: Approach, i: int, b: int, reach: float, *, known: bool) -> ContactBody:
+    def _body(self, approach: Approach, i: int, b: int, search_radius: float, *, known: bool) -> ContactBody:
         """Return a body at a sample; away, unless it is `known` to count, where nothing of it can be within reach."""
         mesh = self._scene.mesh_at(b, i)
-        if not known and self._proximity.gap(b, i, approach.poses[b], mesh) > reach:
+        if not known and self._proximity.gap(b, i, approach.poses[b], mesh) > search_radius:
             return AWAY
         body = self._scene.seen_from(approach.turn[i], approach.place[i], b, i)
         if not known:
-            gap = self._proximity.measure(b, i, approach.poses[b], mesh, body, self.bone.solver.reach)
-            if gap > reach:
+            gap = self._proximity.measure(b, i, approach.poses[b], mesh, body, self.bone.solver.search_radius)
+            if gap > search_radius:
                 return AWAY
         return body
 

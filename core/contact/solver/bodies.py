@@ -137,7 +137,7 @@ def travel(a: ContactBody, b: ContactBody, points: Array) -> float:
 
 
 def node_gaps(
-    points: Array, bodies: Sequence[ContactBody], reach: float, bone: Array, expected: Expected | None = None
+    points: Array, bodies: Sequence[ContactBody], search_radius: float, bone: Array, expected: Expected | None = None
 ) -> NodeGaps:
     """Measure each node against every body and keep the closest.
 
@@ -147,7 +147,7 @@ def node_gaps(
 
     Args:
         points: undeformed nodes in the finger's frame [m], shape (m, 3).
-        reach: gaps beyond this are of no interest [m].
+        search_radius: gaps beyond this are of no interest [m].
         bone: a point inside the finger [m], shape (3,): an open surface is touched on the side where it lies.
         expected: where the deformed nodes are; the undeformed ones where None.
     """
@@ -167,9 +167,9 @@ def node_gaps(
         if body.away:
             continue
         local = (places - body.translation) @ body.rotation
-        if isinstance(body.surface, Surface) and not _boxes_meet(local, body.surface.box, reach):
+        if isinstance(body.surface, Surface) and not _boxes_meet(local, body.surface.box, search_radius):
             continue
-        answer, side = body.surface.query(local, reach), 1
+        answer, side = body.surface.query(local, search_radius), 1
         if isinstance(body.surface, Surface):
             if not body.surface.closed and body.surface.side_of((bone - body.translation) @ body.rotation) < 0:
                 answer, side = answer.flipped(), -1
@@ -267,8 +267,8 @@ def _dot(a: Array, b: Array) -> Array:
     return np.einsum("ij,ij->i", a, b)
 
 
-def _boxes_meet(points: Array, box: Array, reach: float) -> bool:
-    return bool((points.max(axis=0) + reach >= box[0]).all() and (points.min(axis=0) - reach <= box[1]).all())
+def _boxes_meet(points: Array, box: Array, search_radius: float) -> bool:
+    return bool((points.max(axis=0) + search_radius >= box[0]).all() and (points.min(axis=0) - search_radius <= box[1]).all())
 
 
 AWAY = ContactBody(Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3)), friction=0.0, away=True)

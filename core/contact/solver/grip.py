@@ -88,7 +88,7 @@ class Grip:
     """One finger's part of a frame: its nodes near the object, and what they need.
 
     Attributes:
-        frame: the gaps. near: the nodes within reach of anything, shape (k,).
+        gaps: the ones. near: the nodes within reach of anything, shape (k,).
         matrix: their compliance [m/N]; inverse: of it and the weight of the steps [N/m], shape (3 k, 3 k).
         offset: b at them [m], shape (k, 3).
         wrench: from their forces to force and torque on the skin by the object, shape (6, 3 k).

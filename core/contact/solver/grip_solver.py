@@ -199,17 +199,17 @@ class GripSolver:
         last = self._forces[index]
         deformed = finger.points + (finger.compliance @ last.reshape(-1)).reshape(-1, 3)
         expected = context.history.expected(bodies, deformed, SEARCH_RADIUS)
-        frame = node_gaps(finger.points, bodies, SEARCH_RADIUS, finger.bone, expected)
-        near = np.flatnonzero(frame.body >= 0)
-        offset = context.history.offset(frame, finger.points)[near]
+        gaps = node_gaps(finger.points, bodies, SEARCH_RADIUS, finger.bone, expected)
+        near = np.flatnonzero(gaps.body >= 0)
+        offset = context.history.offset(gaps, finger.points)[near]
         turn = pose[:3, :3]
         arm = finger.points[near] @ turn.T + pose[:3, 3] - middle
         wrench = np.zeros((6, near.size, 3))
         wrench[:3] = turn[:, None, :]
         for axis in range(3):
             wrench[3:, :, axis] = np.cross(arm, turn[:, axis]).T
-        wrench[:, frame.body[near] != context.own] = 0.0  # what presses on another body does not carry this one
-        soft = frame.compliance(finger.areas, finger.name)[near]
+        wrench[:, gaps.body[near] != context.own] = 0.0  # what presses on another body does not carry this one
+        soft = gaps.compliance(finger.areas, finger.name)[near]
         key = near.tobytes() + soft.tobytes()
         kept = self._inverses.get(index)
         if kept is None or kept[0] != key:
@@ -217,7 +217,7 @@ class GripSolver:
             matrix = finger.compliance[rows[:, None], rows] + np.diag(np.repeat(soft, 3))
             inverse: Array = np.asarray(np.linalg.inv(matrix + self._rho * np.eye(rows.size)), dtype=np.float64)
             kept = self._inverses[index] = (key, matrix, inverse)
-        return Grip(frame, near, kept[1], kept[2], offset, wrench.reshape(6, -1), context.history, context.own)
+        return Grip(gaps, near, kept[1], kept[2], offset, wrench.reshape(6, -1), context.history, context.own)
 
     def _balanced(
         self, everybody: Sequence[Grip | None], wanted: Array
@@ -244,7 +244,7 @@ class GripSolver:
         for grip in grips:
             if grip is None:
                 continue
-            normals = grip.frame.normal[grip.near]
+            normals = grip.gaps.normal[grip.near]
             s = solve(grip.matrix, grip.offset, grip.friction, normals=normals, tolerance=TOLERANCE)
             forces.append(s.force)
             residual, iterations = max(residual, s.residual), iterations + s.iterations
@@ -277,12 +277,12 @@ class GripSolver:
             on_object -= grip.wrench @ force.reshape(-1)
             w[grip.near] = (grip.matrix @ force.reshape(-1)).reshape(-1, 3) + grip.offset
             body = self.body(context.pose, rotation, middle)
-            bodies = (*grip.frame.bodies[: grip.own], body, *grip.frame.bodies[grip.own + 1 :])
-            moved = replace(grip.frame, bodies=bodies)
-            found = status_of(whole, w, grip.frame.normal, grip.frame.friction)
-            gap = along(w, grip.frame.normal)
+            bodies = (*grip.gaps.bodies[: grip.own], body, *grip.gaps.bodies[grip.own + 1 :])
+            moved = replace(grip.gaps, bodies=bodies)
+            found = status_of(whole, w, grip.gaps.normal, grip.gaps.friction)
+            gap = along(w, grip.gaps.normal)
             # on the body's surface: what is pressed into a soft one lies on it all the same
-            soft = grip.frame.compliance(finger.areas, finger.name)
+            soft = grip.gaps.compliance(finger.areas, finger.name)
             deformed = finger.points + (finger.compliance @ whole.reshape(-1)).reshape(-1, 3)
             on_body = deformed + soft[:, None] * whole - gap[:, None] * moved.normal
             grip.history.keep(moved, found == STICK, on_body, gap)

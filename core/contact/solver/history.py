@@ -63,12 +63,12 @@ class ContactHistory:
             getattr(self, name)[nodes] = getattr(source, name)[sources]
         self._put(bodies, nodes, self.body[nodes], self._triangle[nodes], positions)
 
-    def expected(self, bodies: Sequence[ContactBody], deformed: Array, reach: float) -> Expected:
+    def expected(self, bodies: Sequence[ContactBody], deformed: Array, search_radius: float) -> Expected:
         """Return where nodes are to be looked for in the next frame.
 
         Args:
             bodies: posed as they are then. deformed: nodes as the last frame left them [m], shape (m, 3).
-            reach: a body that moved farther than this takes nothing along [m].
+            search_radius: a body that moved farther than this takes nothing along [m].
         """
         anchors = from_material(bodies, self.body, self._material, self._triangle)
         normal = np.zeros_like(anchors)
@@ -76,52 +76,52 @@ class ContactHistory:
             own = np.flatnonzero(self.body == index)
             normal[own] = self._normal[own] @ body.rotation.T
         moved = anchors - deformed
-        carried = self._sticking & (np.einsum("ij,ij->i", moved, moved) <= reach * reach)
+        carried = self._sticking & (np.einsum("ij,ij->i", moved, moved) <= search_radius * search_radius)
         places = np.where(carried[:, None], anchors, deformed)
         return Expected(places, anchors + self._gap[:, None] * normal, normal, self.body)
 
-    def offset(self, frame: NodeGaps, points: Array) -> Array:
+    def offset(self, gaps: NodeGaps, points: Array) -> Array:
         """Return b of the contact problem: the gap along the normal, the slip since the anchor across it.
 
         Args:
-            frame: the gaps now.
+            gaps: now.
             points: undeformed nodes [m], shape (m, 3).
 
         Returns:
             [m], shape (m, 3); the slip is zero where there is no anchor on the closest body.
         """
-        normal = frame.normal
-        held = (self.body == frame.body) & (self.body >= 0)
-        if held.all():
-            moved = points - from_material(frame.bodies, self.body, self._material, self._triangle)
+        normal = gaps.normal
+        anchored = (self.body == gaps.body) & (self.body >= 0)
+        if anchored.all():
+            moved = points - from_material(gaps.bodies, self.body, self._material, self._triangle)
         else:
             moved = np.zeros_like(points)
-            at = np.flatnonzero(held)
+            at = np.flatnonzero(anchored)
             if at.size:
-                anchors = from_material(frame.bodies, self.body[at], self._material[at], self._triangle[at])
+                anchors = from_material(gaps.bodies, self.body[at], self._material[at], self._triangle[at])
                 moved[at] = points[at] - anchors
-        gap = np.where(frame.body >= 0, frame.gap, 0.0)
+        gap = np.where(gaps.body >= 0, gaps.gap, 0.0)
         gap = gap - np.einsum("ij,ij->i", moved, normal)
         moved += gap[:, None] * normal
         return moved
 
-    def keep(self, frame: NodeGaps, sticking: NDArray[np.bool_], positions: Array, gap: Array) -> None:
+    def keep(self, gaps: NodeGaps, sticking: NDArray[np.bool_], positions: Array, gap: Array) -> None:
         """Move the anchors of all nodes that do not stick to where they are now.
 
         Args:
             positions: of the nodes on the bodies' surfaces [m], shape (m, 3). gap: above them [m], shape (m,).
         """
-        near = frame.body >= 0
-        renewed = near & ~(sticking & (self.body == frame.body))
+        near = gaps.body >= 0
+        renewed = near & ~(sticking & (self.body == gaps.body))
         nodes = np.flatnonzero(renewed)
         if nodes.size:
-            self._put(frame.bodies, nodes, frame.body[nodes], frame.triangle[nodes], positions[nodes])
-        self.body = np.where(near, frame.body, -1)
+            self._put(gaps.bodies, nodes, gaps.body[nodes], gaps.triangle[nodes], positions[nodes])
+        self.body = np.where(near, gaps.body, -1)
         self._sticking = near & sticking
         self._gap = np.maximum(gap, 0.0)
-        for index, body in enumerate(frame.bodies):
+        for index, body in enumerate(gaps.bodies):
             own = np.flatnonzero(self.body == index)
-            self._normal[own] = frame.normal[own] @ body.rotation
+            self._normal[own] = gaps.normal[own] @ body.rotation
 
     def _put(
         self, bodies: Sequence[ContactBody], nodes: Indices, body: Indices, triangle: Indices, positions: Array

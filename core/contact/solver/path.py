@@ -96,7 +96,7 @@ class PathSolver:
         spacing = float(np.sqrt(max(extent[-1] * extent[-2], 1e-12) / m))
         self._spacing = np.full(m, spacing)
         # skin cannot bulge out of what presses into it by more than it is pressed: nodes farther off stay open
-        self.reach = max(2.5 * spacing, 2.5e-3)
+        self.search_radius = max(2.5 * spacing, 2.5e-3)
         self._candidates = CandidateInverse(c, self._rho[:, 0])
         self.history = ContactHistory(m)
         self._zero = np.zeros((m, 3))
@@ -184,9 +184,9 @@ class PathSolver:
         return self.points
 
     @property
-    def frame(self) -> NodeGaps | None:
+    def gaps(self) -> NodeGaps | None:
         """The gaps of the last frame; None where nothing was near."""
-        return None if self._step is None or self.fresh else self._step.frame
+        return None if self._step is None or self.fresh else self._step.gaps
 
     @property
     def loaded(self) -> NDArray[np.bool_]:
@@ -197,7 +197,7 @@ class PathSolver:
     def bulge(self) -> float:
         """How far skin may come out in the next frame to what it does not touch yet [m]."""
         moved = float(np.sqrt(np.einsum("ij,ij->i", self._image, self._image).max(initial=0.0)))
-        return min(BULGE * moved + MARGIN, self.reach)
+        return min(BULGE * moved + MARGIN, self.search_radius)
 
     @property
     def loaded_bodies(self) -> frozenset[int]:
@@ -209,7 +209,7 @@ class PathSolver:
         bodies: Sequence[ContactBody],
         *,
         scene_frame: float | None = None,
-        frame: NodeGaps | None = None,
+        gaps: NodeGaps | None = None,
         part: bool = False,
     ) -> PathStep:
         """Solve the next frame.
@@ -217,7 +217,7 @@ class PathSolver:
         Args:
             bodies: what is near, posed in the finger's frame; the same order every frame.
             scene_frame: of the scene, for findings.
-            frame: what `look` said of it.
+            gaps: what `look` said of it.
             part: it is a part of the way to a frame: nothing is noted and no frame is counted.
         """
         bodies = tuple(bodies)
@@ -226,11 +226,11 @@ class PathSolver:
             self.counters["same"] += 1
             self.frames += 1
             return replace(self._step, work="same", from_rest=False)
-        frame = self.look(bodies) if frame is None else frame
-        if not (frame.body >= 0).any():
+        gaps = self.look(bodies) if gaps is None else gaps
+        if not (gaps.body >= 0).any():
             self._bodies = bodies
             return self.idle(0 if part else 1)
-        return self.step_gaps(frame, scene_frame=scene_frame, part=part)
+        return self.step_gaps(gaps, scene_frame=scene_frame, part=part)
 
     def unmoved(self, bodies: Sequence[ContactBody]) -> bool:
         """Return whether the next frame is the last one again: everything rests where it was."""
@@ -238,32 +238,32 @@ class PathSolver:
 
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps, without taking it."""
-        expected = self.history.expected(bodies, self.points + self._image, self.reach)
-        return node_gaps(self.points, bodies, self.reach, self.bone, expected)
+        expected = self.history.expected(bodies, self.points + self._image, self.search_radius)
+        return node_gaps(self.points, bodies, self.search_radius, self.bone, expected)
 
-    def step_gaps(self, frame: NodeGaps, *, scene_frame: float | None = None, part: bool = False) -> PathStep:
+    def step_gaps(self, gaps: NodeGaps, *, scene_frame: float | None = None, part: bool = False) -> PathStep:
         """Solve the next frame from gaps that were measured elsewhere."""
         from_rest = self.fresh
-        b = self.history.offset(frame, self.points)
+        b = self.history.offset(gaps, self.points)
         b += self.operator.offset(self._force)
-        soft = frame.compliance(self.areas, self.name)
-        solution, y, image, work = self._solve(b, frame, soft)
-        self._remember(solution, y, image, frame, soft)
+        soft = gaps.compliance(self.areas, self.name)
+        solution, y, image, work = self._solve(b, gaps, soft)
+        self._remember(solution, y, image, gaps, soft)
         if part:
             self.counters["parts"] += 1
         else:
-            self._report(solution, frame, self.frames if scene_frame is None else scene_frame)
+            self._report(solution, gaps, self.frames if scene_frame is None else scene_frame)
             self.counters[work] += 1
             self.frames += 1
         self.counters["rebuilds"], self.counters["updates"] = self._candidates.rebuilds, self._candidates.updates
-        self._step = PathStep(solution, image, frame, work, from_rest, self.nodal(solution.force))
+        self._step = PathStep(solution, image, gaps, work, from_rest, self.nodal(solution.force))
         return self._step
 
     def adopt(
         self,
         force: Array,
         displacement: Array,
-        frame: NodeGaps,
+        gaps: NodeGaps,
         residual: float,
         *,
         scene_frame: float | None = None,
@@ -275,33 +275,33 @@ class PathSolver:
             frame: the gaps it was solved for. residual: of the contact laws.
         """
         from_rest = self._step is None or self._step.work == "idle"
-        status = status_of(force, displacement, frame.normal, frame.friction)
+        status = status_of(force, displacement, gaps.normal, gaps.friction)
         solution = Solution(
             force,
             displacement,
-            frame.normal,
-            frame.friction,
+            gaps.normal,
+            gaps.friction,
             status,
             EASY + 1,
             residual,
             CHECK * self.tolerance,
             "admm",
         )
-        self._report(solution, frame, self.frames if scene_frame is None else scene_frame)
+        self._report(solution, gaps, self.frames if scene_frame is None else scene_frame)
         self._last, self._force, self._y, self._image = None, force, displacement / -self._rho, self._apply(force)
-        self._bodies, self._at_rest = frame.bodies, False
+        self._bodies, self._at_rest = gaps.bodies, False
         self.counters["held"] += 1
         self.frames += 1
-        self._step = PathStep(solution, self._image, frame, "solved", from_rest, self.nodal(force))
+        self._step = PathStep(solution, self._image, gaps, "solved", from_rest, self.nodal(force))
         return self._step
 
     # -- one frame -----------------------------------------------------------------------------------------------
 
-    def _solve(self, b: Array, frame: NodeGaps, soft: Array) -> tuple[Solution, Array, Array, str]:
-        normal, mu, rho = frame.normal, frame.friction, self._rho
+    def _solve(self, b: Array, gaps: NodeGaps, soft: Array) -> tuple[Solution, Array, Array, str]:
+        normal, mu, rho = gaps.normal, gaps.friction, self._rho
         goal = CHECK * self.tolerance
         start, image = self._force, self._image
-        gone = (frame.body < 0) & start.any(axis=1)
+        gone = (gaps.body < 0) & start.any(axis=1)
         if gone.any():  # nothing is near any more: these forces vanish before anything else
             start = np.where(gone[:, None], 0.0, start)
             image = self._apply(start)
@@ -312,7 +312,7 @@ class PathSolver:
         if residual <= UNCHANGED * self.tolerance:
             method = "admm" if start.any() else "none"
             return Solution(start, w, normal, mu, status, 0, residual, goal, method), w / -rho, image, "unchanged"
-        self._candidates.follow(frame.clearance, self.loaded, self._spacing, soft)
+        self._candidates.follow(gaps.clearance, self.loaded, self._spacing, soft)
         reference = start
         force, y = self._extrapolated(start, w)
         iterations = 0
@@ -320,7 +320,7 @@ class PathSolver:
             members = self._candidates.members
             z = reference[members]
             exact = (image[members] + soft[members, None] * z).reshape(-1)
-            sweep = iterate(
+            iteration = iterate(
                 self._candidates.matrix,
                 np.repeat(rho[members, 0], 3),
                 b[members].reshape(-1),
@@ -332,13 +332,13 @@ class PathSolver:
                 self.tolerance,
                 MAX_ITERATIONS,
             )
-            iterations += sweep.iterations
+            iterations += iteration.iterations
             force = np.zeros_like(self._zero)
-            force[members] = sweep.state.z
+            force[members] = iteration.state.z
             image = self._apply(force)
             w = image + soft[:, None] * force + b
             y = w / -rho
-            y[members] = sweep.state.y
+            y[members] = iteration.state.y
             reference = force
             residual, status = assess(force, w, normal, mu, 1.0 / rho)
             if residual <= goal:
@@ -348,38 +348,38 @@ class PathSolver:
                 self._candidates.add(missed, soft)
             elif iterations >= MAX_ITERATIONS:
                 if not self._candidates.drifts():
-                    return self._fall_back(force, b, frame, soft, iterations)
+                    return self._fall_back(force, b, gaps, soft, iterations)
                 # many small updates in single precision can go wrong: begin again, from the last frame
                 self._candidates.rebuild(members, soft)
                 force, y, iterations = start, self._y, 0
 
     def _fall_back(
-        self, force: Array, b: Array, frame: NodeGaps, soft: Array, iterations: int
+        self, force: Array, b: Array, gaps: NodeGaps, soft: Array, iterations: int
     ) -> tuple[Solution, Array, Array, str]:
         """Solve the frame in float64 with every method there is."""
         self.counters["fallback"] += 1
-        near = np.flatnonzero(frame.body >= 0)
-        exact, more, method = self._exactly(near, b[near], frame, soft[near], force[near])
+        near = np.flatnonzero(gaps.body >= 0)
+        exact, more, method = self._exactly(near, b[near], gaps, soft[near], force[near])
         force = np.zeros_like(self._zero)
         force[near] = exact
         image = self._apply(force)
         w = image + soft[:, None] * force + b
-        residual, status = assess(force, w, frame.normal, frame.friction, 1.0 / self._rho)
+        residual, status = assess(force, w, gaps.normal, gaps.friction, 1.0 / self._rho)
         found = Solution(
-            force, w, frame.normal, frame.friction, status, iterations + more, residual, CHECK * self.tolerance, method
+            force, w, gaps.normal, gaps.friction, status, iterations + more, residual, CHECK * self.tolerance, method
         )
         return found, w / -self._rho, image, "solved"
 
     def _exactly(
-        self, near: Indices, b: Array, frame: NodeGaps, soft: Array, start: Array
+        self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array
     ) -> tuple[Array, int, str]:
         """Return forces on some nodes [N], the iterations they took and the method."""
         rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
         found = solve(
             self._c[rows[:, None], rows],
             b,
-            frame.friction[near],
-            normals=frame.normal[near],
+            gaps.friction[near],
+            normals=gaps.normal[near],
             softness=soft,
             start=start,
             tolerance=self.tolerance,
@@ -393,19 +393,19 @@ class PathSolver:
         last_force, last_y = self._last
         return 2.0 * force - last_force, 2.0 * self._y - last_y
 
-    def _remember(self, solution: Solution, y: Array, image: Array, frame: NodeGaps, soft: Array) -> None:
-        w, normal = solution.displacement, frame.normal
+    def _remember(self, solution: Solution, y: Array, image: Array, gaps: NodeGaps, soft: Array) -> None:
+        w, normal = solution.displacement, gaps.normal
         gap = along(w, normal)
         sticking = solution.status == STICK
         # on the body's surface; the tangential part is w itself, the very slip that the solver saw
         positions = self.points + image + soft[:, None] * solution.force - gap[:, None] * normal
-        self.history.keep(frame, sticking, positions, gap)
+        self.history.keep(gaps, sticking, positions, gap)
         slip = w - gap[:, None] * normal
         touching = solution.status != OPEN
         self._at_rest = bool((np.abs(slip[touching & ~sticking]) <= AT_REST).all())
         self._last = (self._force, self._y) if self._force.any() else None
         self._force, self._y, self._image = solution.force, y, image
-        self._bodies = frame.bodies
+        self._bodies = gaps.bodies
 
     # -- small parts ---------------------------------------------------------------------------------------------
 
@@ -416,7 +416,7 @@ class PathSolver:
         """Return forces on the points [N] as forces on the nodes of the skin's mesh, which here are the same."""
         return force
 
-    def _report(self, solution: Solution, frame: NodeGaps, where: float) -> None:
+    def _report(self, solution: Solution, gaps: NodeGaps, where: float) -> None:
         if not solution.converged:
             self.counters["unconverged"] += 1
             self.notes.warn(
@@ -427,7 +427,7 @@ class PathSolver:
                 limit=f"<= {solution.tolerance:g}",
                 remedy="Use smaller steps, or less friction",
             )
-        depth = -float(frame.gap.min())
+        depth = -float(gaps.gap.min())
         if depth > self.depth_limit:
             self.counters["deep"] += 1
             self.notes.warn(

@@ -71,7 +71,7 @@ class PointSolver(PathSolver):
     ) -> None:
         self._begin(tolerance, bone, name, depth_limit)
         self.surface, self.nodes = surface, nodes
-        self.reach = REACH
+        self.search_radius = REACH
         self._tree = PointTree(surface)
         self._matrix = PointMatrix(surface)
         self.operator = Linear(np.zeros((0, 0)))
@@ -137,14 +137,14 @@ class PointSolver(PathSolver):
         bodies: Sequence[ContactBody],
         *,
         scene_frame: float | None = None,
-        frame: NodeGaps | None = None,
+        gaps: NodeGaps | None = None,
         part: bool = False,
     ) -> PathStep:
         """Solve the next frame, as `PathSolver.step` does."""
         if (part or not self.unmoved(bodies)) and self._asks(bodies):
             self._survey(tuple(bodies))
-            frame = None
-        return super().step(bodies, scene_frame=scene_frame, frame=frame, part=part)
+            gaps = None
+        return super().step(bodies, scene_frame=scene_frame, gaps=gaps, part=part)
 
     # -- the points ----------------------------------------------------------------------------------------------
 
@@ -230,8 +230,8 @@ class PointSolver(PathSolver):
 
     def _carried_over(self, step: PathStep, order: Indices, heirs: Indices, main: Indices) -> PathStep:
         """Return the last frame's step with its gaps at the present points."""
-        frame = step.frame
-        if frame is None:
+        gaps = step.gaps
+        if gaps is None:
             return step
         n, count = len(self.cells), len(order)
         gap, clearance = np.full(n, np.inf), np.full(n, np.inf)
@@ -239,17 +239,17 @@ class PointSolver(PathSolver):
         friction, softness = np.zeros(n), np.zeros(n)
         here, there = np.concatenate([np.arange(count), heirs]), np.concatenate([order, main])
         for new, old in (
-            (gap, frame.gap),
-            (clearance, frame.clearance),
-            (normal, frame.normal),
-            (body, frame.body),
-            (triangle, frame.triangle),
-            (friction, frame.friction),
-            (softness, frame.softness),
+            (gap, gaps.gap),
+            (clearance, gaps.clearance),
+            (normal, gaps.normal),
+            (body, gaps.body),
+            (triangle, gaps.triangle),
+            (friction, gaps.friction),
+            (softness, gaps.softness),
         ):
             new[here] = old[there]
         return replace(
-            step, frame=NodeGaps(frame.bodies, gap, clearance, normal, body, triangle, friction, softness)
+            step, gaps=NodeGaps(gaps.bodies, gap, clearance, normal, body, triangle, friction, softness)
         )
 
     # -- what the tree sees --------------------------------------------------------------------------------------
@@ -287,7 +287,7 @@ class PointSolver(PathSolver):
         return self._image - across + (common - (along @ common)[:, None] * along)
 
     def _turned(self, bodies: tuple[ContactBody, ...]) -> Array:
-        expected = self.history.expected(bodies, self.points + self._image, self.reach)
+        expected = self.history.expected(bodies, self.points + self._image, self.search_radius)
         return expected.normal
 
     def _look_at(
@@ -308,29 +308,29 @@ class PointSolver(PathSolver):
                 break
             up = up.copy()
             up[lost] = chart.parent(up[lost])
-        frame = self._look_for(bodies, normal, place[up], points + mean[up])
-        new = np.flatnonzero((place[up] == UNKNOWN) & (frame.clearance < NEAR_BASE))
+        gaps = self._look_for(bodies, normal, place[up], points + mean[up])
+        new = np.flatnonzero((place[up] == UNKNOWN) & (gaps.clearance < NEAR_BASE))
         if len(new) and self._force.any():
             found = np.unique(up[new])
             place[found], mean[found] = NOBODY, self._far(found)
-            frame = self._look_for(bodies, normal, place[up], points + mean[up])
-        return frame
+            gaps = self._look_for(bodies, normal, place[up], points + mean[up])
+        return gaps
 
     def _look_for(self, bodies: tuple[ContactBody, ...], normal: Array, owner: Indices, places: Array) -> NodeGaps:
-        frame = node_gaps(places, bodies, self.reach, self.bone)
+        gaps = node_gaps(places, bodies, self.search_radius, self.bone)
         own = np.flatnonzero(owner >= 0)
         above = normal[owner[own]]
-        same = self.history.body[owner[own]] == frame.body[own]
-        turned = own[same & (np.einsum("ij,ij->i", above, frame.normal[own]) < OPPOSITE)]
+        same = self.history.body[owner[own]] == gaps.body[own]
+        turned = own[same & (np.einsum("ij,ij->i", above, gaps.normal[own]) < OPPOSITE)]
         if not len(turned):
-            return frame
+            return gaps
         # the other side of something thin: what is seen there is not what the skin lies on
         before = normal[owner[turned]]
         body = self.history.body[owner[turned]]
         expected = Expected(places[turned], places[turned] + ABOVE * before, before, body)
-        again = node_gaps(places[turned], bodies, self.reach, self.bone, expected)
-        frame.clearance[turned], frame.normal[turned] = again.clearance, again.normal
-        return frame
+        again = node_gaps(places[turned], bodies, self.search_radius, self.bone, expected)
+        gaps.clearance[turned], gaps.normal[turned] = again.clearance, again.normal
+        return gaps
 
     def _far(self, cells: Indices) -> Array:
         """Return the displacement of cells of the coarsest level beside the points [m], by the forces under each."""
@@ -352,13 +352,13 @@ class PointSolver(PathSolver):
         return self._matrix.displacement(force)
 
     def _exactly(
-        self, near: Indices, b: Array, frame: NodeGaps, soft: Array, start: Array
+        self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array
     ) -> tuple[Array, int, str]:
         """Iterate in double precision; what else there is takes minutes on so many points."""
         cells, rho = self.cells[near], np.repeat(self._rho[near, 0], 3)
         matrix = self.surface.block(cells, cells).reshape(rho.size, -1)
         matrix[np.diag_indices(rho.size)] += np.repeat(soft, 3)
-        normal, friction = frame.normal[near], frame.friction[near]
+        normal, friction = gaps.normal[near], gaps.friction[near]
         first = project(start, normal, friction)[0]
         image = matrix @ first.reshape(-1)
         state = State(first, -(image + b.reshape(-1)).reshape(-1, 3) / self._rho[near])

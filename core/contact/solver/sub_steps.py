@@ -78,23 +78,23 @@ class SubStepper:
         bodies = self._felt(bodies)
         if self.solver.unmoved(bodies):
             return self.solver.step(bodies, scene_frame=scene_frame)
-        frame = self.solver.look(bodies)
+        gaps = self.solver.look(bodies)
         start: Sequence[ContactBody] = (*self.solver.bodies, *bodies[len(self.solver.bodies) :])  # others came since
         if self.solver.fresh:
-            start = self._start(bodies, before, frame)
-        ways = self._ways(start, bodies, frame)
+            start = self._start(bodies, before, gaps)
+        ways = self._ways(start, bodies, gaps)
         for way in ways:
             self.solver.step(way, part=True)
-        step = self.solver.step(bodies, scene_frame=scene_frame, frame=None if ways else frame)
+        step = self.solver.step(bodies, scene_frame=scene_frame, gaps=None if ways else gaps)
         return self._through(step, bodies)
 
     # -- the way -------------------------------------------------------------------------------------------------
 
     def _ways(
-        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], frame: NodeGaps
+        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps
     ) -> list[list[ContactBody]]:
         """Return the bodies at each part of the way but the last."""
-        parts = self._parts(start, bodies, frame)
+        parts = self._parts(start, bodies, gaps)
         if parts > MAX_PARTS:
             self.solver.notes.warn(
                 "too-fast",
@@ -107,27 +107,27 @@ class SubStepper:
             parts = MAX_PARTS
         return [[between(a, b, k / parts) for a, b in zip(start, bodies, strict=True)] for k in range(1, parts)]
 
-    def _parts(self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], frame: NodeGaps) -> int:
-        last = self.solver.frame
+    def _parts(self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps) -> int:
+        last = self.solver.gaps
         if last is None:
             far = max(travel(a, b, self.solver.pad) for a, b in zip(start, bodies, strict=True))
             return max(int(np.ceil(far / PRESSING)), 1)
-        pressed = np.flatnonzero((frame.body >= 0) & ((frame.clearance < 0.0) | self.solver.loaded))
+        pressed = np.flatnonzero((gaps.body >= 0) & ((gaps.clearance < 0.0) | self.solver.loaded))
         if pressed.size == 0:
             return 1
-        same = pressed[last.body[pressed] == frame.body[pressed]]
+        same = pressed[last.body[pressed] == gaps.body[pressed]]
         if same.size == 0:
-            return int(np.ceil(self._travel(start, bodies, frame, pressed) / PRESSING))
-        parts = np.ceil(np.abs(frame.gap[same] - last.gap[same]).max() / PRESSING)
-        if np.einsum("ij,ij->i", frame.normal[same], last.normal[same]).min() < STRAIGHT:
-            parts = max(parts, np.ceil(self._travel(start, bodies, frame, same) / TURNING))
+            return int(np.ceil(self._travel(start, bodies, gaps, pressed) / PRESSING))
+        parts = np.ceil(np.abs(gaps.gap[same] - last.gap[same]).max() / PRESSING)
+        if np.einsum("ij,ij->i", gaps.normal[same], last.normal[same]).min() < STRAIGHT:
+            parts = max(parts, np.ceil(self._travel(start, bodies, gaps, same) / TURNING))
         return max(int(parts), 1)
 
     def _travel(
-        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], frame: NodeGaps, nodes: Indices
+        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices
     ) -> float:
         """Return how far the bodies' matter moves at the nodes that it is closest to [m]."""
-        which = frame.body[nodes]
+        which = gaps.body[nodes]
         return max(
             travel(start[i], bodies[i], self.solver.points[nodes[which == i]]) for i in np.unique(which).tolist()
         )
@@ -135,16 +135,16 @@ class SubStepper:
     # -- the first touch -----------------------------------------------------------------------------------------
 
     def _start(
-        self, bodies: list[ContactBody], before: Callable[[], Sequence[ContactBody] | None], frame: NodeGaps
+        self, bodies: list[ContactBody], before: Callable[[], Sequence[ContactBody] | None], gaps: NodeGaps
     ) -> Sequence[ContactBody]:
         """Return the bodies where they first touch on their way to where they are."""
-        if not (frame.body >= 0).any():
+        if not (gaps.body >= 0).any():
             return bodies
         came = before()
         if came is not None and len(came) == len(bodies) and self._gap(came) >= -OUTSIDE:
             return self._first_touch(came, bodies)
         start: list[ContactBody] = list(bodies)
-        for index in sorted(set(frame.body[frame.body >= 0].tolist())):
+        for index in sorted(set(gaps.body[gaps.body >= 0].tolist())):
             far = self._retreat(bodies[index])
             if far is not None:
                 start[index] = lowered(bodies[index], far)
@@ -208,10 +208,10 @@ class SubStepper:
         return self._gap([body]) < -OUTSIDE or self._above(body, some, ABOVE) > 0.0
 
     def _through(self, step: PathStep, bodies: Sequence[ContactBody]) -> PathStep:
-        frame = step.frame
-        if frame is None or not -frame.gap.min() > self.deepest:
+        gaps = step.gaps
+        if gaps is None or not -gaps.gap.min() > self.deepest:
             return step
-        deep = np.unique(frame.body[-frame.gap > self.deepest])
+        deep = np.unique(gaps.body[-gaps.gap > self.deepest])
         gone = {int(i) for i in deep if _outside_bone(bodies[i], self.solver.bone)}
         if not gone:
             return step

@@ -2,7 +2,6 @@
 """Settings of the extension, and the folders that it writes to."""
 
 from pathlib import Path
-from tempfile import gettempdir
 from typing import Any
 
 import bpy
@@ -18,6 +17,8 @@ def user_folder(name: str, *, create: bool = False) -> Path:
     """
     if PACKAGE.startswith("bl_ext."):
         return Path(bpy.utils.extension_path_user(PACKAGE, path=name, create=create))
+    from tempfile import gettempdir
+
     folder = Path(gettempdir()) / "dermis-source-checkout" / name
     if create:
         folder.mkdir(parents=True, exist_ok=True)

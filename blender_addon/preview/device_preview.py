@@ -26,8 +26,6 @@ from ..sampling import scene_header, scene_sweep
 from . import pin_preview, platform_preview, thimble_preview
 from .rows import NO_PATH, Preview, Row, by_channel, row_of
 
-TactileScene = core.scene.tactile_scene.TactileScene
-
 STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
 TRAIL_SECONDS = 0.12  # how much of a tactor's path the view shows
 
@@ -36,11 +34,11 @@ TRAIL_SECONDS = 0.12  # how much of a tactor's path the view shows
 class _Trail:
     generation: int = -1
     scene: int = 0
-    samples: list[TactileScene] = field(default_factory=list)  # `TactileScene`s of one sample each
+    samples: list[core.scene.tactile_scene.TactileScene] = field(default_factory=list)  # of one sample each
     edits: int = -1  # of `changes`, when `scene_sweep` last forgot its surfaces and reliefs
     preview: Preview | None = None
     failure: Exception | None = None
-    taken: TactileScene | None = None  # the last sample, until `take_sample` hands it on
+    taken: core.scene.tactile_scene.TactileScene | None = None  # the last sample, until `take_sample` hands it on
 
 
 _trail = _Trail()
@@ -114,7 +112,7 @@ def _note(scene: bpy.types.Scene, text: str) -> Preview:
     return _trail.preview
 
 
-def take_sample() -> TactileScene | None:
+def take_sample() -> core.scene.tactile_scene.TactileScene | None:
     """Return the sample that this frame's preview was made from, once; None where none was taken."""
     sample, _trail.taken = _trail.taken, None
     return sample
@@ -133,7 +131,7 @@ def _trail_ends_at(scene: bpy.types.Scene, frame: float) -> bool:
     return same and shown is not None and abs(shown.frame - frame) < 1e-6
 
 
-def _continues(scene: bpy.types.Scene, sample: TactileScene, frame: float) -> bool:
+def _continues(scene: bpy.types.Scene, sample: core.scene.tactile_scene.TactileScene, frame: float) -> bool:
     if not _trail.samples or _trail.scene != scene.session_uid or _trail.generation != changes.generation():
         return False
     before = _trail.samples[-1]
@@ -141,16 +139,16 @@ def _continues(scene: bpy.types.Scene, sample: TactileScene, frame: float) -> bo
     return 1e-9 < gap <= STEP_SECONDS and _cast(before) == _cast(sample)
 
 
-def _frame(sample: TactileScene) -> float:
+def _frame(sample: core.scene.tactile_scene.TactileScene) -> float:
     return float(_chunk(sample).frames[0])
 
 
-def _chunk(sample: TactileScene) -> core.scene.tactile_scene.Chunk:
+def _chunk(sample: core.scene.tactile_scene.TactileScene) -> core.scene.tactile_scene.Chunk:
     """Return the only chunk of a sample."""
     return next(iter(sample.chunks))
 
 
-def _cast(sample: TactileScene) -> tuple[Any, ...]:
+def _cast(sample: core.scene.tactile_scene.TactileScene) -> tuple[Any, ...]:
     """Who takes part; a trail cannot go on where this changes."""
     return (
         tuple(f.name for f in sample.fingers),
@@ -170,7 +168,7 @@ def _render(frame: float) -> Preview:
     return Preview(frame, "live", note, rows)
 
 
-def _joined(samples: list[TactileScene]) -> TactileScene:
+def _joined(samples: list[core.scene.tactile_scene.TactileScene]) -> core.scene.tactile_scene.TactileScene:
     """Return the trail as a scene of its own; it starts one frame earlier, at rest in the first pose."""
     chunk = core.scene.tactile_scene.Chunk
     parts = [_chunk(s) for s in (samples[0], *samples)]
@@ -208,7 +206,7 @@ def _joined(samples: list[TactileScene]) -> TactileScene:
     return replace(last, fingers=fingers, frame_range=span, rate=float(last.fps), chunks=(joined,))
 
 
-def _run(tactile: TactileScene) -> core.pipeline.bake.Bake:
+def _run(tactile: core.scene.tactile_scene.TactileScene) -> core.pipeline.bake.Bake:
     presets = library()
     steps = core.pipeline.render.render(tactile, presets, cache=skin_models.cache())
     with skin_models.one_thread() if skin_models.wanted(tactile, presets) else nullcontext():

@@ -10,8 +10,7 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -24,6 +23,9 @@ from .frames import frame_range, frames_per_second, sweep_frames
 from .meshes import MeshReader
 from .participants import Entry, InstanceKey, Roster
 from .recorder import Recorder
+
+if TYPE_CHECKING:
+    from fractions import Fraction
 
 CHUNK = 64
 """Samples in a chunk. It is fixed, because the content hash sees chunks."""

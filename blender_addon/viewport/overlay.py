@@ -13,7 +13,7 @@ import numpy as np
 from ..devices import platform_devices
 from ..layouts import ui_scale
 from ..preview.rows import Row
-from . import paint, pin_view, platform_view, shown, tactor_twin, thimble_view
+from . import paint, pin_card, platform_card, shown, tactor_twin, thimble_card
 from .drawing import Handlers, finger_matrix, in_finger, rows_of
 from .paint import BLUE, GREEN, INK, ORANGE, PANEL
 
@@ -102,7 +102,7 @@ def _draw_pixels() -> None:
 
 def _card_height(row: Row) -> float:
     if row.kind in platform_devices.kinds():
-        return platform_view.height(row) + 2.0 * MARGIN
+        return platform_card.height(row) + 2.0 * MARGIN
     tall = "tactor_x" in row.values or row.kind in ("pin_array", "thimble")
     return DIAL + 3.0 * MARGIN + LINE if tall else 3 * LINE + 2 * MARGIN
 
@@ -116,11 +116,11 @@ def _card(row: Row, twin: Any, left: float, bottom: float, scale: float) -> None
     if "tactor_x" in row.values:
         _dial(row, x, bottom + MARGIN * scale, scale)
     elif row.kind == "pin_array":
-        pin_view.card(row, twin, x, bottom + MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, DIAL * scale, scale)
+        pin_card.card(row, twin, x, bottom + MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, DIAL * scale, scale)
     elif row.kind == "thimble" and "servo_1" in row.values:
-        thimble_view.card(row, twin, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
+        thimble_card.card(row, twin, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
     elif row.kind in platform_devices.kinds():
-        platform_view.card(row, twin, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
+        platform_card.card(row, twin, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
     elif "amplitude" in row.values:
         _bar(row, x, top - 1.6 * LINE * scale, scale)
 

@@ -15,7 +15,7 @@ from blender_addon.preview import device_preview
 from blender_addon.preview import skin_preview as skins
 from blender_addon.properties import scene_properties
 from blender_addon.results import store
-from blender_addon.viewport import platform_twin, platform_view, twins
+from blender_addon.viewport import platform_card, platform_twin, twins
 from blender_addon.viewport import shown as views
 from core.steps import drain
 
@@ -206,6 +206,6 @@ def test_the_card_says_angles_in_degrees_and_lengths_in_millimetres(demo) -> Non
     assert bpy.ops.dermis.bake() == {"FINISHED"}
     scene.frame_set(38)
     row = views.devices(scene).rows[0]
-    words = [text for _, _, text in platform_view.lines_of(row)]
+    words = [text for _, _, text in platform_card.lines_of(row)]
     assert len(words) == 3 and all(text.endswith("°") for text in words)
     assert twins.twin_of(scene, row) is twins.twin_of(scene, row) is not None  # worked out once

@@ -16,7 +16,7 @@ from blender_addon.properties import scene_properties
 from blender_addon.results import store
 from blender_addon.streaming import reported_values
 from blender_addon.viewport import shown as views
-from blender_addon.viewport import thimble_twin, thimble_view, twins
+from blender_addon.viewport import thimble_card, thimble_twin, twins
 
 
 @pytest.fixture
@@ -112,9 +112,9 @@ def test_servos_that_a_device_reports_are_shown_in_their_own_pose(demo) -> None:
     assert abs(baked.rows[0].values["distance"] - twin.joints.x[2]) > 1e-4 and not row.signals
     drawn: list[str] = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(thimble_view.paint, "text", lambda words, *_: drawn.append(words))
-        patch.setattr(thimble_view.paint, "rectangle", lambda *_: None)
-        thimble_view.card(row, twin, 0.0, 0.0, 200.0, 1.0)
+        patch.setattr(thimble_card.paint, "text", lambda words, *_: drawn.append(words))
+        patch.setattr(thimble_card.paint, "rectangle", lambda *_: None)
+        thimble_card.card(row, twin, 0.0, 0.0, 200.0, 1.0)
     assert f"{1e3 * twin.joints.x[2]:.2f} mm" in drawn and not any("mismatch" in words for words in drawn)
 
 
@@ -267,4 +267,4 @@ def test_export_gives_a_track_that_checks(demo, tmp_path) -> None:
 
 
 def test_registered_once(demo) -> None:
-    assert len(thimble_view._handlers._handles) == 1
+    assert len(thimble_card._handlers._handles) == 1

@@ -5,7 +5,7 @@ from .design import design_properties
 from .preview import skin_preview
 from .properties import scene_properties
 from .streaming import session_events, streaming_properties
-from .viewport import overlay, pin_card, platform_card, shown, skin_view, thimble_card
+from .viewport import overlay, shown, skin_view
 
 MODULES = (
     preferences,
@@ -16,9 +16,6 @@ MODULES = (
     operators,
     panels,
     overlay,
-    pin_card,
-    thimble_card,
-    platform_card,
     skin_preview,
     shown,
     skin_view,

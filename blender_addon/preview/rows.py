@@ -10,6 +10,7 @@ import numpy as np
 from .._core import Array, core
 
 NO_PATH = np.empty((0, 2))
+FULL_SCALE = {"m": 2e-3, "N": 0.4}  # by unit, where a preset states no limit. Source: [S3] and [S1], their devices
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,15 @@ class Row:
     path: Array
     contact: float | None
     signals: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def numbers(self) -> Array:
+        """All values in the order of the channels [SI]."""
+        return np.array(list(self.values.values()))
+
+    def full_scale(self, name: str) -> float:
+        """Return the value of a channel at which its drawing is full [SI]."""
+        return self.high.get(name) or FULL_SCALE.get(self.units[name], 1.0)
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from ..preview.skin_state import SkinState
 from ..results import store
 from ..streaming import reported_values, streamed_track
 from . import skin_shown, twins
+from .twin import Twin
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +29,7 @@ class Frame:
     """Everything that is shown of a scene at one frame.
 
     Attributes:
-        devices: what the devices do; None where nothing is known. twins: where each row's parts are.
+        devices: what the devices do; None where nothing is known. twins: of each row, finished for drawing.
         skins: with their values, and the range of the colours.
         worn: which device of each kind the fingers wear.
         active, ready: a finger's name, and what its devices need, see `readiness`.
@@ -37,7 +38,7 @@ class Frame:
 
     frame: float
     devices: Preview | None
-    twins: tuple[twins.Twin | None, ...]
+    twins: tuple[Twin | None, ...]
     skins: skin_shown.Shown
     worn: readiness.Worn
     active: str
@@ -168,6 +169,7 @@ def _key(scene: bpy.types.Scene) -> tuple[Any, ...]:
         id(store.current(scene)),
         changes.edits(),
         settings.live_preview,
+        settings.twin_exaggeration,
         active.name if active is not None else "",
         (view.show, view.quantity, view.exaggeration, view.range_mode, view.maximum),
         (thimble.split, thimble.workspace),

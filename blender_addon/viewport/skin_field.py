@@ -47,6 +47,7 @@ class Drawn:
         surface: what it is drawn on.
         positions: deformed vertices [m], shape (d, 3). normals: unit, shape (d, 3). values: SI, shape (d,).
         low, high: least and greatest value at the skin's own nodes.
+        centre: of pressure, in X and Y [m], shape (2,). shear: force in X and Y by the normal force, shape (2,).
     """
 
     surface: DisplaySurface
@@ -55,6 +56,8 @@ class Drawn:
     values: Array
     low: float
     high: float
+    centre: Array
+    shear: Array
 
 
 @dataclass(eq=False)
@@ -94,7 +97,7 @@ def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn
     if not state.force.any():
         zero = np.zeros(len(surface.rest))
         lifted = surface.rest + (0.0, 0.0, state.lift)
-        return Drawn(surface, lifted, surface.at_rest, zero, 0.0, 0.0)
+        return Drawn(surface, lifted, surface.at_rest, zero, 0.0, 0.0, surface.middle, np.zeros(2))
     stimulus = core.skin.stimulus.Stimulus(state.model, state.force)
     if state.model.pad_count <= SMALL and quantity != "energy":
         moved, stress = _by_shortcut(own, state.model, state.force)
@@ -105,7 +108,10 @@ def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn
     nodal = _nodal(own, stimulus, quantity, moved, stress)
     positions, normals, values = surface.deformed(own.points, exaggeration * moved, nodal)
     positions[:, 2] += state.lift
-    return Drawn(surface, positions, normals, values, float(nodal.min()), float(nodal.max()))
+    push = np.maximum(-np.einsum("ij,ij->i", state.force, state.model.normals), 0.0)
+    centre = push @ state.model.positions[:, :2] / max(float(push.sum()), 1e-30)
+    shear = state.force.sum(axis=0)[:2] / max(state.normal_force, 1e-12)
+    return Drawn(surface, positions, normals, values, float(nodal.min()), float(nodal.max()), centre, shear)
 
 
 def _by_shortcut(own: _Kit, model: Any, force: Array) -> tuple[Array, Array]:

@@ -32,6 +32,7 @@ class DisplaySurface:
         coarse: the triangles between `nodes`, shape (c, 3).
         scatter: from those to the nodes, sparse (s, c), for normals.
         at_rest: normals of the drawn vertices without deformation, shape (d, 3).
+        middle: of the box around `rest` in X and Y [m], shape (2,). length: of that box along Y [m].
     """
 
     nodes: Indices32
@@ -42,6 +43,8 @@ class DisplaySurface:
     coarse: Indices32
     scatter: Any
     at_rest: Array
+    middle: Array
+    length: float
 
     @classmethod
     def of(cls, mesh: Any) -> DisplaySurface:
@@ -68,7 +71,9 @@ class DisplaySurface:
         ).tocsr()
         palmar = _crosses(rest, triangles)[2] < 0.0
         at_rest = _unit(refine @ _unit(scatter @ np.stack(_crosses(points, coarse), axis=1)))
-        return cls(nodes.astype(np.int32), refine, rest, triangles, palmar, coarse, scatter, at_rest)
+        low, high = rest[:, :2].min(axis=0), rest[:, :2].max(axis=0)
+        box = (0.5 * (low + high), float(high[1] - low[1]))
+        return cls(nodes.astype(np.int32), refine, rest, triangles, palmar, coarse, scatter, at_rest, *box)
 
     def deformed(self, points: Array, displacement: Array, nodal: Array) -> tuple[Array, Array, Array]:
         """Return vertices [m], unit normals and values of the drawn surface, shapes (d, 3), (d, 3) and (d,).

@@ -143,12 +143,16 @@ def contacts(pins: PinLayout, vertices: Array, triangles: NDArray[np.integer]) -
     return PinContacts(points, hits, travel, tuple(findings))
 
 
-def on_pad(where: PinContacts, pins: PinLayout, nodes: Array) -> PinContacts:
-    """Switch off the pins that meet the skin too far from any node that may carry force [m], shape (n, 3).
+def on_pad(pins: PinLayout, vertices: Array, triangles: NDArray[np.integer], nodes: Array) -> PinContacts:
+    """Meet every pin's line with the skin, see `contacts`, without those too far from any node that may carry force.
+
+    Args:
+        nodes: those that may carry force [m], shape (n, 3).
 
     Raises:
         DermisError: no pin is left.
     """
+    where = contacts(pins, vertices, triangles)
     far = np.zeros(pins.count, dtype=bool)
     for pin in np.flatnonzero(where.hits):
         far[pin] = ((nodes - where.points[pin]) ** 2).sum(axis=1).min() > (SPREAD_REACH * pins.spread) ** 2

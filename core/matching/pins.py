@@ -77,7 +77,7 @@ def _made(skin: SkinModel, spec: DeviceSpec, weighting: Weighting) -> PinSetup:
             where=f"device preset '{spec.key}'",
             value=f"{pins.count} pins, {len(spec.channels)} channels",
         )
-    met = pin_array.on_pad(pin_array.contacts(pins, mesh.nodes, mesh.surface), pins, skin.positions)
+    met = pin_array.on_pad(pins, mesh.nodes, mesh.surface, skin.positions)
     spread = pin_array.distribution(pins, met, skin.positions)
     chosen = node_weights(skin, weighting)[mesh.free] > 0
     response = skin.unit_response[:, np.repeat(chosen, 3)]
@@ -166,10 +166,16 @@ class Matched:
     unsolved: int
 
 
-def make_solver(ready: PinSetup, spec: DeviceSpec, method: Method, times: Array, *, bounded: bool = True) -> PinSolver:
-    """Return a solver with the limits of a device: of force unless `bounded` is off, and of speed where it has one."""
-    step = float(np.median(np.diff(times))) if len(times) > 1 else 1.0 / spec.rate
-    slew = min((c.slew for c in spec.channels if c.slew is not None), default=None)
+def make_solver(
+    ready: PinSetup, spec: DeviceSpec, method: Method, times: Array | None, *, bounded: bool = True
+) -> PinSolver:
+    """Return a solver with the limits of a device: of force unless `bounded` is off, and of speed where it has one.
+
+    Args:
+        times: of the frames [s]; None for a single frame, which has no speed.
+    """
+    step = float(np.median(np.diff(times))) if times is not None and len(times) > 1 else 1.0 / spec.rate
+    slew = None if times is None else min((c.slew for c in spec.channels if c.slew is not None), default=None)
     return PinSolver(
         ready.matcher,
         method,

@@ -13,7 +13,7 @@ from blender_addon.preferences import library
 from blender_addon.preview import device_preview, pin_preview, skin_preview
 from blender_addon.properties import scene_properties
 from blender_addon.results import pin_reports, store
-from blender_addon.viewport import pin_card
+from blender_addon.viewport import pin_card, pin_twin
 from blender_addon.viewport import shown as views
 
 
@@ -115,16 +115,16 @@ def test_the_view_shows_the_bakes_pins(demo) -> None:
     shown = views.devices(demo)
     row = next(r for r in shown.rows if r.kind == "pin_array")
     expected = store.values_at(result, result.bake.outputs[0], 15.0)
-    np.testing.assert_allclose(pin_card.forces_of(row), expected)
+    np.testing.assert_allclose(row.numbers, expected)
     pins = pin_preview.pins_of(demo.objects["Index"], "pin_array_128")
-    part = pin_card.discs(pins, pin_card.forces_of(row))
+    part = pin_twin.discs(pins, row.numbers)
     hits = np.isfinite(pins.points[:, 0])
-    assert len(part.positions) == hits.sum() * (1 + pin_card.SIDES + 4)
+    assert len(part.positions) == hits.sum() * (1 + pin_twin.SIDES + 4)
     assert part.triangles.max() == len(part.positions) - 1
     centres = part.positions.reshape(hits.sum(), -1, 3)[:, 0]
-    np.testing.assert_allclose(centres, pins.points[hits] - pin_card.LIFT * pins.directions[hits], atol=1e-8)
+    np.testing.assert_allclose(centres, pins.points[hits] - pin_twin.LIFT * pins.directions[hits], atol=1e-8)
     radii = np.linalg.norm(part.positions.reshape(hits.sum(), -1, 3)[:, 1] - centres, axis=1)
-    forces = pin_card.forces_of(row)[hits]
+    forces = row.numbers[hits]
     assert np.all(np.diff(radii[np.argsort(forces)]) >= -1e-9)  # a larger disc for a larger force
     assert pin_card.grid(row, pins) == (8, 16)
 
@@ -151,15 +151,11 @@ def test_live_pins_match_the_bake_and_do_not_fade_at_the_frame_that_is_shown(dem
         skin_preview.step(bpy.context)
     rows = [r for r in views.devices(demo).rows if r.kind == "pin_array"]
     assert len(rows) == 1
-    forces = pin_card.forces_of(rows[0])
+    forces = rows[0].numbers
     finger.devices[0].pin_fade_in = finger.devices[0].pin_fade_out = 0.0
     baked = store.values_at(bake(demo), store.current(demo).bake.outputs[0], 11.0)
     # the preview takes one sample a frame, the bake ten; the press is at rest by then
     assert np.linalg.norm(forces - baked) < 0.02 * np.linalg.norm(baked) and baked.sum() > 0.5
-
-
-def test_pins_are_registered_once(demo) -> None:
-    assert len(pin_card._handlers._handles) == 1
 
 
 def test_a_scene_with_pins_holds_blas_at_one_thread_and_others_do_not(demo) -> None:

@@ -13,6 +13,7 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
 from mathutils import Matrix
 
@@ -23,9 +24,9 @@ from blender_addon.demos import demo_motors, demo_pins, demo_scene, demo_thimble
 from blender_addon.devices import platform_devices, skin_models, thimble_adaptation
 from blender_addon.preview import device_preview, pin_preview, skin_preview, thimble_preview
 from blender_addon.sampling import scene_sweep
-from blender_addon.viewport import drawing, platform_twin, shown, skin_field, thimble_twin
+from blender_addon.viewport import drawing, parts, platform_twin, shown, skin_field, tactor_twin, thimble_twin
 
-# Whatever solves, searches, looks up or reads a file: none of it may be called while something draws.
+# Whatever solves, searches, looks up, reads a file or works out what is drawn: none of it runs while something draws.
 WORK = (
     (core.devices.reach, "reach"),
     (core.matching.deformation.PinSolver, "solve"),
@@ -50,8 +51,14 @@ WORK = (
     (skin_models, "get"),
     (thimble_adaptation, "status"),
     (thimble_preview, "follow"),
+    (tactor_twin, "screen"),
+    (tactor_twin, "tactor"),
     (thimble_twin, "joints"),
     (thimble_twin, "loops"),
+    (parts.Part, "__new__"),  # what is drawn is finished
+    (np, "cross"),
+    (np, "einsum"),
+    (np.linalg, "norm"),
 )
 FRAME = {"thimble": 30, "pins": 15, "platform": 38, "tactor": 20, "baked": 15}
 

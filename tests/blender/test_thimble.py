@@ -84,8 +84,8 @@ def test_the_twins_joints_obey_forward_kinematics(demo, source) -> None:
             skin_preview.step(bpy.context)
     row = next(r for r in views.devices(demo).rows if r.kind == "thimble")
     assert views.devices(demo).source == source
-    twin = twins.twin_of(demo, row)
-    device, at = twin.device, twin.joints
+    at = twins.twin_of(demo, row).state
+    device, _ = twins.mechanism_of(demo.objects["Index"], row.device)
     angles = thimble_twin.servo_angles(row)
     assert np.abs(angles).max() > 0.02
     # links keep their lengths, legs their planes, and the platform's joints their places: nothing of inverse kinematics
@@ -107,15 +107,15 @@ def test_servos_that_a_device_reports_are_shown_in_their_own_pose(demo) -> None:
     baked = views.devices(demo)
     angles = {f"servo_{i}": 0.0 for i in (1, 2, 3)}
     (row,) = reported_values.with_reported(baked, angles, "").rows
-    twin = twins.twin_of(demo, row)
-    np.testing.assert_allclose(twin.joints.x[:2], 0.0, atol=1e-9)  # three equal servos hold the disc level
-    assert abs(baked.rows[0].values["distance"] - twin.joints.x[2]) > 1e-4 and not row.signals
+    joints = twins.twin_of(demo, row).state
+    np.testing.assert_allclose(joints.x[:2], 0.0, atol=1e-9)  # three equal servos hold the disc level
+    assert abs(baked.rows[0].values["distance"] - joints.x[2]) > 1e-4 and not row.signals
     drawn: list[str] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(thimble_card.paint, "text", lambda words, *_: drawn.append(words))
         patch.setattr(thimble_card.paint, "rectangle", lambda *_: None)
-        thimble_card.card(row, twin, 0.0, 0.0, 200.0, 1.0)
-    assert f"{1e3 * twin.joints.x[2]:.2f} mm" in drawn and not any("mismatch" in words for words in drawn)
+        thimble_card.card(row, joints, 0.0, 0.0, 200.0, 1.0)
+    assert f"{1e3 * joints.x[2]:.2f} mm" in drawn and not any("mismatch" in words for words in drawn)
 
 
 def test_a_servo_near_its_limit_turns_orange(demo) -> None:
@@ -264,7 +264,3 @@ def test_export_gives_a_track_that_checks(demo, tmp_path) -> None:
     assert bpy.ops.dermis.export_tracks(directory=str(tmp_path)) == {"FINISHED"}
     path = tmp_path / "Index.thimble_3rrs.csv"
     assert path.is_file() and core.__main__.main(["check", str(path)]) == 0
-
-
-def test_registered_once(demo) -> None:
-    assert len(thimble_card._handlers._handles) == 1

@@ -21,13 +21,15 @@ class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
 
     def draw_header(self, context: bpy.types.Context) -> None:
         """Show in a closed panel too that something waits for a person."""
-        if calibration_offers.offers(context.scene):
+        if built_devices.at_hand() and calibration_offers.offers(context.scene):
             self.layout.label(text="", icon="INFO")
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw what was found, the buttons, and one box an actuator."""
         layout, scene = self.layout, context.scene
         settings = scene.dermis_stream
+        if not built_devices.at_hand():
+            return
         self._found(context)
         ours = calibration_offers.is_ours(settings) and len(settings.channels) > 0
         if ours:
@@ -84,6 +86,8 @@ class DERMIS_MT_built(bpy.types.Menu):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw those that are known."""
         layout = self.layout
+        if not built_devices.at_hand():
+            return
         layout.operator("dermis.calibration_use", text="Uncalibrated", icon="X").file = ""
         key = device_calibration.owner_shown(context.scene).rpartition(": ")[2]
         answered = board_identity.answered()

@@ -24,6 +24,9 @@ class Shown(NamedTuple):
     wrong: bool
 
 
+UNREAD = Shown("Built Device", "", False)  # while the folder of devices is being read
+
+
 def serials(status: Mapping[str, Any]) -> tuple[str, ...]:
     """Return what tells the connected device from others of its kind, the best first; empty for nothing."""
     said, port = status.get("device", ""), (status.get("received") or {}).get("usb_serial", "")

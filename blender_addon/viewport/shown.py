@@ -19,7 +19,7 @@ from ..preview import device_preview, pin_preview, platform_preview, skin_previe
 from ..preview.rows import Preview
 from ..preview.skin_state import SkinState
 from ..results import store
-from ..streaming import reported_values, streamed_track
+from ..streaming import built_devices, reported_values, streamed_track
 from . import skin_shown, twins
 from .twin import Twin
 
@@ -116,6 +116,7 @@ def work() -> None:
     """Work out what every window shows."""
     if changes.sweeping():
         return
+    built_devices.read()
     skin_preview.refresh()
     scenes = {window.scene.session_uid: window.scene for window in bpy.context.window_manager.windows}
     for gone in set(_keys) - set(scenes):

@@ -111,8 +111,8 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
             self._answer(context, answer)
 
     def _answer(self, context: bpy.types.Context, answer: design_results.Answer) -> None:
-        layout, own, found = self.layout, context.scene.dermis_design, answer.design
-        reduction, n = found.by(own.choice), len(found.spec.channels)
+        layout, own, design = self.layout, context.scene.dermis_design, answer.design
+        reduction, n = design.by(own.choice), len(design.spec.channels)
         box = layout.box()
         text = f"{reduction.motors} of {n} motors" if reduction.motors < n else f"All {n} motors"
         box.label(text=text, icon="CHECKMARK")
@@ -123,7 +123,7 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
             grid.label(text=text)
         for text in ("share %", *(f"{100 * p:.1f}" for p in reduction.components.explained)):
             grid.label(text=text)
-        if not found.low_rank:
+        if not design.low_rank:
             paragraph(
                 box,
                 context,
@@ -131,7 +131,7 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
                 "INFO",
             )
         count = min(own.motors or reduction.motors, n)
-        self._couplings(box, found, reduction, count)
+        self._couplings(box, design, reduction, count)
         layout.operator("dermis.show_design", icon="IMAGE_DATA")
         properties(layout, own, "choice", "motors", keys=False)
         row = layout.row(align=True)
@@ -140,9 +140,9 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         if answer.preset:
             paragraph(layout, context, f"Preset: {answer.preset}, under Devices", "CHECKMARK")
 
-    def _couplings(self, box: Any, found: Any, reduction: Any, count: int) -> None:
+    def _couplings(self, box: Any, design: Any, reduction: Any, count: int) -> None:
         directions = reduction.components.directions[:, :count]
-        radius = found.spec.parameters.get("pulley_radius")
+        radius = design.spec.parameters.get("pulley_radius")
         pulleys = isinstance(radius, float)
         box.label(text="Pulley radii [mm], per cable" if pulleys else "Coupling, per leg")
         for j in range(count):

@@ -23,7 +23,7 @@ from ..devices import pin_devices, platform_devices, skin_models, thimble_device
 from ..preferences import library, setting
 from ..results import store
 from ..sampling import scene_header, scene_sweep
-from . import pin_preview, platform_preview, thimble_preview
+from . import pin_preview, platform_preview, skin_preview, thimble_preview
 from .rows import NO_PATH, Preview, Row, by_channel, row_of
 
 STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
@@ -196,7 +196,7 @@ def _joined(samples: list[core.scene.tactile_scene.TactileScene]) -> core.scene.
             devices=tuple(
                 replace(d, parameters={**d.parameters, **unfaded})
                 for d in f.devices
-                if not (_solved(f) and _follows_skin(d.preset))  # see `_with_followers`
+                if not (skin_preview.solved(f) and _follows_skin(d.preset))  # see `_with_followers`
                 and not platform_devices.waits(f.name, d.preset)
             ),
         )
@@ -211,11 +211,6 @@ def _run(tactile: core.scene.tactile_scene.TactileScene) -> core.pipeline.bake.B
     steps = core.pipeline.render.render(tactile, presets, cache=skin_models.cache())
     with skin_models.one_thread() if skin_models.wanted(tactile, presets) else nullcontext():
         return core.steps.drain(steps)
-
-
-def _solved(finger: core.scene.tactile_scene.Finger) -> bool:
-    """Tell whether `skin_preview` solves a finger's skin: because it is shown, or a thimble follows it."""
-    return bool(finger.parameters.get("skin_shown")) or any(thimble_devices.spec_of(d.preset) for d in finger.devices)
 
 
 def _follows_skin(preset: str) -> bool:

@@ -97,9 +97,9 @@ def _pins_on(model: core.skin.model.SkinModel, spec: core.devices.spec.DeviceSpe
 def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Array]:
     """Return the skin as the pins render it, and the pins' forces [N]; kept while skin and settings stay."""
     key = (device.preset, device.pin_method, device.pin_nodes, device.pin_bounded, changes.generation())
-    known = _states.get(target.finger)
-    if known is not None and known[0] is target and known[1] == key:
-        return known[2]
+    kept = _states.get(target.finger)
+    if kept is not None and kept[0] is target and kept[1] == key:
+        return kept[2]
     forces: Array = np.zeros(len(spec.channels))
     pins = core.matching.pins
     with skin_models.one_thread():

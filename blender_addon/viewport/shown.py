@@ -71,7 +71,7 @@ def renew(scene: bpy.types.Scene) -> Frame:
     _frames.pop(uid, None)
     shown = devices(scene)
     ready = readiness.of(active) if active is not None and active.dermis.role == "FINGER" else {}
-    frame = Frame(
+    _frames[uid] = Frame(
         device_preview.frame_of(scene),
         shown,
         tuple(twins.twin_of(scene, row) for row in shown.rows) if shown is not None else (),
@@ -81,14 +81,13 @@ def renew(scene: bpy.types.Scene) -> Frame:
         ready,
         streamed_track.doubts(scene),
     )
-    _frames[uid] = frame
-    return frame
+    return _frames[uid]
 
 
 def now(scene: bpy.types.Scene) -> Frame | None:
     """Return what is shown at the current frame, None where it has not been worked out. Reads; for drawing."""
-    found = _read(scene)
-    return found if found is not None and found.frame == device_preview.frame_of(scene) else None
+    kept = _read(scene)
+    return kept if kept is not None and kept.frame == device_preview.frame_of(scene) else None
 
 
 def worn(scene: bpy.types.Scene, obj: bpy.types.Object | None, kind: str) -> Any | None:

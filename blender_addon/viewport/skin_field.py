@@ -82,12 +82,12 @@ _kits: weakref.WeakKeyDictionary[Any, _Kit] = weakref.WeakKeyDictionary()
 
 def kit(mesh: Any) -> _Kit:
     """Return what belongs to a mesh, made when it is first asked for."""
-    found = _kits.get(mesh)
-    if found is None:
+    own = _kits.get(mesh)
+    if own is None:
         surface = DisplaySurface.of(mesh)
         pad_rows = np.searchsorted(surface.nodes, mesh.pad)
-        found = _kits[mesh] = _Kit(surface, mesh.nodes[surface.nodes], mesh.averaging[surface.nodes], pad_rows)
-    return found
+        own = _kits[mesh] = _Kit(surface, mesh.nodes[surface.nodes], mesh.averaging[surface.nodes], pad_rows)
+    return own
 
 
 def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn:
@@ -124,8 +124,8 @@ def _by_shortcut(own: _Kit, model: Any, force: Array) -> tuple[Array, Array]:
     if table is None:
         table = own.shortcuts[model.key] = _shortcut(own, model)
     scale = float(np.abs(force).max())
-    found = ((force.reshape(-1) / scale).astype(np.float32) @ table).astype(np.float64).reshape(-1, 9)
-    return found[:, :3] * (scale / model.material.modulus), found[:, 3:] * scale
+    nodal = ((force.reshape(-1) / scale).astype(np.float32) @ table).astype(np.float64).reshape(-1, 9)
+    return nodal[:, :3] * (scale / model.material.modulus), nodal[:, 3:] * scale
 
 
 def _shortcut(own: _Kit, model: Any) -> NDArray[np.float32]:

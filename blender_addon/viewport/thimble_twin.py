@@ -85,10 +85,10 @@ def loops(device: Any, around: float) -> list[Array]:
     Raises:
         DermisError: the level platform does not reach `around`.
     """
-    found = core.devices.reach.reach(device, around)
+    reach = core.devices.reach.reach(device, around)
     out = []
-    for level in range(len(found.distance)):
-        tips = np.array([pointer(device.in_finger(device.pose(x)))[1] for x in found.configurations(level)])
+    for level in range(len(reach.distance)):
+        tips = np.array([pointer(device.in_finger(device.pose(x)))[1] for x in reach.configurations(level)])
         out.append(np.vstack([tips, tips[:1]]))
     return out
 

@@ -93,10 +93,10 @@ def _pins(obj: bpy.types.Object, row: Row) -> Twin | None:
 
 
 def _thimble(obj: bpy.types.Object, row: Row, *, workspace: bool) -> Twin | None:
-    known = mechanism_of(obj, row.device)
-    if known is None or "servo_1" not in row.values:
+    mounted = mechanism_of(obj, row.device)
+    if mounted is None or "servo_1" not in row.values:
         return None
-    device, reference = known
+    device, reference = mounted
     start = np.array([row.values.get("pitch", 0.0), row.values.get("roll", 0.0), row.values.get("distance", reference)])
     joints = thimble_twin.joints(device, thimble_twin.servo_angles(row), start)
     lines = _workspace(workspace_of(device, reference), joints) if workspace else ()

@@ -190,7 +190,7 @@ def test_a_change_within_a_frame_searches_it_anew_and_a_jump_starts_from_rest(de
     again = at(20)
     np.testing.assert_allclose(thimble_twin.servo_angles(again), thimble_twin.servo_angles(first), atol=0.02)
     jumped = at(50)
-    assert thimble_preview._tracks["Index"].follower.matching.change is None
+    assert thimble_preview._paths["Index"].follower.matching.change is None
     assert jumped.contact == 1.0
 
 

@@ -244,6 +244,14 @@ def test_a_gap_without_contact_is_forgotten(method):
     np.testing.assert_allclose(both.forces[last:], alone.forces[last:], atol=1e-9)
 
 
+def test_a_single_frame_has_the_limit_of_force_but_no_speed():
+    ready, times = pins.setup(skin(), spec(slew=2.0)), np.arange(3) / RATE
+    assert pins.make_solver(ready, spec(slew=2.0), "DM2", times).slew == pytest.approx(2.0 / RATE)
+    single = pins.make_solver(ready, spec(slew=2.0), "DM2", None)
+    assert single.slew is None and single.high == pytest.approx(0.4)
+    assert pins.make_solver(ready, spec(slew=2.0), "DM2", None, bounded=False).high > 1e3
+
+
 def test_what_is_at_its_limit_is_told():
     found = rendered()
     assert any(f.code == "pins-at-limit" for f in found.findings)

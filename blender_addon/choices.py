@@ -1,4 +1,4 @@
-"""The presets that menus offer, read when a menu is opened and never while something draws."""
+"""The presets that menus offer, read when a menu is opened or a finger is first shown, and never while drawing."""
 
 from typing import Any
 

@@ -19,6 +19,7 @@ class Census:
     idle: tuple[str, ...]
     touchables: tuple[str, ...]
     screens: tuple[str, ...]
+    skins: bool  # any finger shows its skin
     moving: bool  # something moves one of them: keys, drivers, constraints, modifiers or physics, of a parent too
     newer: int  # file version, where the file comes from a newer Dermis; else 0
 
@@ -37,7 +38,7 @@ def of(scene: bpy.types.Scene) -> Census:
 def _count(scene: bpy.types.Scene) -> Census:
     named: dict[str, list[str]] = {"FINGER": [], "TOUCHABLE": [], "SCREEN": [], "NONE": []}
     idle = []
-    moving = False
+    moving = skins = False
     for obj in scene.objects:
         role = obj.dermis.role
         if role == "NONE":
@@ -45,6 +46,7 @@ def _count(scene: bpy.types.Scene) -> Census:
         named[role].append(obj.name)
         moving = moving or _moves(obj)
         finger = obj.dermis.finger
+        skins = skins or (role == "FINGER" and finger.skin.shown)
         busy = finger.skin.shown or any(d.enabled and d.preset for d in finger.devices)
         if role == "FINGER" and not busy:
             idle.append(obj.name)
@@ -54,6 +56,7 @@ def _count(scene: bpy.types.Scene) -> Census:
         tuple(idle),
         tuple(named["TOUCHABLE"]),
         tuple(named["SCREEN"]),
+        skins,
         moving,
         version if version > FILE_VERSION else 0,
     )

@@ -88,7 +88,7 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw quantity and range, then each finger's figures."""
         layout, scene = self.layout, context.scene
-        if not skin_preview.any_shown(scene):
+        if not census.of(scene).skins:
             paragraph(layout, context, "No finger shows its skin: switch Skin on in a finger's Object panel.", "INFO")
             return
         view = scene.dermis.skin_view

@@ -51,17 +51,17 @@ class _Live:
 
 
 _live = _Live()
-_fingers: tuple[Any, bool, bool] = ((), False, False)  # what was looked up: whether any is shown, and any solved
-
-
-def any_shown(scene: bpy.types.Scene) -> bool:
-    """Return whether any finger shows its skin."""
-    return _looked_up(scene)[1]
+_any: tuple[Any, bool] = ((), False)  # what was looked up, and whether any skin is solved
 
 
 def any_solved(scene: bpy.types.Scene) -> bool:
-    """Return whether the skin of any finger is solved."""
-    return _looked_up(scene)[2]
+    """Return whether the skin of any finger is solved; looked up once after each change."""
+    global _any
+    key = (scene.session_uid, changes.edits(), len(scene.objects))
+    if _any[0] != key:
+        fingers = (obj.dermis.finger for obj in scene.objects if obj.dermis.role == "FINGER")
+        _any = key, any(_is_solved(f.skin.shown, (d.preset for d in f.devices if d.enabled)) for f in fingers)
+    return _any[1]
 
 
 def solved(finger: core.scene.tactile_scene.Finger) -> bool:
@@ -156,16 +156,6 @@ def refresh() -> None:
 def _is_solved(shown: bool, presets: Iterable[str]) -> bool:
     """Return whether a skin is solved: also where it is hidden and a thimble follows it, whose trail would be slow."""
     return shown or any(thimble_devices.spec_of(preset) is not None for preset in presets)
-
-
-def _looked_up(scene: bpy.types.Scene) -> tuple[Any, bool, bool]:
-    global _fingers
-    key = (scene.session_uid, changes.edits(), len(scene.objects))
-    if _fingers[0] != key:
-        all_of = [obj.dermis.finger for obj in scene.objects if obj.dermis.role == "FINGER"]
-        presets = ((finger.skin.shown, (d.preset for d in finger.devices if d.enabled)) for finger in all_of)
-        _fingers = key, any(f.skin.shown for f in all_of), any(_is_solved(*one) for one in presets)
-    return _fingers
 
 
 def _pending() -> bool:

@@ -74,11 +74,13 @@ def lathe(profile: list[tuple[float, float]], colour: Colour) -> Part:
 
 
 def bar(start: Array, end: Array, half: float, colour: Colour, sides: int = 6) -> Part:
-    """Return a bar of a half width between two points [m]."""
+    """Return a bar of a half width between two points [m], closed at both ends."""
     side, up = across((end - start) / max(float(np.linalg.norm(end - start)), 1e-12))
     angle = np.arange(sides + 1) * (2.0 * np.pi / sides)
     normals = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up
-    return _band(start + half * normals, end + half * normals, normals, colour)
+    sleeve, i = _band(start + half * normals, end + half * normals, normals, colour), np.arange(1, sides - 1)
+    cap = np.stack([np.zeros_like(i), i, i + 1], axis=1)
+    return sleeve._replace(triangles=np.vstack([sleeve.triangles, cap, cap + sides + 1]).astype(np.int32))
 
 
 def ribbon(first: Array, second: Array, colours: Array) -> Part:

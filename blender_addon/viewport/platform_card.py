@@ -30,7 +30,7 @@ def card(row: Row, state: platform_twin.State | None, left: float, bottom: float
     """Draw the motors as gauges over their range, and the cables' tensions [px]."""
     line = LINE * scale
     y = bottom + (len(row.values) + 0.2) * line
-    bar = 0.42 * width
+    bar = 0.38 * width
     for name, share, words in lines_of(row):
         paint.text(name, left, y, paint.FAINT, scale)
         x = left + 0.27 * width

@@ -13,7 +13,7 @@ from typing import Any
 
 import bpy
 
-from .. import changes, redraw
+from .. import changes, choices, redraw
 from ..devices import readiness, thimble_devices
 from ..preview import device_preview, pin_preview, platform_preview, skin_preview, thimble_preview
 from ..preview.rows import Preview
@@ -71,6 +71,8 @@ def renew(scene: bpy.types.Scene) -> Frame:
     _frames.pop(uid, None)
     shown = devices(scene)
     ready = readiness.of(active) if active is not None and active.dermis.role == "FINGER" else {}
+    if active is not None and active.dermis.role == "FINGER" and not choices.known():
+        choices.refresh()  # panels call its devices by their names
     _frames[uid] = Frame(
         device_preview.frame_of(scene),
         shown,

@@ -78,11 +78,14 @@ def test_every_setting_of_a_material_can_be_reached() -> None:
 
 def test_the_census_follows_roles_and_devices() -> None:
     scene = bpy.context.scene
-    assert census.of(scene) == census.Census((), (), (), (), False, 0)
+    assert census.of(scene) == census.Census((), (), (), (), False, False, 0)
     hand = finger()
     cube()
     screen()
-    assert census.of(scene) == census.Census(("Finger",), ("Finger",), ("Cube",), ("Screen",), False, 0)
+    assert census.of(scene) == census.Census(("Finger",), ("Finger",), ("Cube",), ("Screen",), False, False, 0)
+    hand.dermis.finger.skin.shown = True
+    assert census.of(scene).skins and census.of(scene).idle == ()
+    hand.dermis.finger.skin.shown = False
     device = hand.dermis.finger.devices.add()
     device.preset = "haptip"
     assert census.of(scene).idle == ()

@@ -237,3 +237,13 @@ def test_panels_show_built_devices_once_a_timer_has_read_their_folder(
         draw_only(callbacks, layout)
         words = " ".join(layout.words)
         assert ("cannot be read" if gone else "left, red tape") in words if read else asked and "red tape" not in words
+
+
+def test_panels_call_presets_by_their_names_once_a_finger_is_shown(card: Anything, callbacks: Any) -> None:
+    build("tactor")
+    choices.forget()
+    for name in ("Index Medium", "Index Finger, Medium"):
+        layout = Anything()
+        draw_only(callbacks, layout)
+        assert name in layout.words
+        shown.work()

@@ -101,3 +101,11 @@ def test_a_field_glows_with_its_share_of_the_limit_and_not_at_all_at_zero() -> N
 def test_a_preset_without_limits_is_drawn_to_the_scale_of_its_unit(unit: str, expected: float) -> None:
     assert row({"a": 0.1}, unit, None).full_scale("a") == expected
     assert row({"a": 0.1}, unit, 3.0).full_scale("a") == 3.0
+
+
+def test_a_bar_is_closed() -> None:
+    """Each of its edges borders two triangles; the seam's two ends of a ring are one place."""
+    bar = parts.bar(np.zeros(3), np.array([0.0, 3e-3, 4e-3]), 1e-3, (1.0, 1.0, 1.0, 1.0))
+    places = np.unique(np.round(bar.positions, 9), axis=0, return_inverse=True)[1].reshape(-1)[bar.triangles]
+    edges = np.sort(np.concatenate([places[:, [0, 1]], places[:, [1, 2]], places[:, [2, 0]]]), axis=1)
+    assert set(np.unique(edges, axis=0, return_counts=True)[1].tolist()) == {2}

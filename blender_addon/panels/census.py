@@ -1,7 +1,6 @@
 """What the scene holds, counted once after each change and not once a redraw."""
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 
@@ -11,8 +10,7 @@ from ..properties.scene_properties import FILE_VERSION
 MOVERS = frozenset({"ARMATURE", "CLOTH", "HOOK", "LATTICE", "MESH_CACHE", "MESH_DEFORM", "NODES", "SOFT_BODY", "WAVE"})
 
 
-@dataclass(frozen=True)
-class Census:
+class Census(NamedTuple):
     """Names of fingers, of those with neither an enabled device nor a shown skin, of touchable objects and screens."""
 
     fingers: tuple[str, ...]

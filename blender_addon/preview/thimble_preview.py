@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -39,8 +39,7 @@ class _FingerPath:
     error: str = ""
 
 
-@dataclass
-class _Played:
+class _Played(NamedTuple):
     """A baked track on a skin."""
 
     result: Any

@@ -8,9 +8,8 @@ the stroke.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,8 +23,7 @@ TURNS, COIL_RADIUS, PER_TURN = 7, 2.0e-3, 10
 SPRING: Colour = (0.60, 0.64, 0.68, 0.55)
 
 
-@dataclass(frozen=True)
-class State:
+class State(NamedTuple):
     """A platform at one moment.
 
     Attributes:

@@ -8,8 +8,7 @@ be done anew.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 
@@ -24,8 +23,7 @@ from . import skin_shown, twins
 from .twin import Twin
 
 
-@dataclass(frozen=True, eq=False)
-class Frame:
+class Frame(NamedTuple):
     """Everything that is shown of a scene at one frame.
 
     Attributes:

@@ -39,8 +39,7 @@ QUANTITIES = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Drawn:
+class Drawn(NamedTuple):
     """One skin, ready to be drawn, in the finger's frame.
 
     Attributes:

@@ -7,8 +7,7 @@ values all go through the same matrix, made once for a mesh.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +18,7 @@ TRIANGLES = 3000  # a surface is refined until it has about as many
 MOST_LEVELS = 2
 
 
-@dataclass(frozen=True, eq=False)
-class DisplaySurface:
+class DisplaySurface(NamedTuple):
     """A skin's surface for drawing.
 
     Attributes:

@@ -5,9 +5,8 @@ Every part is placed by the servos' angles: the platform by forward kinematics, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,8 +24,7 @@ DISC_HEIGHT, RING = 1.2e-3, 1.2e-3
 POINTER = 8e-3  # [m] below the disc
 
 
-@dataclass(frozen=True)
-class Joints:
+class Joints(NamedTuple):
     """Where a thimble's joints are, in the finger's frame [m].
 
     Attributes:

@@ -2,11 +2,29 @@
 
 import bpy
 
-from . import add, bake, calibration, design, devices, export, housekeeping, pins, roles, skin, stream, thimble, tracks
+from . import (
+    add,
+    bake,
+    calibration,
+    demo,
+    design,
+    devices,
+    export,
+    housekeeping,
+    material,
+    pins,
+    roles,
+    skin,
+    stream,
+    thimble,
+    tracks,
+)
 
 CLASSES: tuple[type, ...] = (
     *add.CLASSES,
+    *demo.CLASSES,
     *roles.CLASSES,
+    *material.CLASSES,
     *devices.CLASSES,
     *bake.CLASSES,
     *export.CLASSES,

@@ -11,6 +11,7 @@ from bpy.props import CollectionProperty, EnumProperty, FloatProperty, IntProper
 from .. import choices
 from ..compat import BLEND_RELATIVE
 from ..devices import platform_devices
+from ..registration import registration
 from . import design_results
 
 
@@ -94,19 +95,8 @@ class DermisDesign(bpy.types.PropertyGroup):
     )
 
 
-CLASSES: tuple[type, ...] = (DermisDesignTouch, DermisDesign)
-
-
-def register() -> None:
-    """Register the groups and hang them on scenes."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-    bpy.types.Scene.dermis_design = PointerProperty(type=DermisDesign, name="How Many Motors?")
-
-
-def unregister() -> None:
-    """Undo `register`, and forget what was found."""
-    design_results.forget()
-    del bpy.types.Scene.dermis_design
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = registration(
+    (DermisDesignTouch, DermisDesign),
+    (bpy.types.Scene, "dermis_design", PointerProperty(type=DermisDesign, name="How Many Motors?")),
+    forget=design_results.forget,
+)

@@ -1,7 +1,6 @@
 """What buttons do, one file per topic."""
 
-import bpy
-
+from ..registration import registration
 from . import (
     add,
     bake,
@@ -39,13 +38,4 @@ CLASSES: tuple[type, ...] = (
 )
 
 
-def register() -> None:
-    """Register the operators."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = registration(CLASSES)

@@ -23,6 +23,7 @@ from bpy.props import (
 
 from .._core import core
 from ..compat import BLEND_RELATIVE
+from ..registration import registration
 from .device_properties import DermisDevice
 from .fields import OVERRIDE, apply, declared, touched, values
 from .material_properties import DermisMaterial
@@ -159,17 +160,8 @@ CLASSES: tuple[type, ...] = (
 )
 
 
-def register() -> None:
-    """Register the groups and hang them on objects and scenes."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-    bpy.types.Object.dermis = PointerProperty(type=DermisObject, name="Dermis", override=OVERRIDE)
-    bpy.types.Scene.dermis = PointerProperty(type=DermisScene, name="Dermis")
-
-
-def unregister() -> None:
-    """Undo `register`; the values stay in the file as plain data."""
-    del bpy.types.Scene.dermis
-    del bpy.types.Object.dermis
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = registration(
+    CLASSES,
+    (bpy.types.Object, "dermis", PointerProperty(type=DermisObject, name="Dermis", override=OVERRIDE)),
+    (bpy.types.Scene, "dermis", PointerProperty(type=DermisScene, name="Dermis")),
+)

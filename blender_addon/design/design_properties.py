@@ -10,13 +10,13 @@ from bpy.props import CollectionProperty, EnumProperty, FloatProperty, IntProper
 
 from .. import choices
 from ..compat import BLEND_RELATIVE
-from ..devices import platform_devices
+from ..devices import active_presets
 from ..registration import registration
 from . import design_results
 
 
 def _platforms(_self: Any, _context: Any, text: str) -> list[str]:
-    found = [e for e in choices.devices() if choices.kind_of(e.key) in platform_devices.kinds()]
+    found = [e for e in choices.devices() if choices.kind_of(e.key) in active_presets.kinds("platform")]
     return [e.key for e in found if text.lower() in f"{e.key} {e.name}".lower()]
 
 

@@ -12,7 +12,7 @@ import bpy
 
 from .. import choices
 from .._core import DermisError, core
-from ..devices import platform_devices, skin_models
+from ..devices import active_presets, platform_devices, skin_models
 from ..preferences import library, presets_folder, user_folder
 from ..properties import skin_properties
 from ..results import store
@@ -50,7 +50,7 @@ def find(scene: bpy.types.Scene) -> Generator[Any, None, Any]:
     """
     settings = scene.dermis_design
     task, progress = core.design.task, core.pipeline.render.Progress
-    spec = platform_devices.spec_of(settings.device)
+    spec = active_presets.spec_of(settings.device, "platform")
     if spec is None:
         raise DermisError(
             "not a platform's preset",
@@ -118,7 +118,7 @@ def make_preset(scene: bpy.types.Scene, found: Any) -> str:
     key = f"{found.spec.key}_{count}_motor{'s' if count > 1 else ''}_{names}"
     report.write_preset(made, presets_folder() / "devices" / f"{key}.json")
     library().device(key)  # what cannot be read again must be told now
-    platform_devices.forget()
+    active_presets.forget()
     choices.refresh()
     return key
 

@@ -1,4 +1,4 @@
-"""Which platform a finger wears, and its look-up table: whether it is at hand, and how it is made.
+"""The look-up table of a finger's platform: whether it is at hand, and how it is made.
 
 A table says what a device does to one finger's skin. It is swept once for a mechanism, a size of finger and a number of
 configurations, by child processes, and kept with the skin.
@@ -19,21 +19,6 @@ from ..properties import skin_properties
 from . import active_presets, skin_models
 
 WORKERS = max(1, min(2, (os.cpu_count() or 2) - 1))
-
-
-def kinds() -> tuple[str, ...]:
-    """Return the kinds of device that a look-up table drives."""
-    return tuple(name for name, kind in core.devices.kinds.KINDS.items() if kind.platform)
-
-
-def device_of(obj: bpy.types.Object) -> Any | None:
-    """Return the settings of the finger's first platform that is switched on, or None."""
-    return active_presets.device_of(obj, kinds())
-
-
-def spec_of(preset: str) -> core.devices.spec.DeviceSpec | None:
-    """Return a platform's preset; None for other devices and for presets that cannot be read."""
-    return active_presets.spec_of(preset, kinds())
 
 
 def absolute(values: dict[str, Any]) -> dict[str, Any]:
@@ -58,7 +43,7 @@ def table(obj: bpy.types.Object, device: Any) -> core.matching.table.SkinTable |
     Raises:
         DermisError: a file that cannot be read, a table of another device, or a skin that cannot be made.
     """
-    spec, model = spec_of(device.preset), model_of(obj)
+    spec, model = active_presets.spec_of(device.preset, "platform"), model_of(obj)
     if spec is None or model is None:
         return None
     path = bpy.path.abspath(device.table) if device.table else ""
@@ -69,7 +54,7 @@ def table(obj: bpy.types.Object, device: Any) -> core.matching.table.SkinTable |
 def missing(obj: bpy.types.Object, device: Any) -> bool:
     """Tell whether a platform waits for its table; one that cannot be read is not missing: rendering says why."""
     try:
-        return spec_of(device.preset) is not None and table(obj, device) is None
+        return active_presets.spec_of(device.preset, "platform") is not None and table(obj, device) is None
     except DermisError:
         return False
 
@@ -77,7 +62,7 @@ def missing(obj: bpy.types.Object, device: Any) -> bool:
 def waits(finger: str, preset: str) -> bool:
     """Tell whether a finger's platform cannot be shown while scrubbing, because its table must be made first."""
     obj = bpy.context.scene.objects.get(finger)
-    devices = obj.dermis.finger.devices if obj is not None and spec_of(preset) is not None else ()
+    devices = obj.dermis.finger.devices if obj is not None else ()
     return any(d.preset == preset and missing(obj, d) for d in devices)
 
 
@@ -90,7 +75,7 @@ def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
         DermisError: no platform, a skin that cannot be made, or a sweep that fails.
     """
     progress = core.pipeline.render.Progress
-    spec = spec_of(device.preset)
+    spec = active_presets.spec_of(device.preset, "platform")
     if spec is None:
         raise DermisError("the finger wears no platform", where=f"finger '{obj.name}'", remedy="Add one under Devices")
     yield progress("skin", 0, 1)
@@ -143,8 +128,3 @@ def swept(spec: Any, skin: dict[str, Any], level: str, rows: int | None) -> Gene
 def folder() -> Path:
     """Return where parts of unfinished tables are kept."""
     return user_folder("collection", create=True)
-
-
-def forget() -> None:
-    """Read presets anew."""
-    active_presets.forget()

@@ -9,9 +9,8 @@ import bpy
 
 from .. import changes
 from .._core import DermisError
-from . import active_presets, pin_devices, platform_devices, thimble_adaptation, thimble_devices
+from . import active_presets, platform_devices, thimble_adaptation
 
-KINDS = ("pins", "thimble", "platform")
 Worn = Mapping[str, Mapping[str, int]]
 
 
@@ -27,7 +26,7 @@ _kept: tuple[tuple[int, int], Mapping[str, Ready]] = ((-1, -1), {})  # the finge
 
 
 def worn(scene: bpy.types.Scene) -> Worn:
-    """Return for each finger's name and each of `KINDS` which of its devices is the one that counts."""
+    """Return for each finger's name and each family which of its devices is the one that counts."""
     global _worn
     key = (scene.session_uid, changes.edits())
     if _worn[0] != key:
@@ -46,11 +45,11 @@ def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
     if _kept[0] == key:
         return _kept[1]
     found: dict[str, Ready] = {}
-    thimble, platform = thimble_devices.device_of(obj), platform_devices.device_of(obj)
+    thimble, platform = active_presets.device_of(obj, "thimble"), active_presets.device_of(obj, "platform")
     try:
         model = platform_devices.model_of(obj) if thimble is not None or platform is not None else None
     except DermisError as error:
-        return {kind: Ready(trouble=str(error)) for kind in KINDS}
+        return {kind: Ready(trouble=str(error)) for kind in active_presets.FAMILIES}
     if model is not None and thimble is not None:
         found["thimble"] = _looked_up(thimble_adaptation.status, thimble, model)
     if model is not None and platform is not None:
@@ -69,11 +68,9 @@ def forget() -> None:
 def _devices(devices: Any) -> dict[str, int]:
     found: dict[str, int] = {}
     for i, device in enumerate(devices):
-        for name, kinds in zip(
-            KINDS, (pin_devices.KINDS, thimble_devices.KINDS, platform_devices.kinds()), strict=True
-        ):
-            if device.enabled and name not in found and active_presets.spec_of(device.preset, kinds) is not None:
-                found[name] = i
+        for family in active_presets.FAMILIES:
+            if device.enabled and family not in found and active_presets.spec_of(device.preset, family) is not None:
+                found[family] = i
     return found
 
 

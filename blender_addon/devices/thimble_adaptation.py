@@ -10,7 +10,7 @@ import bpy
 
 from .._core import DermisError, core
 from ..properties import skin_properties
-from . import skin_models, thimble_devices
+from . import active_presets, skin_models, thimble_devices
 
 MOVING = 600  # of the thousand steps that the engine tells; then it trains
 _told: dict[Path, tuple[float, dict[str, Any]]] = {}
@@ -27,8 +27,8 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
     Raises:
         DermisError: no thimble, a preset or skin that cannot be used, or what the child process says.
     """
-    device = thimble_devices.device_of(obj)
-    spec = thimble_devices.spec_of(device.preset) if device is not None else None
+    device = active_presets.device_of(obj, "thimble")
+    spec = active_presets.spec_of(device.preset, "thimble") if device is not None else None
     if device is None or spec is None:
         raise DermisError("the finger wears no thimble", where=f"finger '{obj.name}'", remedy="Add one under Devices")
     progress = core.pipeline.render.Progress

@@ -1,4 +1,4 @@
-"""Which thimble a finger wears and how it is used: from the artist's settings to the engine's `ThimbleUse`."""
+"""How a thimble is used: from the artist's settings to the engine's `ThimbleUse`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from ..preferences import user_folder
 from ..properties import scene_properties
 from . import active_presets, skin_models
 
-KINDS = ("thimble",)
 LEARNED = ("network", "ridge")
 _uses: core.recent.Recent[str, Any] = core.recent.Recent(8)
 
@@ -21,16 +20,6 @@ _uses: core.recent.Recent[str, Any] = core.recent.Recent(8)
 def folder(*, create: bool = False) -> Path:
     """Return the folder of the adaptations to fingers."""
     return user_folder("surrogates", create=create)
-
-
-def device_of(obj: bpy.types.Object) -> Any | None:
-    """Return the settings of the finger's first thimble that is switched on, or None."""
-    return active_presets.device_of(obj, KINDS)
-
-
-def spec_of(preset: str) -> core.devices.spec.DeviceSpec | None:
-    """Return a thimble's preset; None for other devices and for presets that cannot be read."""
-    return active_presets.spec_of(preset, KINDS)
 
 
 def parameters_of(device: Any) -> dict[str, Any]:
@@ -48,7 +37,7 @@ def used(device: Any, model: Any) -> Any:
     Raises:
         DermisError: a preset or settings that cannot be used.
     """
-    spec = spec_of(device.preset)
+    spec = active_presets.spec_of(device.preset, "thimble")
     if spec is None:
         raise DermisError("no such thimble", where="thimble", value=device.preset)
     values = {k: v for k, v in parameters_of(device).items() if k.startswith("thimble_")}
@@ -63,7 +52,7 @@ def adapted(device: Any, model: Any) -> Path | None:
     Raises:
         DermisError: a preset or settings that cannot be used.
     """
-    module, spec = core.matching.thimble_use, spec_of(device.preset)
+    module, spec = core.matching.thimble_use, active_presets.spec_of(device.preset, "thimble")
     if spec is None:
         return None
     fitted, friction = module.fitted(spec, model, scene_properties.parameters(device))

@@ -15,10 +15,7 @@ from ..results import store
 from .work import File, Folder, Work, counted, worn
 
 
-@needs(
-    lambda context: worn(context, platform_devices.kinds()),
-    "Select a finger with a cable platform or a six-leg platform",
-)
+@needs(lambda context: worn(context, "platform"), "Select a finger with a cable platform or a six-leg platform")
 class DERMIS_OT_make_table(jobs.Job, bpy.types.Operator):
     """Sweep this finger's platform in simulation, so that touches can be looked up while you scrub; Esc cancels, and
     what was swept is kept"""
@@ -30,7 +27,7 @@ class DERMIS_OT_make_table(jobs.Job, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the sweep."""
-        return platform_devices.make(context.object, worn(context, platform_devices.kinds()))
+        return platform_devices.make(context.object, worn(context, "platform"))
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Say how large it is."""

@@ -8,7 +8,7 @@ from bpy.props import FloatProperty
 
 from .. import changes
 from .._core import core
-from ..devices import pin_devices, skin_models
+from ..devices import skin_models
 from ..polls import active_finger, needs
 from ..properties import skin_properties
 from ..results import pin_reports
@@ -75,7 +75,7 @@ class DERMIS_OT_press_test(Work, bpy.types.Operator):
         return f"Personal factor {fit.alpha:.3f}{spread} ({low} to {high} among the paper's people)"
 
 
-@needs(lambda context: worn(context, pin_devices.KINDS), "Select a finger with a pin array")
+@needs(lambda context: worn(context, "pins"), "Select a finger with a pin array")
 class DERMIS_OT_compare_pins(Work, bpy.types.Operator):
     """Say how far each matching method would miss for what this finger felt in the last bake"""
 

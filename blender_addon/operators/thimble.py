@@ -13,7 +13,7 @@ from ..results import thimble_plot
 from .work import File, worn
 
 
-@needs(lambda context: worn(context, thimble_devices.KINDS), "Select a finger with a thimble")
+@needs(lambda context: worn(context, "thimble"), "Select a finger with a thimble")
 class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
     """Learn what this finger's thimble does to its skin, for the methods Network and Polynomial; Esc cancels"""
 
@@ -39,7 +39,7 @@ class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
         return {"FINISHED"}
 
 
-@needs(lambda context: worn(context, thimble_devices.KINDS), "Select a finger with a thimble")
+@needs(lambda context: worn(context, "thimble"), "Select a finger with a thimble")
 class DERMIS_OT_plot_thimble(File, bpy.types.Operator):
     """Draw what this finger felt in the last bake in three components, beside all that the thimble can do"""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -86,10 +85,10 @@ class Chooser:
         return {"FINISHED"}
 
 
-def worn(context: bpy.types.Context, kinds: Collection[str]) -> Any | None:
-    """Return the settings of the active finger's first device of some kinds that is switched on, or None."""
+def worn(context: bpy.types.Context, family: active_presets.Family) -> Any | None:
+    """Return the settings of the active finger's first device of a family that is switched on, or None."""
     finger = active_finger(context)
-    return active_presets.device_of(finger, kinds) if finger is not None else None
+    return active_presets.device_of(finger, family) if finger is not None else None
 
 
 def chosen(context: bpy.types.Context) -> list[bpy.types.Object]:

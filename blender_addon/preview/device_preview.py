@@ -19,7 +19,7 @@ import numpy as np
 
 from .. import changes
 from .._core import DermisError, core
-from ..devices import pin_devices, platform_devices, skin_models, thimble_devices
+from ..devices import active_presets, platform_devices, skin_models
 from ..preferences import library, setting
 from ..results import store
 from ..sampling import scene_header, scene_sweep
@@ -217,11 +217,13 @@ def _run(tactile: TactileScene) -> core.pipeline.bake.Bake:
 
 def _solved(finger: core.scene.tactile_scene.Finger) -> bool:
     """Tell whether `skin_preview` solves a finger's skin: because it is shown, or a thimble follows it."""
-    return bool(finger.parameters.get("skin_shown")) or any(thimble_devices.spec_of(d.preset) for d in finger.devices)
+    return bool(finger.parameters.get("skin_shown")) or any(
+        active_presets.spec_of(d.preset, "thimble") for d in finger.devices
+    )
 
 
 def _follows_skin(preset: str) -> bool:
-    return any(kind.spec_of(preset) is not None for kind in (pin_devices, thimble_devices, platform_devices))
+    return any(active_presets.spec_of(preset, family) is not None for family in active_presets.FAMILIES)
 
 
 def _with_followers(scene: bpy.types.Scene, shown: Preview | None) -> Preview | None:

@@ -17,7 +17,7 @@ import numpy as np
 
 from .. import changes, redraw
 from .._core import DermisError, core
-from ..devices import skin_models, thimble_devices
+from ..devices import active_presets, skin_models
 from ..results import store
 from ..sampling import scene_sweep
 from . import baked_skins
@@ -162,7 +162,7 @@ def refresh() -> None:
 
 def _followed(presets: Iterable[str]) -> bool:
     """Tell whether a skin is solved even where it is hidden: a thimble has a path to go on, and a trail is slow."""
-    return any(thimble_devices.spec_of(preset) is not None for preset in presets)
+    return any(active_presets.spec_of(preset, "thimble") is not None for preset in presets)
 
 
 def _pending() -> bool:

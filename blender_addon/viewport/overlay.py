@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..devices import platform_devices
+from ..devices import active_presets
 from ..layouts import ui_scale
 from ..preview.rows import Row
 from . import paint, pin_view, platform_view, shown, tactor_twin, thimble_view
@@ -101,7 +101,7 @@ def _draw_pixels() -> None:
 
 
 def _card_height(row: Row) -> float:
-    if row.kind in platform_devices.kinds():
+    if row.kind in active_presets.kinds("platform"):
         return platform_view.height(row) + 2.0 * MARGIN
     tall = "tactor_x" in row.values or row.kind in ("pin_array", "thimble")
     return DIAL + 3.0 * MARGIN + LINE if tall else 3 * LINE + 2 * MARGIN
@@ -119,7 +119,7 @@ def _card(row: Row, twin: Any, left: float, bottom: float, scale: float) -> None
         pin_view.card(row, twin, x, bottom + MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, DIAL * scale, scale)
     elif row.kind == "thimble" and "servo_1" in row.values:
         thimble_view.card(row, twin, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
-    elif row.kind in platform_devices.kinds():
+    elif row.kind in active_presets.kinds("platform"):
         platform_view.card(row, twin, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
     elif "amplitude" in row.values:
         _bar(row, x, top - 1.6 * LINE * scale, scale)

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from .._core import Array
-from ..devices import pin_devices
+from ..devices import active_presets
 from ..preview.pin_preview import Pins
 from ..preview.rows import Row
 from . import drawing, paint, tactor_twin
@@ -88,7 +88,7 @@ def grid(row: Row, pins: Pins | None) -> tuple[int, int]:
 
 
 def _draw() -> None:
-    for row, pins in drawing.rows_of(pin_devices.KINDS):
+    for row, pins in drawing.rows_of(active_presets.kinds("pins")):
         frame = finger_matrix(bpy.context.scene, row.finger)
         if frame is None or pins is None or len(pins.points) != len(row.values):
             continue

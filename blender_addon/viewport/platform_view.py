@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ..devices import platform_devices
+from ..devices import active_presets
 from ..preview.rows import Row
 from ..quantities import quantity
 from . import drawing, paint, platform_twin
@@ -49,7 +49,7 @@ def card(row: Row, state: platform_twin.State | None, left: float, bottom: float
 
 
 def _draw() -> None:
-    for row, state in drawing.rows_of(platform_devices.kinds()):
+    for row, state in drawing.rows_of(active_presets.kinds("platform")):
         frame = finger_matrix(bpy.context.scene, row.finger)
         if frame is None or state is None:
             continue

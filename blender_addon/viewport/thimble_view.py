@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ..devices import thimble_devices
+from ..devices import active_presets
 from ..preview.rows import Row
 from . import drawing, paint, tactor_twin, thimble_twin
 from .drawing import finger_matrix
@@ -45,7 +45,7 @@ def card(row: Row, twin: ThimbleTwin | None, left: float, bottom: float, width: 
 
 
 def _draw() -> None:
-    for row, twin in drawing.rows_of(thimble_devices.KINDS):
+    for row, twin in drawing.rows_of(active_presets.kinds("thimble")):
         frame = finger_matrix(bpy.context.scene, row.finger)
         if frame is None or twin is None:
             continue

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from .._core import Array, DermisError, core
-from ..devices import pin_devices, platform_devices, thimble_devices
+from ..devices import active_presets, platform_devices, thimble_devices
 from ..preview import pin_preview
 from ..preview.rows import Row
 from . import platform_twin, thimble_twin
@@ -40,11 +40,11 @@ def twin_of(scene: bpy.types.Scene, row: Row) -> Twin | None:
     if obj is None:
         return None
     try:
-        if row.kind in pin_devices.KINDS:
+        if row.kind in active_presets.kinds("pins"):
             return pin_preview.pins_of(obj, row.device)
-        if row.kind in thimble_devices.KINDS:
+        if row.kind in active_presets.kinds("thimble"):
             return _thimble(obj, row, workspace=scene.dermis.thimble_view.workspace)
-        if row.kind in platform_devices.kinds():
+        if row.kind in active_presets.kinds("platform"):
             return _platform(obj, row)
     except DermisError:
         pass  # the bake says why
@@ -57,7 +57,7 @@ def mechanism_of(obj: bpy.types.Object, preset: str) -> tuple[core.devices.thimb
     Raises:
         DermisError: a preset or settings that cannot be used.
     """
-    spec = thimble_devices.spec_of(preset)
+    spec = active_presets.spec_of(preset, "thimble")
     settings = next((d for d in obj.dermis.finger.devices if d.preset == preset), None)
     if spec is None:
         return None
@@ -102,7 +102,7 @@ def _thimble(obj: bpy.types.Object, row: Row, *, workspace: bool) -> ThimbleTwin
 
 
 def _platform(obj: bpy.types.Object, row: Row) -> platform_twin.State | None:
-    spec = platform_devices.spec_of(row.device)
+    spec = active_presets.spec_of(row.device, "platform")
     if spec is None or len(row.values) != len(spec.channels):
         return None
     touching = row.contact is None or row.contact > 0.5

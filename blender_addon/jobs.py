@@ -37,13 +37,12 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
     Raises:
         DermisError: the scene cannot be sampled or rendered.
     """
-    pipeline = core.pipeline.render
-    yield pipeline.Progress("preparing", 0, 1)
+    yield core.pipeline.render.Progress("preparing", 0, 1)
     yield from platform_devices.make_missing(scene)
     tactile = scene_sweep.sample(scene, span=span)
     sweep = tactile.chunks
     skins = skin_models.wanted(tactile, library)
-    steps = pipeline.render(tactile, library, cache=skin_models.cache())
+    steps = core.pipeline.render.render(tactile, library, cache=skin_models.cache())
     sampling_seconds = 0.0
     try:
         while True:
@@ -51,7 +50,7 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
             ready = sweep.advance()
             sampling_seconds += time.perf_counter() - start
             if not ready:
-                yield pipeline.Progress("sampling", sweep.done, sweep.total)
+                yield core.pipeline.render.Progress("sampling", sweep.done, sweep.total)
                 continue
             try:
                 with skin_models.one_thread() if skins else nullcontext():

@@ -74,11 +74,10 @@ def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
     Raises:
         DermisError: no platform, a skin that cannot be made, or a sweep that fails.
     """
-    progress = core.pipeline.render.Progress
     spec = active_presets.spec_of(device.preset, "platform")
     if spec is None:
         raise DermisError("the finger wears no platform", where=f"finger '{obj.name}'", remedy="Add one under Devices")
-    yield progress("skin", 0, 1)
+    yield core.pipeline.render.Progress("skin", 0, 1)
     skin, rows = skin_properties.parameters(obj.dermis.finger.skin), int(device.table_rows)
     steps = swept(spec, skin["skin"], skin["skin_level"], rows)
     model, made = yield from steps
@@ -106,7 +105,6 @@ def swept(spec: Any, skin: dict[str, Any], level: str, rows: int | None) -> Gene
     Raises:
         DermisError: a skin that cannot be made, or a sweep that fails.
     """
-    progress = core.pipeline.render.Progress
     with skin_models.one_thread():
         model = skin_models.get(skin, level, wait=True)
     material = {k: float(v) for k, v in skin.items() if k in ("young", "poisson", "alpha")}
@@ -122,7 +120,7 @@ def swept(spec: Any, skin: dict[str, Any], level: str, rows: int | None) -> Gene
                     done, total = next(steps)
             except StopIteration as stop:
                 return model, stop.value
-            yield progress("table", done, total)
+            yield core.pipeline.render.Progress("table", done, total)
 
 
 def folder() -> Path:

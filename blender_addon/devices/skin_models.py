@@ -79,8 +79,9 @@ def get(
         if level in SLOW and not wait and not bpy.app.background and not _finished(key):
             _begin(key, skin, level)
             return None
-    make = core.skin.model.skin_from_parameters
-    model = _models.make(key, lambda: make(skin, level=level, cache=cache(), where=where))
+    model = _models.make(
+        key, lambda: core.skin.model.skin_from_parameters(skin, level=level, cache=cache(), where=where)
+    )
     young, alpha = float(skin.get("young", model.material.young)), float(skin.get("alpha", model.material.alpha))
     if (young, alpha) != (model.material.young, model.material.alpha):
         model = model.with_material(young=young, alpha=alpha)

@@ -59,18 +59,17 @@ class DERMIS_OT_press_test(Work, bpy.types.Operator):
         """Fit the factor and give it to the finger."""
         loads = [getattr(self, f"load_{k + 1}") for k in range(len(DEPTHS_MM))]
         read = [(1e-3 * d, f) for d, f in zip(DEPTHS_MM, loads, strict=True) if f != 0.0]
-        calibration = core.matching.press_test
         skin = context.object.dermis.finger.skin
         values = skin_properties.parameters(skin)
         with skin_models.one_thread():
             model = skin_models.get({**values["skin"], "alpha": 1.0}, values["skin_level"], wait=True)
             depths = [d for d, _ in read]
-            modelled: Any = calibration.press_loads(model, depths) if depths else []
-        fit = calibration.stiffness_factor(depths, [f for _, f in read], modelled)
+            modelled: Any = core.matching.press_test.press_loads(model, depths) if depths else []
+        fit = core.matching.press_test.stiffness_factor(depths, [f for _, f in read], modelled)
         skin.alpha = fit.alpha
         changes.mark_dirty(context.object.name)
         pin_reports.calibrated[context.object.name] = fit
-        low, high = calibration.PAPER_RANGE
+        low, high = core.matching.press_test.PAPER_RANGE
         spread = f" ± {fit.standard_error:.3f}" if fit.standard_error == fit.standard_error else ""
         return f"Personal factor {fit.alpha:.3f}{spread} ({low} to {high} among the paper's people)"
 

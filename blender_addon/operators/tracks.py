@@ -34,8 +34,7 @@ class DERMIS_OT_load_track(Streaming, File, bpy.types.Operator):
         except DermisError:
             settings.track_file = before
             raise
-        check = core.track.check
-        found = (*check.preset_findings(track, library()), *check.findings_of(track))
+        found = (*core.track.check.preset_findings(track, library()), *core.track.check.findings_of(track))
         reporting.show(found, f"Track {Path(self.filepath).name}")
         return f"{track.spec.name}: {len(track.times):,} samples, {track.duration:.2f} s"
 
@@ -89,9 +88,8 @@ class DERMIS_OT_export_as(Folder, bpy.types.Operator):
         self, context: bpy.types.Context, folder: Path, finger: str | None
     ) -> tuple[list[export_parts.Part], list[Any]]:
         """Return everything that is to be written, of all scenes: no file is written before all ranges are in order."""
-        file_names = core.track.file_names
         scenes = [s for s in bpy.data.scenes if store.current(s)] if self.all_scenes else [context.scene]
-        names, prefixes = file_names.FileNames(), file_names.FileNames()
+        names, prefixes = core.track.file_names.FileNames(), core.track.file_names.FileNames()
         parts: list[export_parts.Part] = []
         found: list[Any] = []
         for scene in scenes:
@@ -107,7 +105,7 @@ class DERMIS_OT_export_as(Folder, bpy.types.Operator):
                 active=context.object,
                 finger=finger,
                 names=names,
-                prefix=prefixes.take(file_names.safe(scene.name)) if self.all_scenes else "",
+                prefix=prefixes.take(core.track.file_names.safe(scene.name)) if self.all_scenes else "",
             )
             parts += more
             found += told

@@ -64,12 +64,11 @@ def declare_one(row: core.parameters.parameter.Parameter, update: Update = touch
         common["description"] += f" ({row.source})"
     if not row.keyed:
         common["options"] = set()
-    types = core.parameters.parameter
     if row.choices:
         return EnumProperty(name=row.label, items=row.choices, default=row.default, **common)
-    if row.unit == types.SWITCH:
+    if row.unit == core.parameters.parameter.SWITCH:
         return BoolProperty(name=row.label, default=row.default, **common)
-    if row.unit == types.TEXT:
+    if row.unit == core.parameters.parameter.TEXT:
         more = {"subtype": "FILE_PATH", "options": BLEND_RELATIVE} if row.file else {}
         return StringProperty(name=row.label, default=row.default, **{**common, **more})
     low, high = row.low, row.high

@@ -201,15 +201,12 @@ def _write(path: Path, result: Result) -> None:
 
 
 def _read(path: Path) -> Result:
-    pipeline = core.pipeline.render
     from_preset, track = core.devices.spec.from_preset, core.track.command_track.CommandTrack
-    npz = core.npz
-    foreign = core.foreign
-    with foreign.damage_told("the stored result cannot be read", str(path), remedy="Bake again"):
+    with core.foreign.damage_told("the stored result cannot be read", str(path), remedy="Bake again"):
         # trusted: of a device at rest ten thousand samples become ten bytes
-        with npz.opened_npz(path, kind="a stored result", trusted=True) as archive:
+        with core.npz.opened_npz(path, kind="a stored result", trusted=True) as archive:
             file = archive.arrays(archive.names)
-            header = foreign.json_of(file["header"].tobytes(), str(path), foreign.MOST_TEXT, constants=True)
+            header = core.foreign.json_of(file["header"].tobytes(), str(path), core.foreign.MOST_TEXT, constants=True)
             if header["version"] != RESULT_VERSION:
                 raise DermisError(
                     "made by another version",
@@ -219,7 +216,7 @@ def _read(path: Path) -> Result:
                     remedy="Bake again",
                 )
             outputs = tuple(
-                pipeline.Output(
+                core.pipeline.render.Output(
                     entry["finger"],
                     entry["device"],
                     track(
@@ -235,7 +232,7 @@ def _read(path: Path) -> Result:
                 for i, entry in enumerate(header["outputs"])
             )
             skins = stored_skins.unpack(header.get("skins", []), file)
-        bake = pipeline.Bake(
+        bake = core.pipeline.render.Bake(
             outputs,
             tuple(Finding(**f) for f in header["findings"]),
             header["skipped"],

@@ -30,11 +30,9 @@ def write(scene: bpy.types.Scene, obj: bpy.types.Object, path: Path) -> Path:
         raise DermisError("the finger touches nothing in the last bake", where=f"finger '{obj.name}'")
     output = next((o for o in result.bake.outputs if o.finger == obj.name and o.track.spec.kind == "thimble"), None)
     times = felt.times if output is None else output.track.times
-    thimble = core.matching.thimble
-    command = core.command_line.thimble
     with skin_models.one_thread():
         use = thimble_devices.used(device, felt.model)
-        forces = thimble.forces_at(felt, times)
-        found = thimble.match_touch(use, forces, use.device.servo_speed / spec.rate)
+        forces = core.matching.thimble.forces_at(felt, times)
+        found = core.matching.thimble.match_touch(use, forces, use.device.servo_speed / spec.rate)
         made = core.matching.stimulus_plot.stimulus_plot(use, forces, found)
-    return core.plot.stimuli.write(path, *command.picture(made, found, obj.name))
+    return core.plot.stimuli.write(path, *core.command_line.thimble.picture(made, found, obj.name))

@@ -154,9 +154,8 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[n
         raise DermisError("no image file was chosen", where=where, remedy="Choose one in the Dermis tab under Screen")
     path = bpy.path.abspath(settings.filepath, library=obj.library)
     if settings.source == "SEQUENCE":
-        images = core.images
-        made = depth_map.read(images.sequence(path), meaning=meaning, hole=hole)
-        gap = images.gap_after(path)
+        made = depth_map.read(core.images.sequence(path), meaning=meaning, hole=hole)
+        gap = core.images.gap_after(path)
         return made.heights, full_scale, made.findings + (() if gap is None else (gap,))
     made = depth_map.read(path, meaning=meaning, hole=hole)
     return made.heights, full_scale, made.findings

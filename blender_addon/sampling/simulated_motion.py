@@ -153,9 +153,8 @@ class Poses:
         stretch = np.linalg.norm(matrices[:, :3, :3], axis=1)
         rigid = matrices.copy()
         rigid[:, :3, :3] /= stretch[:, None, :]
-        motion = core.motion
-        self._motion = motion.Motion(times, rigid)
-        self._stretches = motion.Spline(times, stretch)
+        self._motion = core.motion.Motion(times, rigid)
+        self._stretches = core.motion.Spline(times, stretch)
 
     def at(self, times: Array) -> Array:
         """Return matrices at other times, shape (m, 4, 4)."""

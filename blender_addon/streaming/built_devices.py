@@ -145,13 +145,12 @@ def _new_file(made: Any) -> str:
 def _read() -> dict[str, Built]:
     global _known, _damaged
     if _known is None:
-        calibration = core.devices.calibration.Calibration
         found, bad = {}, []
         for path in sorted(user_folder(FOLDER).glob("*.json")):
             if path.name == TABLE:
                 continue
             try:
-                found[path.name] = Built(path.name, calibration.load(path))
+                found[path.name] = Built(path.name, core.devices.calibration.Calibration.load(path))
             except DermisError as error:
                 bad.append(str(error))
         _known, _damaged = found, tuple(bad)

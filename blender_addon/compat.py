@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import bpy
@@ -76,17 +76,20 @@ def animated_paths(owner: bpy.types.ID) -> set[str]:
     if animation is None:
         return set()
     paths = {curve.data_path for curve in animation.drivers}
-    actions = [animation.action] if animation.action else []
-    for track in animation.nla_tracks:
-        actions += [a for strip in track.strips for a in _strip_actions(strip)]
-    for action in actions:
-        for bag in channelbags(action):
+    for holder in action_holders(animation):
+        for bag in channelbags(holder.action) if holder.action else ():
             paths.update(curve.data_path for curve in bag.fcurves)
     return paths
 
 
-def _strip_actions(strip: Any) -> Iterator[Any]:
-    if strip.action:
-        yield strip.action
-    for inner in strip.strips:  # meta strips
-        yield from _strip_actions(inner)
+def action_holders(animation: Any) -> Iterator[Any]:
+    """Yield what refers to actions: the animation data itself, and the strips of its NLA tracks."""
+    yield animation
+    for track in animation.nla_tracks:
+        yield from _strips(track.strips)
+
+
+def _strips(strips: Iterable[Any]) -> Iterator[Any]:
+    for strip in strips:
+        yield strip
+        yield from _strips(strip.strips)  # of meta strips

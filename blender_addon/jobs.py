@@ -70,7 +70,7 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
 class Job:
     """Mixin for operators that work long: modal with Esc and progress in a window, straight through elsewhere.
 
-    An operator gives `steps` and `finished`; it may give `cancelled`. Nothing of Blender is kept between two events
+    An operator gives `steps` and `finished`. Nothing of Blender is kept between two events
     but the generator, which looks its objects up anew.
     """
 
@@ -87,9 +87,6 @@ class Job:
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Take the result; return what the operator shall return."""
         raise NotImplementedError
-
-    def cancelled(self, context: bpy.types.Context) -> None:
-        """Clean up after Esc; the generator has been closed."""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run straight through: from a script, in background, or as 'redo'."""
@@ -114,7 +111,6 @@ class Job:
             if event.shift:  # the key that stops a device, which this operator takes before anybody else hears it
                 session.stop()
             self._end(context)
-            self.cancelled(context)
             self.report({"INFO"}, f"{self.job_title} was cancelled; nothing was changed")
             return {"CANCELLED"}
         if event.type != "TIMER":
@@ -143,7 +139,6 @@ class Job:
     def cancel(self, context: bpy.types.Context) -> None:
         """Stop because Blender stops the operator, such as when a file is opened."""
         self._end(context)
-        self.cancelled(context)
 
     def _finish(self, context: bpy.types.Context, work: Callable[[], Any]) -> set[str]:
         """Take what some work returns; a refusal is reported."""

@@ -16,8 +16,7 @@ from . import design_results
 
 
 def _platforms(_self: Any, _context: Any, text: str) -> list[str]:
-    found = [e for e in choices.devices() if choices.kind_of(e.key) in active_presets.kinds("platform")]
-    return [e.key for e in found if text.lower() in f"{e.key} {e.name}".lower()]
+    return [k for k in choices.search("devices", text) if choices.kind_of(k) in active_presets.kinds("platform")]
 
 
 class DermisDesignTouch(bpy.types.PropertyGroup):

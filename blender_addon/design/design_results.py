@@ -14,7 +14,6 @@ from .. import choices
 from .._core import DermisError, core
 from ..devices import active_presets, platform_devices, skin_models
 from ..preferences import library, presets_folder, user_folder
-from ..properties import skin_properties
 from ..results import store
 
 IMAGE = "Dermis: How Many Motors?"
@@ -180,8 +179,7 @@ def _baked(scene: bpy.types.Scene, settings: Any, number: int) -> tuple[dict[str
         obj = scene.objects.get(name)
         if obj is None:
             raise DermisError("the finger is gone", where=where, value=name, remedy="Bake again")
-        values = skin_properties.parameters(obj.dermis.finger.skin)
-        kept = {"skin": values["skin"], "level": values["skin_level"]}
+        kept = store.skin_of(obj)
     sensed = core.design.task.sense_touch(skins[name], noise=settings.noise, seed=number)
     title = scene.name.split(":")[-1].strip()
     return {"skin": dict(kept["skin"]), "level": str(kept["level"])}, {title: sensed}

@@ -36,7 +36,9 @@ class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
         """Draw preset, accuracy, stiffness and touch depth."""
         layout, skin = self.layout, _finger(context).skin
         layout.active = skin.shown
-        title = next((e.name for e in choices.skins() if e.key == skin.preset), skin.preset.replace("_", " ").title())
+        title = next(
+            (e.name for e in choices.entries("skins") if e.key == skin.preset), skin.preset.replace("_", " ").title()
+        )
         layout.operator("dermis.choose_skin", text=title or "From Preset", icon="PRESET")
         if skin.mesh_file:
             properties(layout, skin, "mesh_file", keys=False)
@@ -192,7 +194,7 @@ class DERMIS_MT_skins(bpy.types.Menu):
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw one entry a preset; broken ones with their reason."""
         layout = self.layout
-        for entry in choices.skins():
+        for entry in choices.entries("skins"):
             if entry.error is None:
                 text = f"{entry.name}{' (yours)' if entry.user else ''}"
                 layout.operator("dermis.apply_skin", text=text, icon="VIEW_PAN").preset = entry.key

@@ -16,7 +16,7 @@ from typing import Any
 
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from .. import changes
+from .. import changes, redraw
 from .._core import core
 from ..compat import BLEND_RELATIVE
 
@@ -39,6 +39,11 @@ _WRITTEN = {"1/(m/s)": "s/m", "1/(m/s^2)": "s²/m", "MPa/m": "kPa/mm"}
 def touched(_self: Any, _context: Any) -> None:
     """Note that what is shown may be out of date."""
     changes.mark_dirty()
+
+
+def redrawn(_self: Any, _context: Any) -> None:
+    """Draw the views again: how they show something has changed."""
+    redraw.request()
 
 
 def declared(*tables: core.parameters.parameter.Table, **updates: Update) -> Callable[[type], type]:

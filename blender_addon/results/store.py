@@ -80,7 +80,7 @@ def fingerprint(scene: bpy.types.Scene) -> tuple[Any, ...]:
 def keep(scene: bpy.types.Scene, bake: core.pipeline.bake.Bake) -> Result:
     """Take over the result of a bake that has just ended: from here on changes make it out of date."""
     fps, first = float(frames_per_second(scene)), float(frame_range(scene)[0])
-    skins = {name: _skin_of(scene.objects[name]) for name in bake.skins if name in scene.objects}
+    skins = {name: skin_of(scene.objects[name]) for name in bake.skins if name in scene.objects}
     kept = Result(bake, fps, first, changes.generation(), fingerprint(scene), skins)
     _results[scene.session_uid] = kept
     changes.clear_dirty()
@@ -153,7 +153,8 @@ def load(scene: bpy.types.Scene) -> Result | None:
     return result
 
 
-def _skin_of(obj: bpy.types.Object) -> dict[str, Any]:
+def skin_of(obj: bpy.types.Object) -> dict[str, Any]:
+    """Return size, material and accuracy of a finger's skin, as it is now."""
     values = skin_properties.parameters(obj.dermis.finger.skin)
     return {"skin": values["skin"], "level": values["skin_level"]}
 

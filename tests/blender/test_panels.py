@@ -118,12 +118,12 @@ def test_presets_are_read_on_demand_and_broken_ones_keep_their_reason(tmp_path, 
     monkeypatch.setattr(preferences, "presets_folder", lambda: tmp_path)
     (tmp_path / "devices").mkdir()
     (tmp_path / "devices" / "mine.json").write_text('{"schema": "dermis-device 1", "name": ', encoding="utf-8")
-    assert not choices.known() and choices.devices() == ()
+    assert not choices.known() and choices.entries("devices") == ()
     choices.refresh()
     assert choices.kind_of("haptip") == "shear_tactor"
     assert choices.first_of_kind("friction_screen") == "electrovibration"
-    assert "not JSON" in choices.device_entry("mine").error
-    assert choices.device_title("removed") == "removed"
+    assert "not JSON" in choices.entry("devices", "mine").error
+    assert choices.title("devices", "removed") == "removed"
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from .. import compat
 from .._core import DermisError
 from ..fingertip_mesh import coloured, shader_of
 from ..preferences import library
-from ..properties import scene_properties
+from ..properties import object_properties
 from . import demo_stage
 from .demo_shapes import RIB_PERIOD, chamfered_block, mesh, ribbed_plate
 
@@ -130,9 +130,9 @@ def _touchable(obj: bpy.types.Object, preset: str, **values: Any) -> None:
     """Take a material preset where there is one, and set what the demo needs whatever it says (SI)."""
     obj.dermis.role = "TOUCHABLE"
     with suppress(DermisError):  # removed by the user: the values below do
-        scene_properties.apply_parameters(obj.dermis.material, library().material(preset))
+        object_properties.apply_parameters(obj.dermis.material, library().material(preset))
         obj.dermis.material.preset = preset
-    scene_properties.apply_parameters(obj.dermis.material, values)
+    object_properties.apply_parameters(obj.dermis.material, values)
 
 
 def _animate_pair(index: bpy.types.Object, thumb: bpy.types.Object, box: bpy.types.Object) -> None:

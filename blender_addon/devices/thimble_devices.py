@@ -10,7 +10,7 @@ import bpy
 
 from .._core import DermisError, core
 from ..preferences import user_folder
-from ..properties import scene_properties
+from ..properties import object_properties
 from . import active_presets, skin_models
 
 LEARNED = ("network", "ridge")
@@ -24,7 +24,7 @@ def folder(*, create: bool = False) -> Path:
 
 def parameters_of(device: Any) -> dict[str, Any]:
     """Return a device's values for the engine; learned methods look for their files where adaptations are kept."""
-    values = scene_properties.parameters(device)
+    values = object_properties.parameters(device)
     if values["thimble_method"] in LEARNED:
         given = values["thimble_surrogate"]
         values["thimble_surrogate"] = bpy.path.abspath(given) if given else str(folder())
@@ -55,7 +55,7 @@ def adapted(device: Any, model: Any) -> Path | None:
     module, spec = core.matching.thimble_use, active_presets.spec_of(device.preset, "thimble")
     if spec is None:
         return None
-    fitted, friction = module.fitted(spec, model, scene_properties.parameters(device))
+    fitted, friction = module.fitted(spec, model, object_properties.parameters(device))
     given = device.thimble_surrogate
     values = {"thimble_surrogate": bpy.path.abspath(given) if given else str(folder(create=True))}
     path: Path = module.surrogate_path(values, model, fitted, friction)

@@ -6,7 +6,7 @@ from bpy.props import StringProperty
 
 from ..polls import needs
 from ..preferences import library
-from ..properties import scene_properties
+from ..properties import object_properties, scene_properties
 from .work import Chooser, Work, chosen
 
 
@@ -33,7 +33,7 @@ class DERMIS_OT_make_touchable(Work, bpy.types.Operator):
                 fingers += 1  # a finger that is merely also selected stays one
                 continue
             obj.dermis.role = "TOUCHABLE"
-            scene_properties.apply_parameters(obj.dermis.material, values)
+            object_properties.apply_parameters(obj.dermis.material, values)
             if self.preset:
                 obj.dermis.material.preset = self.preset
         scene_properties.stamp(context.scene)

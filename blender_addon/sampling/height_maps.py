@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import DermisError, Finding, core
-from ..properties import scene_properties
+from ..properties import object_properties
 from ..properties.fields import value_of
 from . import mesh_heights, meshes
 
@@ -72,7 +72,7 @@ def build(
             heights = np.ascontiguousarray(heights[..., ::-1])
         if keep and _chosen(settings):
             _kept[obj.session_uid] = (key, (heights, height_unit, findings))
-    parameters = scene_properties.parameters(settings)
+    parameters = object_properties.parameters(settings)
     if heights.ndim == 3:
         parameters["sequence_start"] = int(settings.sequence_start)
     width, height = (float(s) * unit for s in size)

@@ -14,7 +14,7 @@ import bpy
 
 from .. import compat
 from .._core import Finding, core
-from ..properties import scene_properties
+from ..properties import object_properties
 
 _UNUSED = 2**31 - 1  # what Blender fills unused levels of a persistent id with
 
@@ -202,7 +202,7 @@ def idle_curves(obj: bpy.types.Object) -> list[Any]:
 
 
 def _animatable(group: Any) -> list[core.parameters.parameter.Parameter]:
-    return [row for row in scene_properties.TABLES[type(group)].values() if row.keyed]
+    return [row for row in object_properties.TABLES[type(group)].values() if row.keyed]
 
 
 def channel_key(kind: str, index: int, name: str) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from .._core import DermisError, Finding, core
 from ..devices import platform_devices, thimble_devices
-from ..properties import scene_properties, skin_properties
+from ..properties import object_properties, scene_properties, skin_properties
 from ..quantities import metres_per_unit
 from . import height_maps, participants
 from .meshes import MeshReader, zero_area_finding
@@ -199,7 +199,7 @@ def header(depsgraph: bpy.types.Depsgraph, roster: Roster, reader: MeshReader, *
                 continue
         if entry.instance is None and not live and (flaw := zero_area_finding(mesh, entry.name)):
             findings.append(flaw)
-        parameters = scene_properties.parameters(obj.dermis.material)
+        parameters = object_properties.parameters(obj.dermis.material)
         if live:
             parameters = _defaults(parameters, obj, entry)
         own = entry.deforming or entry.blinking
@@ -262,7 +262,7 @@ def _finger(obj: bpy.types.Object, screens: set[str], findings: list[Any]) -> An
         values = platform_devices.absolute(thimble_devices.parameters_of(device))
         uses.append(core.scene.tactile_scene.DeviceUse(device.preset, values, screen))
     finger = obj.dermis.finger
-    values = {**scene_properties.parameters(finger), **skin_properties.parameters(finger.skin)}
+    values = {**object_properties.parameters(finger), **skin_properties.parameters(finger.skin)}
     return core.scene.tactile_scene.Finger(obj.name_full, tuple(uses), values)
 
 

@@ -8,7 +8,7 @@ import pytest
 from mathutils import Vector
 
 from blender_addon import preferences, reporting
-from blender_addon.properties import scene_properties
+from blender_addon.properties import object_properties
 from blender_addon.results import store
 
 from .build import cube, finger, screen, span
@@ -67,7 +67,7 @@ def test_make_touchable_takes_the_presets_values() -> None:
     bpy.context.view_layer.objects.active = thing
     assert bpy.ops.dermis.make_touchable(preset="rubber") == {"FINISHED"}
     wanted = preferences.library().material("rubber")
-    values = scene_properties.parameters(thing.dermis.material)
+    values = object_properties.parameters(thing.dermis.material)
     for name, value in wanted.items():
         assert values[name] == (pytest.approx(value, rel=1e-6) if isinstance(value, float) else value), name
     assert (thing.dermis.role, thing.dermis.material.preset) == ("TOUCHABLE", "rubber")

@@ -11,7 +11,7 @@ import pytest
 from blender_addon import choices, panels, quantities
 from blender_addon.design import design_properties
 from blender_addon.panels import census
-from blender_addon.properties import scene_properties, skin_properties, thimble_view_properties
+from blender_addon.properties import object_properties, scene_properties, skin_properties, thimble_view_properties
 from blender_addon.streaming import streaming_properties
 
 from .build import cube, finger, screen
@@ -40,10 +40,10 @@ def test_every_button_has_an_operator() -> None:
 
 def test_every_property_that_is_drawn_exists() -> None:
     groups = (
-        scene_properties.DermisDevice,
-        scene_properties.DermisFinger,
-        scene_properties.DermisMaterial,
-        scene_properties.DermisScreen,
+        object_properties.DermisDevice,
+        object_properties.DermisFinger,
+        object_properties.DermisMaterial,
+        object_properties.DermisScreen,
         scene_properties.DermisScene,
         skin_properties.DermisSkin,
         skin_properties.DermisSkinView,
@@ -72,7 +72,7 @@ def test_every_setting_of_a_material_can_be_reached() -> None:
     }
     for effect in (c for c in panels.CLASSES if getattr(c, "switch", "")):
         shown |= {effect.switch, *effect.shown}
-    names = {row.saved for row in scene_properties.TABLES[scene_properties.DermisMaterial].values()}
+    names = {row.saved for row in object_properties.TABLES[object_properties.DermisMaterial].values()}
     assert names <= shown
 
 

@@ -121,7 +121,7 @@ def sample(
     reader = MeshReader()
     simulations = simulated_motion.find(scene)
     with undisturbed(scene):
-        deforming = prepass.time_dependent(scene, span[0])
+        deforming = prepass.time_dependent(scene, span[0]).deforming
         presence = prepass.instances(scene, view_layer, span, simulations)
         scene.frame_set(span[0])
         depsgraph = prepass.depsgraph_of(scene, view_layer)

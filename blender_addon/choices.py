@@ -42,7 +42,7 @@ def search(group: str, text: str) -> list[str]:
 
 
 def known() -> bool:
-    """Tell whether the folders have been read."""
+    """Return whether the folders have been read."""
     return bool(_cache)
 
 

@@ -52,7 +52,7 @@ def table(obj: bpy.types.Object, device: Any) -> core.matching.table.SkinTable |
 
 
 def missing(obj: bpy.types.Object, device: Any) -> bool:
-    """Tell whether a platform waits for its table; one that cannot be read is not missing: rendering says why."""
+    """Return whether a platform waits for its table; one that cannot be read is not missing: rendering says why."""
     try:
         return active_presets.spec_of(device.preset, "platform") is not None and table(obj, device) is None
     except DermisError:
@@ -60,7 +60,7 @@ def missing(obj: bpy.types.Object, device: Any) -> bool:
 
 
 def waits(finger: str, preset: str) -> bool:
-    """Tell whether a finger's platform cannot be shown while scrubbing, because its table must be made first."""
+    """Return whether a finger's platform cannot be shown while scrubbing, because its table must be made first."""
     obj = bpy.context.scene.objects.get(finger)
     devices = obj.dermis.finger.devices if obj is not None else ()
     return any(d.preset == preset and missing(obj, d) for d in devices)

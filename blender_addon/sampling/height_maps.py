@@ -118,7 +118,7 @@ def _chosen(settings: Any) -> bool:
 
 
 def _felt_as_mesh(screen: bpy.types.Object, scene: bpy.types.Scene) -> bool:
-    """Tell whether a device reads the surfaces that lie over a screen instead of its map."""
+    """Return whether a device reads the surfaces that lie over a screen instead of its map."""
     return any(
         device.enabled and device.relief == "mesh" and device.screen in (None, screen)
         for obj in scene.objects

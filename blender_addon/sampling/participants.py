@@ -75,7 +75,7 @@ def role_of(obj: bpy.types.Object) -> str:
 
 
 def is_disabled(obj: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> bool:
-    """Tell whether Blender leaves an object out of evaluation; hiding it with the eye does not do that."""
+    """Return whether Blender leaves an object out of evaluation; hiding it with the eye does not do that."""
     if view_layer.objects.get(obj.name) != obj:
         return True
     shown = obj.visible_get(view_layer=view_layer) or obj.hide_get(view_layer=view_layer)
@@ -104,7 +104,7 @@ def taking_part(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, finding
 
 
 def has_instancers(scene: bpy.types.Scene) -> bool:
-    """Tell whether anything in the scene can make instances."""
+    """Return whether anything in the scene can make instances."""
     return any(
         o.is_instancer or len(o.particle_systems) or any(m.type == "NODES" for m in o.modifiers) for o in scene.objects
     )
@@ -143,7 +143,7 @@ def instance_name(shown: bpy.types.Object, maker: bpy.types.Object, key: Instanc
 
 
 def comes_and_goes(obj: bpy.types.Object) -> bool:
-    """Tell whether an object's visibility in the viewport is animated."""
+    """Return whether an object's visibility in the viewport is animated."""
     return "hide_viewport" in compat.animated_paths(obj)
 
 

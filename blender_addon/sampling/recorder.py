@@ -283,7 +283,7 @@ class Recorder:
 
 
 def depsgraph_is_active(depsgraph: bpy.types.Depsgraph, objects: list[bpy.types.Object]) -> bool:
-    """Tell whether original objects hold this graph's evaluated matrices."""
+    """Return whether original objects hold this graph's evaluated matrices."""
     for obj in objects:
         evaluated = obj.evaluated_get(depsgraph)
         theirs, ours = np.array(evaluated.matrix_world), np.array(obj.matrix_world)

@@ -116,7 +116,7 @@ class Recording:
         )
 
     def has_surface(self, name: str) -> bool:
-        """Tell whether a body's surface was recorded."""
+        """Return whether a body's surface was recorded."""
         return name in self._surfaces
 
     def poses_at(self, name: str, times: Array) -> Array:

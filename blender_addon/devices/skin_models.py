@@ -40,7 +40,7 @@ def one_thread() -> AbstractContextManager[Any]:
 
 
 def wanted(tactile: core.scene.tactile_scene.TactileScene, presets: core.presets.Library) -> bool:
-    """Return whether a sampled scene's rendering solves skins: because they are shown, or a device is driven by them."""
+    """Return whether a sampled scene's rendering solves skins: they are shown, or drive a device."""
     if any(f.parameters.get("skin_shown") for f in tactile.fingers):
         return True
     for key in {device.preset for f in tactile.fingers for device in f.devices}:

@@ -4,7 +4,7 @@ import bpy
 
 from ..layouts import paragraph
 from ..results import store
-from . import census
+from . import summary
 
 
 class DermisPanel:
@@ -24,7 +24,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the steps that are left, then the actions."""
         layout, scene = self.layout, context.scene
-        found = census.of(scene)
+        found = summary.of(scene)
         if found.newer:
             box = layout.box()
             paragraph(
@@ -65,7 +65,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         paragraph(layout, context, "Or look at a finished example first:")
         layout.operator("dermis.demo_scene", icon="SCENE_DATA")
 
-    def _steps(self, context: bpy.types.Context, found: census.Census) -> None:
+    def _steps(self, context: bpy.types.Context, found: summary.Summary) -> None:
         layout = self.layout
         if not found.fingers:
             paragraph(layout, context, "Next: add the finger that feels.", "RIGHTARROW")

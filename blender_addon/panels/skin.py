@@ -11,7 +11,7 @@ from ..polls import needs
 from ..preview import skin_preview
 from ..preview.skin_state import SkinState
 from ..viewport import shown, skin_cards, skin_field, skin_shown
-from . import census
+from . import summary
 from .main import DermisPanel
 
 
@@ -76,7 +76,7 @@ class DERMIS_PT_skin_size(DermisPanel, bpy.types.Panel):
             properties(self.layout, skin, *names, keys=False)
 
 
-@needs(lambda context: census.of(context.scene).fingers)
+@needs(lambda context: summary.of(context.scene).fingers)
 class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
     """How the view shows skins, and what they feel now."""
 

@@ -1,7 +1,6 @@
 """Who takes part in a sweep: fingers, things to touch and screens, by session uid and never by pointer.
 
-A roster is made at one frame and holds for the whole sweep; the order of its entries is the order in the engine's
-header and chunks.
+They are listed at one frame, for the whole sweep; their order is the order in the engine's header and chunks.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ class Entry:
 
 
 @dataclass
-class Roster:
+class Participants:
     """Everything that is swept."""
 
     scene: str

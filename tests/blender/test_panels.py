@@ -10,7 +10,7 @@ import pytest
 
 from blender_addon import choices, panels, quantities
 from blender_addon.design import design_properties
-from blender_addon.panels import census
+from blender_addon.panels import summary
 from blender_addon.properties import object_properties, scene_properties, skin_properties, thimble_view_properties
 from blender_addon.streaming import streaming_properties
 
@@ -76,40 +76,40 @@ def test_every_setting_of_a_material_can_be_reached() -> None:
     assert names <= shown
 
 
-def test_the_census_follows_roles_and_devices() -> None:
+def test_the_summary_follows_roles_and_devices() -> None:
     scene = bpy.context.scene
-    assert census.of(scene) == census.Census((), (), (), (), False, 0)
+    assert summary.of(scene) == summary.Summary((), (), (), (), False, 0)
     hand = finger()
     cube()
     screen()
-    assert census.of(scene) == census.Census(("Finger",), ("Finger",), ("Cube",), ("Screen",), False, 0)
+    assert summary.of(scene) == summary.Summary(("Finger",), ("Finger",), ("Cube",), ("Screen",), False, 0)
     device = hand.dermis.finger.devices.add()
     device.preset = "haptip"
-    assert census.of(scene).idle == ()
+    assert summary.of(scene).idle == ()
     device.enabled = False
-    assert census.of(scene).idle == ("Finger",)
+    assert summary.of(scene).idle == ("Finger",)
 
 
 def test_the_next_step_knows_whether_anything_moves() -> None:
     one, block = finger(), cube()
     block.dermis.role = "TOUCHABLE"
     scene = bpy.context.scene
-    assert not census.of(scene).moving
+    assert not summary.of(scene).moving
     hand = bpy.data.objects.new("Hand", None)
     scene.collection.objects.link(hand)
     one.parent = hand
     bpy.context.view_layer.update()
-    assert not census.of(scene).moving
+    assert not summary.of(scene).moving
     hand.keyframe_insert("location", frame=1)
     bpy.context.view_layer.update()
-    assert census.of(scene).moving
+    assert summary.of(scene).moving
 
 
 def test_a_file_of_a_newer_dermis_is_noticed() -> None:
     scene = bpy.context.scene
     scene.dermis.file_version = scene_properties.FILE_VERSION + 1
     cube()
-    assert census.of(scene).newer == scene_properties.FILE_VERSION + 1
+    assert summary.of(scene).newer == scene_properties.FILE_VERSION + 1
 
 
 def test_presets_are_read_on_demand_and_broken_ones_keep_their_reason(tmp_path, monkeypatch) -> None:

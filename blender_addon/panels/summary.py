@@ -12,7 +12,7 @@ MOVERS = frozenset({"ARMATURE", "CLOTH", "HOOK", "LATTICE", "MESH_CACHE", "MESH_
 
 
 @dataclass(frozen=True)
-class Census:
+class Summary:
     """Names of fingers, of those with neither an enabled device nor a shown skin, of touchable objects and screens."""
 
     fingers: tuple[str, ...]
@@ -26,15 +26,15 @@ class Census:
 _memo: dict[str, Any] = {}
 
 
-def of(scene: bpy.types.Scene) -> Census:
-    """Return the scene's census."""
+def of(scene: bpy.types.Scene) -> Summary:
+    """Return the scene's summary."""
     key = (scene.session_uid, changes.ticks(), len(scene.objects))
     if _memo.get("key") != key:
-        _memo["key"], _memo["census"] = key, _count(scene)
-    return _memo["census"]
+        _memo["key"], _memo["summary"] = key, _count(scene)
+    return _memo["summary"]
 
 
-def _count(scene: bpy.types.Scene) -> Census:
+def _count(scene: bpy.types.Scene) -> Summary:
     named: dict[str, list[str]] = {"FINGER": [], "TOUCHABLE": [], "SCREEN": [], "NONE": []}
     idle = []
     moving = False
@@ -49,7 +49,7 @@ def _count(scene: bpy.types.Scene) -> Census:
         if role == "FINGER" and not busy:
             idle.append(obj.name)
     version = scene.dermis.file_version
-    return Census(
+    return Summary(
         tuple(named["FINGER"]),
         tuple(idle),
         tuple(named["TOUCHABLE"]),

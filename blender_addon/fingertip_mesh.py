@@ -90,25 +90,20 @@ def mesh(metres_per_unit: float = 1.0, lengths: Lengths | None = None) -> bpy.ty
     return data
 
 
-def fit(obj: bpy.types.Object, lengths: Mapping[str, float], metres_per_unit: float) -> bool:
+def fit(obj: bpy.types.Object, lengths: Mapping[str, float], metres_per_unit: float) -> None:
     """Bring a fingertip of ours to a finger's lengths; an artist's own mesh is left alone.
 
     Args:
         lengths: of the finger's skin [m], by the engine's names.
         metres_per_unit: metres in a scene unit.
-
-    Returns:
-        Whether it was brought there.
     """
     data = obj.data
     if not isinstance(data, bpy.types.Mesh) or not data.get(OURS) or data.users > 1 or data.shape_keys is not None:
-        return False
+        return
     vertices, _, _ = shape(Lengths.of(lengths))
-    if len(vertices) != len(data.vertices):
-        return False
-    data.vertices.foreach_set("co", (vertices * 1e-3 / metres_per_unit).astype(np.float32).ravel())
-    data.update()
-    return True
+    if len(vertices) == len(data.vertices):
+        data.vertices.foreach_set("co", (vertices * 1e-3 / metres_per_unit).astype(np.float32).ravel())
+        data.update()
 
 
 def coloured(name: str, colour: Sequence[float]) -> bpy.types.Material:

@@ -27,14 +27,14 @@ def absolute(values: dict[str, Any]) -> dict[str, Any]:
     return {**values, "table": bpy.path.abspath(table)} if table else values
 
 
-def model_of(obj: bpy.types.Object, *, wait: bool = False) -> core.skin.model.SkinModel | None:
+def model_of(obj: bpy.types.Object) -> core.skin.model.SkinModel | None:
     """Return a finger's skin; None while it is being made.
 
     Raises:
         DermisError: a size that leaves no room for tissue.
     """
     skin = skin_properties.parameters(obj.dermis.finger.skin)
-    return skin_models.get(skin["skin"], skin["skin_level"], where=f"finger '{obj.name}', skin", wait=wait)
+    return skin_models.get(skin["skin"], skin["skin_level"], where=f"finger '{obj.name}', skin")
 
 
 def table(obj: bpy.types.Object, device: Any) -> core.matching.table.SkinTable | None:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import bpy
 
 from .. import changes
-from .._core import DermisError
+from .._core import DermisError, core
 from . import active_presets, platform_devices, thimble_adaptation
 
 Worn = Mapping[str, Mapping[str, int]]
@@ -21,18 +21,17 @@ class Ready(NamedTuple):
     trouble: str = ""
 
 
-_worn: tuple[tuple[int, int], Worn] = ((-1, -1), {})  # the scene and the edits that it was looked up for
-_kept: tuple[tuple[int, int], Mapping[str, Ready]] = ((-1, -1), {})  # the finger and the edits
+_worn: core.recent.Recent[tuple[int, int], Worn] = core.recent.Recent(4)  # by scene and edits
+_ready: core.recent.Recent[tuple[int, int], Mapping[str, Ready]] = core.recent.Recent(1)  # by finger and edits
 
 
 def worn(scene: bpy.types.Scene) -> Worn:
     """Return for each finger's name and each family which of its devices is the one that counts."""
-    global _worn
-    key = (scene.session_uid, changes.edits())
-    if _worn[0] != key:
-        found = {o.name: _devices(o.dermis.finger.devices) for o in scene.objects if o.dermis.role == "FINGER"}
-        _worn = (key, found)
-    return _worn[1]
+
+    def look_up() -> Worn:
+        return {o.name: _devices(o.dermis.finger.devices) for o in scene.objects if o.dermis.role == "FINGER"}
+
+    return _worn.make((scene.session_uid, changes.edits()), look_up)
 
 
 def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
@@ -40,10 +39,9 @@ def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
 
     What the finger does not wear is left out, and everything while its skin is being made.
     """
-    global _kept
     key = (obj.session_uid, changes.edits())
-    if _kept[0] == key:
-        return _kept[1]
+    if key in _ready:
+        return _ready[key]
     found: dict[str, Ready] = {}
     thimble, platform = active_presets.device_of(obj, "thimble"), active_presets.device_of(obj, "platform")
     try:
@@ -55,14 +53,14 @@ def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
     if model is not None and platform is not None:
         found["platform"] = _looked_up(platform_devices.table, obj, platform)
     if model is not None:
-        _kept = (key, found)
+        _ready.make(key, lambda: found)
     return found
 
 
 def forget() -> None:
     """Look everything up anew."""
-    global _worn, _kept
-    _worn, _kept = ((-1, -1), {}), ((-1, -1), {})
+    _worn.clear()
+    _ready.clear()
 
 
 def _devices(devices: Any) -> dict[str, int]:

@@ -13,7 +13,7 @@ from ..properties import skin_properties
 from . import active_presets, skin_models, thimble_devices
 
 MOVING = 600  # of the thousand steps that the engine tells; then it trains
-_told: dict[Path, tuple[float, dict[str, Any]]] = {}
+_told: core.recent.Recent[tuple[Path, float], dict[str, Any]] = core.recent.Recent(8)
 
 
 def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, Any]]:
@@ -72,17 +72,16 @@ def status(device: Any, model: Any) -> dict[str, Any] | None:
     path = thimble_devices.adapted(device, model)
     if path is None:
         return None
-    changed = path.stat().st_mtime
-    known = _told.get(path)
-    if known is None or known[0] != changed:
-        try:
-            with core.npz.opened_npz(path) as archive:
-                meta = core.foreign.json_of(archive.array("meta").tobytes(), str(path))
-        except DermisError:  # the bake says what is wrong
-            meta = {}
-        meta = meta if isinstance(meta, dict) else {}
-        known = _told[path] = (changed, meta)
-    return known[1]
+    return _told.make((path, path.stat().st_mtime), lambda: _meta(path))
+
+
+def _meta(path: Path) -> dict[str, Any]:
+    try:
+        with core.npz.opened_npz(path) as archive:
+            meta = core.foreign.json_of(archive.array("meta").tobytes(), str(path))
+    except DermisError:  # the bake says what is wrong
+        return {}
+    return meta if isinstance(meta, dict) else {}
 
 
 def _remove(folder: Path, stem: str, *, whole: bool) -> None:

@@ -1,11 +1,11 @@
 """What the scene holds, counted once after each change and not once a redraw."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import bpy
 
 from .. import changes
+from .._core import core
 from ..properties.scene_properties import FILE_VERSION
 
 MOVERS = frozenset({"ARMATURE", "CLOTH", "HOOK", "LATTICE", "MESH_CACHE", "MESH_DEFORM", "NODES", "SOFT_BODY", "WAVE"})
@@ -23,15 +23,12 @@ class Summary:
     newer: int  # file version, where the file comes from a newer Dermis; else 0
 
 
-_memo: dict[str, Any] = {}
+_kept: core.recent.Recent[tuple[int, int, int], Summary] = core.recent.Recent(4)
 
 
 def of(scene: bpy.types.Scene) -> Summary:
     """Return the scene's summary."""
-    key = (scene.session_uid, changes.ticks(), len(scene.objects))
-    if _memo.get("key") != key:
-        _memo["key"], _memo["summary"] = key, _count(scene)
-    return _memo["summary"]
+    return _kept.make((scene.session_uid, changes.ticks(), len(scene.objects)), lambda: _count(scene))
 
 
 def _count(scene: bpy.types.Scene) -> Summary:

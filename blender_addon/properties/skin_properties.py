@@ -15,7 +15,7 @@ from ..quantities import metres_per_unit
 from .fields import OVERRIDE, SIGNIFICANT, apply, declared, redrawn, touched, value_of
 
 _skin = core.parameters.skin
-_digests: dict[tuple[str, int, int], str] = {}
+_digests: core.recent.Recent[tuple[str, int, int], str] = core.recent.Recent(8)
 
 
 def _resized(self: Any, context: Any) -> None:
@@ -181,14 +181,12 @@ def own_mesh(text: str) -> dict[str, str]:
     """Return a mesh file's path and, where it can be read, its hash, worked out anew when the file changes."""
     path = Path(bpy.path.abspath(text))
     try:
-        known = path.stat()
-        key = (str(path), known.st_mtime_ns, known.st_size)
-        if key not in _digests:
-            _digests.clear()
-            _digests[key] = core.skin.own_mesh.digest(path)
+        file = path.stat()
+        key = (str(path), file.st_mtime_ns, file.st_size)
+        digest = _digests.make(key, lambda: core.skin.own_mesh.digest(path))
     except (OSError, ValueError, DermisError):
         return {"mesh": str(path)}  # rendering says why
-    return {"mesh": str(path), "mesh_hash": _digests[key]}
+    return {"mesh": str(path), "mesh_hash": digest}
 
 
 def shape_and_material(skin: Any) -> dict[str, Any]:

@@ -130,12 +130,11 @@ def cache() -> core.cache.Cache:
     return core.cache.Cache(user_folder("results", create=True), int(setting("cache_megabytes")) * 1_000_000)
 
 
-def store(scene: bpy.types.Scene, result: Result) -> Path:
+def store(scene: bpy.types.Scene, result: Result) -> None:
     """Write a result to the user folder and note its key in the scene."""
     bake = result.bake
-    path: Path = cache().put(_key(bake.content_hash), lambda target: _write(Path(target), result))
+    cache().put(_key(bake.content_hash), lambda target: _write(Path(target), result))
     scene.dermis.bake_key = bake.content_hash
-    return path
 
 
 def load(scene: bpy.types.Scene) -> Result | None:

@@ -153,12 +153,10 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[n
     if not settings.filepath.strip():
         raise DermisError("no image file was chosen", where=where, remedy="Choose one in the Dermis tab under Screen")
     path = bpy.path.abspath(settings.filepath, library=obj.library)
-    if settings.source == "SEQUENCE":
-        made = depth_map.read(core.images.sequence(path), meaning=meaning, hole=hole)
-        gap = core.images.gap_after(path)
-        return made.heights, full_scale, made.findings + (() if gap is None else (gap,))
-    made = depth_map.read(path, meaning=meaning, hole=hole)
-    return made.heights, full_scale, made.findings
+    sequence = settings.source == "SEQUENCE"
+    made = depth_map.read(core.images.sequence(path) if sequence else path, meaning=meaning, hole=hole)
+    gap = core.images.gap_after(path) if sequence else None
+    return made.heights, full_scale, made.findings + (() if gap is None else (gap,))
 
 
 def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float32], NDArray[np.bool_], tuple[Any, ...]]:

@@ -235,3 +235,12 @@ def ready() -> None:
     for preset in ("haptip", "electrovibration"):
         hand.dermis.finger.devices.add().preset = preset
     bpy.context.view_layer.update()
+
+
+def test_a_file_without_a_name_is_refused_in_words() -> None:
+    cube()
+    finger()
+    span(1, 3)
+    with pytest.raises(RuntimeError, match="no name for the file"):
+        bpy.ops.dermis.export_scene(filepath="")
+    assert reporting.source() == "Save Sampled Scene"

@@ -3,12 +3,13 @@
 from . import commands, handlers, jobs, operators, panels, preferences
 from .design import design_properties
 from .preview import skin_preview
-from .properties import scene_properties
+from .properties import object_properties, scene_properties
 from .streaming import session_events, streaming_properties
 from .viewport import overlay, shown, skin_view
 
 MODULES = (
     preferences,
+    object_properties,
     scene_properties,
     design_properties,
     streaming_properties,

@@ -20,35 +20,30 @@ def refresh() -> None:
             _kinds[entry.key] = presets.device(entry.key).kind
 
 
-def devices() -> tuple[Any, ...]:
-    """Return the device presets, broken ones too; empty before the first `refresh`."""
-    return _cache.get("devices", ())
+def entries(group: str) -> tuple[Any, ...]:
+    """Return the presets of 'devices', 'materials' or 'skins', broken ones too; empty before the first `refresh`."""
+    return _cache.get(group, ())
 
 
-def materials() -> tuple[Any, ...]:
-    """Return the haptic materials, broken ones too; empty before the first `refresh`."""
-    return _cache.get("materials", ())
+def entry(group: str, key: str) -> Any:
+    """Return a preset's entry, or None."""
+    return next((entry for entry in entries(group) if entry.key == key), None)
 
 
-def skins() -> tuple[Any, ...]:
-    """Return the fingertip presets, broken ones too; empty before the first `refresh`."""
-    return _cache.get("skins", ())
+def title(group: str, key: str) -> str:
+    """Return a preset's name for people; its key where that is not known."""
+    found = entry(group, key)
+    return str(found.name) if found is not None else key
+
+
+def search(group: str, text: str) -> list[str]:
+    """Return the keys of presets in whose key or name a text stands, for fields that offer them while one types."""
+    return [entry.key for entry in entries(group) if text.lower() in f"{entry.key} {entry.name}".lower()]
 
 
 def known() -> bool:
-    """Tell whether the folders have been read."""
+    """Return whether the folders have been read."""
     return bool(_cache)
-
-
-def device_entry(key: str) -> Any:
-    """Return the entry of a device preset, or None."""
-    return next((entry for entry in devices() if entry.key == key), None)
-
-
-def device_title(key: str) -> str:
-    """Return a device's name for people; its key where that is not known."""
-    entry = device_entry(key)
-    return str(entry.name) if entry is not None else key
 
 
 def kind_of(key: str) -> str:

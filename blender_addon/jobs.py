@@ -37,13 +37,12 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
     Raises:
         DermisError: the scene cannot be sampled or rendered.
     """
-    pipeline = core.pipeline.render
-    yield pipeline.Progress("preparing", 0, 1)
+    yield core.pipeline.render.Progress("preparing", 0, 1)
     yield from platform_devices.make_missing(scene)
     tactile = scene_sweep.sample(scene, span=span)
     sweep = tactile.chunks
     skins = skin_models.wanted(tactile, library)
-    steps = pipeline.render(tactile, library, cache=skin_models.cache())
+    steps = core.pipeline.render.render(tactile, library, cache=skin_models.cache())
     sampling_seconds = 0.0
     try:
         while True:
@@ -51,7 +50,7 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
             ready = sweep.advance()
             sampling_seconds += time.perf_counter() - start
             if not ready:
-                yield pipeline.Progress("sampling", sweep.done, sweep.total)
+                yield core.pipeline.render.Progress("sampling", sweep.done, sweep.total)
                 continue
             try:
                 with skin_models.one_thread() if skins else nullcontext():
@@ -71,7 +70,7 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
 class Job:
     """Mixin for operators that work long: modal with Esc and progress in a window, straight through elsewhere.
 
-    An operator gives `steps` and `finished`; it may give `cancelled`. Nothing of Blender is kept between two events
+    An operator gives `steps` and `finished`. Nothing of Blender is kept between two events
     but the generator, which looks its objects up anew.
     """
 
@@ -88,9 +87,6 @@ class Job:
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Take the result; return what the operator shall return."""
         raise NotImplementedError
-
-    def cancelled(self, context: bpy.types.Context) -> None:
-        """Clean up after Esc; the generator has been closed."""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run straight through: from a script, in background, or as 'redo'."""
@@ -115,7 +111,6 @@ class Job:
             if event.shift:  # the key that stops a device, which this operator takes before anybody else hears it
                 session.stop()
             self._end(context)
-            self.cancelled(context)
             self.report({"INFO"}, f"{self.job_title} was cancelled; nothing was changed")
             return {"CANCELLED"}
         if event.type != "TIMER":
@@ -144,7 +139,6 @@ class Job:
     def cancel(self, context: bpy.types.Context) -> None:
         """Stop because Blender stops the operator, such as when a file is opened."""
         self._end(context)
-        self.cancelled(context)
 
     def _finish(self, context: bpy.types.Context, work: Callable[[], Any]) -> set[str]:
         """Take what some work returns; a refusal is reported."""

@@ -8,6 +8,7 @@ import bpy
 from bpy.props import IntProperty
 
 from ._core import PACKAGE, core
+from .registration import registration
 
 
 def user_folder(name: str, *, create: bool = False) -> Path:
@@ -75,11 +76,4 @@ def setting(name: str) -> Any:
     return DermisPreferences.bl_rna.properties[name].default
 
 
-def register() -> None:
-    """Register the preferences."""
-    bpy.utils.register_class(DermisPreferences)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(DermisPreferences)
+register, unregister = registration((DermisPreferences,))

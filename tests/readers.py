@@ -410,5 +410,5 @@ OWN = {
     "blender_addon.results.store:_read": "tests/blender/test_readers.py damages it",
     "blender_addon.results.store:_write": "writes",
     "blender_addon.streaming.streamed_track:track_path": "writes",
-    "blender_addon.devices.thimble_adaptation:status": "tests/blender/test_readers.py damages it",
+    "blender_addon.devices.thimble_adaptation:_meta": "tests/blender/test_readers.py damages it",
 }

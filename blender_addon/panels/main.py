@@ -4,7 +4,7 @@ import bpy
 
 from ..layouts import paragraph
 from ..results import store
-from . import census
+from . import summary
 
 
 class DermisPanel:
@@ -24,7 +24,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the steps that are left, then the actions."""
         layout, scene = self.layout, context.scene
-        there = census.of(scene)
+        there = summary.of(scene)
         if there.newer:
             box = layout.box()
             paragraph(
@@ -65,7 +65,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         paragraph(layout, context, "Or look at a finished example first:")
         layout.operator("dermis.demo_scene", icon="SCENE_DATA")
 
-    def _steps(self, context: bpy.types.Context, there: census.Census) -> None:
+    def _steps(self, context: bpy.types.Context, there: summary.Summary) -> None:
         layout = self.layout
         if not there.fingers:
             paragraph(layout, context, "Next: add the finger that feels.", "RIGHTARROW")

@@ -21,7 +21,7 @@ class DERMIS_PT_material(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw preset and friction."""
         material = context.object.dermis.material
-        title = next((e.name for e in choices.materials() if e.key == material.preset), material.preset)
+        title = choices.title("materials", material.preset)
         self.layout.operator("dermis.choose_material", text=title or "From Preset", icon="PRESET")
         properties(self.layout, material, "friction", "surface_stiffness_mpa_m")
 

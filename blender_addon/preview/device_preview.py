@@ -19,7 +19,7 @@ import numpy as np
 
 from .. import changes
 from .._core import DermisError, core
-from ..devices import pin_devices, platform_devices, skin_models, thimble_devices
+from ..devices import active_presets, platform_devices, skin_models
 from ..preferences import library, setting
 from ..results import store
 from ..sampling import scene_header, scene_sweep
@@ -214,7 +214,7 @@ def _run(tactile: core.scene.tactile_scene.TactileScene) -> core.pipeline.bake.B
 
 
 def _follows_skin(preset: str) -> bool:
-    return any(kind.spec_of(preset) is not None for kind in (pin_devices, thimble_devices, platform_devices))
+    return any(active_presets.spec_of(preset, family) is not None for family in active_presets.FAMILIES)
 
 
 def _with_followers(scene: bpy.types.Scene, shown: Preview | None) -> Preview | None:

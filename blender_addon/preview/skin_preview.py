@@ -17,7 +17,7 @@ import numpy as np
 
 from .. import changes, redraw
 from .._core import DermisError, core
-from ..devices import skin_models, thimble_devices
+from ..devices import active_presets, skin_models
 from ..results import store
 from ..sampling import scene_sweep
 from . import baked_skins
@@ -155,7 +155,7 @@ def refresh() -> None:
 
 def _is_solved(shown: bool, presets: Iterable[str]) -> bool:
     """Return whether a skin is solved: also where it is hidden and a thimble follows it, whose trail would be slow."""
-    return shown or any(thimble_devices.spec_of(preset) is not None for preset in presets)
+    return shown or any(active_presets.spec_of(preset, "thimble") is not None for preset in presets)
 
 
 def _pending() -> bool:

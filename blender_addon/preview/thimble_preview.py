@@ -57,7 +57,7 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
     if not scene.dermis.thimble_view.split:
         return ()
     out = []
-    for target, _, device, _ in followers.of(scene, targets, thimble_devices.KINDS):
+    for target, _, device, _ in followers.of(scene, targets, "thimble"):
         if target.touching:
             state = (_live_state if target.source == "live" else _baked_state)(scene, target, device)
             out += [state] if state is not None else []
@@ -69,7 +69,7 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
 def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
     """Return what the thimbles of fingers whose skin is shown do at the current frame, without a bake."""
     rows = []
-    for target, _, device, spec in followers.of(scene, skin_preview.own(scene), thimble_devices.KINDS):
+    for target, _, device, spec in followers.of(scene, skin_preview.own(scene), "thimble"):
         if target.source != "live" or (path := follow(scene, target, device)).rendered is None:
             continue
         values, touching = values_of(path.rendered.angles, path.rendered.x), float(path.rendered.minimum is not None)

@@ -16,7 +16,7 @@ from typing import Any
 
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from .. import changes
+from .. import changes, redraw
 from .._core import core
 from ..compat import BLEND_RELATIVE
 
@@ -39,6 +39,11 @@ _WRITTEN = {"1/(m/s)": "s/m", "1/(m/s^2)": "s²/m", "MPa/m": "kPa/mm"}
 def touched(_self: Any, _context: Any) -> None:
     """Note that what is shown may be out of date."""
     changes.mark_dirty()
+
+
+def redrawn(_self: Any, _context: Any) -> None:
+    """Draw the views again: how they show something has changed."""
+    redraw.request()
 
 
 def declared(*tables: core.parameters.parameter.Table, **updates: Update) -> Callable[[type], type]:
@@ -64,12 +69,11 @@ def declare_one(row: core.parameters.parameter.Parameter, update: Update = touch
         common["description"] += f" ({row.source})"
     if not row.keyed:
         common["options"] = set()
-    types = core.parameters.parameter
     if row.choices:
         return EnumProperty(name=row.label, items=row.choices, default=row.default, **common)
-    if row.unit == types.SWITCH:
+    if row.unit == core.parameters.parameter.SWITCH:
         return BoolProperty(name=row.label, default=row.default, **common)
-    if row.unit == types.TEXT:
+    if row.unit == core.parameters.parameter.TEXT:
         more = {"subtype": "FILE_PATH", "options": BLEND_RELATIVE} if row.file else {}
         return StringProperty(name=row.label, default=row.default, **{**common, **more})
     low, high = row.low, row.high

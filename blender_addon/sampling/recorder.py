@@ -1,4 +1,4 @@
-"""Takes the evaluated values of a roster, sample by sample, and makes chunks of them.
+"""Takes the evaluated values of all who take part, sample by sample, and makes chunks of them.
 
 The matrices of all objects come in one call into one buffer, and everything else is done once a chunk: a bare
 frame_set of a light scene costs 30 microseconds, so every microsecond spent here a sample would show.
@@ -15,21 +15,26 @@ import numpy as np
 from .._core import Array, DermisError, Finding, core
 from . import participants
 from .meshes import MeshReader, absent_mesh
-from .participants import Entry, InstanceKey, Roster
+from .participants import Entry, InstanceKey, Participants
 
 SMALLEST_SCALE = 1e-6
 """What a scale of zero becomes: a matrix that cannot be inverted has no inside."""
 
 
 class Recorder:
-    """Records a roster over at most `count` samples at a time."""
+    """Records all who take part over at most `count` samples at a time."""
 
     def __init__(
-        self, roster: Roster, reader: MeshReader, count: int, presence: Mapping[InstanceKey, Any], simulated: Any = None
+        self,
+        swept: Participants,
+        reader: MeshReader,
+        count: int,
+        presence: Mapping[InstanceKey, Any],
+        simulated: Any = None,
     ) -> None:
         """Prepare buffers; `simulated` is the recording that stands in for what simulations move."""
-        self._roster, self._reader, self._simulated = roster, reader, simulated
-        self._entries = roster.entries
+        self._participants, self._reader, self._simulated = swept, reader, simulated
+        self._entries = swept.entries
         total = len(bpy.data.objects)
         self._uids, self._now = np.empty(total, np.int32), np.empty(total, np.int32)
         bpy.data.objects.foreach_get("session_uid", self._uids)
@@ -43,10 +48,10 @@ class Recorder:
             (i, int(self._place[i])) for i, e in enumerate(self._entries) if e.blinking and e.instance is None
         ]
         self._present = np.ones((len(self._entries), count), bool)
-        first_body = len(roster.fingers)
+        first_body = len(swept.fingers)
         self._surfaced = [
             (first_body + i, i, e)
-            for i, e in enumerate(roster.bodies)
+            for i, e in enumerate(swept.bodies)
             if (e.deforming or e.blinking) and (simulated is None or not simulated.has_surface(e.name))
         ]
         self._surfaces: list[list[Any]] = [[None] * count for _ in self._surfaced]
@@ -96,10 +101,10 @@ class Recorder:
             for i, entry in enumerate(self._entries):
                 if entry.simulated:
                     poses[i] = self._simulated.poses_at(entry.name, times)
-        f, b = len(self._roster.fingers), len(self._roster.bodies)
+        f, b = len(self._participants.fingers), len(self._participants.bodies)
         surfaces = {body: tuple(self._surfaces[s][:n]) for s, (_, body, _) in enumerate(self._surfaced)}
         if self._simulated is not None:
-            for body, entry in enumerate(self._roster.bodies):
+            for body, entry in enumerate(self._participants.bodies):
                 if self._simulated.has_surface(entry.name):
                     surfaces[body] = self._simulated.surfaces_at(entry.name, times)
         for key, values in self._values.items():
@@ -127,9 +132,9 @@ class Recorder:
         table = []
         at = 0
         for kind, entries in (
-            ("finger", self._roster.fingers),
-            ("body", self._roster.bodies),
-            ("screen", self._roster.screens),
+            ("finger", self._participants.fingers),
+            ("body", self._participants.bodies),
+            ("screen", self._participants.screens),
         ):
             for index, entry in enumerate(entries):
                 for name, path, factor in entry.channels:
@@ -140,7 +145,7 @@ class Recorder:
     def _changed(self) -> None:
         raise DermisError(
             "objects were added or removed while the scene was sampled",
-            where=f"scene '{self._roster.scene}'",
+            where=f"scene '{self._participants.scene}'",
             remedy="Bake again",
         )
 
@@ -170,7 +175,7 @@ class Recorder:
                 self._surfaces[s][k] = self._absent
                 continue
             evaluated = bpy.data.objects[int(self._place[i])].evaluated_get(depsgraph)
-            mesh = self._reader.read(evaluated, self._roster.unit, entry.mirrored)
+            mesh = self._reader.read(evaluated, self._participants.unit, entry.mirrored)
             self._bare[i, k] = len(mesh.triangles) == 0
             self._surfaces[s][k] = self._absent if self._bare[i, k] else mesh
 
@@ -185,7 +190,7 @@ class Recorder:
                 poses[i, :, :3, 3] += poses[i, :, :3, :3] @ np.array(entry.offset)
             if entry.mirrored:
                 poses[i, :, :3, 0] *= -1.0
-        poses[:, :, :3, 3] *= self._roster.unit
+        poses[:, :, :3, 3] *= self._participants.unit
         return poses
 
     def _hold(self, i: int, n: int) -> Array:
@@ -219,7 +224,7 @@ class Recorder:
         norms = np.linalg.norm(linear, axis=2)
         flat = (norms < 1e-9).any(axis=2)
         turned = np.linalg.det(linear) < 0
-        turned[: len(self._roster.fingers)] = False
+        turned[: len(self._participants.fingers)] = False
         for i in np.flatnonzero(flat.any(axis=1) | turned.any(axis=1)):
             name = self._entries[i].name
             if flat[i].any():
@@ -283,7 +288,7 @@ class Recorder:
 
 
 def depsgraph_is_active(depsgraph: bpy.types.Depsgraph, objects: list[bpy.types.Object]) -> bool:
-    """Tell whether original objects hold this graph's evaluated matrices."""
+    """Return whether original objects hold this graph's evaluated matrices."""
     for obj in objects:
         evaluated = obj.evaluated_get(depsgraph)
         theirs, ours = np.array(evaluated.matrix_world), np.array(obj.matrix_world)

@@ -76,9 +76,8 @@ def of_file(scene: bpy.types.Scene) -> Preview | None:
     named = track.meta.get("finger", "")
     if not fingers:
         return None
-    pipeline = core.pipeline.render
-    output = pipeline.Output(named if named in fingers else fingers[0], track.spec.key, track, {}, ())
+    output = core.pipeline.render.Output(named if named in fingers else fingers[0], track.spec.key, track, {}, ())
     first, fps = streamed_track.origin(scene)
-    result = store.Result(pipeline.Bake((output,), (), {}, ""), fps, first, -1, ())
+    result = store.Result(core.pipeline.render.Bake((output,), (), {}, ""), fps, first, -1, ())
     frame = device_preview.frame_of(scene)
     return Preview(frame, "file", "from a track file", (device_preview.baked_row(result, output, frame),))

@@ -144,13 +144,12 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
             ready; the calibration is of another one; or the first pulse may jump and nobody has said that the fingers
             are out.
     """
-    refused = DermisError
     if _client is None:
-        raise refused("not connected", remedy="Connect first")
+        raise DermisError("not connected", remedy="Connect first")
     if not streams(scene):
-        raise refused("another scene is connected", where=scene.name, remedy="Arm it there, or connect this one")
+        raise DermisError("another scene is connected", where=scene.name, remedy="Arm it there, or connect this one")
     if frame_hold.held():
-        raise refused(
+        raise DermisError(
             "nothing is armed while something steps through the frames",
             remedy="Let the bake or the render end, or cancel it",
         )
@@ -160,10 +159,10 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
     _client.set(**request_fields.request_fields(scene))
     heartbeat()
     if status()["state"] not in READY:
-        raise refused("the device is not ready to be armed", value=status()["state"], limit=" or ".join(READY))
+        raise DermisError("the device is not ready to be armed", value=status()["state"], limit=" or ".join(READY))
     board_identity.check(scene)
     if pose_unknown() and not fingers_out:
-        raise refused(
+        raise DermisError(
             "the device does not know where its motors are", remedy="Take the finger out, and say so (fingers_out)"
         )
     _client.arm()

@@ -11,6 +11,7 @@ from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatPrope
 from .. import changes
 from .._core import DermisError
 from ..compat import BLEND_RELATIVE
+from ..registration import registration
 from . import agreed_paths, calibration_offers, calibration_rows, device_calibration, session, streamed_track
 
 
@@ -251,18 +252,7 @@ class DermisStream(bpy.types.PropertyGroup):
     shelf: CollectionProperty(type=DermisStreamCalibration)
 
 
-CLASSES = (DermisStreamChannel, DermisStreamCalibration, DermisStream)
-
-
-def register() -> None:
-    """Register the groups and hang them on scenes."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-    bpy.types.Scene.dermis_stream = PointerProperty(type=DermisStream, name="Dermis Streaming")
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    del bpy.types.Scene.dermis_stream
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = registration(
+    (DermisStreamChannel, DermisStreamCalibration, DermisStream),
+    (bpy.types.Scene, "dermis_stream", PointerProperty(type=DermisStream, name="Dermis Streaming")),
+)

@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..devices import platform_devices
+from ..devices import active_presets
 from ..layouts import ui_scale
 from ..preview.rows import Row
 from . import drawing, paint, pin_card, platform_card, shown, thimble_card
@@ -64,7 +64,7 @@ def _draw_pixels() -> None:
 
 
 def _card_height(row: Row) -> float:
-    if row.kind in platform_devices.kinds():
+    if row.kind in active_presets.kinds("platform"):
         return platform_card.height(row) + 2.0 * MARGIN
     tall = "tactor_x" in row.values or row.kind in ("pin_array", "thimble")
     return DIAL + 3.0 * MARGIN + LINE if tall else 3 * LINE + 2 * MARGIN
@@ -83,7 +83,7 @@ def _card(row: Row, twin: Twin | None, left: float, bottom: float, scale: float)
         pin_card.card(row, state, x, bottom + MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, DIAL * scale, scale)
     elif row.kind == "thimble" and "servo_1" in row.values:
         thimble_card.card(row, state, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
-    elif row.kind in platform_devices.kinds():
+    elif row.kind in active_presets.kinds("platform"):
         platform_card.card(row, state, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
     elif "amplitude" in row.values:
         _bar(row, x, top - 1.6 * LINE * scale, scale)

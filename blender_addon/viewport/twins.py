@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from .._core import Array, DermisError, core
-from ..devices import pin_devices, platform_devices, thimble_devices
+from ..devices import active_presets, platform_devices, thimble_devices
 from ..preview import pin_preview
 from ..preview.rows import Row
 from . import paint, pin_twin, platform_twin, tactor_twin, thimble_twin
@@ -31,11 +31,11 @@ def twin_of(scene: bpy.types.Scene, row: Row) -> Twin | None:
             return tactor_twin.tactor(row, scene.dermis.twin_exaggeration)
         if "amplitude" in row.values:
             return tactor_twin.screen(row)
-        if row.kind in pin_devices.KINDS:
+        if row.kind in active_presets.kinds("pins"):
             return _pins(obj, row)
-        if row.kind in thimble_devices.KINDS:
+        if row.kind in active_presets.kinds("thimble"):
             return _thimble(obj, row, workspace=scene.dermis.thimble_view.workspace)
-        if row.kind in platform_devices.kinds():
+        if row.kind in active_presets.kinds("platform"):
             return _platform(obj, row)
     except DermisError:
         pass  # the bake says why
@@ -48,7 +48,7 @@ def mechanism_of(obj: bpy.types.Object, preset: str) -> tuple[core.devices.thimb
     Raises:
         DermisError: a preset or settings that cannot be used.
     """
-    spec = thimble_devices.spec_of(preset)
+    spec = active_presets.spec_of(preset, "thimble")
     settings = next((d for d in obj.dermis.finger.devices if d.preset == preset), None)
     if spec is None:
         return None
@@ -110,7 +110,7 @@ def _workspace(loops: list[Array], joints: thimble_twin.Joints) -> tuple[Line, .
 
 
 def _platform(obj: bpy.types.Object, row: Row) -> Twin | None:
-    spec = platform_devices.spec_of(row.device)
+    spec = active_presets.spec_of(row.device, "platform")
     if spec is None or len(row.values) != len(spec.channels):
         return None
     touching = row.contact is None or row.contact > 0.5

@@ -11,7 +11,7 @@ from blender_addon._core import core
 from blender_addon.demos import demo_pins
 from blender_addon.preferences import library
 from blender_addon.preview import device_preview, pin_preview, skin_preview
-from blender_addon.properties import scene_properties
+from blender_addon.properties import object_properties
 from blender_addon.results import pin_reports, store
 from blender_addon.viewport import pin_card, pin_twin
 from blender_addon.viewport import shown as views
@@ -43,7 +43,7 @@ def test_settings_reach_the_track(demo) -> None:
     assert output.track.meta["method"] == "FM1" and output.track.meta["lead_s"] == "0"
     assert output.track.values.shape[1] == 128 and output.track.values[-1].any()
     assert not output.track.values[0].any()  # it fades in
-    assert {"pin_method", "pin_nodes"} <= set(scene_properties.parameters(device))
+    assert {"pin_method", "pin_nodes"} <= set(object_properties.parameters(device))
 
 
 def test_the_demos_bake_is_the_engines_own_experiment(demo) -> None:

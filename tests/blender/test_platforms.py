@@ -13,7 +13,7 @@ from blender_addon.devices import platform_devices
 from blender_addon.preferences import library
 from blender_addon.preview import device_preview
 from blender_addon.preview import skin_preview as skins
-from blender_addon.properties import scene_properties
+from blender_addon.properties import object_properties
 from blender_addon.results import store
 from blender_addon.viewport import platform_card, platform_twin, twins
 from blender_addon.viewport import shown as views
@@ -162,7 +162,7 @@ def test_settings_have_units_and_tooltips_and_reach_the_engine(demo) -> None:
     device = finger.dermis.finger.devices[0]
     for name in ("table", "table_rows"):
         assert len(device.bl_rna.properties[name].description) > 40
-    assert scene_properties.parameters(device)["table_rows"] == ROWS
+    assert object_properties.parameters(device)["table_rows"] == ROWS
     assert platform_devices.absolute({"table": "//a.npz"})["table"] == bpy.path.abspath("//a.npz")
 
 

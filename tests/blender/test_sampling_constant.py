@@ -8,7 +8,7 @@ import pytest
 
 from blender_addon import compat, jobs
 from blender_addon.preview import device_preview
-from blender_addon.properties import scene_properties
+from blender_addon.properties import object_properties
 from blender_addon.sampling import scene_sweep
 from core.presets import Library
 from core.steps import drain
@@ -17,13 +17,13 @@ from .build import cube, finger, keys, screen, span
 
 DEVICE = "finger.devices[0]."
 CONSTANT = {
-    scene_properties.DermisDevice: ("auto_range", "direction_window"),
-    scene_properties.DermisFinger: ("pattern_repeat",),
-    scene_properties.DermisMaterial: ("mass", "content_length_mm", "content_size_mm", "content_damping"),
-    scene_properties.DermisScreen: ("height_mm", "invert"),
+    object_properties.DermisDevice: ("auto_range", "direction_window"),
+    object_properties.DermisFinger: ("pattern_repeat",),
+    object_properties.DermisMaterial: ("mass", "content_length_mm", "content_size_mm", "content_damping"),
+    object_properties.DermisScreen: ("height_mm", "invert"),
 }
 KEYED = {
-    scene_properties.DermisDevice: {
+    object_properties.DermisDevice: {
         "use_transient",
         "use_texture",
         "use_weight",
@@ -33,14 +33,14 @@ KEYED = {
         "carrier",
         "threshold",
     },
-    scene_properties.DermisFinger: {
+    object_properties.DermisFinger: {
         "touch_distance_mm",
         "pattern_play",
         "pattern_angle",
         "pattern_frequency",
         "pattern_amplitude",
     },
-    scene_properties.DermisMaterial: {
+    object_properties.DermisMaterial: {
         "friction",
         "surface_stiffness_mpa_m",
         "transient_on",
@@ -60,7 +60,7 @@ KEYED = {
         "content_amplitude",
         "held",
     },
-    scene_properties.DermisScreen: {"touch_distance_mm"},
+    object_properties.DermisScreen: {"touch_distance_mm"},
 }
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from blender_addon import changes
-from blender_addon.panels import census
+from blender_addon.panels import summary
 from blender_addon.preview import skin_preview
 from blender_addon.preview.skin_state import SkinState
 from blender_addon.results import store
@@ -165,7 +165,7 @@ def test_a_hidden_skin_is_not_solved(pressing: bpy.types.Scene) -> None:
     bpy.data.objects["Finger"].dermis.finger.skin.shown = False
     pressing.frame_set(5)
     assert skin_preview.step(bpy.context) == ()
-    assert not census.of(pressing).skins
+    assert not summary.of(pressing).skins
 
 
 def test_a_soft_object_takes_part_of_the_depth(pressing: bpy.types.Scene) -> None:

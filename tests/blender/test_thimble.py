@@ -12,7 +12,7 @@ from blender_addon.demos import demo_thimble
 from blender_addon.devices import skin_models, thimble_devices
 from blender_addon.preferences import library
 from blender_addon.preview import device_preview, skin_preview, thimble_preview
-from blender_addon.properties import scene_properties
+from blender_addon.properties import object_properties
 from blender_addon.results import store
 from blender_addon.streaming import reported_values
 from blender_addon.viewport import shown as views
@@ -47,7 +47,9 @@ def test_settings_reach_the_engine(demo) -> None:
     output = bake(demo, 24).bake.outputs[0]
     assert output.track.meta["method"] == "force"
     skin = store.current(demo).bake.skins["Index"].model
-    use = core.matching.thimble_use.prepare(library().device("thimble_3rrs"), skin, scene_properties.parameters(device))
+    use = core.matching.thimble_use.prepare(
+        library().device("thimble_3rrs"), skin, object_properties.parameters(device)
+    )
     assert use.hover == pytest.approx(0.9e-3)
     matching = core.matching.thimble.follower(use).matching
     np.testing.assert_allclose(output.track.values[0, :3], matching.angles, atol=1e-7)  # it waits at that distance

@@ -10,6 +10,7 @@ PACKAGE: str = __package__  # of the add-on; the three-part name in an installed
 
 if TYPE_CHECKING:
     import core.cache
+    import core.command_line.arguments
     import core.command_line.thimble
     import core.contact.posed_scene
     import core.contact.resultants
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
     import core.parameters.parameter
     import core.parameters.screen
     import core.parameters.skin
+    import core.parameters.stream
     import core.pipeline.outputs
     import core.pipeline.render
     import core.plot.stimuli

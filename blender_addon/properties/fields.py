@@ -41,25 +41,30 @@ def touched(_self: Any, _context: Any) -> None:
     changes.mark_dirty()
 
 
-def declared(*tables: core.parameters.parameter.Table, **updates: Update) -> Callable[[type], type]:
+def declared(
+    *tables: core.parameters.parameter.Table, override: set[str] = OVERRIDE, **updates: Update
+) -> Callable[[type], type]:
     """Return a decorator that gives a group the properties of tables, before those that it declares itself.
 
     Args:
-        updates: what is called on a change, by parameter; `touched` for the others.
+        override: what Blender takes of that name. updates: what is called on a change, by parameter; `touched` for
+            the others.
     """
 
     def declare(group: type) -> type:
         rows = (row for rows in tables for row in rows.values() if row.label)
-        own = {row.saved: declare_one(row, updates.get(row.name, touched)) for row in rows}
+        own = {row.saved: declare_one(row, updates.get(row.name, touched), override) for row in rows}
         group.__annotations__ = {**own, **group.__annotations__}
         return group
 
     return declare
 
 
-def declare_one(row: core.parameters.parameter.Parameter, update: Update = touched) -> Any:
+def declare_one(
+    row: core.parameters.parameter.Parameter, update: Update = touched, override: set[str] = OVERRIDE
+) -> Any:
     """Return a parameter as a property; it can be animated where the row says so."""
-    common: dict[str, Any] = {"description": row.text, "update": update, "override": OVERRIDE}
+    common: dict[str, Any] = {"description": row.text, "update": update, "override": override}
     if row.source.startswith("["):
         common["description"] += f" ({row.source})"
     if not row.keyed:
@@ -85,6 +90,7 @@ def declare_one(row: core.parameters.parameter.Parameter, update: Update = touch
         name=label,
         default=row.default / row.factor,
         precision=row.digits,
+        step=3 if row.digits else 100,
         **{n: v / row.factor for n, v in ends.items()},
         **(shown or {}),
         **common,

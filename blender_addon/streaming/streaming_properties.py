@@ -6,11 +6,12 @@ from contextlib import suppress
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, FloatProperty, PointerProperty, StringProperty
 
 from .. import changes
-from .._core import DermisError
+from .._core import DermisError, core
 from ..compat import BLEND_RELATIVE
+from ..properties.fields import declared
 from . import agreed_paths, calibration_offers, calibration_rows, device_calibration, session, streamed_track
 
 
@@ -112,6 +113,11 @@ class DermisStreamCalibration(bpy.types.PropertyGroup):
     channels: CollectionProperty(type=DermisStreamChannel)
 
 
+_settings = core.parameters.stream.STREAM
+_updates = dict.fromkeys(_settings, _changed) | {"protocol": _quiet, "mode": _moded, "rate": _quiet}
+
+
+@declared(_settings, override=set(), **_updates)
 class DermisStream(bpy.types.PropertyGroup):
     """Settings of the live link; opening a file with them connects nothing."""
 
@@ -120,33 +126,6 @@ class DermisStream(bpy.types.PropertyGroup):
         description="Serial port, socket://HOST:PORT, udp://HOST:PORT, or virtual: for the simulated device",
         default="virtual:",
         update=_addressed,
-        options=set(),
-    )
-    protocol: EnumProperty(
-        name="Protocol",
-        description="What the device speaks",
-        items=(
-            ("native", "Dermis Native", "With handshake, check sums, device time and a watchdog in the device"),
-            ("maestro", "Pololu Maestro", "Compact protocol; the board has no watchdog unless you set one"),
-            ("servo-animation", "Servo Animation", "Receivers of Blender Servo Animation; they have no watchdog"),
-            ("torque", "Torque Board", "Torques over UDP at 1 kHz, HapTip style; positions are closed here"),
-            ("osc", "OSC", "Open Sound Control over UDP; receivers need a watchdog of their own"),
-        ),
-        default="native",
-        update=_quiet,
-        options=set(),
-    )
-    mode: EnumProperty(
-        name="Mode",
-        description="What moves the device",
-        items=(
-            ("play", "Play", "The baked track, in step with Blender's playback"),
-            ("follow", "Follow", "What the preview shows, while you scrub or play"),
-            ("jog", "Jog", "Single actuators by hand, for calibration"),
-            ("panel", "Touch", "A real finger on the panel: its place asks, the relief answers"),
-        ),
-        default="play",
-        update=_moded,
         options=set(),
     )
     output: StringProperty(
@@ -169,72 +148,6 @@ class DermisStream(bpy.types.PropertyGroup):
         subtype="FILE_PATH",
         update=_mapped,
         options=BLEND_RELATIVE,
-    )
-    offset: FloatProperty(
-        name="Start Offset",
-        description="Plays the track earlier by this much",
-        default=0.0,
-        soft_min=-1.0,
-        soft_max=1.0,
-        unit="TIME_ABSOLUTE",
-        update=_changed,
-        options=set(),
-    )
-    look_ahead: FloatProperty(
-        name="Look-Ahead",
-        description="Commands leave this much before they count; makes up for the device's delay",
-        default=0.1,
-        min=0.0,
-        max=1.0,
-        unit="TIME_ABSOLUTE",
-        update=_changed,
-        options=set(),
-    )
-    rate: FloatProperty(
-        name="Rate",
-        description="Commands a second; 0: the device's own rate. A slow link carries fewer; taken when connecting",
-        default=0.0,
-        min=0.0,
-        soft_max=1000.0,
-        max=10_000.0,
-        precision=0,
-        step=1000,
-        update=_quiet,
-        options=set(),
-    )
-    ramp: FloatProperty(
-        name="Ramp",
-        description="Time from the device's own pose to the track after arming",
-        default=1.0,
-        min=0.1,
-        max=10.0,
-        unit="TIME_ABSOLUTE",
-        update=_changed,
-        options=set(),
-    )
-    stall: FloatProperty(
-        name="Stall",
-        description="When Blender stands still for this long the device goes to its safe state",
-        default=0.5,
-        min=0.1,
-        max=5.0,
-        unit="TIME_ABSOLUTE",
-        update=_changed,
-        options=set(),
-    )
-    play_on: BoolProperty(
-        name="Play On",
-        description="A baked track goes on while Blender stands still",
-        default=False,
-        update=_changed,
-        options=set(),
-    )
-    reconnect: BoolProperty(
-        name="Reconnect",
-        description="Try again when the link is lost; it never arms by itself",
-        default=False,
-        update=_changed,
-        options=set(),
     )
     show_received: BoolProperty(
         name="Twin Shows the Device",

@@ -29,7 +29,6 @@ VENV = ROOT / ".venv"
 DIST = ROOT / "dist"
 TEMPLATE = ROOT / "blender_addon" / "blender_manifest.toml"
 LOCKS = ROOT / ".ci"
-API_PAGE = ROOT / "core" / "API.md"
 BLENDER = {(3, 11): "4.5 LTS", (3, 13): "5.2 LTS"}  # the Python that each Blender line runs on
 DEFAULT_PYTHONS = ("3.11", "3.13")
 PINNED_PYTHONS = ("3.11", "3.13", "3.14")
@@ -227,7 +226,7 @@ def pip(python: Path, verb: str, *arguments: str) -> None:
 def quietly(command: list[str], problem: str) -> str:
     """Run a command and return what it printed; show that only where it fails."""
     variables = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME")}
-    done = subprocess.run(command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    done = subprocess.run(command, cwd=ROOT, env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     if done.returncode:
         raise Stop(f"{problem}:\n  {' '.join(command)}\n{done.stdout[-4000:]}")
     return done.stdout
@@ -537,9 +536,11 @@ def dev(options: argparse.Namespace) -> int:
 
 
 def docs(options: argparse.Namespace) -> int:
-    """Write core/API.md from the docstrings of what the engine makes public."""
-    quietly([sys.executable, str(LOCKS / "api_page.py"), str(options.out)], "The page could not be written")
-    say(f"{options.out}  {options.out.stat().st_size / 1e3:.0f} kB")
+    """Write core/API.md from the engine's docstrings and core/PARAMETERS.md from its tables of parameters."""
+    for name, maker in (("API.md", [str(LOCKS / "api_page.py")]), ("PARAMETERS.md", ["-m", "tests.parameters_page"])):
+        path = options.out.resolve() / name
+        quietly([sys.executable, *maker, str(path)], "The page could not be written")
+        say(f"{path}  {path.stat().st_size / 1e3:.0f} kB")
     return 0
 
 
@@ -619,7 +620,7 @@ def parser() -> argparse.ArgumentParser:
     new.add_argument("names", nargs="*", metavar="NAME", help="benchmarks to run (default: all)")
     new.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file")
     new = verb(docs)
-    new.add_argument("--out", type=Path, default=API_PAGE, metavar="FILE", help="where to write (core/API.md)")
+    new.add_argument("--out", type=Path, default=ROOT / "core", metavar="DIR", help="where to write (core/)")
     return top
 
 

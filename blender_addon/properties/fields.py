@@ -22,6 +22,7 @@ from ..compat import BLEND_RELATIVE
 
 Update = Callable[[Any, Any], None]
 
+NO_UPDATES: Mapping[str, Update] = {}
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
 SOFT = ("soft_min", "soft_max")
 SIGNIFICANT = ".7g"  # what single precision keeps: 0.1 typed by a person is meant, not 0.10000000149
@@ -42,13 +43,12 @@ def touched(_self: Any, _context: Any) -> None:
 
 
 def declared(
-    *tables: core.parameters.parameter.Table, override: set[str] = OVERRIDE, **updates: Update
+    *tables: core.parameters.parameter.Table, updates: Mapping[str, Update] = NO_UPDATES, override: set[str] = OVERRIDE
 ) -> Callable[[type], type]:
     """Return a decorator that gives a group the properties of tables, before those that it declares itself.
 
     Args:
-        override: what Blender takes of that name. updates: what is called on a change, by parameter; `touched` for
-            the others.
+        updates: what is called on a change, by parameter; `touched` for the others. override: as Blender takes it.
     """
 
     def declare(group: type) -> type:

@@ -117,7 +117,7 @@ _settings = core.parameters.stream.STREAM
 _updates = dict.fromkeys(_settings, _changed) | {"protocol": _quiet, "mode": _moded, "rate": _quiet}
 
 
-@declared(_settings, override=set(), **_updates)
+@declared(_settings, updates=_updates, override=set())
 class DermisStream(bpy.types.PropertyGroup):
     """Settings of the live link; opening a file with them connects nothing."""
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import core.devices.pin_array
     import core.devices.reach
     import core.devices.safe_state
+    import core.devices.servo_limits
     import core.devices.shear_tactor
     import core.devices.spec
     import core.devices.thimble

@@ -7,7 +7,7 @@ replayed on the skin, with friction's memory, so that what is shown is what the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 
 from .. import changes
-from .._core import Array, DermisError, core
+from .._core import DermisError, core
 from ..devices import skin_models, thimble_devices
 from ..results import store
 from . import followers, skin_preview
@@ -74,17 +74,11 @@ def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
     for target, _, device, spec in followers.of(scene, skin_preview.own(scene), thimble_devices.KINDS):
         if target.source != "live" or (track := follow(scene, target, device)).found is None:
             continue
-        values, touching = values_of(track.found.angles, track.found.x), float(track.found.minimum is not None)
-        signals = {"mismatch": track.found.mismatch}
-        rows.append(row_of(target.finger, device.preset, spec, values, touching, signals=signals))
+        values = core.devices.thimble.channel_values(track.found.angles, track.found.x)
+        plain = {name: float(value) for name, value in values.items()}
+        touching, signals = float(track.found.minimum is not None), {"mismatch": track.found.mismatch}
+        rows.append(row_of(target.finger, device.preset, spec, plain, touching, signals=signals))
     return tuple(rows)
-
-
-def values_of(angles: Array, x: Array) -> Mapping[str, float]:
-    """Return channel values by name for servo angles and pitch, roll, distance."""
-    values = {f"servo_{i + 1}": float(a) for i, a in enumerate(angles)}
-    values.update(zip(("pitch", "roll", "distance"), map(float, x), strict=True))
-    return values
 
 
 def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _Track:

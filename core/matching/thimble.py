@@ -10,7 +10,7 @@ import numpy as np
 from ..arrays import Array
 from ..cache import cache_key
 from ..devices.spec import DeviceSpec
-from ..devices.thimble import FIRM, Thimble
+from ..devices.thimble import FIRM, Thimble, channel_values
 from ..errors import DermisError, Finding, Severity
 from ..parameters.material import FRICTION
 from ..recent import Recent
@@ -215,19 +215,7 @@ def render(
     forces = forces_at(skin, times)
     found = match_touch(used, forces, used.device.servo_speed / spec.rate)
     findings = [*used.findings, *findings_of(found, where)]
-    columns = {f"servo_{i + 1}": found.angles[:, i] for i in range(3)}
-    columns.update(zip(("pitch", "roll", "distance"), found.x.T, strict=True))
-    unknown = [c.name for c in spec.channels if c.name not in columns]
-    if unknown:
-        raise DermisError(
-            "the thimble has no such channel",
-            where=f"device preset '{spec.key}'",
-            value=", ".join(unknown),
-            limit=", ".join(columns),
-        )
-    track = CommandTrack(
-        spec, times, np.stack([columns[c.name] for c in spec.channels], axis=1), {"method": used.method}
-    )
+    track = CommandTrack(spec, times, commands(spec, found), {"method": used.method})
     signals = {
         "contact": found.wanted.astype(np.float64),
         "mismatch": found.mismatch,
@@ -237,6 +225,24 @@ def render(
     if used.method in LEARNED:
         signals["rescued"] = found.rescued.astype(np.float64)
     return Rendered(track, signals, tuple(findings), {"thimble frames without touch": int((~found.wanted).sum())})
+
+
+def commands(spec: DeviceSpec, found: ThimbleSequence) -> Array:
+    """Return what a preset's channels hold over a sequence, shape (n, channels).
+
+    Raises:
+        DermisError: a channel that no thimble has.
+    """
+    columns = channel_values(found.angles, found.x)
+    unknown = [c.name for c in spec.channels if c.name not in columns]
+    if unknown:
+        raise DermisError(
+            "the thimble has no such channel",
+            where=f"device preset '{spec.key}'",
+            value=", ".join(unknown),
+            limit=", ".join(columns),
+        )
+    return np.stack([columns[c.name] for c in spec.channels], axis=1)
 
 
 def forces_at(skin: SkinContact, times: Array) -> Array:

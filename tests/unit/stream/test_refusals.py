@@ -39,7 +39,7 @@ def test_limits_that_leave_the_safe_state_outside_are_refused(limits: dict[str, 
 
 def test_limits_that_end_at_the_safe_state_are_taken() -> None:
     wire = Wire.of(HAPTIP, Calibration.of(HAPTIP).with_entry("pulley_1", low=0.0))
-    assert wire.safe.tolist() == [0.0, 0.0] and wire.least[0] == 0.0
+    assert wire.safe.tolist() == [0.0, 0.0] and wire.lower_limit[0] == 0.0
 
 
 @pytest.mark.parametrize("protocol", ["native", "maestro"])

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import core.contact.skin_stepper
     import core.contact.solver.cone
     import core.design.collect
+    import core.design.coupled_preset
     import core.design.interactions
     import core.design.picture
     import core.design.report

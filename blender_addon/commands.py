@@ -62,8 +62,7 @@ def render(options: argparse.Namespace) -> int:
 
 def _render(options: argparse.Namespace, scene: bpy.types.Scene, folder: Path) -> int:
     outputs = core.pipeline.outputs
-    made = core.steps.drain(jobs.bake(scene, _library(options), span=_span(options)), _teller(options))
-    _end_of_progress(options)
+    made = _drained(jobs.bake(scene, _library(options), span=_span(options)), options)
     if options.format or options.finger or options.part != "all":
         written, found = _parts(options, scene, made, folder)
     else:
@@ -230,10 +229,10 @@ def _library(options: argparse.Namespace) -> Any:
     return preferences.library()
 
 
-def _teller(options: argparse.Namespace) -> Any:
-    """Print progress in place, a line at a time, and only where somebody watches."""
+def _drained(steps: Any, options: argparse.Namespace) -> Any:
+    """Run some work; print its progress in place, on one line, and only where somebody watches."""
     if options.quiet or not sys.stderr.isatty():
-        return None
+        return core.steps.drain(steps)
     shown = ""
 
     def tell(progress: Any) -> None:
@@ -243,12 +242,9 @@ def _teller(options: argparse.Namespace) -> Any:
             shown = text
             print(f"\r{text:<40}", end="", file=sys.stderr, flush=True)
 
-    return tell
-
-
-def _end_of_progress(options: argparse.Namespace) -> None:
-    if _teller(options) is not None:
-        print(file=sys.stderr)
+    made = core.steps.drain(steps, tell)
+    print(file=sys.stderr)
+    return made
 
 
 def _status(findings: Sequence[Any]) -> int:

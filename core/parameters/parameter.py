@@ -119,7 +119,7 @@ class Parameter:
         """
         place = f"{where}, {self.name}" if where else self.name
         if self.choices and value not in self.keys:
-            raise DermisError(f"unknown {self._words}", where=place, value=value, limit=self.allowed)
+            raise DermisError(f"unknown {self.name.replace('_', ' ')}", where=place, value=value, limit=self.allowed)
         if not self.numeric:
             if not self._has_form(value, strict=unit is not None):
                 raise DermisError("another kind of value", where=place, value=value, limit=self.unit)
@@ -174,10 +174,6 @@ class Parameter:
         many = {None: "one number", 0: "a list of numbers", -1: "rows of numbers"}.get(self.size)
         many = many or f"a list of {self.size} numbers"
         return f"{many} in {self.unit}" if self.unit not in ("", "1") else many
-
-    @property
-    def _words(self) -> str:
-        return self.name.replace("_", " ")
 
 
 Table = Mapping[str, Parameter]

@@ -11,7 +11,7 @@ from bpy.props import BoolProperty, CollectionProperty, FloatProperty, PointerPr
 from .. import changes
 from .._core import DermisError, core
 from ..compat import BLEND_RELATIVE
-from ..properties.fields import declared
+from ..properties.fields import Update, declared
 from . import agreed_paths, calibration_offers, calibration_rows, device_calibration, session, streamed_track
 
 
@@ -31,31 +31,22 @@ def _moded(self: Any, context: Any) -> None:
     _changed(self, context)
 
 
-def _addressed(self: Any, context: Any) -> None:
-    _agree(self, "url")
-    _quiet(self, context)
-
-
-def _mapped(self: Any, context: Any) -> None:
-    _agree(self, "screen_file")
-    _changed(self, context)
-
-
-def _tracked(self: Any, context: Any) -> None:
-    _agree(self, "track_file")
-    _chosen(self, context)
-
-
-def _agree(settings: Any, name: str) -> None:
-    agreed_paths.confirm(agreed_paths.claims(settings, name))  # no file that is opened comes through here
-
-
 def _chosen(self: Any, context: Any) -> None:
     _quiet(self, context)
     if self.channels:  # they are one finger's: the list follows the choice, connected or not
         with suppress(DermisError):
             device_calibration.fill_channels(self.id_data)
     session.changed()
+
+
+def _agreed(name: str, then: Update) -> Update:
+    """Return what is called where a person sets a path, which they so agree to."""
+
+    def update(self: Any, context: Any) -> None:
+        agreed_paths.confirm(agreed_paths.claims(self, name))  # no file that is opened comes through here
+        then(self, context)
+
+    return update
 
 
 def _outputs(_self: Any, _context: Any, text: str) -> list[str]:
@@ -125,7 +116,7 @@ class DermisStream(bpy.types.PropertyGroup):
         name="Port",
         description="Serial port, socket://HOST:PORT, udp://HOST:PORT, or virtual: for the simulated device",
         default="virtual:",
-        update=_addressed,
+        update=_agreed("url", _quiet),
         options=set(),
     )
     output: StringProperty(
@@ -139,14 +130,14 @@ class DermisStream(bpy.types.PropertyGroup):
         name="Track File",
         description="A command track from a file, instead of the bake",
         subtype="FILE_PATH",
-        update=_tracked,
+        update=_agreed("track_file", _chosen),
         options=BLEND_RELATIVE,
     )
     screen_file: StringProperty(
         name="Screen Map",
         description="The screen's relief and law, as exported, for the mode Touch",
         subtype="FILE_PATH",
-        update=_mapped,
+        update=_agreed("screen_file", _changed),
         options=BLEND_RELATIVE,
     )
     show_received: BoolProperty(

@@ -75,8 +75,6 @@ def run(options: argparse.Namespace) -> int:
         assert skin is not None
         scene = scenes[touch] if touch in scenes else interaction(touch, skin.positions, seed=options.seed)
         name = Path(touch).stem if touch in scenes else touch
-        if name in sensed:
-            raise DermisError("two touches have one name", where="design", value=name)
         seed = 100 * options.seed + i
         reading = task.sense_scene(scene, skin, options.finger, noise=options.noise, seed=seed)
         sensed[name] = drain_shown(reading, quiet=options.quiet)

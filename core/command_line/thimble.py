@@ -21,7 +21,7 @@ from ..matching.recorded import RecordedMatcher, check_recording
 from ..matching.replay import reference_of
 from ..matching.stimulus_plot import stimulus_plot
 from ..matching.stress import StressMatcher
-from ..matching.thimble import commands, findings_of, forces_at, match_stimuli, match_touch, matcher
+from ..matching.thimble import findings_of, forces_at, match_stimuli, match_touch, matcher
 from ..matching.thimble_use import ThimbleUse, fitted, prepare
 from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT
 from ..plot import stimuli as plot_stimuli
@@ -90,8 +90,9 @@ def follow(options: argparse.Namespace) -> int:
     times = np.arange(int(np.floor((recorded[-1] - recorded[0]) * spec.rate + 1e-9)) + 1) / spec.rate
     wanted = np.stack([np.interp(times, recorded - recorded[0], column) for column in stimuli.T], axis=1)
     found = match_stimuli(made, wanted)
-    values = commands(spec, found)
-    track = CommandTrack(spec, times, values, {"method": "electrodes", "stimuli": options.stimuli.name}).within_limits()
+    track = CommandTrack(
+        spec, times, found.commands(spec), {"method": "electrodes", "stimuli": options.stimuli.name}
+    ).within_limits()
     csv.write(track, options.out)
     for finding in (*findings_of(found, str(options.stimuli)), *_beyond(made, str(options.stimuli)), *track.check()):
         print(finding, file=sys.stderr)

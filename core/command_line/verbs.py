@@ -1,7 +1,4 @@
-"""All verbs of `python -m core` with their arguments. What runs one loads when it is chosen.
-
-A verb's `run` is the dotted name below `core` of a function that takes the options and returns the exit status.
-"""
+"""All verbs of `python -m core`; `run` is the dotted name below `core` of what one does, loaded when it is chosen."""
 
 from __future__ import annotations
 
@@ -34,7 +31,7 @@ from .arguments import (
 
 
 def parser(program: str) -> argparse.ArgumentParser:
-    """Return the command line of a program that people start by a name."""
+    """Return the command line of a program."""
     made = argparse.ArgumentParser(
         prog=program,
         description="Dermis without Blender: render sampled scenes, check command tracks.",

@@ -10,7 +10,7 @@ import numpy as np
 from ..arrays import Array
 from ..cache import cache_key
 from ..devices.spec import DeviceSpec
-from ..devices.thimble import FIRM, Thimble, channel_values
+from ..devices.thimble import FIRM, Thimble
 from ..errors import DermisError, Finding, Severity
 from ..parameters.material import FRICTION
 from ..recent import Recent
@@ -215,7 +215,7 @@ def render(
     forces = forces_at(skin, times)
     found = match_touch(used, forces, used.device.servo_speed / spec.rate)
     findings = [*used.findings, *findings_of(found, where)]
-    track = CommandTrack(spec, times, commands(spec, found), {"method": used.method})
+    track = CommandTrack(spec, times, found.commands(spec), {"method": used.method})
     signals = {
         "contact": found.wanted.astype(np.float64),
         "mismatch": found.mismatch,
@@ -225,24 +225,6 @@ def render(
     if used.method in LEARNED:
         signals["rescued"] = found.rescued.astype(np.float64)
     return Rendered(track, signals, tuple(findings), {"thimble frames without touch": int((~found.wanted).sum())})
-
-
-def commands(spec: DeviceSpec, found: ThimbleSequence) -> Array:
-    """Return what a preset's channels hold over a sequence, shape (n, channels).
-
-    Raises:
-        DermisError: a channel that no thimble has.
-    """
-    columns = channel_values(found.angles, found.x)
-    unknown = [c.name for c in spec.channels if c.name not in columns]
-    if unknown:
-        raise DermisError(
-            "the thimble has no such channel",
-            where=f"device preset '{spec.key}'",
-            value=", ".join(unknown),
-            limit=", ".join(columns),
-        )
-    return np.stack([columns[c.name] for c in spec.channels], axis=1)
 
 
 def forces_at(skin: SkinContact, times: Array) -> Array:

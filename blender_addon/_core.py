@@ -10,6 +10,7 @@ PACKAGE: str = __package__  # of the add-on; the three-part name in an installed
 
 if TYPE_CHECKING:
     import core.cache
+    import core.command_line.arguments
     import core.command_line.thimble
     import core.contact.posed_scene
     import core.contact.resultants
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     import core.contact.skin_stepper
     import core.contact.solver.cone
     import core.design.collect
+    import core.design.coupled_preset
     import core.design.interactions
     import core.design.picture
     import core.design.report
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     import core.devices.pin_array
     import core.devices.reach
     import core.devices.safe_state
+    import core.devices.servo_limits
     import core.devices.shear_tactor
     import core.devices.spec
     import core.devices.thimble
@@ -56,6 +59,7 @@ if TYPE_CHECKING:
     import core.parameters.parameter
     import core.parameters.screen
     import core.parameters.skin
+    import core.parameters.stream
     import core.pipeline.outputs
     import core.pipeline.render
     import core.plot.stimuli

@@ -97,12 +97,13 @@ def quantity(field: Mapping[str, Any] | float | int, *, where: str = "") -> Any:
     if not isinstance(field["unit"], str):
         raise DermisError("unknown unit", where=where, value=field["unit"], limit=", ".join(UNITS))
     for number in _flat(value):
-        if isinstance(number, bool) or not isinstance(number, int | float) or not _finite(number):
+        if isinstance(number, bool) or not isinstance(number, int | float) or not finite(number):
             raise DermisError("not a finite number", where=where, value=value)
     return to_si(value, field["unit"], where=where)
 
 
-def _finite(number: float) -> bool:
+def finite(number: float) -> bool:
+    """Return whether a number is finite and has its place among floats."""
     try:
         return math.isfinite(number)
     except OverflowError:  # an integer of hundreds of digits

@@ -110,12 +110,12 @@ def make_preset(scene: bpy.types.Scene, found: Any) -> str:
     Raises:
         DermisError: more motors than the device has, or a folder that cannot be written.
     """
-    report, settings = core.design.report, scene.dermis_design
-    made = report.preset(found, settings.choice, settings.motors or None)
+    coupled_preset, settings = core.design.coupled_preset, scene.dermis_design
+    made = coupled_preset.preset(found, settings.choice, settings.motors or None)
     count = len(made["channels"])
     names = "_".join(re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") for name in found.names)[:40].strip("_")
     key = f"{found.spec.key}_{count}_motor{'s' if count > 1 else ''}_{names}"
-    report.write_preset(made, presets_folder() / "devices" / f"{key}.json")
+    coupled_preset.write_preset(made, presets_folder() / "devices" / f"{key}.json")
     library().device(key)  # what cannot be read again must be told now
     active_presets.forget()
     choices.refresh()

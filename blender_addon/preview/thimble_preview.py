@@ -7,7 +7,7 @@ replayed on the skin, with friction's memory, so that what is shown is what the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 
 from .. import changes
-from .._core import Array, DermisError, core
+from .._core import DermisError, core
 from ..devices import skin_models, thimble_devices
 from ..results import store
 from . import followers, skin_preview
@@ -72,17 +72,11 @@ def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
     for target, _, device, spec in followers.of(scene, skin_preview.own(scene), "thimble"):
         if target.source != "live" or (path := follow(scene, target, device)).rendered is None:
             continue
-        values, touching = values_of(path.rendered.angles, path.rendered.x), float(path.rendered.minimum is not None)
-        signals = {"mismatch": path.rendered.mismatch}
-        rows.append(row_of(target.finger, device.preset, spec, values, touching, signals=signals))
+        values = core.devices.thimble.channel_values(path.rendered.angles, path.rendered.x)
+        plain = {name: float(value) for name, value in values.items()}
+        touching, signals = float(path.rendered.minimum is not None), {"mismatch": path.rendered.mismatch}
+        rows.append(row_of(target.finger, device.preset, spec, plain, touching, signals=signals))
     return tuple(rows)
-
-
-def values_of(angles: Array, x: Array) -> Mapping[str, float]:
-    """Return channel values by name for servo angles and pitch, roll, distance."""
-    values = {f"servo_{i + 1}": float(a) for i, a in enumerate(angles)}
-    values.update(zip(("pitch", "roll", "distance"), map(float, x), strict=True))
-    return values
 
 
 def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _FingerPath:

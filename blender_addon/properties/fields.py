@@ -22,6 +22,7 @@ from ..compat import BLEND_RELATIVE
 
 Update = Callable[[Any, Any], None]
 
+NO_UPDATES: Mapping[str, Update] = {}
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
 SOFT = ("soft_min", "soft_max")
 SIGNIFICANT = ".7g"  # what single precision keeps: 0.1 typed by a person is meant, not 0.10000000149
@@ -46,25 +47,29 @@ def redrawn(_self: Any, _context: Any) -> None:
     redraw.request()
 
 
-def declared(*tables: core.parameters.parameter.Table, **updates: Update) -> Callable[[type], type]:
+def declared(
+    *tables: core.parameters.parameter.Table, updates: Mapping[str, Update] = NO_UPDATES, override: set[str] = OVERRIDE
+) -> Callable[[type], type]:
     """Return a decorator that gives a group the properties of tables, before those that it declares itself.
 
     Args:
-        updates: what is called on a change, by parameter; `touched` for the others.
+        updates: what is called on a change, by parameter; `touched` for the others. override: as Blender takes it.
     """
 
     def declare(group: type) -> type:
         rows = (row for rows in tables for row in rows.values() if row.label)
-        own = {row.saved: declare_one(row, updates.get(row.name, touched)) for row in rows}
+        own = {row.saved: declare_one(row, updates.get(row.name, touched), override) for row in rows}
         group.__annotations__ = {**own, **group.__annotations__}
         return group
 
     return declare
 
 
-def declare_one(row: core.parameters.parameter.Parameter, update: Update = touched) -> Any:
+def declare_one(
+    row: core.parameters.parameter.Parameter, update: Update = touched, override: set[str] = OVERRIDE
+) -> Any:
     """Return a parameter as a property; it can be animated where the row says so."""
-    common: dict[str, Any] = {"description": row.text, "update": update, "override": OVERRIDE}
+    common: dict[str, Any] = {"description": row.text, "update": update, "override": override}
     if row.source.startswith("["):
         common["description"] += f" ({row.source})"
     if not row.keyed:
@@ -89,6 +94,7 @@ def declare_one(row: core.parameters.parameter.Parameter, update: Update = touch
         name=label,
         default=row.default / row.factor,
         precision=row.digits,
+        step=3 if row.digits else 100,
         **{n: v / row.factor for n, v in ends.items()},
         **(shown or {}),
         **common,

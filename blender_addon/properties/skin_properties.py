@@ -33,7 +33,7 @@ def _shown(self: Any, context: Any) -> None:
 _updates = {"skin_shown": _shown} | dict.fromkeys(_skin.OUTER, _resized)
 
 
-@declared(_skin.SKIN_CONTACT, _skin.SKIN, **_updates)
+@declared(_skin.SKIN_CONTACT, _skin.SKIN, updates=_updates)
 class DermisSkin(bpy.types.PropertyGroup):
     """The soft tissue of a fingertip: its size, its stiffness, and how deep it may be pressed."""
 

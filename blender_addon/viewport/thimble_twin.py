@@ -50,7 +50,7 @@ def joints(device: Any, angles: Array, start: Array) -> Joints:
         DermisError: no pose of the platform has these angles.
     """
     absolute = np.asarray(angles, np.float64) + device.servo_zero
-    x = device.forward(absolute, start)
+    x = device.forward(angles, start)
     pose = device.in_finger(device.pose(x))
     out = core.devices.linkage.LEG_DIRECTIONS
     servo = device.base_radius * out
@@ -93,16 +93,17 @@ def loops(device: Any, around: float) -> list[Array]:
 
 def servo_angles(row: Row) -> Array:
     """Return a row's servo angles from neutral [rad], shape (3,)."""
-    return np.array([row.values[f"servo_{i}"] for i in (1, 2, 3)])
+    return np.array([row.values[name] for name in core.devices.servo_limits.SERVOS])
 
 
 def shares(row: Row) -> Array:
     """Return how much of its range each servo uses, 0 to 1, shape (3,)."""
-    angles, out = servo_angles(row), []
-    for i, angle in enumerate(angles.tolist()):
-        limit = row.high.get(f"servo_{i + 1}") if angle >= 0 else row.low.get(f"servo_{i + 1}")
-        out.append(abs(angle / limit) if limit else 0.0)
-    return np.array(out)
+    used = []
+    for name in core.devices.servo_limits.SERVOS:
+        angle = row.values[name]
+        limit = (row.high if angle >= 0 else row.low).get(name)
+        used.append(abs(angle / limit) if limit else 0.0)
+    return np.array(used)
 
 
 @cache

@@ -53,8 +53,8 @@ class DeviceSpec:
         channels: in the order of the track's columns.
         parameters: the mechanism's quantities in SI and its plain settings. Two channels that share a round range
             are named by `range_disc` (a list of two) and `range_disc_radius`, in the channels' unit.
-        wire: `bandwidth` of the link [bit/s] (0 or absent: unknown), `bits_per_sample` that every sample costs
-            (address, check, time) and `bits_per_channel` that each channel with an actuator adds.
+        link_budget: `bandwidth` of the link [bit/s] (0 or absent: unknown), `bits_per_sample` that every sample costs
+            (address, check, time) and `bits_per_channel` that each channel with an actuator adds; 'wire' in files.
         source: the preset as read, for its hash and its sources.
         stated_hash: the hash that a track file states, where the preset itself is not at hand.
 
@@ -70,7 +70,7 @@ class DeviceSpec:
     rate: float
     channels: tuple[Channel, ...]
     parameters: Mapping[str, Any] = field(default_factory=dict)
-    wire: Mapping[str, float] = field(default_factory=dict)
+    link_budget: Mapping[str, float] = field(default_factory=dict)
     source: Mapping[str, Any] = field(default_factory=dict)
     stated_hash: str = ""
 
@@ -150,7 +150,7 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
         rate=positive(_number(preset["rate"], f"{where}, rate"), f"{where}, rate"),
         channels=channels,
         parameters={k: _parameter(v, f"{where}, {k}") for k, v in _group(preset, "parameters", where).items()},
-        wire=_wire(_group(preset, "wire", where), where),
+        link_budget=_link_budget(_group(preset, "wire", where), where),
         source=preset,
     )
     range_disc(spec)
@@ -204,18 +204,18 @@ def _number(field: Any, where: str) -> float:
     return float(value)
 
 
-def _wire(entries: Mapping[str, Any], where: str) -> dict[str, float]:
-    wire = {}
+def _link_budget(entries: Mapping[str, Any], where: str) -> dict[str, float]:
+    budget = {}
     for name, entry in entries.items():
         place = f"{where}, wire {name}"
         if name not in WIRE:
             raise DermisError("unknown field", where=place, limit=", ".join(WIRE))
-        wire[name] = _number(entry, place)
-        if wire[name] < 0:
-            raise DermisError("must not be below zero", where=place, value=wire[name], limit=">= 0")
-    if wire.get("bandwidth") and not (wire.get("bits_per_sample") or wire.get("bits_per_channel")):
+        budget[name] = _number(entry, place)
+        if budget[name] < 0:
+            raise DermisError("must not be below zero", where=place, value=budget[name], limit=">= 0")
+    if budget.get("bandwidth") and not (budget.get("bits_per_sample") or budget.get("bits_per_channel")):
         raise DermisError("a bandwidth needs the cost of a sample", where=f"{where}, wire", limit=", ".join(WIRE[1:]))
-    return wire
+    return budget
 
 
 def _parameter(value: Any, where: str) -> Any:

@@ -19,7 +19,7 @@ from ..errors import DermisError
 from .firmness import firmness, posture
 from .forward_kinematics import configuration
 from .linkage import Linkage, PlatformPose
-from .servo_limits import servo_bounds, servo_speed
+from .servo_limits import SERVOS, servo_bounds, servo_speed
 from .spec import DeviceSpec
 
 FIRM = 0.03  # least firmness: there a servo's error turns the platform some 15 times as far, and beyond it gives way
@@ -100,12 +100,12 @@ class Thimble(Linkage):
         return np.array([[[self.feasible((p, r, z)) for z in grid[2]] for r in grid[1]] for p in grid[0]])
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
-        """Return the configuration that servo angles [rad] hold the platform in; see `configuration`.
+        """Return the configuration that servo angles from neutral [rad] hold the platform in; see `configuration`.
 
         Raises:
             DermisError: no such configuration was found.
         """
-        return configuration(self, angles, start)
+        return configuration(self, np.asarray(angles, dtype=np.float64) + self.servo_zero, start)
 
     def pulse_width(self, angles: ArrayLike) -> Array:
         """Return the servos' pulse widths [s] for angles [rad]."""
@@ -116,6 +116,15 @@ class Thimble(Linkage):
         local = np.eye(4)
         local[:3, :3], local[:3, 3] = pose.rotation, pose.centre
         return self.mount @ local
+
+
+def channel_values(angles: Array, x: Array) -> dict[str, Array]:
+    """Return what each channel of a thimble holds, by name.
+
+    Args:
+        angles: of the servos from neutral [rad], shape (..., 3). x: pitch, roll [rad] and distance [m], shape (..., 3).
+    """
+    return dict(zip((*SERVOS, "pitch", "roll", "distance"), (*angles.T, *x.T), strict=True))
 
 
 def mechanism(spec: DeviceSpec) -> Thimble:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..devices.disc_pose import DiscSolution, FrictionState, placed
+from ..devices.servo_limits import SERVOS
 from ..devices.spec import DeviceSpec
 from ..devices.thimble import Thimble
 from ..errors import DermisError
@@ -91,10 +92,10 @@ def configurations(track: CommandTrack, device: Thimble) -> Array:
     Raises:
         DermisError: the track has no servo channels, or angles that no pose has.
     """
-    angles = np.stack([track.column(f"servo_{i}") for i in (1, 2, 3)], axis=1)
+    angles = np.stack([track.column(name) for name in SERVOS], axis=1)
     out, before = np.empty_like(angles), np.array([0.0, 0.0, reference_of(track.spec, device)])
     for i, row in enumerate(angles):
-        out[i] = before = device.forward(row + device.servo_zero, before)
+        out[i] = before = device.forward(row, before)
     return out
 
 

@@ -215,19 +215,7 @@ def render(
     forces = forces_at(skin, times)
     found = match_touch(used, forces, used.device.servo_speed / spec.rate)
     findings = [*used.findings, *findings_of(found, where)]
-    columns = {f"servo_{i + 1}": found.angles[:, i] for i in range(3)}
-    columns.update(zip(("pitch", "roll", "distance"), found.x.T, strict=True))
-    unknown = [c.name for c in spec.channels if c.name not in columns]
-    if unknown:
-        raise DermisError(
-            "the thimble has no such channel",
-            where=f"device preset '{spec.key}'",
-            value=", ".join(unknown),
-            limit=", ".join(columns),
-        )
-    track = CommandTrack(
-        spec, times, np.stack([columns[c.name] for c in spec.channels], axis=1), {"method": used.method}
-    )
+    track = CommandTrack(spec, times, found.commands(spec), {"method": used.method})
     signals = {
         "contact": found.wanted.astype(np.float64),
         "mismatch": found.mismatch,

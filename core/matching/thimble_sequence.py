@@ -8,6 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
+from ..devices.spec import DeviceSpec
+from ..devices.thimble import channel_values
+from ..errors import DermisError
 from .gauss_newton import GIVES_WAY
 from .stress import ThimbleFrame
 
@@ -44,6 +47,23 @@ class ThimbleSequence:
     rescued: NDArray[np.bool_]
     method: str
     predicted: Array | None = None
+
+    def commands(self, spec: DeviceSpec) -> Array:
+        """Return what the channels of a preset hold, shape (n, channels).
+
+        Raises:
+            DermisError: a channel that no thimble has.
+        """
+        columns = channel_values(self.angles, self.x)
+        unknown = [c.name for c in spec.channels if c.name not in columns]
+        if unknown:
+            raise DermisError(
+                "the thimble has no such channel",
+                where=f"device preset '{spec.key}'",
+                value=", ".join(unknown),
+                limit=", ".join(columns),
+            )
+        return np.stack([columns[c.name] for c in spec.channels], axis=1)
 
 
 def collect(frames: list[ThimbleFrame], nodes: int, method: str) -> ThimbleSequence:

@@ -118,7 +118,7 @@ def _near(spec: DeviceSpec, device: Thimble, contact: DiscContact) -> tuple[Find
     if not set(SERVOS) <= set(values):
         return ()  # said of the preset itself
     neutral = (0.0, 0.0, float(spec.parameters["reference_distance"]))
-    x = device.forward(np.array([values[s] for s in SERVOS]) + device.servo_zero, neutral)
+    x = device.forward([values[s] for s in SERVOS], neutral)
     room = float(contact.gap(placed(device, device.pose(x))).min())
     if room >= CLEAR:
         return ()

@@ -56,7 +56,7 @@ class OutputLimiter:
     def driven(self, wanted: Array) -> Array:
         """Return calibrated values within the limits, without counting."""
         wire = self.wire
-        return np.minimum(np.maximum(wire.zero + wire.gain * wanted, wire.least), wire.most)
+        return np.minimum(np.maximum(wire.zero + wire.gain * wanted, wire.lower_limit), wire.upper_limit)
 
     def plan(self, period: float) -> None:
         """Take another period between commands [s]; how long the steps before it took counts no more."""
@@ -90,7 +90,7 @@ class OutputLimiter:
         if not finite.all():
             self._counts["not_finite"] += ~finite
             driven = np.where(finite, driven, self.last)
-        held = np.minimum(np.maximum(driven, wire.least), wire.most)
+        held = np.minimum(np.maximum(driven, wire.lower_limit), wire.upper_limit)
         if not (held == driven).all():
             # What a rounding of the preset's units does is no violation.
             self._counts["range"] += np.abs(held - driven) > SLACK * np.maximum(np.abs(held), 1e-3)

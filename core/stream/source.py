@@ -16,8 +16,6 @@ from .protocols.wire import Wire
 from .request import StreamRequest
 from .track_source import TrackSource, read_track
 
-MODES = ("play", "follow", "jog", "panel")
-
 
 @dataclass
 class FollowSource:
@@ -78,7 +76,7 @@ def source_of(
         output_hz: values a second that reach the actuators, for tracks; what is live has no future to average over.
 
     Raises:
-        DermisError: nothing to play, another device's track, no screen map, or no such mode.
+        DermisError: nothing to play, another device's track, or no screen map.
     """
     if request.mode == "play":
         if not request.track:
@@ -96,8 +94,6 @@ def source_of(
         return FollowSource(follow_values(wire, shown))
     if request.mode == "jog":
         return JogSource(wire, request.jog)
-    if request.mode == "panel":
-        if load_screen is None or not request.screen:
-            raise DermisError("no screen map to answer touches from", remedy="Export the screen's map first")
-        return PanelSource(wire, load_screen(Path(request.screen)))
-    raise DermisError("no such mode", value=request.mode, limit=", ".join(MODES))
+    if load_screen is None or not request.screen:
+        raise DermisError("no screen map to answer touches from", remedy="Export the screen's map first")
+    return PanelSource(wire, load_screen(Path(request.screen)))

@@ -65,7 +65,11 @@ class TrackSource:
         if values is self._values:
             return
         missing = self._values - interpolate(times, values, self._times)
-        span = np.where(np.isfinite(wire.high - wire.low), wire.high - wire.low, np.ptp(self._values, axis=0))
+        span = np.where(
+            np.isfinite(wire.range_high - wire.range_low),
+            wire.range_high - wire.range_low,
+            np.ptp(self._values, axis=0),
+        )
         largest, rms = np.abs(missing).max(axis=0), np.sqrt((missing**2).mean(axis=0))
         self.loss = Loss(output_hz, wire.names, wire.units, largest, rms, span)
         self._times, self._values = times, values

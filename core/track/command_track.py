@@ -168,7 +168,7 @@ class CommandTrack:
             *self._check_times(),
             *self._check_values(),
             *self._check_actuators(),
-            *self._check_wire(),
+            *self._check_link_budget(),
             *self._check_limited(),
         )
 
@@ -270,13 +270,13 @@ class CommandTrack:
                 )
             used.setdefault(channel.actuator, channel.name)
 
-    def _check_wire(self) -> Iterator[Finding]:
-        wire = self.spec.wire
-        bandwidth = wire.get("bandwidth", 0.0)
+    def _check_link_budget(self) -> Iterator[Finding]:
+        budget = self.spec.link_budget
+        bandwidth = budget.get("bandwidth", 0.0)
         if not bandwidth or self.duration <= 0:
             return
         driven = sum(bool(c.actuator) for c in self.channels)
-        cost = wire.get("bits_per_sample", 0.0) + driven * wire.get("bits_per_channel", 0.0)
+        cost = budget.get("bits_per_sample", 0.0) + driven * budget.get("bits_per_channel", 0.0)
         rate = (len(self.times) - 1) / self.duration
         if cost * rate > bandwidth * (1 + DIGITS):
             yield Finding(

@@ -171,7 +171,7 @@ def _check_writable(track: CommandTrack) -> None:
         if not isinstance(value, str):
             raise DermisError("a header value must be a text", where=f"{where}, {key}", value=value)
     check_known(track, where)
-    for key in (*track.spec.parameters, *track.spec.wire, *track.limited):
+    for key in (*track.spec.parameters, *track.spec.link_budget, *track.limited):
         if not KEY.fullmatch(key):
             raise DermisError(
                 "a key that the header cannot hold", where=where, value=key, limit="letters, digits, '_', '.', '-'"

@@ -74,8 +74,8 @@ def entries_of(track: CommandTrack) -> Iterator[tuple[str, str]]:
         )
     for key in sorted(spec.parameters):
         yield f"parameter.{key}", _json(spec.parameters[key])
-    for key in sorted(spec.wire):
-        yield f"wire.{key}", _json(spec.wire[key])
+    for key in sorted(spec.link_budget):
+        yield f"wire.{key}", _json(spec.link_budget[key])
     for key in sorted(track.limited):
         yield f"limited.{key}", str(int(track.limited[key]))
 
@@ -167,7 +167,7 @@ def spec_of(entries: Entries, heading: str, where: str) -> DeviceSpec:
         rate=_rate(*entries["rate"], where=where),
         channels=_channels(entries, heading, where),
         parameters=_group(entries, "parameter", where),
-        wire={k: _number(v, f"{where}, wire.{k}") for k, v in _group(entries, "wire", where).items()},
+        link_budget={k: _number(v, f"{where}, wire.{k}") for k, v in _group(entries, "wire", where).items()},
         stated_hash=entries["spec_hash"][0],
     )
 

@@ -35,7 +35,7 @@ def header_of(track: CommandTrack, schema: str) -> dict[str, Any]:
             "rate": float(spec.rate),
             "spec_hash": spec.hash,
             "parameters": dict(spec.parameters),
-            "wire": dict(spec.wire),
+            "wire": dict(spec.link_budget),
         },
         "channels": [{"name": c.name, "unit": c.unit, **{k: getattr(c, k) for k in LIMITS}} for c in spec.channels],
         "times": times_of(track),

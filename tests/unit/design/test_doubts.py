@@ -10,9 +10,10 @@ import pytest
 
 from core.design import task
 from core.design.collect import collect
+from core.design.coupled_preset import preset
 from core.design.interactions import interaction
 from core.design.recordings import Recording, read_table
-from core.design.report import as_text, design, preset
+from core.design.report import as_text, design
 from core.design.synergies import reduce
 from core.devices.coupling import coupling_of
 from core.devices.spec import from_preset

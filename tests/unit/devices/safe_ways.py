@@ -75,7 +75,7 @@ class Thimbles:
 
     def go(self, commands: Array) -> Poses:
         """Go on from pose to pose."""
-        for i, angles in enumerate(commands + self.device.servo_zero):
+        for i, angles in enumerate(commands):
             try:
                 if not self.lost[i]:
                     self.at[i] = self.device.forward(angles, self.at[i])

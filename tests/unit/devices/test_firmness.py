@@ -83,7 +83,7 @@ def test_every_feasible_pose_is_the_one_that_its_servos_hold():
             for roll in np.radians(np.arange(-40.0, 40.1, 4.0)):
                 x = np.array([pitch, roll, z])
                 if DEVICE.feasible(x):
-                    found = DEVICE.forward(DEVICE.servo_angles(x)[0], [0.0, 0.0, 0.018])
+                    found = DEVICE.forward(DEVICE.turns(*x), [0.0, 0.0, 0.018])
                     np.testing.assert_allclose(found, x, rtol=0, atol=1e-9)
                     count, steepest = count + 1, max(steepest, float(np.hypot(pitch, roll)))
     assert count > 2500 and np.degrees(steepest) > 33
@@ -109,7 +109,7 @@ def test_a_platform_that_stands_on_its_rods_is_firm_on_its_own_side():
     assert device.side == -1.0 and device.feasible([0, 0, 0.018])
     for x in ([0.05, -0.03, 0.018], [-0.04, 0.04, 0.0175]):
         assert device.feasible(x)
-        np.testing.assert_allclose(device.forward(device.servo_angles(x)[0], [0, 0, 0.018]), x, atol=1e-9)
+        np.testing.assert_allclose(device.forward(device.turns(*x), [0, 0, 0.018]), x, atol=1e-9)
 
 
 def test_rods_that_lie_flat_are_refused():

@@ -75,7 +75,7 @@ def test_the_safe_pose_is_clear_of_every_finger(key: str) -> None:
 def test_the_thimbles_safe_pose_is_firm_and_on_its_own_side() -> None:
     spec = LIBRARY.device("thimble_3rrs")
     device = mechanism(spec)
-    x = device.forward(Wire.of(spec).safe + device.servo_zero, (0.0, 0.0, 18e-3))
+    x = device.forward(Wire.of(spec).safe, (0.0, 0.0, 18e-3))
     assert device.feasible(x) and posture(device, *x.tolist())[1] > 10 * FIRM
 
 
@@ -203,7 +203,11 @@ def test_the_page_says_how_long_the_way_takes_and_how_clear_it_ends() -> None:
         told = re.fullmatch(r"([\d.]+) s", cells[-1])
         assert (told is None) == (wire.reach == Reach.AT_ONCE), key
         if told is not None:
-            far = np.maximum(wire.high - wire.safe, wire.safe - wire.low) / (wire.high - wire.low) * FULL
+            far = (
+                np.maximum(wire.range_high - wire.safe, wire.safe - wire.range_low)
+                / (wire.range_high - wire.range_low)
+                * FULL
+            )
             seconds = float((far / wire.slew_counts()).max()) / 1000.0  # whole counts: never faster than declared
             assert wire.safe_seconds <= seconds <= float(told[1]) < seconds + 0.01
         if key in PLATFORMS:
@@ -214,7 +218,7 @@ def test_the_page_says_how_long_the_way_takes_and_how_clear_it_ends() -> None:
 
 def test_counts_are_rounded_and_speeds_are_not_rounded_up() -> None:
     wire = Wire.of(LIBRARY.device("cable_platform"))
-    span = wire.high - wire.low
+    span = wire.range_high - wire.range_low
     for part, count in ((0.0, 0), (0.4, 0), (0.6, 1), (1.4, 1), (1.6, 2), (FULL - 0.6, FULL - 1), (FULL - 0.4, FULL)):
-        assert wire.counts(wire.low + span * part / FULL).tolist() == [count] * 3
+        assert wire.counts(wire.range_low + span * part / FULL).tolist() == [count] * 3
     assert wire.slew_counts().tolist() == [245] * 3, "600 deg/s over 160 degrees are 245.8 counts a millisecond"

@@ -62,7 +62,7 @@ def test_everything_is_read_in_si() -> None:
     )
     degree = 3.141592653589793 / 180
     assert spec.parameters == {"link": 0.005, "mode": "fast", "on": True, "names": ["a"], "list": [degree, 2 * degree]}
-    assert spec.wire == {"bandwidth": 115200.0, "bits_per_sample": 8.0}
+    assert spec.link_budget == {"bandwidth": 115200.0, "bits_per_sample": 8.0}
 
 
 def test_hash_is_the_presets_and_not_the_order_of_its_keys() -> None:

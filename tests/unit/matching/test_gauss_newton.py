@@ -92,7 +92,7 @@ def test_a_target_beyond_a_singular_pose_ends_at_the_least_firmness(device):
         )
         assert found.room.min() >= 0.0 and GIVES_WAY in found.active and found.kkt < 0.02
         assert found.cost <= other.fun * (1 + 2e-3)
-        turned = device.forward(device.servo_angles(found.x)[0], NEUTRAL)
+        turned = device.forward(device.turns(*found.x), NEUTRAL)
         np.testing.assert_allclose(turned, found.x, atol=1e-9)
 
 

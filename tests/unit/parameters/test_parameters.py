@@ -10,6 +10,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
+from core.command_line.verbs import parser
 from core.devices.kinds import KINDS
 from core.effects.weight import SIGNS
 from core.errors import DermisError
@@ -20,10 +21,13 @@ from core.parameters.finger import FINGER
 from core.parameters.material import BODY, MATERIAL
 from core.parameters.parameter import Parameter
 from core.parameters.skin import LENGTHS, SKIN, SKIN_CONTACT, TISSUE
+from core.parameters.stream import STREAM
 from core.presets import check
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 from core.skin.fingertip import LEVELS
 from core.skin.shape import FingertipShape
+from core.stream.protocols.adapter import NAMES as PROTOCOLS
+from core.stream.request import StreamRequest
 from core.units import UNITS
 from tests import parameters_page as page
 
@@ -57,7 +61,36 @@ def test_choices_are_those_that_the_engine_has() -> None:
     assert set(DEVICE["pin_nodes"].keys) == set(get_args(Weighting))
     assert set(DEVICE["weight_sign"].keys) == set(SIGNS)
     assert set(SKIN_CONTACT["skin_level"].keys) == set(LEVELS)
+    assert set(STREAM["protocol"].keys) == set(PROTOCOLS)
     assert tuple(LENGTHS) == tuple(field.name for field in fields(FingertipShape))
+
+
+def test_a_stream_begins_as_its_rows_say_and_keeps_to_their_ranges() -> None:
+    assert {name: getattr(StreamRequest(), name) for name in STREAM} == {n: row.absent for n, row in STREAM.items()}
+    StreamRequest(**{name: row.default for name, row in STREAM.items()}).check()
+    for name, row in STREAM.items():
+        beyond = [row.low - 1, row.high + 1, math.nan, True] if row.numeric else ["waltz"]
+        for value in beyond:
+            with pytest.raises(DermisError, match=name.replace("_", "[_ ]")) as error:
+                StreamRequest(**{name: value}).check()
+            assert error.value.limit
+
+
+@pytest.mark.parametrize("name", ["rate", "look_ahead", "ramp"])
+def test_the_command_line_takes_a_number_of_a_stream_from_its_row(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    row, words = STREAM[name], ["stream", "play", "a.csv", "--url", "virtual:"]
+    option = f"--{name.replace('_', '-')}"
+    assert getattr(parser("core").parse_args(words), name) == row.default
+    for value in (row.low, row.high):
+        assert getattr(parser("core").parse_args([*words, f"{option}={value}"]), name) == value
+    with pytest.raises(SystemExit):
+        parser("core").parse_args([*words, f"{option}={row.high + 1}"])
+    assert f"{option}: {row.high + 1} is not allowed: {row.allowed}" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        parser("core").parse_args(["stream", "play", "--help"])
+    assert row.text[1:] in " ".join(capsys.readouterr().out.split())
 
 
 def test_every_setting_of_a_device_is_read_by_some_kind() -> None:
@@ -130,4 +163,4 @@ def test_skin_presets_may_hold_what_a_skin_has() -> None:
 
 
 def test_the_page_is_current() -> None:
-    assert page.PAGE.read_text(encoding="utf-8") == page.page(), "run python -m tests.parameters_page"
+    assert page.PAGE.read_text(encoding="utf-8") == page.page(), "run python3 build_addon.py docs"

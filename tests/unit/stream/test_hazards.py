@@ -77,14 +77,14 @@ def test_a_sleep_gives_no_credit_to_blend_or_speed() -> None:
     wire = Wire.of(Library().device("haptip"))
     limiter = OutputLimiter(wire)
     limiter.begin(np.zeros(2), 0.0, 1.0)
-    limiter.step(wire.most, 0.001)
-    assert np.allclose(limiter.step(wire.most, 0.901), wire.most * smooth(0.003), rtol=1e-9)
+    limiter.step(wire.upper_limit, 0.001)
+    assert np.allclose(limiter.step(wire.upper_limit, 0.901), wire.upper_limit * smooth(0.003), rtol=1e-9)
     for k in range(997):
-        out = limiter.step(wire.most, 0.902 + 0.001 * k)
-    assert np.allclose(out, wire.most), "the rest of the blend takes the rest of its time"
+        out = limiter.step(wire.upper_limit, 0.902 + 0.001 * k)
+    assert np.allclose(out, wire.upper_limit), "the rest of the blend takes the rest of its time"
     limiter.begin(np.zeros(2), 10.0, 0.0)
     limiter.step(np.zeros(2), 10.001)
-    path = [limiter.step(wire.most, t) for t in (10.9, 10.901, 10.902)]
+    path = [limiter.step(wire.upper_limit, t) for t in (10.9, 10.901, 10.902)]
     assert np.allclose(path, np.outer((2, 3, 4), wire.slew) * 0.001), "two periods, then one each"
 
 

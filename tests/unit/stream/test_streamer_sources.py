@@ -126,8 +126,8 @@ def test_round_trips_tell_the_way_from_a_queue() -> None:
 
 def test_counts_are_the_nearest_ones() -> None:
     wire = Wire.of(Library().device("haptip"))
-    values = np.random.default_rng(4).uniform(wire.low, wire.high, (2000, 2))
-    step = (wire.high - wire.low) / 65535
+    values = np.random.default_rng(4).uniform(wire.range_low, wire.range_high, (2000, 2))
+    step = (wire.range_high - wire.range_low) / 65535
     off = np.array([wire.values(wire.counts(v)) - v for v in values])
     assert (np.abs(off) <= 0.5001 * step).all() and (np.abs(off.mean(axis=0)) < 0.05 * step).all()
 

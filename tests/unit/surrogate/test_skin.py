@@ -207,7 +207,7 @@ def test_a_calibrated_thimble_touches_where_the_person_feels_it(skin, device):
     felt = {"thimble_calibrated": True, "thimble_felt_1": 0.1, "thimble_felt_2": 0.12, "thimble_felt_3": 0.05}
     fitted_device, _ = fitted(spec, skin, felt)
     contact = contact_of(fitted_device, skin, 0.6)
-    x = fitted_device.forward(np.array([0.1, 0.12, 0.05]) + fitted_device.servo_zero, (0.0, 0.0, 0.018))
+    x = fitted_device.forward(np.array([0.1, 0.12, 0.05]), (0.0, 0.0, 0.018))
     assert contact.gap(placed(fitted_device, fitted_device.pose(x))).min() == pytest.approx(0.0, abs=1e-9)
     assert fitted(spec, skin, {**felt, "thimble_calibrated": False})[0].mount[2, 3] == device.mount[2, 3]
     with pytest.raises(DermisError, match="outside the servos' range"):

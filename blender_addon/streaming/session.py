@@ -218,7 +218,7 @@ def heartbeat() -> None:
         if streamed_track.outdated(scene):
             changed()  # before the time is taken: it counts from the start of the track that the sender has
         playing = any(screen.is_animation_playing for screen in bpy.data.screens)
-        _published = request_fields.shown(scene, _status.get("names", ()))
+        _published = request_fields.published(scene, _status.get("names", ()))
     _mode = scene.dermis_stream.mode
     moment, values = _published
     _client.heartbeat(playing=playing, time=moment, values=values)

@@ -67,14 +67,14 @@ def source_of(
     request: StreamRequest,
     wire: Wire,
     old: Source | None,
-    shown: Sequence[float],
+    published: Sequence[float],
     load_screen: Callable[[Path], Screen] | None = None,
     output_hz: float = 0.0,
 ) -> Source:
     """Make what a request's mode asks for.
 
     Args:
-        old: the source before; a playback goes on where it was. shown: values that Blender published last.
+        old: the source before; a playback goes on where it was. published: values that Blender published last.
         output_hz: values a second that reach the actuators, for tracks; what is live has no future to average over.
 
     Raises:
@@ -93,7 +93,7 @@ def source_of(
         play.clock.free = request.play_on
         return play
     if request.mode == "follow":
-        return FollowSource(follow_values(wire, shown))
+        return FollowSource(follow_values(wire, published))
     if request.mode == "jog":
         return JogSource(wire, request.jog)
     if request.mode == "panel":

@@ -176,7 +176,7 @@ def _joined(samples: list[TactileScene]) -> TactileScene:
     parts = [_chunk(s) for s in (samples[0], *samples)]
     frames = np.array([float(p.frames[0]) for p in parts])
     frames[0] -= 1.0
-    keys = set.intersection(*(set(p.channels) for p in parts))
+    keys = set.intersection(*(set(p.animated) for p in parts))
     surfaces = set.intersection(*(set(p.surfaces) for p in parts))
     joined = chunk(
         frames=frames,
@@ -185,7 +185,7 @@ def _joined(samples: list[TactileScene]) -> TactileScene:
         bodies=np.concatenate([p.bodies for p in parts], axis=1),
         screens=np.concatenate([p.screens for p in parts], axis=1),
         surfaces={i: tuple(p.surfaces[i][0] for p in parts) for i in sorted(surfaces)},
-        channels={k: np.concatenate([p.channels[k] for p in parts]) for k in sorted(keys)},
+        animated={k: np.concatenate([p.animated[k] for p in parts]) for k in sorted(keys)},
     )
     last = samples[-1]
     # Skins have a path of their own, in `skin_preview`, and so have the devices that follow one that is solved there.

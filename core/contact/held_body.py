@@ -33,7 +33,7 @@ def may_be_held(scene: TactileScene, b: int, chunk: Chunk) -> bool:
         return False
     mode = BODY["held_mode"].of(given, f"object '{scene.bodies[b].name}'")
     if mode == "keyed":
-        switch = chunk.channels.get(f"body/{b}/held")
+        switch = chunk.animated.get(f"body/{b}/held")
         return bool(given.get("held", BODY["held"].absent) if switch is None else (switch > 0.5).any())
     return mode == "auto" and len(scene.fingers) > 1
 

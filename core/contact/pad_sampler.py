@@ -90,7 +90,7 @@ class PadSampler:
                     where=f"finger '{name}'",
                     remedy="Give the finger a scale other than 0",
                 )
-        self._chunks.append(Chunk(chunk.frames, chunk.times, fingers, bodies, screens, {}, chunk.channels))
+        self._chunks.append(Chunk(chunk.frames, chunk.times, fingers, bodies, screens, {}, chunk.animated))
         own = self._radius.over(chunk)
         chunk, boxes = self._deforming.take(chunk)
         self._sweep(chunk, fingers, bodies, own, boxes)
@@ -101,7 +101,7 @@ class PadSampler:
         """Return everything that was taken in.
 
         Raises:
-            DermisError: there was no sample, times do not rise, or a channel is missing from some chunks.
+            DermisError: there was no sample, times do not rise, or an animated parameter is missing from some chunks.
         """
         if self._count == 0:
             raise DermisError("no samples", where=f"scene '{self._scene.name}'", remedy="Check the frame range")
@@ -109,7 +109,7 @@ class PadSampler:
         if not (np.diff(times) > 0.0).all():
             raise DermisError("the samples' times do not rise", where=f"scene '{self._scene.name}'")
         frames = np.concatenate([c.frames for c in self._chunks])
-        channels = self._repairs.channels(self._chunks, frames)
+        animated = self._repairs.animated(self._chunks, frames)
         pairs = {key: pair.assembled(self._count) for key, pair in sorted(self._pairs.items()) if pair.start}
         noted = {**self._noted, **self._deforming.noted}
         return PadContact(
@@ -120,7 +120,7 @@ class PadSampler:
             screens=np.concatenate([c.screens for c in self._chunks], axis=1),
             pairs=pairs,
             centres={b: np.concatenate(parts) for b, parts in self._centres.items()},
-            channels=channels,
+            animated=animated,
             skipped={k: v for k, v in self._skipped.items() if v},
             findings=(*self._repairs.findings(), *(f for b in sorted(noted) for f in noted[b])),
         )

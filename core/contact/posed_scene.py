@@ -98,5 +98,5 @@ class PosedScene:
 
     def _value(self, b: int, i: int, name: str) -> float:
         """Return a body's parameter at a sample: animated, constant, or what holds where nobody says."""
-        channel = self.chunk.channels.get(f"body/{b}/{name}")
-        return float(self._headers[b].parameters.get(name, BODY[name].absent) if channel is None else channel[i])
+        series = self.chunk.animated.get(f"body/{b}/{name}")
+        return float(self._headers[b].parameters.get(name, BODY[name].absent) if series is None else series[i])

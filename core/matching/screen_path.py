@@ -136,7 +136,7 @@ class Settings:
 
     def series(self, name: str) -> Array | None:
         """Return a setting at the device's times, or None where nobody set it."""
-        animated = self._channel(self._prefix + name)
+        animated = self._animated(self._prefix + name)
         if animated is not None:
             return animated
         constant = self.constant(name) if name in self._given else None
@@ -148,15 +148,15 @@ class Settings:
             (f"screen/{screen}/", self._scene.screens[screen]),
             (f"finger/{self._finger}/", self._scene.fingers[self._finger]),
         ):
-            animated = self._channel(prefix + "touch_distance")
+            animated = self._animated(prefix + "touch_distance")
             if animated is not None:
                 return animated
             if "touch_distance" in owner.parameters:
                 return np.full(len(self.times), float(owner.parameters["touch_distance"]))
         return np.full(len(self.times), float(FINGER["touch_distance"].absent))
 
-    def _channel(self, key: str) -> Array | None:
-        values = self._touch.channels.get(key)
+    def _animated(self, key: str) -> Array | None:
+        values = self._touch.animated.get(key)
         if values is None:
             return None
         return np.interp(self.times, self._touch.times, values)

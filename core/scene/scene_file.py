@@ -47,11 +47,11 @@ def save(scene: TactileScene, path: Path | str) -> None:
         for k, chunk in enumerate(scene.chunks):
             for name in _SERIES:
                 put_array(archive, f"chunk/{k}/{name}", getattr(chunk, name))
-            for i, name in enumerate(sorted(chunk.channels)):
-                put_array(archive, f"chunk/{k}/channel/{i}", chunk.channels[name])
+            for i, name in enumerate(sorted(chunk.animated)):
+                put_array(archive, f"chunk/{k}/channel/{i}", chunk.animated[name])
             chunks.append(
                 {
-                    "channels": sorted(chunk.channels),
+                    "channels": sorted(chunk.animated),
                     "surfaces": {
                         str(b): surfaces.put(f"chunk/{k}/surface/{b}", chunk.surfaces[b]) for b in chunk.surfaces
                     },
@@ -119,12 +119,12 @@ class SceneChunks:
             with opened_npz(self.path, kind="a sampled scene") as archive, damage_told(told, where):
                 series = {name: _numbers(archive, f"chunk/{k}/{name}", *_SERIES[name]) for name in _SERIES}
                 names = [_text(name) for name in entry["channels"]]
-                channels = {name: _numbers(archive, f"chunk/{k}/channel/{i}", 1) for i, name in enumerate(names)}
+                animated = {name: _numbers(archive, f"chunk/{k}/channel/{i}", 1) for i, name in enumerate(names)}
                 surfaces = {
                     int(b): self._surfaces(archive, f"chunk/{k}/surface/{b}", ids, triangles)
                     for b, ids in entry["surfaces"].items()
                 }
-                chunk = Chunk(**series, surfaces=surfaces, channels=channels)
+                chunk = Chunk(**series, surfaces=surfaces, animated=animated)
                 _check_lengths(chunk, where)
             yield chunk
 
@@ -265,7 +265,7 @@ def _triangles(archive: ArrayFile, name: str) -> NDArray[np.int32]:
 
 def _check_lengths(chunk: Chunk, where: str) -> None:
     n = len(chunk.frames)
-    lengths = {len(chunk.times), *map(len, chunk.channels.values()), *map(len, chunk.surfaces.values())}
+    lengths = {len(chunk.times), *map(len, chunk.animated.values()), *map(len, chunk.surfaces.values())}
     poses = (chunk.fingers, chunk.bodies, chunk.screens)
     if lengths != {n} or any(p.shape[1:] != (n, 4, 4) for p in poses):
         raise DermisError("a chunk's arrays have different lengths", where=where, limit=f"{n} samples")

@@ -125,7 +125,7 @@ class Chunk:
         times: [s] since the start of the range, shape (n,).
         fingers, bodies, screens: object-to-world matrices [translation in m], shape (count, n, 4, 4).
         surfaces: per deforming body its surface at each sample; the same triangles array where topology holds.
-        channels: animated parameters, keyed 'finger/0/pattern', 'body/3/friction', shape (n,).
+        animated: animated parameters, keyed 'finger/0/pattern', 'body/3/friction', shape (n,).
     """
 
     frames: Array
@@ -134,7 +134,7 @@ class Chunk:
     bodies: Array
     screens: Array
     surfaces: Mapping[int, tuple[Mesh, ...]] = field(default_factory=dict)
-    channels: Mapping[str, Array] = field(default_factory=dict)
+    animated: Mapping[str, Array] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         moving = ", ".join(f"{len(getattr(self, name))} {name}" for name in ("fingers", "bodies", "screens"))

@@ -26,7 +26,7 @@ class FollowSource:
     latest: Array
     moving: bool = True
 
-    def wanted(self, moment: float, now: float) -> Array:
+    def values_at(self, moment: float, now: float) -> Array:
         """Return them."""
         return self.latest
 
@@ -43,7 +43,7 @@ class JogSource:
         safe = zip(wire.names, wire.safe_command.tolist(), strict=True)
         self._values = np.array([values.get(name, value) for name, value in safe], np.float64)
 
-    def wanted(self, moment: float, now: float) -> Array:
+    def values_at(self, moment: float, now: float) -> Array:
         """Return the values set by hand."""
         return self._values
 

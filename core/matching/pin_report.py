@@ -173,7 +173,7 @@ def doubts(
 ) -> tuple[Finding, ...]:
     """Return what is to be doubted about a comparison of all methods: a mesh that is coarser than the pins."""
     ready = setup(skin.model, spec, weighting)
-    return pin_resolution.doubts(ready.matcher, ready.spread, METHODS, where or spec.name)
+    return pin_resolution.doubts(ready.matcher, ready.distribution, METHODS, where or spec.name)
 
 
 def _named(scene: TactileScene, f: int) -> str:

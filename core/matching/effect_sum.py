@@ -58,15 +58,15 @@ class EffectSum:
         self.contact = np.zeros(count, dtype=bool)
         self.held = np.zeros(count, dtype=bool)
 
-    def body(self, b: int) -> None:
+    def add_body(self, b: int) -> None:
         """Add what the finger feels of one body."""
         met = meet(self.touch, self.scene, self.finger, b, self.times)
         if met is None:
             self._skip("bodies_never_touched")
             return
         self.contact |= met.touching
-        self._transient(met, b)
-        self._texture(met, b)
+        self._add_transient(met, b)
+        self._add_texture(met, b)
         wants_weight, wants_content = self._wants_weight(b), self._wants_content(b)
         if not wants_weight:
             self._skip("effects_off")
@@ -85,7 +85,7 @@ class EffectSum:
         if wants_content:
             self._add_world(index, self._content(b, index))
 
-    def pattern(self) -> None:
+    def add_pattern(self) -> None:
         """Add the finger's own pattern."""
         own = self.scene.fingers[self.finger].parameters
         kind = FINGER["pattern"].of(own, self._where)
@@ -102,8 +102,8 @@ class EffectSum:
 
     # -- effects -------------------------------------------------------------------------------------------------
 
-    def _transient(self, met: Encounter, b: int) -> None:
-        amplitude = self._body(b, "transient_amplitude")
+    def _add_transient(self, met: Encounter, b: int) -> None:
+        amplitude = self._parameter(b, "transient_amplitude")
         on = self._switch(b, "transient")
         if on is None or not np.any(amplitude):
             self._skip("effects_off")
@@ -114,7 +114,7 @@ class EffectSum:
         at = np.clip(np.searchsorted(self.times, onsets), 0, len(self.times) - 1)
         alpha, decay, hertz, live = (
             np.broadcast_to(v, self.times.shape)[at]
-            for v in (amplitude, self._body(b, "transient_decay"), self._body(b, "transient_frequency"), on)
+            for v in (amplitude, self._parameter(b, "transient_decay"), self._parameter(b, "transient_frequency"), on)
         )
         self._audible(b, float(np.max(hertz)))
         velocities = met.onset_velocities
@@ -130,8 +130,8 @@ class EffectSum:
             index = np.flatnonzero(shape.any(axis=1))
             self._add_world(index, shape[index])
 
-    def _texture(self, met: Encounter, b: int) -> None:
-        amplitudes = self._body(b, "texture_amplitude_x"), self._body(b, "texture_amplitude_y")
+    def _add_texture(self, met: Encounter, b: int) -> None:
+        amplitudes = self._parameter(b, "texture_amplitude_x"), self._parameter(b, "texture_amplitude_y")
         on = self._switch(b, "texture")
         if on is None or not (np.any(amplitudes[0]) or np.any(amplitudes[1])):
             self._skip("effects_off")
@@ -140,24 +140,27 @@ class EffectSum:
         normal = met.normal
         place = texture.coordinates(met.point, normal)
         velocity = texture.tangential(met.velocity, normal)
-        direction = texture.held_direction(velocity, self._at(self._body(b, "texture_speed_threshold"), which))
-        friction = self._at(self._body(b, "friction"), which) * self._at(on, which)
+        direction = texture.held_direction(velocity, self._at(self._parameter(b, "texture_speed_threshold"), which))
+        friction = self._at(self._parameter(b, "friction"), which) * self._at(on, which)
         shape = texture.displacement(
             place,
             direction,
             friction,
             (self._at(amplitudes[0], which), self._at(amplitudes[1], which)),
-            (self._at(self._body(b, "texture_period_x"), which), self._at(self._body(b, "texture_period_y"), which)),
+            (
+                self._at(self._parameter(b, "texture_period_x"), which),
+                self._at(self._parameter(b, "texture_period_y"), which),
+            ),
         )
         self._add_world(which, turned(self.touch.body_at(b, self.times), which, shape))
 
     def _wants_weight(self, b: int) -> bool:
         return self._switch(b, "weight") is not None and bool(
-            np.any(self._body(b, "weight_acceleration")) or np.any(self._body(b, "weight_gravity"))
+            np.any(self._parameter(b, "weight_acceleration")) or np.any(self._parameter(b, "weight_gravity"))
         )
 
     def _wants_content(self, b: int) -> bool:
-        return self._switch(b, "content") is not None and bool(np.any(self._body(b, "content_amplitude")))
+        return self._switch(b, "content") is not None and bool(np.any(self._parameter(b, "content_amplitude")))
 
     def _weight(self, b: int, index: NDArray[np.intp]) -> Array:
         """Weight of a held body in world axes, shape (k, 3)."""
@@ -167,8 +170,8 @@ class EffectSum:
         return weight.displacement(
             self._acceleration(b)[index],
             np.asarray(self.scene.gravity),
-            self._at(self._body(b, "weight_acceleration"), index) * live,
-            self._at(self._body(b, "weight_gravity"), index) * live,
+            self._at(self._parameter(b, "weight_acceleration"), index) * live,
+            self._at(self._parameter(b, "weight_gravity"), index) * live,
             self.sign,
         )
 
@@ -220,7 +223,7 @@ class EffectSum:
             lambda: content_offset(self.touch, self.scene, b, self.times, self._acceleration(b)),
         )
         self.findings += findings
-        amplitude = self._at(self._body(b, "content_amplitude"), index) * self._at(on, index)
+        amplitude = self._at(self._parameter(b, "content_amplitude"), index) * self._at(on, index)
         return content.displacement(offset[index], amplitude)
 
     # -- parts ---------------------------------------------------------------------------------------------------
@@ -246,12 +249,12 @@ class EffectSum:
             lambda: self.touch.centre(b, self.scene.bodies[b].mesh).at(self.times, 2),
         )
 
-    def _body(self, b: int, name: str) -> Any:
+    def _parameter(self, b: int, name: str) -> Any:
         return self.touch.series(f"body/{b}", BODY[name], self.scene.bodies[b].parameters, self.times)
 
     def _switch(self, b: int, effect: str) -> Any:
         """1 where an effect is on, or None where it never is, on this device or this body."""
-        on = (np.asarray(self._body(b, f"{effect}_on")) > 0.5) & self._used(effect)
+        on = (np.asarray(self._parameter(b, f"{effect}_on")) > 0.5) & self._used(effect)
         return on.astype(np.float64) if on.any() else None
 
     def _used(self, effect: str) -> Any:

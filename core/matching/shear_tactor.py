@@ -41,8 +41,8 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
     times: Array = touch.keep(("device times", spec.rate), lambda: device_times(scene, spec.rate))
     sums = EffectSum(touch, scene, finger, use, tactor, times)
     for body in range(len(scene.bodies)):
-        sums.body(body)
-    sums.pattern()
+        sums.add_body(body)
+    sums.add_pattern()
     if sums.sum is None:
         position, magnitude, limited = np.zeros((len(times), 2)), np.zeros(len(times)), 0
     else:

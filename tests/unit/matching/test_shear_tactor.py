@@ -201,7 +201,7 @@ def test_texture_switch_stops_the_texture_while_it_is_off_and_not_before_or_afte
         use = DeviceUse("haptip", {"use_texture": header} if animated and switch.startswith("device") else {})
         touch, scene = swept(sliding, [(Body("b", TABLE, body), poses(path()))], use, animated=animated)
         effects = EffectSum(touch, scene, 0, use, TACTOR, C)
-        effects.body(0)
+        effects.add_body(0)
         return effects
 
     plain = shown().sum

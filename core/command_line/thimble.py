@@ -110,7 +110,7 @@ def follow(options: argparse.Namespace) -> int:
     from ..matching.thimble_use import fitted
     from ..presets import Library
     from ..skin.model import skin_from_parameters
-    from ..skin.sensor import hush_of, noise_of, read_stimuli
+    from ..skin.sensor import noise_floor_of, noise_of, read_stimuli
     from ..track import csv
     from ..track.command_track import CommandTrack
 
@@ -129,7 +129,7 @@ def follow(options: argparse.Namespace) -> int:
     channels = made.model.size
     recorded, stimuli = read_stimuli(options.stimuli, channels)
     noise = noise_of(stimuli) if options.noise is None else options.noise
-    made.hush = hush_of(noise, channels)
+    made.noise_floor = noise_floor_of(noise, channels)
     times = np.arange(int(np.floor((recorded[-1] - recorded[0]) * spec.rate + 1e-9)) + 1) / spec.rate
     wanted = np.stack([np.interp(times, recorded - recorded[0], column) for column in stimuli.T], axis=1)
     found = match_stimuli(made, wanted)
@@ -144,7 +144,7 @@ def follow(options: argparse.Namespace) -> int:
     off = float(np.median(found.mismatch[touched])) if touched.any() else 0.0
     print(
         f"{options.out}: {len(times)} samples, {int(touched.sum())} touched, median mismatch {100 * off:.1f} %; "
-        f"noise {noise:.3g} a channel, readings up to {made.hush:.3g} are no touch"
+        f"noise {noise:.3g} a channel, readings up to {made.noise_floor:.3g} are no touch"
     )
     return 0
 

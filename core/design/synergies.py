@@ -164,7 +164,7 @@ def reduce(
     given = [commands_of(table, s) for s in sensed] if commands is None else list(commands)
     every = np.vstack(given)
     n = every.shape[1]
-    heard = table.from_rest(np.vstack(list(sensed))) > table.hush
+    heard = table.from_rest(np.vstack(list(sensed))) > table.noise_floor
     found = []
     for choice in CHOICES:
         if choice == "rendered" and np.count_nonzero(heard) > n:

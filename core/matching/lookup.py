@@ -61,9 +61,9 @@ def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = N
     readings = np.asarray(readings, np.float64)
     values, rest = table.heard_commands, table.commands[table.rest]
     loud = np.ones(len(readings), bool)
-    if table.hush > 0.0 and readings.shape[1:] == table.readings.shape[1:]:
+    if table.noise_floor > 0.0 and readings.shape[1:] == table.readings.shape[1:]:
         # what cannot be told from rest is rest, and needs no search; what is no number is left to the search to refuse
-        loud = ~(table.from_rest(readings) <= table.hush)
+        loud = ~(table.from_rest(readings) <= table.noise_floor)
         if not loud.any():
             return np.repeat(rest[None], len(readings), axis=0)
     found = table.by_reading.query(readings[loud], NEIGHBOURS)

@@ -34,7 +34,7 @@ class RecordedMatcher(StressMatcher):
     Args:
         device: the mechanism. contact: disc and skin, for the poses in which nothing is touched.
         model: learned from the table. table: what was recorded.
-        change, hover, hush: as in `StressMatcher`.
+        change, hover, noise_floor: as in `StressMatcher`.
 
     Attributes:
         outside: frames since the last reset whose best pose was beyond the recorded ones.
@@ -52,13 +52,15 @@ class RecordedMatcher(StressMatcher):
         *,
         change: float | None = None,
         hover: float = HOVER,
-        hush: float = 0.0,
+        noise_floor: float = 0.0,
     ) -> None:
         self.low, self.high = table.x.min(axis=0), table.x.max(axis=0)
         self.outside = 0
         unknown = np.zeros((model.size, 3 * contact.count))  # what simulated forces would read
         starts = recorded_table(device, contact, model, table.x)
-        super().__init__(device, contact, unknown, model, change=change, hover=hover, hush=hush, table=starts)
+        super().__init__(
+            device, contact, unknown, model, change=change, hover=hover, noise_floor=noise_floor, table=starts
+        )
 
     def reset(self) -> None:
         """Forget the frame before."""

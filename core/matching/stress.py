@@ -73,7 +73,7 @@ class StressMatcher:
         model: what the search evaluates; the contact itself where None.
         change: largest change of a servo angle from frame to frame [rad]; None: not limited here.
         hover: distance kept from the skin while nothing is touched [m].
-        hush: targets no stronger than this cannot be told from a sensor's noise and are no touch.
+        noise_floor: targets no stronger than this cannot be told from a sensor's noise and are no touch.
         table: to start from; made where None.
 
     Attributes:
@@ -92,10 +92,16 @@ class StressMatcher:
         *,
         change: float | None = None,
         hover: float = HOVER,
-        hush: float = 0.0,
+        noise_floor: float = 0.0,
         table: StartTable | None = None,
     ) -> None:
-        self.device, self.contact, self.hover, self.change, self.hush = device, contact, hover, change, hush
+        self.device, self.contact, self.hover, self.change, self.noise_floor = (
+            device,
+            contact,
+            hover,
+            change,
+            noise_floor,
+        )
         self.direct = DirectModel(device, contact, readout)
         self.model: ForwardModel = self.direct if model is None else model
         if self.model.size != self.direct.size:
@@ -149,7 +155,7 @@ class StressMatcher:
         limits = self.limits if self.change is None else self.limits.near(self.angles, self.change)
         size = float(np.sqrt(target @ target))
         minimum, searches, followed, rescued = None, 0, self._pressed, False
-        if size > max(self.hush, NOTHING * float(self.table.strength.max())):
+        if size > max(self.noise_floor, NOTHING * float(self.table.strength.max())):
             if search is None:
                 minimum, searches = self._search(target, limits)
             else:

@@ -66,7 +66,7 @@ def matcher(
     model: ForwardModel | None = None,
     change: float | None = None,
     hover: float = HOVER,
-    hush: float = 0.0,
+    noise_floor: float = 0.0,
 ) -> StressMatcher:
     """Return what follows targets by a method.
 
@@ -75,7 +75,7 @@ def matcher(
         model: learned model for 'network' and 'ridge'.
         change: largest change of a servo angle from frame to frame [rad].
         hover: distance kept while nothing is touched [m].
-        hush: strength of a target that cannot be told from noise.
+        noise_floor: strength of a target that cannot be told from noise.
 
     Raises:
         DermisError: an unknown method, a learned method without its model, or servo limits that exclude contact.
@@ -99,7 +99,9 @@ def matcher(
         key = cache_key(skin.key, repr(skin.material), device_key(device), repr(friction), readout.tobytes())
         direct = DirectModel(device, contact, readout)
         table = _tables.make(key, lambda: start_table(device, contact, direct))
-    return StressMatcher(device, contact, readout, learned, change=change, hover=hover, hush=hush, table=table)
+    return StressMatcher(
+        device, contact, readout, learned, change=change, hover=hover, noise_floor=noise_floor, table=table
+    )
 
 
 class Follower:

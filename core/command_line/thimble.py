@@ -154,7 +154,7 @@ def _virtual(skin: SkinModel, device: Thimble, friction: float, change: float) -
     from ..matching.thimble import matcher
     from ..skin.sensor import electrode_sensor
 
-    return matcher(device, skin, friction=friction, readout=electrode_sensor(skin).matrix, change=change)
+    return matcher(device, skin, friction=friction, observation_matrix=electrode_sensor(skin).matrix, change=change)
 
 
 def _recorded(path: Path, skin: SkinModel, device: Thimble, friction: float, change: float) -> StressMatcher:

@@ -69,7 +69,7 @@ class StressMatcher:
 
     Args:
         device: the mechanism. contact: disc and skin, for the friction update.
-        readout: stimulus components of forces, shape (k, 3 m).
+        observation_matrix: stimulus components of forces, shape (k, 3 m).
         model: what the search evaluates; the contact itself where None.
         change: largest change of a servo angle from frame to frame [rad]; None: not limited here.
         hover: distance kept from the skin while nothing is touched [m].
@@ -80,14 +80,14 @@ class StressMatcher:
         rescues: frames since the last reset in which a learned model was wrong and the direct search took its place.
 
     Raises:
-        DermisError: the servo limits exclude first contact, or model and readout have different components.
+        DermisError: the servo limits exclude first contact, or model and observation matrix have different components.
     """
 
     def __init__(
         self,
         device: Thimble,
         contact: DiscContact,
-        readout: Array,
+        observation_matrix: Array,
         model: ForwardModel | None = None,
         *,
         change: float | None = None,
@@ -102,11 +102,11 @@ class StressMatcher:
             change,
             noise_floor,
         )
-        self.direct = DirectModel(device, contact, readout)
+        self.direct = DirectModel(device, contact, observation_matrix)
         self.model: ForwardModel = self.direct if model is None else model
         if self.model.size != self.direct.size:
             raise DermisError(
-                "model and readout have different components",
+                "model and observation matrix have different components",
                 where="thimble",
                 value=f"{self.model.size} and {self.direct.size}",
             )
@@ -269,7 +269,7 @@ class StressMatcher:
         return float(np.linalg.norm(stimulus - minimum.stimulus)) > MISTRUST * size
 
     def _stimulus(self, solution: DiscSolution) -> Array:
-        return self.direct.readout @ solution.spread(self.contact.count).ravel()
+        return self.direct.observation_matrix @ solution.spread(self.contact.count).ravel()
 
     def _contact_at(self, x: Array, *, searched: bool) -> DiscSolution:
         """Return the contact at the pose chosen, from the friction state before it."""

@@ -62,7 +62,7 @@ def matcher(
     method: str = "stress",
     *,
     friction: float = FRICTION,
-    readout: Array | None = None,
+    observation_matrix: Array | None = None,
     model: ForwardModel | None = None,
     change: float | None = None,
     hover: float = HOVER,
@@ -71,7 +71,7 @@ def matcher(
     """Return what follows targets by a method.
 
     Args:
-        readout: stress components of forces; those of `describe` where None. Not used by 'force'.
+        observation_matrix: stress components of forces; those of `describe` where None. Not used by 'force'.
         model: learned model for 'network' and 'ridge'.
         change: largest change of a servo angle from frame to frame [rad].
         hover: distance kept while nothing is touched [m].
@@ -91,16 +91,16 @@ def matcher(
         )
     contact = contact_of(device, skin, friction)
     if method == "force":
-        readout = total_force(skin.pad_count)
-    elif readout is None:
-        readout = describe(device, skin, friction).readout
+        observation_matrix = total_force(skin.pad_count)
+    elif observation_matrix is None:
+        observation_matrix = describe(device, skin, friction).observation_matrix
     table, learned = None, model if method in LEARNED else None
     if learned is None:  # five fingers of one hand start from the same table
-        key = cache_key(skin.key, repr(skin.material), device_key(device), repr(friction), readout.tobytes())
-        direct = DirectModel(device, contact, readout)
+        key = cache_key(skin.key, repr(skin.material), device_key(device), repr(friction), observation_matrix.tobytes())
+        direct = DirectModel(device, contact, observation_matrix)
         table = _tables.make(key, lambda: start_table(device, contact, direct))
     return StressMatcher(
-        device, contact, readout, learned, change=change, hover=hover, noise_floor=noise_floor, table=table
+        device, contact, observation_matrix, learned, change=change, hover=hover, noise_floor=noise_floor, table=table
     )
 
 
@@ -121,7 +121,7 @@ class Follower:
             DermisError: forces that are not finite.
         """
         force = np.asarray(force, np.float64).ravel()
-        target = self.matching.direct.readout @ force
+        target = self.matching.direct.observation_matrix @ force
         if self.method != "geometry" or not target.any():
             return self.matching.step(target)
         patch = contact_patch(self.skin, force)
@@ -139,7 +139,7 @@ def follower(use: ThimbleUse, change: float | None = None) -> Follower:
         use.skin,
         use.method,
         friction=use.friction,
-        readout=use.readout,
+        observation_matrix=use.observation_matrix,
         model=use.learned,
         change=change,
         hover=use.hover,
@@ -159,7 +159,7 @@ def match_sequence(
     method: str = "stress",
     *,
     friction: float = FRICTION,
-    readout: Array | None = None,
+    observation_matrix: Array | None = None,
     model: ForwardModel | None = None,
     change: float | None = None,
 ) -> Generator[tuple[int, int], None, ThimbleSequence]:
@@ -171,7 +171,9 @@ def match_sequence(
     Raises:
         DermisError: forces that do not fit the skin or are not finite.
     """
-    found = matcher(device, skin, method, friction=friction, readout=readout, model=model, change=change)
+    found = matcher(
+        device, skin, method, friction=friction, observation_matrix=observation_matrix, model=model, change=change
+    )
     return (yield from _through(Follower(found, skin, method), forces))
 
 

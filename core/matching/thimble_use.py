@@ -44,7 +44,7 @@ class ThimbleUse:
         device: the mechanism, mounted as it sits on this person.
         skin: what it presses on. friction: between both. hover: distance kept while nothing is touched [m].
         method: one of `METHODS`, after a learned one that cannot be used was replaced.
-        readout: stress components that the learned model speaks of; None where the device's own are meant.
+        observation_matrix: stress components that the learned model speaks of; None where the device's own are meant.
         learned: the model of 'network' and 'ridge'; None for the others.
         findings: what was replaced, and why.
     """
@@ -54,7 +54,7 @@ class ThimbleUse:
     friction: float
     hover: float
     method: str
-    readout: Array | None
+    observation_matrix: Array | None
     learned: ForwardModel | None
     findings: tuple[Finding, ...]
 
@@ -102,14 +102,14 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
         return ThimbleUse(device, skin, friction, hover, method, None, None, near)
     try:
         made = load(surrogate_path(parameters, skin, device, friction), skin, device, friction)
-        readout, learned = made.descriptors.readout, made.model(skin, method)
+        observation_matrix, learned = made.descriptors.observation_matrix, made.model(skin, method)
         try_out(learned, _poses(device, contact_of(device, skin, friction)), where)
     except DermisError as error:
         finding = error.as_finding(
             "warning", code="surrogate", what=f"the direct method was used: {error.what}", where=where
         )
         return ThimbleUse(device, skin, friction, hover, "stress", None, None, (finding, *near))
-    return ThimbleUse(device, skin, friction, hover, method, readout, learned, near)
+    return ThimbleUse(device, skin, friction, hover, method, observation_matrix, learned, near)
 
 
 def _near(spec: DeviceSpec, device: Thimble, contact: DiscContact) -> tuple[Finding, ...]:

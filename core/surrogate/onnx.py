@@ -64,9 +64,9 @@ def dumps(network: Network, meta: Mapping[str, Any] | None = None) -> bytes:
         "weights": weights.T,
         "bias": bias,
         "one": np.ones(1),
-        "readout": network.readout.T,
+        "readout": network.output_weights.T,
         "offset": network.offset,
-        "rows": network.readout[None],
+        "rows": network.output_weights[None],
         "slopes": weights[:, :3],
     }
     graph = b"".join(_field(1, node) for node in nodes)

@@ -109,7 +109,7 @@ def test_tables_that_do_not_fit_together_are_a_finding(tmp_path, skin, spec, mad
     save(tmp_path / "mine", made)
     rewritten(tmp_path / "mine.npz", **{name: change})
     used = prepare(spec, skin, {"thimble_method": method, "thimble_surrogate": str(tmp_path / "mine.npz")})
-    assert used.method == "stress" and used.learned is None and used.readout is None
+    assert used.method == "stress" and used.learned is None and used.observation_matrix is None
     (finding,) = used.findings
     assert finding.code == "surrogate" and words in str(finding)
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .._core import Array, Indices32
 
 TRIANGLES = 3000  # a surface is refined until it has about as many
-MOST_LEVELS = 2
+MAX_LEVELS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class DisplaySurface:
         rest = points = mesh.nodes[nodes]
         coarse = triangles
         refine = identity(len(nodes), format="csr")
-        for _ in range(MOST_LEVELS):
+        for _ in range(MAX_LEVELS):
             if len(triangles) * 4 > 2 * TRIANGLES and len(triangles) > TRIANGLES / 2:
                 break
             matrix, triangles = _refined(rest, triangles)

@@ -17,7 +17,7 @@ from ..arrays import Array
 from ..errors import DermisError
 
 # Bounces within one step; a body that would bounce more often lies still until the next.
-MOST_BOUNCES = 8
+MAX_BOUNCES = 8
 
 
 def displacement(offset: Array, amplitude: float | Array) -> Array:
@@ -214,7 +214,7 @@ def bounce(x: float, v: float, a: float, step: float, size: float, restitution: 
 
     It rests against a wall that it is pushed to when it cannot leave it for as long as a step.
     """
-    for _ in range(MOST_BOUNCES):
+    for _ in range(MAX_BOUNCES):
         wall = math.copysign(size, x)
         if abs(x) >= size and v * wall <= 0.0 and a * wall > 0.0 and 2.0 * abs(v) < abs(a) * step and restitution < 1.0:
             return wall, 0.0

@@ -16,7 +16,7 @@ from ..arrays import Array
 from ..devices.friction_screen import FrictionScreen
 from ..devices.spec import DeviceSpec
 from ..effects.gradient import check_map, metres_of
-from ..effects.slide import FULL, LEAST, directions
+from ..effects.slide import MAX_FRICTION, MIN_FRICTION, directions
 from ..errors import DermisError, Finding
 from ..parameters.device import DEVICE
 from ..parameters.screen import SEQUENCE
@@ -150,10 +150,10 @@ def screen_maps(scene: TactileScene, matrices: Array, use: DeviceUse, spec: Devi
     ranges = {index: height_range(heights) for index, (heights, _, _) in screens.items()}
     if mode == "auto" and profile == "slope":
         steepest = max(steepest_of_all(*entry) for entry in screens.values())
-        scale = FULL / steepest if steepest > 0 else 0.0
+        scale = MAX_FRICTION / steepest if steepest > 0 else 0.0
     elif mode == "auto" and profile == "height":
         tallest = max((ranges[i][1] - ranges[i][0]) * metres_of(size, unit) for i, (_, size, unit) in screens.items())
-        scale, offset = ((FULL - LEAST) / tallest if tallest > 0 else 0.0), LEAST
+        scale, offset = ((MAX_FRICTION - MIN_FRICTION) / tallest if tallest > 0 else 0.0), MIN_FRICTION
     result = {}
     for index, (heights, size, unit) in screens.items():
         parameters = scene.screens[index].parameters

@@ -21,7 +21,7 @@ from ..contact.holding_times import meet
 from ..devices.friction_screen import FrictionScreen
 from ..devices.spec import DeviceSpec
 from ..effects.slide import (
-    FULL,
+    MAX_FRICTION,
     STEEPEST_NORMAL,
     directions,
     friction_of_normal,
@@ -155,7 +155,7 @@ def _scale(settings: Settings, mode: str, felt: Array, contact: NDArray[np.bool_
     """Return f0, of the whole bake or of each touching time; `felt` is what a motion is multiplied by, shape (k, 2)."""
     if mode == "auto":
         steepest = float(np.linalg.norm(felt, axis=1).max(initial=0.0))
-        return FULL / steepest if steepest > 1e-12 else 0.0
+        return MAX_FRICTION / steepest if steepest > 1e-12 else 0.0
     manual = settings.series("scale")
     if manual is None or not np.isfinite(manual).all() or not manual.any():
         raise DermisError("the scale must not be zero", where=where, remedy="Choose the automatic scale")

@@ -22,7 +22,7 @@ from .thimble_sequence import ThimbleSequence
 from .thimble_use import ThimbleUse
 
 MOVEMENTS = 240
-MOST = 2500  # dots of the cloud
+MAX_DOTS = 2500  # dots of the cloud
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ def stimulus_plot(use: ThimbleUse, forces: Array, found: ThimbleSequence, seed: 
     data = drain(record(use.device, contact_of(use.device, use.skin, use.friction), MOVEMENTS, seed=seed))
     stimuli = data.force.astype(np.float64) @ observation_matrix.T
     about = stimuli - stimuli.mean(axis=0)
-    chosen = slice(None, None, max(1, -(-len(stimuli) // MOST)))
+    chosen = slice(None, None, max(1, -(-len(stimuli) // MAX_DOTS)))
     depth = data.x[:, 2].max() - data.x[:, 2]
     shares = (data.x[:, 0] / MAX_TILT, data.x[:, 1] / MAX_TILT, depth / MAX_DEPTH - 1)
     configuration = np.stack(shares, axis=1)

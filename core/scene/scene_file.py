@@ -24,7 +24,7 @@ from ..npz import ArrayFile, opened_npz
 from .tactile_scene import SCENE_VERSION, Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, header
 
 FORMAT = "dermis-scene"
-MOST_HEADER = 1 << 26  # bytes; a deforming mesh names its triangles at every sample
+MAX_HEADER = 1 << 26  # bytes; a deforming mesh names its triangles at every sample
 # Arrays of a chunk: dimensions, and the size of the last where it is given.
 _SERIES = {"frames": (1,), "times": (1,), "fingers": (4, 4), "bodies": (4, 4), "screens": (4, 4)}
 
@@ -186,7 +186,7 @@ def _header(archive: ArrayFile) -> dict[str, Any]:
     where = archive.where
     if "header.json" not in archive:
         raise DermisError("not a sampled scene: it has no header", where=where)
-    data = json_of(archive.text("header.json", MOST_HEADER), where, MOST_HEADER, constants=True)
+    data = json_of(archive.text("header.json", MAX_HEADER), where, MAX_HEADER, constants=True)
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         found = data.get("format") if isinstance(data, dict) else type(data).__name__
         raise DermisError("not a sampled scene", where=where, value=str(found)[:80], limit=FORMAT)

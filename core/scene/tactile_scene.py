@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import DermisError, Finding
-from ..interpolate import MOST_SAMPLES
+from ..interpolate import MAX_SAMPLES
 from ..parameters.finger import FINGER
 from ..parameters.material import BODY
 from ..parameters.parameter import Table
@@ -205,12 +205,12 @@ def sample_count(fps: Fraction, frame_range: tuple[int, int], rate: float) -> in
             value=f"{float(fps):g} and {rate:g}",
             limit="> 0 Hz",
         )
-    if (frame_range[1] - frame_range[0]) / fps * Fraction(rate) > MOST_SAMPLES:
+    if (frame_range[1] - frame_range[0]) / fps * Fraction(rate) > MAX_SAMPLES:
         raise DermisError(
             "the range has more samples than a track can hold",
             where="scene",
             value=f"frames {frame_range[0]} to {frame_range[1]}",
-            limit=f"{MOST_SAMPLES} samples",
+            limit=f"{MAX_SAMPLES} samples",
             remedy="Shorten the range",
         )
     duration = Fraction(frame_range[1] - frame_range[0]) / fps

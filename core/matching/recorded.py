@@ -20,9 +20,9 @@ from ..errors import DermisError
 from ..surrogate.forward import ForwardModel
 from ..surrogate.table import SampleTable
 from .gauss_newton import Minimum, ServoLimits
-from .start_table import recorded_table
 from .stress import Search, StressMatcher, ThimbleFrame
 from .thimble_use import HOVER
+from .warm_start import recorded_table
 
 MIN_ROWS = 8  # a quadratic polynomial of three unknowns has ten coefficients
 SLACK = np.radians(3.0)  # of the servos' range: a real device is assembled less exactly than it is computed

@@ -24,8 +24,8 @@ from ..errors import DermisError
 from ..surrogate.forward import DirectModel, ForwardModel
 from .descent import descend
 from .gauss_newton import GIVES_WAY, Minimum, ServoLimits
-from .start_table import StartTable, start_table
 from .thimble_use import HOVER
+from .warm_start import WarmStartTable, warm_start_table
 
 Search = Callable[[Array, ServoLimits], Minimum]
 
@@ -93,7 +93,7 @@ class StressMatcher:
         change: float | None = None,
         hover: float = HOVER,
         noise_floor: float = 0.0,
-        table: StartTable | None = None,
+        table: WarmStartTable | None = None,
     ) -> None:
         self.device, self.contact, self.hover, self.change, self.noise_floor = (
             device,
@@ -112,7 +112,7 @@ class StressMatcher:
             )
         self.limits = ServoLimits.of(device)
         self.rest_x = self._start_at(0.0, 0.0, -hover)
-        self.table = start_table(device, contact, self.model) if table is None else table
+        self.table = warm_start_table(device, contact, self.model) if table is None else table
         self.reset()
 
     def reset(self) -> None:

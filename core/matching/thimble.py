@@ -10,7 +10,7 @@ import numpy as np
 from ..arrays import Array
 from ..cache import cache_key
 from ..devices.spec import DeviceSpec
-from ..devices.thimble import FIRM, Thimble
+from ..devices.thimble import MIN_MARGIN, Thimble
 from ..errors import DermisError, Finding, Severity
 from ..parameters.material import FRICTION
 from ..recent import Recent
@@ -25,10 +25,10 @@ from ..surrogate.subspace import TOLERANCE
 from ..track.command_track import CommandTrack
 from .baselines import contact_patch, fit_plane, total_force
 from .rendered import Rendered
-from .start_table import StartTable, start_table
 from .stress import MISTRUST, StressMatcher, ThimbleFrame
 from .thimble_sequence import ThimbleSequence, collect
 from .thimble_use import HOVER, LEARNED, METHODS, ThimbleUse, prepare
+from .warm_start import WarmStartTable, warm_start_table
 
 if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
@@ -37,12 +37,12 @@ if TYPE_CHECKING:
 
 DESCRIPTOR_MOVEMENTS = 240  # enough for the subspace: more change its size by one component at most
 LATE = 0.05  # of the touched samples: if the disc is not there yet in more, a person should know
-STEEP = 0.05  # of the touched samples: the same for touches that are too steep for the mechanism
+MAX_STEEP = 0.05  # of the touched samples: the same for touches that are too steep for the mechanism
 DOUBTFUL = 0.1  # of the touched samples: a surrogate that is replaced more often is not worth its name
 UNFINISHED = 0.05  # a KKT residual above it is worth a finding
 
 _known: Recent[tuple[str, str, float, float], Descriptors] = Recent(8)
-_tables: Recent[str, StartTable] = Recent(8)
+_tables: Recent[str, WarmStartTable] = Recent(8)
 
 
 def describe(device: Thimble, skin: SkinModel, friction: float, tolerance: float = TOLERANCE) -> Descriptors:
@@ -98,7 +98,7 @@ def matcher(
     if learned is None:  # five fingers of one hand start from the same table
         key = cache_key(skin.key, repr(skin.material), device_key(device), repr(friction), observation_matrix.tobytes())
         direct = DirectModel(device, contact, observation_matrix)
-        table = _tables.make(key, lambda: start_table(device, contact, direct))
+        table = _tables.make(key, lambda: warm_start_table(device, contact, direct))
     return StressMatcher(
         device, contact, observation_matrix, learned, change=change, hover=hover, noise_floor=noise_floor, table=table
     )
@@ -268,11 +268,11 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
     if steep:
         out.append(
             Finding(
-                "warning" if steep > STEEP * wanted else "info",
+                "warning" if steep > MAX_STEEP * wanted else "info",
                 "singular-pose",
                 "a better match lies where the platform gives way although its servos are held",
                 where,
-                limit=f"firmness >= {FIRM:g}",
+                limit=f"singularity margin >= {MIN_MARGIN:g}",
                 remedy="Touch less steeply, or use other link lengths",
                 count=steep,
             )

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import core.devices.kinds
     import core.devices.linkage
     import core.devices.pin_array
-    import core.devices.reach
+    import core.devices.workspace
     import core.devices.safe_state
     import core.devices.shear_tactor
     import core.devices.spec

@@ -87,7 +87,7 @@ def loops(device: Any, around: float) -> list[Array]:
     Raises:
         DermisError: the level platform does not reach `around`.
     """
-    found = core.devices.reach.reach(device, around)
+    found = core.devices.workspace.workspace(device, around)
     out = []
     for level in range(len(found.distance)):
         tips = np.array([pointer(device.in_finger(device.pose(x)))[1] for x in found.configurations(level)])

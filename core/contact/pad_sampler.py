@@ -1,9 +1,9 @@
 """PadSampler: from chunks of poses to the gap between every pad and every body, sample by sample.
 
-The broad phase compares boxes over a whole chunk, then per sample; what is farther apart than the reach costs nothing
-more and is counted. The narrow phase asks a body's `Surface` for its gap to the pads' centres, in the body's *carried*
-space: its object space after scale and shear, before rotation and translation, so that lengths are metres. Bodies
-whose scale changes, and bodies that deform, get a surface per sample, but only where a pad is near.
+The broad phase compares boxes over a whole chunk, then per sample; what is farther apart than the search radius costs
+nothing more and is counted. The narrow phase asks a body's `Surface` for its gap to the pads' centres, in the body's
+*carried* space: its object space after scale and shear, before rotation and translation, so that lengths are metres.
+Bodies whose scale changes, and bodies that deform, get a surface per sample, but only where a pad is near.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ from blender_addon.viewport import drawing, platform_twin, shown, skin_field, th
 
 # Whatever solves, searches, looks up or reads a file: none of it may be called while something draws.
 WORK = (
-    (core.devices.reach, "reach"),
+    (core.devices.workspace, "workspace"),
     (core.matching.deformation.PinSolver, "solve"),
     (core.matching.lookup, "commands_now"),
     (core.matching.lookup, "table_at_hand"),

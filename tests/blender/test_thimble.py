@@ -234,7 +234,7 @@ def test_workspace_loops_are_closed_and_reached(demo) -> None:
     device = core.devices.thimble.mechanism(library().device("thimble_3rrs"))
     loops = twins.workspace_of(device, 0.018)
     assert len(loops) > 5 and loops is twins.workspace_of(device, 0.018)
-    reach = core.devices.reach.reach(device, 0.018)
+    reach = core.devices.workspace.workspace(device, 0.018)
     for level, loop in enumerate(loops):
         np.testing.assert_allclose(loop[0], loop[-1])
         for tip, x in zip(loop, reach.configurations(level), strict=False):

@@ -107,14 +107,14 @@ def same_places(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> boo
     return len(one) == len(other) and all(a.same_place(b) for a, b in zip(one, other, strict=True))
 
 
-def contact_frame(points: Array, bodies: Sequence[ContactBody], reach: float, bone: Array) -> ContactFrame:
+def contact_frame(points: Array, bodies: Sequence[ContactBody], search_radius: float, bone: Array) -> ContactFrame:
     """Measure each node against every body and keep the closest.
 
     The gap is linear about the undeformed node, so that it depends on the pose alone and not on what came before.
 
     Args:
         points: undeformed nodes in the finger's frame [m], shape (m, 3).
-        reach: gaps beyond this are of no interest [m].
+        search_radius: gaps beyond this are of no interest [m].
         bone: a point inside the finger [m], shape (3,): an open surface is touched on the side where it lies.
     """
     m = points.shape[0]
@@ -125,9 +125,9 @@ def contact_frame(points: Array, bodies: Sequence[ContactBody], reach: float, bo
         if body.away:
             continue
         local = (points - body.translation) @ body.rotation
-        if isinstance(body.surface, Surface) and not _boxes_meet(local, body.surface.box, reach):
+        if isinstance(body.surface, Surface) and not _boxes_meet(local, body.surface.box, search_radius):
             continue
-        answer = body.surface.query(local, reach)
+        answer = body.surface.query(local, search_radius)
         if isinstance(body.surface, Surface) and not body.surface.closed:
             if body.surface.side_of((bone - body.translation) @ body.rotation) < 0:
                 answer = answer.flipped()
@@ -212,8 +212,8 @@ def _dot(a: Array, b: Array) -> Array:
     return np.einsum("ij,ij->i", a, b)
 
 
-def _boxes_meet(points: Array, box: Array, reach: float) -> bool:
-    return bool((points.max(axis=0) + reach >= box[0]).all() and (points.min(axis=0) - reach <= box[1]).all())
+def _boxes_meet(points: Array, box: Array, margin: float) -> bool:
+    return bool((points.max(axis=0) + margin >= box[0]).all() and (points.min(axis=0) - margin <= box[1]).all())
 
 
 AWAY = ContactBody(Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3)), friction=0.0, away=True)

@@ -93,7 +93,7 @@ class PathSolver:
         extent = np.sort(np.ptp(self.points, axis=0))
         self._spacing = float(np.sqrt(max(extent[-1] * extent[-2], 1e-12) / m))
         # skin cannot bulge out of what presses into it by more than it is pressed: nodes farther off stay open
-        self.reach = max(2.5 * self._spacing, 2.5e-3)
+        self.search_radius = max(2.5 * self._spacing, 2.5e-3)
         self._candidates = CandidateInverse(c, self._rho)
         self.history = ContactHistory(m)
         self._zero = np.zeros((m, 3))
@@ -159,7 +159,7 @@ class PathSolver:
             self.counters["same"] += 1
             self._frames += 1
             return replace(self._step, work="same", from_rest=False)
-        frame = contact_frame(self.points, bodies, self.reach, self.bone)
+        frame = contact_frame(self.points, bodies, self.search_radius, self.bone)
         if not (frame.body >= 0).any():
             self._bodies = bodies
             return self.idle()

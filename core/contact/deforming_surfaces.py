@@ -72,7 +72,7 @@ class DeformingSurfaces:
             self._previous[b] = (float(chunk.times[-1]), meshes[-1])
 
     def look(self, b: int, mesh: Mesh, surface: Surface) -> None:
-        """Note what is doubtful about a surface whose triangles are new; each kind is told once."""
+        """Record what is doubtful about a surface whose triangles are new; each kind is told once."""
         if self._looked_at.get(b) is mesh.triangles:
             return
         self._looked_at[b] = mesh.triangles

@@ -27,7 +27,7 @@ SHARE = 1e-3
 
 
 def may_be_held(scene: TactileScene, b: int, chunk: Chunk) -> bool:
-    """Tell from the header and one chunk whether a body could be held there: it has a mass and a way to be held."""
+    """Return, from the header and one chunk, whether a body could be held there: it has a mass and a way to be held."""
     given = scene.bodies[b].parameters
     if not _mass(given) > 0.0:
         return False
@@ -111,7 +111,7 @@ class HeldBody:
         return (*found, unseen)
 
     def shared(self, frame: float) -> None:
-        """Note a sample in which a finger that holds it already balances another object."""
+        """Record a sample in which a finger that holds it already balances another object."""
         self._shared = (self._shared[0], self._shared[1] + 1) if self._shared else (frame, 1)
 
     def let_go(self) -> None:

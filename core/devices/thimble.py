@@ -81,13 +81,13 @@ class Thimble(Linkage):
         return np.concatenate([high - angles, angles - low, [margin - MIN_MARGIN]]), np.vstack([-by_x, by_x, softer])
 
     def feasible(self, x: ArrayLike) -> bool:
-        """Tell whether the legs reach, the servos stay within their range, and hold the platform firmly."""
+        """Return whether the legs reach, the servos stay within their range, and hold the platform firmly."""
         low, high = self.servo_limits
         psi, theta, z = np.asarray(x, dtype=np.float64).tolist()
         return self.within(psi, theta, z, low.tolist(), high.tolist())
 
     def within(self, psi: float, theta: float, z: float, low: list[float], high: list[float]) -> bool:
-        """Tell the same for limits of the servos' angles from neutral [rad]."""
+        """Return the same for limits of the servos' angles from neutral [rad]."""
         try:
             turned, margin = inverse_kinematics(self, psi, theta, z)
         except DermisError:
@@ -95,7 +95,7 @@ class Thimble(Linkage):
         return margin >= MIN_MARGIN and all(a <= t <= b for a, t, b in zip(low, turned, high, strict=True))
 
     def workspace(self, pitch: ArrayLike, roll: ArrayLike, distance: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which of a grid of pitches, rolls [rad] and distances [m] are feasible, shape (a, b, c)."""
+        """Return which of a grid of pitches, rolls [rad] and distances [m] are feasible, shape (a, b, c)."""
         grid = [np.asarray(values, dtype=np.float64).tolist() for values in (pitch, roll, distance)]
         return np.array([[[self.feasible((p, r, z)) for z in grid[2]] for r in grid[1]] for p in grid[0]])
 

@@ -113,7 +113,7 @@ class ScreenMap:
 
     @property
     def changing(self) -> bool:
-        """Tell whether the heights change with time."""
+        """Return whether the heights change with time."""
         return len(self.heights) > 1 and self.maps_per_second > 0
 
     def heading(self) -> Heading:

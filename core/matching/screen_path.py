@@ -177,7 +177,7 @@ def driven_values(
 
 
 def scale_findings(matrices: Array, name: str) -> list[Finding]:
-    """Say where a screen is deformed while it moves, because the map keeps the size that it has at the start."""
+    """Find a screen that is deformed while it moves: the map keeps the size that it has at the start."""
     findings = []
     lengths = np.linalg.norm(matrices[:, :3, :3], axis=1)
     changed = (np.abs(lengths / np.maximum(lengths[0], 1e-30) - 1.0) > SCALE_CHANGE).any(axis=1)

@@ -265,7 +265,7 @@ class StressMatcher:
         return self._stimulus(solution)
 
     def _mistrusted(self, stimulus: Array, minimum: Minimum, size: float) -> bool:
-        """Tell whether a learned model was far from the contact that its pose made."""
+        """Return whether a learned model was far from the contact that its pose made."""
         return float(np.linalg.norm(stimulus - minimum.stimulus)) > MISTRUST * size
 
     def _stimulus(self, solution: DiscSolution) -> Array:

@@ -182,9 +182,9 @@ def loose(
     _room(size)
     step = _step(times)
     restitution = 1.0 - damping
-    felt = np.einsum("nji,nj->ni", rotation, gravity - acceleration)
+    specific_force = np.einsum("nji,nj->ni", rotation, gravity - acceleration)
     turn = np.einsum("nji,nj->ni", rotation, angular_velocity)
-    mean = (felt[1:] + felt[:-1]) / 2.0
+    mean = (specific_force[1:] + specific_force[:-1]) / 2.0
     turns, half = bool(turn.any()), 0.5 * step
     spins = ((turn[1:] + turn[:-1]) / 2.0).tolist() if turns else []
     changes = (np.diff(turn, axis=0) / step).tolist() if turns else []
@@ -193,10 +193,10 @@ def loose(
     for k, push in enumerate(mean.tolist()):
         if turns:
             w, dw = spins[k], changes[k]
-            x, y, z = _felt(push, w, dw, place, speed)
+            x, y, z = _turning(push, w, dw, place, speed)
             halfway = [speed[0] + half * x, speed[1] + half * y, speed[2] + half * z]
             between = [place[0] + half * speed[0], place[1] + half * speed[1], place[2] + half * speed[2]]
-            push = _felt(push, w, dw, between, halfway)  # midpoint rule: second order
+            push = _turning(push, w, dw, between, halfway)  # midpoint rule: second order
         for i in range(3):
             x, v, a = place[i], speed[i], push[i]
             end = x + step * (v + 0.5 * step * a)
@@ -246,7 +246,7 @@ def _next_wall(x: float, v: float, a: float, size: float) -> tuple[float, float]
     return first, where
 
 
-def _felt(push: list[float], w: list[float], dw: list[float], r: list[float], v: list[float]) -> list[float]:
+def _turning(push: list[float], w: list[float], dw: list[float], r: list[float], v: list[float]) -> list[float]:
     """Add the centrifugal, Coriolis and Euler forces of a turning frame, per mass."""
     (wx, wy, wz), (dx, dy, dz), (x, y, z), (vx, vy, vz) = w, dw, r, v
     wr, ww = wx * x + wy * y + wz * z, wx * wx + wy * wy + wz * wz

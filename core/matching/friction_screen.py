@@ -78,17 +78,17 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
         mine = chosen == place
         for name, values in (("x", path.x), ("y", path.y), ("distance", path.z)):
             signals[name][mine] = values[mine]
-        felt = mine & contact
-        if not felt.any():
+        touching = mine & contact
+        if not touching.any():
             continue
-        direction = directions(path.x, path.y, felt, spec.rate, window, path.resting)[felt]
+        direction = directions(path.x, path.y, touching, spec.rate, window, path.resting)[touching]
         relief = maps[index].relief(
-            path.x[felt],
-            path.y[felt],
+            path.x[touching],
+            path.y[touching],
             direction,
-            settings.times[felt],
-            scale=None if scale is None else scale[felt],
-            threshold=None if threshold is None else threshold[felt],
+            settings.times[touching],
+            scale=None if scale is None else scale[touching],
+            threshold=None if threshold is None else threshold[touching],
         )
         for name, values in (
             ("direction_x", direction[:, 0]),
@@ -98,7 +98,7 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
             ("height", relief.height),
             ("friction", relief.friction),
         ):
-            signals[name][felt] = values
+            signals[name][touching] = values
     values, driven = driven_values(signals["friction"], settings, device, spec, where)
     signals = {
         "contact": contact.astype(np.float64),

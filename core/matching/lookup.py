@@ -93,7 +93,7 @@ def readings_for(table: SkinTable, commands: Array) -> Array:
     Source: [S2] eq. 8-10
     """
     found = table.by_command.query(np.asarray(commands, np.float64) / table.scale, NEIGHBOURS)
-    return _mean(found, table.felt)
+    return _mean(found, table.exact_readings)
 
 
 def _mean(found: Neighbours, values: Array) -> Array:

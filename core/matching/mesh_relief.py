@@ -151,10 +151,10 @@ def _checked(settings: Settings, where: str) -> tuple[str, str, str]:
     return settings.constant("scale_mode"), settings.constant("downhill"), settings.constant("relief_formula")
 
 
-def _scale(settings: Settings, mode: str, felt: Array, contact: NDArray[np.bool_], where: str) -> float | Array:
-    """Return f0, of the whole bake or of each touching time; `felt` is what a motion is multiplied by, shape (k, 2)."""
+def _scale(settings: Settings, mode: str, slopes: Array, contact: NDArray[np.bool_], where: str) -> float | Array:
+    """Return f0, of the whole bake or of each touching time; motions are multiplied by `slopes`, shape (k, 2)."""
     if mode == "auto":
-        steepest = float(np.linalg.norm(felt, axis=1).max(initial=0.0))
+        steepest = float(np.linalg.norm(slopes, axis=1).max(initial=0.0))
         return MAX_FRICTION / steepest if steepest > 1e-12 else 0.0
     manual = settings.series("scale")
     if manual is None or not np.isfinite(manual).all() or not manual.any():

@@ -99,7 +99,7 @@ class RecordedMatcher(StressMatcher):
         )
         return kept, searches
 
-    def _felt(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
+    def _rendered_stimulus(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
         return np.zeros(self.model.size) if minimum is None else minimum.stimulus
 
     def _mistrusted(self, stimulus: Array, minimum: Minimum, size: float) -> bool:

@@ -164,7 +164,7 @@ class StressMatcher:
         else:
             x, self._goal = self._retracted(limits), None
         solution = self._contact_at(x, searched=minimum is not None and search is None)
-        stimulus = self._felt(solution, minimum)
+        stimulus = self._rendered_stimulus(solution, minimum)
         learned = minimum is not None and search is None and self.model is not self.direct
         if learned and minimum is not None and self._mistrusted(stimulus, minimum, size):
             before = self.rescues
@@ -260,8 +260,8 @@ class StressMatcher:
         self.rescues += 1
         return other, other.x, found, self._stimulus(found)
 
-    def _felt(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
-        """Return what is felt at the pose chosen."""
+    def _rendered_stimulus(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
+        """Return the stimulus at the pose chosen."""
         return self._stimulus(solution)
 
     def _mistrusted(self, stimulus: Array, minimum: Minimum, size: float) -> bool:

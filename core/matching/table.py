@@ -111,13 +111,13 @@ class SkinTable:
         return self.commands[self.heard]
 
     @cached_property
-    def felt(self) -> Array:
+    def exact_readings(self) -> Array:
         """Readings of all rows in double precision [counts]."""
         return np.asarray(self.readings, np.float64)
 
     def from_rest(self, readings: NDArray[Any]) -> Array:
         """Return how far readings are from those of rest [counts], shape (n,)."""
-        off = np.asarray(readings, np.float64) - self.felt[self.rest]
+        off = np.asarray(readings, np.float64) - self.exact_readings[self.rest]
         return np.sqrt(np.einsum("ij,ij->i", off, off))
 
     def heard_with(self, noise: float) -> SkinTable:

@@ -165,7 +165,7 @@ def _looked_up(name: str, sensed: Any, *, single: bool) -> Result:
     from core.matching.nearest import NEIGHBOURS
 
     given = table().heard_with(NOISE)
-    points = given.felt[given.heard]
+    points = given.exact_readings[given.heard]
     tree = cKDTree(points)
     loud = given.from_rest(sensed) > given.noise_floor
     ours = given.by_reading.query(sensed[loud], NEIGHBOURS)

@@ -49,7 +49,7 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
     with skin_models.one_thread():
         model = skin_models.get(skin["skin"], skin["skin_level"], where=where, wait=True)
         uses = core.matching.thimble_use
-        target = core.surrogate.store.place_of(folder, model, *uses.fitted(spec, model, use))
+        target = core.surrogate.store.place_of(folder, model, *uses.calibrated_mechanism(spec, model, use))
     older, done = target.is_file(), False
     try:
         with core.work.processes.ProcessExecutor() as executor:

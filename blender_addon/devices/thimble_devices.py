@@ -66,7 +66,7 @@ def adapted(device: Any, model: Any) -> Path | None:
     module, spec = core.matching.thimble_use, spec_of(device.preset)
     if spec is None:
         return None
-    fitted, friction = module.fitted(spec, model, scene_properties.parameters(device))
+    fitted, friction = module.calibrated_mechanism(spec, model, scene_properties.parameters(device))
     given = device.thimble_surrogate
     values = {"thimble_surrogate": bpy.path.abspath(given) if given else str(folder(create=True))}
     path: Path = module.surrogate_path(values, model, fitted, friction)

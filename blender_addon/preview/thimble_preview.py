@@ -190,7 +190,9 @@ def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
     use = core.matching.thimble_use
     try:
         with skin_models.one_thread():
-            fitted, friction = use.fitted(output.track.spec, target.model, thimble_devices.parameters_of(device))
+            fitted, friction = use.calibrated_mechanism(
+                output.track.spec, target.model, thimble_devices.parameters_of(device)
+            )
             poses = replay.configurations(output.track, fitted)
             made = replay.Replay(fitted, target.model, friction, poses)
     except DermisError:

@@ -107,7 +107,7 @@ def adapt(options: argparse.Namespace) -> int:
 def follow(options: argparse.Namespace) -> int:
     """Render a recorded sequence of readings and write the track."""
     from ..matching.thimble import findings_of, match_stimuli
-    from ..matching.thimble_use import fitted
+    from ..matching.thimble_use import calibrated_mechanism
     from ..presets import Library
     from ..skin.model import skin_from_parameters
     from ..skin.sensor import noise_floor_of, noise_of, read_stimuli
@@ -119,7 +119,7 @@ def follow(options: argparse.Namespace) -> int:
     library = Library(options.presets)
     spec = _thimble(library, options.device)
     skin = skin_from_parameters(library.skin(options.skin), level=options.level)
-    device, friction = fitted(spec, skin, {})
+    device, friction = calibrated_mechanism(spec, skin, {})
     change = device.servo_speed / spec.rate
     made = (
         _virtual(skin, device, friction, change)

@@ -214,11 +214,11 @@ def render(
     Source: [S0] 5
     """
     where = f"finger '{scene.fingers[finger].name}', {spec.key}"
-    used = prepare(spec, skin.model, use.parameters, where)
+    prepared = prepare(spec, skin.model, use.parameters, where)
     times = np.arange(sample_count(scene.fps, scene.frame_range, spec.rate)) / spec.rate
     forces = forces_at(skin, times)
-    found = match_touch(used, forces, used.device.servo_speed / spec.rate)
-    findings = [*used.findings, *findings_of(found, where)]
+    found = match_touch(prepared, forces, prepared.device.servo_speed / spec.rate)
+    findings = [*prepared.findings, *findings_of(found, where)]
     columns = {f"servo_{i + 1}": found.angles[:, i] for i in range(3)}
     columns.update(zip(("pitch", "roll", "distance"), found.x.T, strict=True))
     unknown = [c.name for c in spec.channels if c.name not in columns]
@@ -230,7 +230,7 @@ def render(
             limit=", ".join(columns),
         )
     track = CommandTrack(
-        spec, times, np.stack([columns[c.name] for c in spec.channels], axis=1), {"method": used.method}
+        spec, times, np.stack([columns[c.name] for c in spec.channels], axis=1), {"method": prepared.method}
     )
     signals = {
         "contact": found.wanted.astype(np.float64),
@@ -238,7 +238,7 @@ def render(
         "normal_force": found.force[:, :, 2].sum(axis=1, dtype=np.float64),
         "target_force": forces[:, :, 2].sum(axis=1),
     }
-    if used.method in LEARNED:
+    if prepared.method in LEARNED:
         signals["rescued"] = found.rescued.astype(np.float64)
     return Rendered(track, signals, tuple(findings), {"thimble frames without touch": int((~found.wanted).sum())})
 

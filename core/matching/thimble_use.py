@@ -59,7 +59,7 @@ class ThimbleUse:
     findings: tuple[Finding, ...]
 
 
-def fitted(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any]) -> tuple[Thimble, float]:
+def calibrated_mechanism(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any]) -> tuple[Thimble, float]:
     """Return a preset's mechanism as it sits on a person, and the friction of its disc.
 
     Parameters of the use: 'thimble_calibrated' (bool) and 'thimble_felt_1' to '_3', the servo angles from neutral at
@@ -86,16 +86,16 @@ def fitted(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any]) -> 
 def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], where: str = "thimble") -> ThimbleUse:
     """Return how a thimble is used.
 
-    Parameters of the use, besides those of `fitted`: 'thimble_method' (see `METHODS`, default 'stress');
-    'thimble_surrogate', for 'network' and 'ridge', the path of its files or of the folder that adaptations are kept
-    in; 'thimble_hover' [m].
+    Parameters of the use, besides those of `calibrated_mechanism`: 'thimble_method' (see `METHODS`, default
+    'stress'); 'thimble_surrogate', for 'network' and 'ridge', the path of its files or of the folder that adaptations
+    are kept in; 'thimble_hover' [m].
 
     Where a surrogate cannot be used, a finding says why and the direct method takes its place.
 
     Raises:
-        DermisError: an unknown method, a hover out of range, or what `fitted` raises.
+        DermisError: an unknown method, a hover out of range, or what `calibrated_mechanism` raises.
     """
-    device, friction = fitted(spec, skin, parameters)
+    device, friction = calibrated_mechanism(spec, skin, parameters)
     method, hover = (DEVICE[name].of(parameters, where) for name in ("thimble_method", "thimble_hover"))
     near = _near(spec, device, contact_of(device, skin, friction))
     if method not in LEARNED:

@@ -35,7 +35,7 @@ WORK = (
     (core.matching.replay, "Replay"),
     (core.matching.table, "press_of"),
     (core.matching.thimble, "follower"),
-    (core.matching.thimble_use, "fitted"),
+    (core.matching.thimble_use, "calibrated_mechanism"),
     (core.pipeline.render, "render"),
     (core.presets.Library, "device"),
     (core.skin.model, "skin_from_parameters"),

@@ -12,7 +12,7 @@ from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.matching.adapt import adapt_job
 from core.matching.thimble import describe, match_sequence
-from core.matching.thimble_use import fitted, prepare
+from core.matching.thimble_use import calibrated_mechanism, prepare
 from core.presets import Library
 from core.skin.model import skin_from_parameters
 from core.steps import drain
@@ -205,13 +205,13 @@ def test_without_a_surrogate_the_direct_method_goes_on_and_says_so(tmp_path, ski
 def test_a_calibrated_thimble_touches_where_the_person_feels_it(skin, device):
     spec = Library().device("thimble_3rrs")
     felt = {"thimble_calibrated": True, "thimble_felt_1": 0.1, "thimble_felt_2": 0.12, "thimble_felt_3": 0.05}
-    fitted_device, _ = fitted(spec, skin, felt)
-    contact = contact_of(fitted_device, skin, 0.6)
-    x = fitted_device.forward(np.array([0.1, 0.12, 0.05]) + fitted_device.servo_zero, (0.0, 0.0, 0.018))
-    assert contact.gap(placed(fitted_device, fitted_device.pose(x))).min() == pytest.approx(0.0, abs=1e-9)
-    assert fitted(spec, skin, {**felt, "thimble_calibrated": False})[0].mount[2, 3] == device.mount[2, 3]
+    calibrated_device, _ = calibrated_mechanism(spec, skin, felt)
+    contact = contact_of(calibrated_device, skin, 0.6)
+    x = calibrated_device.forward(np.array([0.1, 0.12, 0.05]) + calibrated_device.servo_zero, (0.0, 0.0, 0.018))
+    assert contact.gap(placed(calibrated_device, calibrated_device.pose(x))).min() == pytest.approx(0.0, abs=1e-9)
+    assert calibrated_mechanism(spec, skin, {**felt, "thimble_calibrated": False})[0].mount[2, 3] == device.mount[2, 3]
     with pytest.raises(DermisError, match="outside the servos' range"):
-        fitted(spec, skin, {**felt, "thimble_felt_2": 1.0})
+        calibrated_mechanism(spec, skin, {**felt, "thimble_felt_2": 1.0})
     with pytest.raises(DermisError, match="'thimble_hover' is too large"):
         prepare(spec, skin, {"thimble_hover": 0.05})
 

@@ -26,15 +26,15 @@ class PairContact:
         normal: outward normal of the body in world axes, zero beyond reach, shape (n, 3).
         point: closest point in the body's carried space (scaled, not rotated) [m], zero beyond reach, shape (n, 3).
         surface_velocity: of the closest point of a deforming body in its carried space [m/s], or None if rigid.
-        relief: normal of the curved surface that the faces stand for, in world axes, zero beyond reach, shape (n, 3);
-            None where no device of the finger asks for it.
+        smooth_normal: that of the curved surface for which the faces stand, in world axes, zero beyond reach, shape
+            (n, 3); None where no device of the finger asks for it.
     """
 
     gap: Array
     normal: Array
     point: Array
     surface_velocity: Array | None = None
-    relief: Array | None = None
+    smooth_normal: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,7 +46,7 @@ class PadSampler:
         self._scene = scene
         self._radius = SearchRadius(scene)
         # fingers with a device that follows the surface's own normals
-        self._relief = {
+        self._smooth = {
             i for i, f in enumerate(scene.fingers) if any(d.parameters.get("relief") == "mesh" for d in f.devices)
         }
         self._chunks: list[Chunk] = []
@@ -279,20 +279,20 @@ class PadSampler:
         for f in np.unique(who[known]).tolist():
             own = np.flatnonzero(known & (who == f))
             index, gap, normal = samples[own], found.gap[own], found.normal[own]
-            relief = surface.smooth_normals(found.triangle[own], found.weights[own]) if f in self._relief else None
+            smooth = surface.smooth_normals(found.triangle[own], found.weights[own]) if f in self._smooth else None
             pair = self._pairs.setdefault((f, b), PairRecord())
             if not surface.closed:
                 side = self._sides(pair, surface, index, points[own], turn, fingers[f])
                 gap, normal = gap * side, normal * side[:, None]
-                relief = None if relief is None else relief * side[:, None]
+                smooth = None if smooth is None else smooth * side[:, None]
             pair.last = self._count + int(index[-1])
             pair.start.append(self._count + index)
             pair.gap.append(gap)
             pair.normal.append(turned(turn[index], normal))
             pair.point.append(found.point[own])
             pair.surface_velocity.append(moving[own])
-            if relief is not None:
-                pair.relief.append(turned(turn[index], relief))
+            if smooth is not None:
+                pair.smooth_normal.append(turned(turn[index], smooth))
 
     def _sides(
         self, pair: PairRecord, surface: Surface, index: NDArray[np.intp], local: Array, turn: Array, finger: Array

@@ -80,12 +80,12 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
             findings += scale_findings(touch.screens[s], scene.screens[s].name)
             axes = touch.screens[s][:, :3, :3] / np.linalg.norm(touch.screens[s][:, :3, :3], axis=1)[:, None, :]
             for k, (b, m) in enumerate(met):
-                local = np.einsum("nij,ni->nj", axes, _relief(touch, finger, b))
+                local = np.einsum("nij,ni->nj", axes, _smooth_normals(touch, finger, b))
                 _put(normal, m.between(local), m, mine & contact & (chosen == k))
     else:
         pads = touch.finger_at(finger, touch.times)
         for k, (b, m) in enumerate(met):
-            local = turned_back(pads, slice(None), _relief(touch, finger, b))
+            local = turned_back(pads, slice(None), _smooth_normals(touch, finger, b))
             _put(normal, m.between(local), m, contact & (chosen == k))
             steps = np.zeros((n, 3))
             _put(steps, _velocity(touch, finger, m), m, contact & (chosen == k))
@@ -162,12 +162,12 @@ def _scale(settings: Settings, mode: str, slopes: Array, contact: NDArray[np.boo
     return manual[contact]
 
 
-def _relief(touch: PadContact, finger: int, body: int) -> Array:
+def _smooth_normals(touch: PadContact, finger: int, body: int) -> Array:
     """Return the normals at the samples in world axes, shape (n, 3)."""
-    relief = touch.pairs[finger, body].relief
-    if relief is None:
+    normals = touch.pairs[finger, body].smooth_normal
+    if normals is None:
         raise DermisError("the touch was sampled without the normals of its surfaces", where=f"finger {finger}")
-    return relief
+    return normals
 
 
 def _velocity(touch: PadContact, finger: int, met: Encounter) -> Array:

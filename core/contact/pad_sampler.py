@@ -183,31 +183,31 @@ class PadSampler:
         own: Array | None,
     ) -> None:
         """Measure the gaps between one body and the pads that are near it."""
-        wanted = np.unique(np.concatenate([index for _, index in near]))
-        linear = poses[wanted, :3, :3]
+        near_samples = np.unique(np.concatenate([index for _, index in near]))
+        linear = poses[near_samples, :3, :3]
         flat = singular(linear)
         if flat.any():
-            self._repairs.note("zero-scale", self._scene.bodies[b].name, chunk.frames[wanted[flat]].tolist())
-            wanted, linear = wanted[~flat], linear[~flat]
-            near = [(f, index[np.isin(index, wanted)]) for f, index in near]
+            self._repairs.note("zero-scale", self._scene.bodies[b].name, chunk.frames[near_samples[flat]].tolist())
+            near_samples, linear = near_samples[~flat], linear[~flat]
+            near = [(f, index[np.isin(index, near_samples)]) for f, index in near]
             near = [(f, index) for f, index in near if index.size]
         if not near:
             return
         turn = np.zeros((len(chunk.times), 3, 3))
         if (linear == linear[0]).all():
             one = rotations(linear[:1])[0]
-            turn[wanted] = one
+            turn[near_samples] = one
             stretch = np.broadcast_to(one.T @ linear[0], linear.shape)
         else:
             rotation = rotations(linear)
-            turn[wanted] = rotation
+            turn[near_samples] = rotation
             stretch = np.stack([turn_back(rotation, linear[:, :, j]) for j in range(3)], axis=-1)
         local = {f: turn_back(turn[i], fingers[f, i, :3, 3] - poses[i, :3, 3]) for f, i in near}
         last = self._chunks[-2] if len(self._chunks) > 1 else None
         before = None if last is None else (float(last.times[-1]), last.bodies[b, -1])
-        rates = self._rates.of(b, chunk.times, poses, wanted, stretch, before)
-        for surface, group, velocity in self._surfaces(b, chunk, wanted, stretch):
-            if group.size == wanted.size:
+        rates = self._rates.of(b, chunk.times, poses, near_samples, stretch, before)
+        for surface, group, velocity in self._surfaces(b, chunk, near_samples, stretch):
+            if group.size == near_samples.size:
                 self._measure(b, surface, near, local, turn, fingers, velocity, own, rates)
                 continue
             chosen = {f: np.isin(index, group) for f, index in near}
@@ -216,33 +216,33 @@ class PadSampler:
             self._measure(b, surface, some, points, turn, fingers, velocity, own, rates)
 
     def _surfaces(
-        self, b: int, chunk: Chunk, wanted: NDArray[np.intp], stretch: Array
+        self, b: int, chunk: Chunk, near_samples: NDArray[np.intp], stretch: Array
     ) -> Iterator[tuple[Surface, NDArray[np.intp], Array | None]]:
         """Yield each surface of a body with the samples it holds for and, if it deforms, its vertices' velocities."""
         mesh = self._scene.bodies[b].mesh
         if b in chunk.surfaces:
-            for i, carry in zip(wanted, stretch, strict=True):
+            for i, carry in zip(near_samples, stretch, strict=True):
                 surface = carried(chunk.surfaces[b][i], carry)
                 self._deforming.look(b, chunk.surfaces[b][i], surface)
                 yield surface, np.array([i]), self._deforming.velocity(b, chunk, int(i), carry)
             return
         assert mesh is not None
-        left = np.arange(len(wanted))
+        left = np.arange(len(near_samples))
         while left.size:
-            known = self._stretched.get(b)
-            if known is None:
+            last_surface = self._stretched.get(b)
+            if last_surface is None:
                 first = stretch[left[0]]
                 plain = bool(_alike(first[None], np.eye(3))[0])
-                known = (np.eye(3), surface_of(mesh)) if plain else (first, surface_of(mesh, first))
-                self._stretched[b] = known
-                self._noted[b] = known[1].findings(f"object '{self._scene.bodies[b].name}'")
-            same = _alike(stretch[left], known[0])
+                last_surface = (np.eye(3), surface_of(mesh)) if plain else (first, surface_of(mesh, first))
+                self._stretched[b] = last_surface
+                self._noted[b] = last_surface[1].findings(f"object '{self._scene.bodies[b].name}'")
+            same = _alike(stretch[left], last_surface[0])
             if not same.any():  # the scale is animated: this one serves until it changes again
                 carry = stretch[left[0]]
-                known = (carry, carried(mesh, carry))
-                self._stretched[b] = known
+                last_surface = (carry, carried(mesh, carry))
+                self._stretched[b] = last_surface
                 same = _alike(stretch[left], carry)
-            yield known[1], wanted[left[same]], None
+            yield last_surface[1], near_samples[left[same]], None
             left = left[~same]
 
     def _measure(
@@ -267,19 +267,19 @@ class PadSampler:
         if not inside.any():
             return
         points, samples, who = points[inside], samples[inside], who[inside]
-        found = surface.query(points, self._radius.longest)
-        known = np.isfinite(found.gap)
+        nearest = surface.query(points, self._radius.longest)
+        within_reach = np.isfinite(nearest.gap)
         if own_radius is not None:  # a chunk's longest radius must not lend others what they would not know alone
-            known &= (found.gap if surface.closed else np.abs(found.gap)) <= own_radius[who, samples]
+            within_reach &= (nearest.gap if surface.closed else np.abs(nearest.gap)) <= own_radius[who, samples]
         moving = np.zeros((len(points), 3))
-        if velocity is not None and known.any():
-            moving[known] = _interpolated(surface, found, known, velocity)
-        if rates is not None and known.any():
-            moving[known] += turned(rates[samples[known]], found.point[known])
-        for f in np.unique(who[known]).tolist():
-            own = np.flatnonzero(known & (who == f))
-            index, gap, normal = samples[own], found.gap[own], found.normal[own]
-            smooth = surface.smooth_normals(found.triangle[own], found.weights[own]) if f in self._smooth else None
+        if velocity is not None and within_reach.any():
+            moving[within_reach] = _interpolated(surface, nearest, within_reach, velocity)
+        if rates is not None and within_reach.any():
+            moving[within_reach] += turned(rates[samples[within_reach]], nearest.point[within_reach])
+        for f in np.unique(who[within_reach]).tolist():
+            own = np.flatnonzero(within_reach & (who == f))
+            index, gap, normal = samples[own], nearest.gap[own], nearest.normal[own]
+            smooth = surface.smooth_normals(nearest.triangle[own], nearest.weights[own]) if f in self._smooth else None
             pair = self._pairs.setdefault((f, b), PairRecord())
             if not surface.closed:
                 side = self._sides(pair, surface, index, points[own], turn, fingers[f])
@@ -289,7 +289,7 @@ class PadSampler:
             pair.start.append(self._count + index)
             pair.gap.append(gap)
             pair.normal.append(turned(turn[index], normal))
-            pair.point.append(found.point[own])
+            pair.point.append(nearest.point[own])
             pair.surface_velocity.append(moving[own])
             if smooth is not None:
                 pair.smooth_normal.append(turned(turn[index], smooth))
@@ -300,8 +300,8 @@ class PadSampler:
         """Which side of an open surface the finger came from, +1 or -1: decided once, when it comes within reach."""
         side = np.empty(index.size)
         follows = self._count + index == np.concatenate([[pair.last], self._count + index[:-1]]) + 1
-        for k, (i, known) in enumerate(zip(index, follows, strict=True)):
-            if not known:
+        for k, (i, followed) in enumerate(zip(index, follows, strict=True)):
+            if not followed:
                 up = finger[i, :3, 2] / np.sqrt(finger[i, :3, 2] @ finger[i, :3, 2])
                 pair.side = surface.side_of(local[k] + BONE_HEIGHT * (turn[i].T @ up))
             side[k] = pair.side
@@ -314,7 +314,7 @@ def _alike(stretch: Array, reference: Array) -> NDArray[np.bool_]:
     return off <= SAME_STRETCH * float(np.abs(reference).max())
 
 
-def _interpolated(surface: Surface, found: GapQuery, known: NDArray[np.bool_], velocity: Array) -> Array:
+def _interpolated(surface: Surface, nearest: GapQuery, within_reach: NDArray[np.bool_], velocity: Array) -> Array:
     """A vertex quantity at the closest points, shape (n, 3)."""
-    corners = np.asarray(surface.triangles)[found.triangle[known]]
-    return np.einsum("nc,ncj->nj", found.weights[known], velocity[corners])
+    corners = np.asarray(surface.triangles)[nearest.triangle[within_reach]]
+    return np.einsum("nc,ncj->nj", nearest.weights[within_reach], velocity[corners])

@@ -187,17 +187,17 @@ def match(solver: PinSolver, skin: SkinContact) -> Matched:
     for start in range(0, len(skin.contact), BLOCK):
         frames = skin.contact[start : start + BLOCK]
         targets = skin.force[start : start + BLOCK].reshape(len(frames), -1).astype(np.float64)
-        found = np.zeros((len(frames), len(matcher.active)))
+        active_forces = np.zeros((len(frames), len(matcher.active)))
         for row, (i, target) in enumerate(zip(frames.tolist(), targets, strict=True)):
             if i != before + 1:
                 solver.reset()
             before, step = i, solver.step(target)
-            found[row] = step.x
+            active_forces[row] = step.x
             at_limit[i] = solver.at_limit(step.x)
             worst, unsolved = max(worst, step.optimality), unsolved + (not step.converged)
-        forces[np.ix_(frames, matcher.active)] = solver.alpha * found
-        u[frames] = matcher.displacement_error(targets, found)
-        f[frames] = solver.alpha * matcher.force_error(targets, found)
+        forces[np.ix_(frames, matcher.active)] = solver.alpha * active_forces
+        u[frames] = matcher.displacement_error(targets, active_forces)
+        f[frames] = solver.alpha * matcher.force_error(targets, active_forces)
     return Matched(forces, u, f, at_limit, worst, unsolved)
 
 

@@ -118,7 +118,7 @@ def contact_frame(points: Array, bodies: Sequence[ContactBody], search_radius: f
         bone: a point inside the finger [m], shape (3,): an open surface is touched on the side where it lies.
     """
     m = points.shape[0]
-    found = ContactFrame(
+    frame = ContactFrame(
         tuple(bodies), np.full(m, np.inf), np.zeros((m, 3)), np.full(m, -1), np.full(m, -1), np.zeros(m), np.zeros(m)
     )
     for index, body in enumerate(bodies):
@@ -131,11 +131,11 @@ def contact_frame(points: Array, bodies: Sequence[ContactBody], search_radius: f
         if isinstance(body.surface, Surface) and not body.surface.closed:
             if body.surface.side_of((bone - body.translation) @ body.rotation) < 0:
                 answer = answer.flipped()
-        closer = np.flatnonzero((answer.triangle >= 0) & (answer.gap < found.gap))
+        closer = np.flatnonzero((answer.triangle >= 0) & (answer.gap < frame.gap))
         if closer.size == m:
             everything = np.full(m, index)
-            found = ContactFrame(
-                found.bodies,
+            frame = ContactFrame(
+                frame.bodies,
                 answer.gap,
                 answer.normal @ body.rotation.T,
                 everything,
@@ -144,11 +144,11 @@ def contact_frame(points: Array, bodies: Sequence[ContactBody], search_radius: f
                 np.full(m, body.softness),
             )
         elif closer.size:
-            found.gap[closer] = answer.gap[closer]
-            found.normal[closer] = answer.normal[closer] @ body.rotation.T
-            found.body[closer], found.triangle[closer] = index, answer.triangle[closer]
-            found.friction[closer], found.softness[closer] = body.friction, body.softness
-    return found
+            frame.gap[closer] = answer.gap[closer]
+            frame.normal[closer] = answer.normal[closer] @ body.rotation.T
+            frame.body[closer], frame.triangle[closer] = index, answer.triangle[closer]
+            frame.friction[closer], frame.softness[closer] = body.friction, body.softness
+    return frame
 
 
 def to_material(frame: ContactFrame, nodes: Indices, positions: Array) -> tuple[Array, Indices]:

@@ -28,11 +28,9 @@ from .deforming_surfaces import DeformingSurfaces
 from .pad_contact import PadContact
 from .pair_record import PairRecord
 from .search_radius import SearchRadius
+from .solver.bodies import BONE
 from .stretch_rates import StretchRates
 from .surfaces import SAME_STRETCH, box_of, carried, surface_of
-
-# Where a finger's bone is, from the pad along +Z [m]: on that side of an open surface the finger is outside.
-BONE_HEIGHT = 0.006
 
 
 class PadSampler:
@@ -303,7 +301,7 @@ class PadSampler:
         for k, (i, followed) in enumerate(zip(index, follows, strict=True)):
             if not followed:
                 up = finger[i, :3, 2] / np.sqrt(finger[i, :3, 2] @ finger[i, :3, 2])
-                pair.side = surface.side_of(local[k] + BONE_HEIGHT * (turn[i].T @ up))
+                pair.side = surface.side_of(local[k] + BONE[2] * (turn[i].T @ up))
             side[k] = pair.side
         return side
 

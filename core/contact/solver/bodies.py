@@ -14,6 +14,9 @@ from ...errors import DermisError
 from ...surface.gap import Surface
 from ...surface.plane import Plane
 
+# A point inside a finger [m]: on the side where it lies, the finger is outside an open surface.
+BONE = np.array([0.0, 0.0, 0.006])
+
 
 @dataclass(frozen=True, eq=False)
 class ContactBody:

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
-from .bodies import ContactBody, ContactFrame
+from .bodies import BONE, ContactBody, ContactFrame
 from .cone import along
 from .history import ContactHistory
-from .path import BONE
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ import numpy as np
 from ...arrays import Array
 from ...errors import DermisError, Finding
 from .admm import State, iterate
-from .bodies import ContactBody, ContactFrame, contact_frame, same_places
+from .bodies import BONE, ContactBody, ContactFrame, contact_frame, same_places
 from .candidates import CandidateInverse
 from .compliance import Compliance, Linear, ends
 from .cone import OPEN, STICK, along, assess
@@ -24,7 +24,7 @@ from .notes import Notes
 from .path_step import PathStep
 from .solve import Solution, solve, status_of
 
-__all__ = ["BONE", "DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
+__all__ = ["DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
 
 TOLERANCE = 3e-5
 # The check that a frame must pass, as a multiple of the tolerance of its iteration.
@@ -38,7 +38,6 @@ EASY = 3
 AT_REST = 1e-9
 # Depth that linear skin is still trusted at [m]: against a neo-Hookean one its stress is then off by a third.
 DEPTH_LIMIT = 2e-3
-BONE = np.array([0.0, 0.0, 0.006])
 # What a frame changes, besides the history; each is replaced, never written into.
 _STATE = ("_force", "_y", "_last", "_image", "_shift", "_step", "_bodies", "_at_rest", "_frames")
 

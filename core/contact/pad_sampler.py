@@ -30,7 +30,7 @@ from .pair_record import PairRecord
 from .search_radius import SearchRadius
 from .solver.bodies import BONE
 from .stretch_rates import StretchRates
-from .surfaces import SAME_STRETCH, box_of, carried, surface_of
+from .surfaces import SAME_STRETCH, box_of, boxes_in_world, carried, rigid_mesh, surface_of
 
 
 class PadSampler:
@@ -153,21 +153,9 @@ class PadSampler:
                 boxes = deforming[b]
                 if any(body.parameters.get(name, BODY[name].absent) for name in ("weight_on", "content_on")):
                     self._centres.setdefault(b, []).append(np.array([centre_of(m) for m in chunk.surfaces[b]]))
-            elif body.mesh is not None:
-                boxes = box_of(body.mesh)[None]
             else:
-                raise DermisError(
-                    "a deforming object has no surface",
-                    where=f"object '{body.name}'",
-                    remedy="Give it faces, or stop it being touchable",
-                )
-            middle, half = boxes.mean(axis=1), (boxes[:, 1] - boxes[:, 0]) / 2.0
-            linear = bodies[b, :, :3, :3]
-            yield (
-                b,
-                np.einsum("nij,nj->ni", linear, np.broadcast_to(middle, (len(linear), 3))) + bodies[b, :, :3, 3],
-                np.einsum("nij,nj->ni", np.abs(linear), np.broadcast_to(half, (len(linear), 3))),
-            )
+                boxes = box_of(rigid_mesh(body))[None]
+            yield b, *boxes_in_world(bodies[b], boxes)
 
     # -- narrow phase --------------------------------------------------------------------------------------------
 

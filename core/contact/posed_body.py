@@ -15,7 +15,7 @@ from ..errors import DermisError
 from ..motion import rotations
 from ..scene.tactile_scene import Body, Chunk, Mesh
 from ..surface.gap import Surface
-from .surfaces import SAME_STRETCH, box_of, carried, surface_of
+from .surfaces import SAME_STRETCH, box_of, carried, rigid_mesh, surface_of
 
 
 class Posed(NamedTuple):
@@ -75,13 +75,7 @@ class PosedBody:
         """
         if self._meshes is not None:
             return np.array([self._box_of(mesh) for mesh in self._meshes])
-        if self._body.mesh is None:
-            raise DermisError(
-                "a deforming object has no surface",
-                where=f"object '{self._body.name}'",
-                remedy="Give it faces, or stop it being touchable",
-            )
-        return self._box_of(self._body.mesh)[None]
+        return self._box_of(rigid_mesh(self._body))[None]
 
     def at(self, i: int) -> Posed:
         """Return the body at a sample.

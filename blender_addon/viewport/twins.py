@@ -71,7 +71,7 @@ def mechanism_of(obj: bpy.types.Object, preset: str) -> tuple[core.devices.thimb
         key = (spec.hash, model.key, tuple(values[f"thimble_felt_{i}"] for i in (1, 2, 3)))
         device = _mechanisms.get(key) or core.matching.thimble_use.calibrated_mechanism(spec, model, values)[0]
     _keep(_mechanisms, key, device)
-    return device, float(spec.parameters.get("reference_distance", device.mount[2, 3]))
+    return device, core.devices.thimble.reference_distance(spec, device)
 
 
 def workspace_of(device: core.devices.thimble.Thimble, reference: float) -> list[Array]:

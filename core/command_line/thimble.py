@@ -232,14 +232,13 @@ def picture(made: Any, found: Any, finger: str) -> tuple[Any, ...]:
 
 def reach(options: argparse.Namespace) -> int:
     """Print where the platform can go."""
-    from ..devices.thimble import mechanism
+    from ..devices.thimble import mechanism, reference_distance
     from ..devices.workspace import workspace
-    from ..matching.replay import reference_of
     from ..presets import Library
 
     spec = _thimble(Library(options.presets), options.device)
     device = mechanism(spec)
-    found = workspace(device, reference_of(spec, device))
+    found = workspace(device, reference_distance(spec, device))
     low, high = (np.degrees(end) for end in device.servo_limits)
     alike = np.ptp(low) == np.ptp(high) == 0.0 and -low[0] == high[0]
     ends = (

@@ -157,3 +157,8 @@ def mechanism(spec: DeviceSpec) -> Thimble:
     sizes["servo_speed"] = servo_speed(spec, sizes["servo_speed"])
     bounds = servo_bounds(spec, sizes["servo_range"])
     return replace(device, **sizes, servo_zero=zero, side=math.copysign(1.0, margin), bounds=bounds)
+
+
+def reference_distance(spec: DeviceSpec, device: Thimble) -> float:
+    """Return the platform's distance from the base with all servos in their middle [m], as a start for poses."""
+    return float(spec.parameters.get("reference_distance", device.mount[2, 3]))

@@ -22,7 +22,7 @@ from ..devices.retraction import CLEAR
 from ..devices.safe_state import safe_state
 from ..devices.servo_limits import SERVOS
 from ..devices.spec import DeviceSpec
-from ..devices.thimble import Thimble, mechanism
+from ..devices.thimble import Thimble, mechanism, reference_distance
 from ..errors import DermisError, Finding
 from ..parameters.device import DEVICE
 from ..skin.model import SkinModel
@@ -117,7 +117,7 @@ def _near(spec: DeviceSpec, device: Thimble, contact: DiscContact) -> tuple[Find
     values = safe_state(spec).values
     if not set(SERVOS) <= set(values):
         return ()  # said of the preset itself
-    neutral = (0.0, 0.0, float(spec.parameters["reference_distance"]))
+    neutral = (0.0, 0.0, reference_distance(spec, device))
     x = device.forward(np.array([values[s] for s in SERVOS]) + device.servo_zero, neutral)
     room = float(contact.gap(placed(device, device.pose(x))).min())
     if room >= CLEAR:

@@ -14,7 +14,7 @@ import numpy as np
 
 from .._core import Array, DermisError, Finding, core
 from . import participants
-from .meshes import MeshReader, absent_mesh
+from .meshes import MeshReader
 from .participants import Entry, InstanceKey, Roster
 
 SMALLEST_SCALE = 1e-6
@@ -50,7 +50,7 @@ class Recorder:
             if (e.deforming or e.blinking) and (simulated is None or not simulated.has_surface(e.name))
         ]
         self._surfaces: list[list[Any]] = [[None] * count for _ in self._surfaced]
-        self._absent = absent_mesh()
+        self._absent = core.scene.tactile_scene.ABSENT
         self._bare = np.zeros((len(self._entries), count), bool)
         self._animated = self._animated_table()
         self._values = {key: np.empty(count) for key, _, _, _ in self._animated}

@@ -90,6 +90,12 @@ class Body:
     simulated: bool = False
 
 
+# What stands for a surface that is not there at a sample [m]: too far away to be touched.
+ABSENT = Mesh(
+    np.array([[1e6, 1e6, 1e6], [1e6 + 1.0, 1e6, 1e6], [1e6, 1e6 + 1.0, 1e6]]), np.array([[0, 1, 2]], np.int32)
+)
+
+
 @dataclass(frozen=True)
 class Screen:
     """A touch screen: a rectangle in its object's XY plane, centred, +Z towards the viewer.

@@ -24,11 +24,10 @@ from ..preferences import library, setting
 from ..results import store
 from ..sampling import scene_header, scene_sweep
 from . import pin_preview, platform_preview, thimble_preview
-from .rows import NO_PATH, Preview, Row, by_channel, row_of
+from .rows import NO_PATH, Preview, Row, by_channel, goes_on, row_of
 
 TactileScene = core.scene.tactile_scene.TactileScene
 
-STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
 TRAIL_SECONDS = 0.12  # how much of a tactor's path the view shows
 
 
@@ -138,7 +137,7 @@ def _continues(scene: bpy.types.Scene, sample: TactileScene, frame: float) -> bo
         return False
     before = _trail.samples[-1]
     gap = (frame - _frame(before)) / float(sample.fps)
-    return 1e-9 < gap <= STEP_SECONDS and _cast(before) == _cast(sample)
+    return goes_on(gap) and _cast(before) == _cast(sample)
 
 
 def _frame(sample: TactileScene) -> float:

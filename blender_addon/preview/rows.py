@@ -10,6 +10,12 @@ import numpy as np
 from .._core import Array, core
 
 NO_PATH = np.empty((0, 2))
+STEP_SECONDS = 0.25
+
+
+def goes_on(gap: float) -> bool:
+    """Return whether a step of so many seconds goes on from what was before: playback may skip frames, but not jump."""
+    return 1e-9 < gap <= STEP_SECONDS
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,8 @@ from ..devices import skin_models, thimble_devices
 from ..results import store
 from ..sampling import scene_sweep
 from . import baked_skins
+from .rows import goes_on
 from .skin_state import SkinState
-
-STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
 
 
 @dataclass
@@ -185,7 +184,7 @@ def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> tuple[core.co
     gap = (frame - _live.frame) / float(sample.fps)
     same = _live.generation == changes.generation() and _live.scene == scene.session_uid and _live.cast == cast
     again = same and frame == _live.frame and bool(_live.tracks)
-    if not again and not (same and 1e-9 < gap <= STEP_SECONDS):
+    if not again and not (same and goes_on(gap)):
         _live.tracks.clear()
         _live.first = frame
     posed = _live.posed

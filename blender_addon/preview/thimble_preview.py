@@ -19,10 +19,8 @@ from .._core import Array, DermisError, core
 from ..devices import skin_models, thimble_devices
 from ..results import store
 from . import followers, skin_preview
-from .rows import Row, row_of
+from .rows import Row, goes_on, row_of
 from .skin_state import SkinState
-
-STEP_SECONDS = 0.25  # a longer step forward is a jump, as for the skin
 
 
 @dataclass
@@ -128,7 +126,7 @@ def _step(track: _Track, target: SkinState, frame: float, fps: float) -> None:
     again = track.before is not None and frame == track.frame
     if again:
         matching.restore(track.before)
-    elif track.before is None or not 1e-9 < gap <= STEP_SECONDS:
+    elif track.before is None or not goes_on(gap):
         matching.reset()
         matching.change = None  # the first frame shows where it would be, not the way there
     else:

@@ -140,7 +140,7 @@ def follow(options: argparse.Namespace) -> int:
     csv.write(track, options.out)
     for finding in (*findings_of(found, str(options.stimuli)), *_beyond(made, str(options.stimuli)), *track.check()):
         print(finding, file=sys.stderr)
-    touched = found.wanted
+    touched = found.touched
     off = float(np.median(found.mismatch[touched])) if touched.any() else 0.0
     print(
         f"{options.out}: {len(times)} samples, {int(touched.sum())} touched, median mismatch {100 * off:.1f} %; "
@@ -221,7 +221,7 @@ def plot(options: argparse.Namespace) -> int:
 def picture(made: Any, found: Any, finger: str) -> tuple[Any, ...]:
     """Return what `stimuli.draw` takes, for a plot and the sequence that it shows."""
     lines = {"target": made.target, "predicted": made.predicted, "rendered": made.rendered}
-    off = float(np.median(found.mismatch[found.wanted])) if found.wanted.any() else 0.0
+    off = float(np.median(found.mismatch[found.touched])) if found.touched.any() else 0.0
     words = (
         f"simulated; method {found.method}; median mismatch {100 * off:.0f} %; three components leave "
         f"{100 * made.left:.0f} % of what the device can make felt"

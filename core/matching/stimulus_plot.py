@@ -65,7 +65,7 @@ def stimulus_plot(use: ThimbleUse, forces: Array, found: ThimbleSequence, seed: 
     shares = (data.x[:, 0] / MAX_TILT, data.x[:, 1] / MAX_TILT, depth / MAX_DEPTH - 1)
     configuration = np.stack(shares, axis=1)
     three = observation_matrix[:3]
-    touched = found.wanted | found.pressing
+    touched = found.touched | found.pressing
     return StimulusPlot(
         stimuli[chosen, :3],
         np.clip(configuration[chosen], -1.0, 1.0),

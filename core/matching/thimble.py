@@ -233,14 +233,14 @@ def render(
         spec, times, np.stack([columns[c.name] for c in spec.channels], axis=1), {"method": prepared.method}
     )
     signals = {
-        "contact": found.wanted.astype(np.float64),
+        "contact": found.touched.astype(np.float64),
         "mismatch": found.mismatch,
         "normal_force": found.force[:, :, 2].sum(axis=1, dtype=np.float64),
         "target_force": forces[:, :, 2].sum(axis=1),
     }
     if prepared.method in LEARNED:
         signals["rescued"] = found.rescued.astype(np.float64)
-    return Rendered(track, signals, tuple(findings), {"thimble frames without touch": int((~found.wanted).sum())})
+    return Rendered(track, signals, tuple(findings), {"thimble frames without touch": int((~found.touched).sum())})
 
 
 def forces_at(skin: SkinContact, times: Array) -> Array:
@@ -260,7 +260,7 @@ def forces_at(skin: SkinContact, times: Array) -> Array:
 
 def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
     """Return what a person should know about a sequence."""
-    out, wanted = [], int(found.wanted.sum())
+    out, touched = [], int(found.touched.sum())
     limited, steep, rescued = int(found.held_back.sum()), int(found.steep.sum()), int(found.rescued.sum())
     if limited:
         what = "a servo's range or speed holds the match back"
@@ -268,7 +268,7 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
     if steep:
         out.append(
             Finding(
-                "warning" if steep > MAX_STEEP * wanted else "info",
+                "warning" if steep > MAX_STEEP * touched else "info",
                 "singular-pose",
                 "a better match lies where the platform gives way although its servos are held",
                 where,
@@ -278,10 +278,10 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
             )
         )
     if rescued:
-        share = f"{rescued} of {wanted} touched samples"
+        share = f"{rescued} of {touched} touched samples"
         out.append(
             Finding(
-                "warning" if rescued > DOUBTFUL * wanted else "info",
+                "warning" if rescued > DOUBTFUL * touched else "info",
                 "rescued",
                 f"the surrogate was wrong and the direct search took its place in {share}",
                 where,
@@ -303,9 +303,9 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
                 count=rough,
             )
         )
-    lost = int((found.wanted & ~found.pressing).sum())
+    lost = int((found.touched & ~found.pressing).sum())
     if lost:
         # a frame or two at first touch is what any device with a speed needs
-        severity: Severity = "warning" if lost > LATE * wanted else "info"
+        severity: Severity = "warning" if lost > LATE * touched else "info"
         out.append(Finding(severity, "out-of-reach", "the device does not reach the skin in time", where, count=lost))
     return out

@@ -54,10 +54,10 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
     scene.validate()
     clock = _Stages()
     findings = [*scene.findings, *(f for screen in scene.screens for f in screen.findings)]
-    wanted = list(_wanted(scene, library, findings))
+    uses = list(_usable(scene, library, findings))
     content = ContentHash(scene)
 
-    skin_models = yield from _skin_models(scene, wanted, library, cache, clock, findings)
+    skin_models = yield from _skin_models(scene, uses, library, cache, clock, findings)
     pad_contact, skin_contacts = yield from _contact(scene, skin_models, content, clock)
     findings += pad_contact.findings
     skipped = Counter(pad_contact.skipped)
@@ -65,10 +65,10 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
         findings += contact.findings
         skipped.update(contact.skipped)
 
-    content_hash = _full_hash(content, [spec for _, _, spec in wanted])
+    content_hash = _full_hash(content, [spec for _, _, spec in uses])
     outputs = []
-    for step, (finger, use, spec) in enumerate(wanted):
-        yield Progress("devices", step, len(wanted))
+    for step, (finger, use, spec) in enumerate(uses):
+        yield Progress("devices", step, len(uses))
         with clock.stage("devices"):
             try:
                 more = (skin_contacts[finger],) if spec.follows_skin else ()
@@ -79,7 +79,7 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
                 continue
         skipped.update(rendered.skipped)
         outputs.append(output)
-    yield Progress("devices", len(wanted), len(wanted))
+    yield Progress("devices", len(uses), len(uses))
     by_name = {scene.fingers[finger].name: contact for finger, contact in skin_contacts.items()}
     return Bake(tuple(outputs), tuple(findings), skipped, content_hash, clock.seconds, by_name)
 
@@ -106,7 +106,7 @@ def run(scene: TactileScene, library: Library | None = None) -> Bake:
     return drain(render(scene, library or Library()))
 
 
-def _wanted(
+def _usable(
     scene: TactileScene, library: Library, findings: list[Finding]
 ) -> Iterator[tuple[int, DeviceUse, DeviceSpec]]:
     """Pair every finger with the devices that can be driven; say which cannot, and go on."""
@@ -137,7 +137,7 @@ def _unavailable(finger: str, error: DermisError) -> Finding:
 
 def _skin_models(
     scene: TactileScene,
-    wanted: list[tuple[int, DeviceUse, DeviceSpec]],
+    uses: list[tuple[int, DeviceUse, DeviceSpec]],
     library: Library,
     cache: Cache | None,
     clock: _Stages,
@@ -147,7 +147,7 @@ def _skin_models(
 
     A finger whose skin cannot be made loses the devices that need it; the others are rendered.
     """
-    needed = {f for f, _, spec in wanted if spec.follows_skin}
+    needed = {f for f, _, spec in uses if spec.follows_skin}
     needed |= {f for f, finger in enumerate(scene.fingers) if SKIN_CONTACT["skin_shown"].of(finger.parameters)}
     skin_models: dict[int, SkinModel] = {}
     for done, f in enumerate(sorted(needed)):
@@ -163,7 +163,7 @@ def _skin_models(
                 skin_models[f] = skin_from_parameters(parameters, level=level, cache=cache, where=f"{place}, skin")
         except DermisError as error:
             findings.append(_unavailable(finger.name, error))
-            wanted[:] = [w for w in wanted if w[0] != f or not w[2].follows_skin]
+            uses[:] = [w for w in uses if w[0] != f or not w[2].follows_skin]
     return skin_models
 
 

@@ -145,13 +145,13 @@ def rendering(skin: SkinModel, spaces: Descriptors, count: int) -> tuple[dict[st
                     device, skin, forces, method, friction=FRICTION, observation_matrix=spaces.observation_matrix
                 )
             )
-            taken = 1e3 * (time.perf_counter() - start) / max(int(found.wanted.sum()), 1)
+            taken = 1e3 * (time.perf_counter() - start) / max(int(found.touched.sum()), 1)
             rendered = found.force.reshape(len(forces), -1).astype(np.float64) @ whole.T
             row[method] = float(np.linalg.norm(rendered - target) / np.linalg.norm(target))
             if method == "stress":
-                row["iterations"] = float(found.iterations[found.wanted].mean())
+                row["iterations"] = float(found.iterations[found.touched].mean())
                 row["ms"] = taken
-                row["roll range [deg]"] = float(np.degrees(np.ptp(found.x[found.wanted, 1])))
+                row["roll range [deg]"] = float(np.degrees(np.ptp(found.x[found.touched, 1])))
                 figures[name] = (forces, found.force.astype(np.float64))
         table[name] = row
     return table, figures

@@ -125,7 +125,7 @@ def test_sliding_makes_the_platform_roll_only_with_friction(skin, device):
         forces = touches.slide(50, friction=friction).forces(skin)
         own = describe(device, skin, friction).observation_matrix
         found = drain(match_sequence(device, skin, forces, friction=friction, observation_matrix=own))
-        sliding = found.wanted & (np.arange(50) > 15) & (np.arange(50) < 42)
+        sliding = found.touched & (np.arange(50) > 15) & (np.arange(50) < 42)
         rolls[friction] = np.degrees(np.ptp(found.x[sliding, 1]))
     assert rolls[0.0] < 0.2
     assert rolls[0.6] > 5 * max(rolls[0.0], 0.1)

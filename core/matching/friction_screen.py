@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
 
 
-def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
+def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
     """Return the voltage of a friction screen along a finger's path.
 
     `DeviceUse.screen` names the screen; empty, the finger feels every screen, at each moment the one it is nearest
@@ -48,20 +48,22 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
     if DEVICE["relief"].of(use.parameters, where) == "mesh":
         from . import mesh_relief
 
-        return mesh_relief.render(touch, scene, finger, use, spec)
-    settings = Settings(touch, scene, finger, use, spec.rate, where)
+        return mesh_relief.render(pad_contact, scene, finger, use, spec)
+    settings = Settings(pad_contact, scene, finger, use, spec.rate, where)
     findings: list[Finding] = []
     relevant = screens_of(scene, use)
     scale = settings.series("scale") if settings.constant("scale_mode") == "manual" else None
     if scale is not None and scale.any():  # keyed, it may begin at zero
         largest = float(scale[np.argmax(np.abs(scale))])
-        maps = screen_maps(scene, touch.screens, replace(use, parameters={**use.parameters, "scale": largest}), spec)
+        maps = screen_maps(
+            scene, pad_contact.screens, replace(use, parameters={**use.parameters, "scale": largest}), spec
+        )
     else:
-        maps = screen_maps(scene, touch.screens, use, spec)
+        maps = screen_maps(scene, pad_contact.screens, use, spec)
     for index in maps:
-        findings += scale_findings(touch.screens[index], scene.screens[index].name)
+        findings += scale_findings(pad_contact.screens[index], scene.screens[index].name)
 
-    paths = [screen_path(touch, scene, finger, index, settings) for index in relevant]
+    paths = [screen_path(pad_contact, scene, finger, index, settings) for index in relevant]
     # Of several screens under one finger the nearest counts; the earlier in the scene's order where they tie.
     distance = np.array([np.where(p.touching, np.abs(p.z), np.inf) for p in paths])
     chosen = np.argmin(distance, axis=0)

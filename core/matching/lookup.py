@@ -118,7 +118,7 @@ def _weighted(squared: Array, values: Array) -> Array:
 
 
 def render(
-    touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
+    pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
 ) -> Rendered:
     """Render one finger's platform: what the virtual sensor reads at every sample, looked up.
 

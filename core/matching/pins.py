@@ -103,7 +103,7 @@ def node_weights(skin: SkinModel, weighting: Weighting) -> Array:
 
 
 def render(
-    touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
+    pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
 ) -> Rendered:
     """Render one finger's pin array.
 

@@ -200,7 +200,7 @@ def _through(following: Follower, forces: Array) -> Generator[tuple[int, int], N
 
 
 def render(
-    touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
+    pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
 ) -> Rendered:
     """Render one finger's thimble.
 

@@ -58,11 +58,11 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
                     progress = next(steps)
                 yield progress
             except StopIteration as stop:
-                made = stop.value
+                baked = stop.value
                 # the sweep runs ahead of the pipeline's own clock, so that the job can stop between two samples
-                seconds = dict(made.stage_seconds)
+                seconds = dict(baked.stage_seconds)
                 seconds["sampling"] = seconds.get("sampling", 0.0) + sampling_seconds
-                return replace(made, findings=(*made.findings, *sweep.findings), stage_seconds=seconds)
+                return replace(baked, findings=(*baked.findings, *sweep.findings), stage_seconds=seconds)
     finally:
         steps.close()
         sweep.close()

@@ -129,8 +129,8 @@ def leaving() -> str:
 def pose_unknown() -> bool:
     """Return whether arming may start with a jump: something moves, and the device has not said where it is."""
     now = status()
-    known = now.get("pose_known", now.get("pose") is not None)
-    return not known and any(unit not in STILL for unit in now.get("units", ()))
+    pose_known = now.get("pose_known", now.get("pose") is not None)
+    return not pose_known and any(unit not in STILL for unit in now.get("units", ()))
 
 
 def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
@@ -189,8 +189,8 @@ def changed() -> None:
         return
     try:
         device_calibration.fill_channels(scene)
-        made = device_calibration.calibration_of(scene, streamed_track.device_key(scene))
-        _client.set(**request_fields.request_fields(scene), calibration=made.dumps())
+        calibration = device_calibration.calibration_of(scene, streamed_track.device_key(scene))
+        _client.set(**request_fields.request_fields(scene), calibration=calibration.dumps())
         _note = ""
     except DermisError as error:
         _note = str(error)

@@ -86,8 +86,8 @@ def renew(scene: bpy.types.Scene) -> Frame:
 
 def now(scene: bpy.types.Scene) -> Frame | None:
     """Return what is shown at the current frame, None where it has not been worked out. Reads; for drawing."""
-    found = _read(scene)
-    return found if found is not None and found.frame == device_preview.frame_of(scene) else None
+    kept = _read(scene)
+    return kept if kept is not None and kept.frame == device_preview.frame_of(scene) else None
 
 
 def worn(scene: bpy.types.Scene, obj: bpy.types.Object | None, kind: str) -> Any | None:

@@ -118,7 +118,7 @@ class SkinSampler:
         if self._kept:
             if pad_contact is None:
                 raise DermisError(
-                    "what is held can only be balanced with the pads' contact over the whole range",
+                    "what is held can only be balanced with the touch of the whole range",
                     where=f"scene '{self._scene.name}'",
                 )
             for _ in self.solve_held(pad_contact):

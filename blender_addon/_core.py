@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import core.devices.kinds
     import core.devices.linkage
     import core.devices.pin_array
-    import core.devices.reach
+    import core.devices.workspace
     import core.devices.safe_state
     import core.devices.servo_limits
     import core.devices.shear_tactor

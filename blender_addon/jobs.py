@@ -41,7 +41,7 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
     yield from platform_devices.make_missing(scene)
     tactile = scene_sweep.sample(scene, span=span)
     sweep = tactile.chunks
-    skins = skin_models.wanted(tactile, library)
+    skins = skin_models.solved_in(tactile, library)
     steps = core.pipeline.render.render(tactile, library, cache=skin_models.cache())
     sampling_seconds = 0.0
     try:
@@ -57,11 +57,11 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
                     progress = next(steps)
                 yield progress
             except StopIteration as stop:
-                made = stop.value
+                baked = stop.value
                 # the sweep runs ahead of the pipeline's own clock, so that the job can stop between two samples
-                seconds = dict(made.stage_seconds)
+                seconds = dict(baked.stage_seconds)
                 seconds["sampling"] = seconds.get("sampling", 0.0) + sampling_seconds
-                return replace(made, findings=(*made.findings, *sweep.findings), stage_seconds=seconds)
+                return replace(baked, findings=(*baked.findings, *sweep.findings), stage_seconds=seconds)
     finally:
         steps.close()
         sweep.close()

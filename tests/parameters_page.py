@@ -54,7 +54,7 @@ def _line(row: Parameter) -> str:
     return _row(
         f"`{row.name}`",
         f"`{row.saved}`" if row.label else "",
-        row.shown if row.numeric else "",
+        row.window_unit if row.numeric else "",
         "-" if row.default is None else _shown(row, row.default),
         absent,
         "" if row.numeric and row.high >= LARGEST and row.low <= -LARGEST else row.allowed,

@@ -39,7 +39,7 @@ def one_thread() -> AbstractContextManager[Any]:
     return core.skin.blas.one_thread()
 
 
-def wanted(tactile: core.scene.tactile_scene.TactileScene, presets: core.presets.Library) -> bool:
+def solved_in(tactile: core.scene.tactile_scene.TactileScene, presets: core.presets.Library) -> bool:
     """Return whether a sampled scene's rendering solves skins: they are shown, or drive a device."""
     if any(f.parameters.get("skin_shown") for f in tactile.fingers):
         return True

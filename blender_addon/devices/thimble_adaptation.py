@@ -47,7 +47,8 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
     yield core.pipeline.render.Progress("starting", 0, 1)
     with skin_models.one_thread():
         model = skin_models.get(skin["skin"], skin["skin_level"], where=where, wait=True)
-        target = core.surrogate.store.place_of(folder, model, *core.matching.thimble_use.fitted(spec, model, use))
+        mechanism = core.matching.thimble_use.calibrated_mechanism(spec, model, use)
+        target = core.surrogate.store.place_of(folder, model, *mechanism)
     older, done = target.is_file(), False
     try:
         with core.work.processes.ProcessExecutor() as executor:

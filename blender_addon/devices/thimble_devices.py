@@ -55,7 +55,7 @@ def adapted(device: Any, model: Any) -> Path | None:
     module, spec = core.matching.thimble_use, active_presets.spec_of(device.preset, "thimble")
     if spec is None:
         return None
-    fitted, friction = module.fitted(spec, model, object_properties.parameters(device))
+    fitted, friction = module.calibrated_mechanism(spec, model, object_properties.parameters(device))
     given = device.thimble_surrogate
     values = {"thimble_surrogate": bpy.path.abspath(given) if given else str(folder(create=True))}
     path: Path = module.surrogate_path(values, model, fitted, friction)

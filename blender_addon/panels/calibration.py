@@ -8,7 +8,7 @@ from ..layouts import paragraph
 from ..streaming import board_identity, built_devices, calibration_offers, device_calibration
 from .main import DermisPanel
 
-MOST_OFFERS = 4  # a file may hold any number
+MAX_OFFERS = 4  # a file may hold any number
 
 
 class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
@@ -54,15 +54,15 @@ class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
 
     def _found(self, context: bpy.types.Context) -> None:
         offers = calibration_offers.offers(context.scene)
-        for i, offer in enumerate(offers[:MOST_OFFERS]):
+        for i, offer in enumerate(offers[:MAX_OFFERS]):
             box = self.layout.box()
             whose = offer.name or "a device"
             paragraph(box, context, f"This file holds a calibration of {whose}. It drives nothing.", "INFO", inset=16.0)
             row = box.row(align=True)
             row.operator("dermis.calibration_keep_found", icon="CHECKMARK").index = i
             row.operator("dermis.calibration_drop_found", text="", icon="X").index = i
-        if len(offers) > MOST_OFFERS:
-            self.layout.label(text=f"and {len(offers) - MOST_OFFERS} more")
+        if len(offers) > MAX_OFFERS:
+            self.layout.label(text=f"and {len(offers) - MAX_OFFERS} more")
 
     def _actuator(self, channel: Any) -> None:
         box = self.layout.box().column(align=True)

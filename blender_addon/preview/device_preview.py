@@ -24,9 +24,8 @@ from ..preferences import library, setting
 from ..results import store
 from ..sampling import scene_header, scene_sweep
 from . import pin_preview, platform_preview, skin_preview, thimble_preview
-from .rows import NO_PATH, Preview, Row, by_channel, row_of
+from .rows import NO_PATH, Preview, Row, by_channel, goes_on, row_of
 
-STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
 TRAIL_SECONDS = 0.12  # how much of a tactor's path the view shows
 
 
@@ -136,7 +135,7 @@ def _continues(scene: bpy.types.Scene, sample: core.scene.tactile_scene.TactileS
         return False
     before = _trail.samples[-1]
     gap = (frame - _frame(before)) / float(sample.fps)
-    return 1e-9 < gap <= STEP_SECONDS and _cast(before) == _cast(sample)
+    return goes_on(gap) and _signature(before) == _signature(sample)
 
 
 def _frame(sample: core.scene.tactile_scene.TactileScene) -> float:
@@ -148,7 +147,7 @@ def _chunk(sample: core.scene.tactile_scene.TactileScene) -> core.scene.tactile_
     return next(iter(sample.chunks))
 
 
-def _cast(sample: core.scene.tactile_scene.TactileScene) -> tuple[Any, ...]:
+def _signature(sample: core.scene.tactile_scene.TactileScene) -> tuple[Any, ...]:
     """Who takes part; a trail cannot go on where this changes."""
     return (
         tuple(f.name for f in sample.fingers),
@@ -174,7 +173,7 @@ def _joined(samples: list[core.scene.tactile_scene.TactileScene]) -> core.scene.
     parts = [_chunk(s) for s in (samples[0], *samples)]
     frames = np.array([float(p.frames[0]) for p in parts])
     frames[0] -= 1.0
-    keys = set.intersection(*(set(p.channels) for p in parts))
+    keys = set.intersection(*(set(p.animated) for p in parts))
     surfaces = set.intersection(*(set(p.surfaces) for p in parts))
     joined = chunk(
         frames=frames,
@@ -183,7 +182,7 @@ def _joined(samples: list[core.scene.tactile_scene.TactileScene]) -> core.scene.
         bodies=np.concatenate([p.bodies for p in parts], axis=1),
         screens=np.concatenate([p.screens for p in parts], axis=1),
         surfaces={i: tuple(p.surfaces[i][0] for p in parts) for i in sorted(surfaces)},
-        channels={k: np.concatenate([p.channels[k] for p in parts]) for k in sorted(keys)},
+        animated={k: np.concatenate([p.animated[k] for p in parts]) for k in sorted(keys)},
     )
     last = samples[-1]
     # Skins have a path of their own, in `skin_preview`, and so have the devices that follow one that is solved there.
@@ -209,7 +208,7 @@ def _joined(samples: list[core.scene.tactile_scene.TactileScene]) -> core.scene.
 def _run(tactile: core.scene.tactile_scene.TactileScene) -> core.pipeline.bake.Bake:
     presets = library()
     steps = core.pipeline.render.render(tactile, presets, cache=skin_models.cache())
-    with skin_models.one_thread() if skin_models.wanted(tactile, presets) else nullcontext():
+    with skin_models.one_thread() if skin_models.solved_in(tactile, presets) else nullcontext():
         return core.steps.drain(steps)
 
 

@@ -10,7 +10,13 @@ import numpy as np
 from .._core import Array, core
 
 NO_PATH = np.empty((0, 2))
+STEP_SECONDS = 0.25
 FULL_SCALE = {"m": 2e-3, "N": 0.4}  # by unit, where a preset states no limit. Source: [S3] and [S1], their devices
+
+
+def goes_on(gap: float) -> bool:
+    """Return whether a step of so many seconds goes on from what was before: playback may skip frames, but not jump."""
+    return 1e-9 < gap <= STEP_SECONDS
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,8 @@ from ..devices import active_presets, skin_models
 from ..results import store
 from ..sampling import scene_sweep
 from . import baked_skins
+from .rows import goes_on
 from .skin_state import SkinState
-
-STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
 
 
 @dataclass
@@ -42,7 +41,7 @@ class _Live:
     frame: float = 0.0
     first: float = 0.0
     edits: int = -1
-    cast: tuple[Any, ...] = ()
+    signature: tuple[Any, ...] = ()
     paths: dict[str, _FingerPath] = field(default_factory=dict)
     posed: core.contact.posed_scene.PosedScene | None = None  # for all fingers
     states: tuple[SkinState, ...] = ()
@@ -174,17 +173,24 @@ def _holds(scene: bpy.types.Scene, frame: float) -> bool:
 def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> tuple[core.contact.posed_scene.PosedScene, bool]:
     """Pose the scene, and decide whether the history goes on; return whether this is the frame of before, once more."""
     names = tuple(b.name for b in sample.bodies)
-    cast = (tuple(f.name for f in sample.fingers), names, sample.fps)
+    signature = (tuple(f.name for f in sample.fingers), names, sample.fps)
     gap = (frame - _live.frame) / float(sample.fps)
-    same = _live.generation == changes.generation() and _live.scene == scene.session_uid and _live.cast == cast
+    same = (
+        _live.generation == changes.generation() and _live.scene == scene.session_uid and _live.signature == signature
+    )
     again = same and frame == _live.frame and bool(_live.paths)
-    if not again and not (same and 1e-9 < gap <= STEP_SECONDS):
+    if not again and not (same and goes_on(gap)):
         _live.paths.clear()
         _live.first = frame
     posed = _live.posed
     if posed is None or not same:
         posed = core.contact.posed_scene.PosedScene(sample.bodies, [may_deform(name) for name in names])
-    _live.generation, _live.scene, _live.cast, _live.posed = changes.generation(), scene.session_uid, cast, posed
+    _live.generation, _live.scene, _live.signature, _live.posed = (
+        changes.generation(),
+        scene.session_uid,
+        signature,
+        posed,
+    )
     posed.take(sample.chunks[0], sample.bodies)
     return posed, again
 

@@ -19,10 +19,8 @@ from .._core import DermisError, core
 from ..devices import skin_models, thimble_devices
 from ..results import store
 from . import followers, skin_preview
-from .rows import Row, row_of
+from .rows import Row, goes_on, row_of
 from .skin_state import SkinState
-
-STEP_SECONDS = 0.25  # a longer step forward is a jump, as for the skin
 
 
 @dataclass
@@ -120,7 +118,7 @@ def _step(path: _FingerPath, target: SkinState, frame: float, fps: float) -> Non
     again = path.before is not None and frame == path.frame
     if again:
         matching.restore(path.before)
-    elif path.before is None or not 1e-9 < gap <= STEP_SECONDS:
+    elif path.before is None or not goes_on(gap):
         matching.reset()
         matching.change = None  # the first frame shows where it would be, not the way there
     else:
@@ -182,7 +180,9 @@ def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
     use = core.matching.thimble_use
     try:
         with skin_models.one_thread():
-            fitted, friction = use.fitted(output.track.spec, target.model, thimble_devices.parameters_of(device))
+            fitted, friction = use.calibrated_mechanism(
+                output.track.spec, target.model, thimble_devices.parameters_of(device)
+            )
             poses = replay.configurations(output.track, fitted)
             track_on_skin = replay.Replay(fitted, target.model, friction, poses)
     except DermisError:

@@ -86,9 +86,9 @@ def declare_one(
     ends |= {n: hard if soft is None else soft for n, hard, soft in zip(SOFT, (low, high), row.soft, strict=True)}
     if row.whole:
         return IntProperty(name=row.label, default=row.default, **{n: int(v) for n, v in ends.items()}, **common)
-    shown = _SHOWN.get(row.shown)
-    label = row.label if shown is not None else f"{row.label} [{_WRITTEN.get(row.shown, row.shown)}]"
-    if row.shown == "1" and (low, high) == (0.0, 1.0):
+    shown = _SHOWN.get(row.window_unit)
+    label = row.label if shown is not None else f"{row.label} [{_WRITTEN.get(row.window_unit, row.window_unit)}]"
+    if row.window_unit == "1" and (low, high) == (0.0, 1.0):
         shown = {"subtype": "FACTOR"}
     return FloatProperty(
         name=label,

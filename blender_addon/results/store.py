@@ -206,7 +206,7 @@ def _read(path: Path) -> Result:
         # trusted: of a device at rest ten thousand samples become ten bytes
         with core.npz.opened_npz(path, kind="a stored result", trusted=True) as archive:
             file = archive.arrays(archive.names)
-            header = core.foreign.json_of(file["header"].tobytes(), str(path), core.foreign.MOST_TEXT, constants=True)
+            header = core.foreign.json_of(file["header"].tobytes(), str(path), core.foreign.MAX_TEXT, constants=True)
             if header["version"] != RESULT_VERSION:
                 raise DermisError(
                     "made by another version",

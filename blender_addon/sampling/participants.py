@@ -47,7 +47,7 @@ class Entry:
     simulated: bool = False
     blinking: bool = False
     offset: tuple[float, ...] = (0.0, 0.0, 0.0)  # of a screen's middle from its origin [scene units, in its space]
-    channels: tuple[tuple[str, str, float], ...] = ()  # (channel name, path below `dermis`, factor to SI)
+    animated: tuple[tuple[str, str, float], ...] = ()  # (name, path below `dermis`, factor to SI)
 
 
 @dataclass
@@ -151,10 +151,10 @@ def group_of(obj: bpy.types.Object) -> Any:
     return {"FINGER": obj.dermis.finger, "SCREEN": obj.dermis.screen}.get(role_of(obj), obj.dermis.material)
 
 
-def animated_channels(obj: bpy.types.Object) -> tuple[tuple[str, str, float], ...]:
-    """Return what of an object's parameters is animated: channel name, path below `obj.dermis`, factor to SI.
+def animated_parameters(obj: bpy.types.Object) -> tuple[tuple[str, str, float], ...]:
+    """Return what of an object's parameters is animated: name, path below `obj.dermis`, factor to SI.
 
-    A device's channel is named 'device/<device index>/<name>'.
+    One of a device is named 'device/<device index>/<name>'.
     """
     paths = {p.removeprefix("dermis.") for p in compat.animated_paths(obj) if p.startswith("dermis.")}
     if not paths:
@@ -204,8 +204,8 @@ def _animatable(group: Any) -> list[core.parameters.parameter.Parameter]:
     return [row for row in object_properties.TABLES[type(group)].values() if row.keyed]
 
 
-def channel_key(kind: str, index: int, name: str) -> str:
-    """Return a chunk's key of a channel, such as 'body/3/friction' or 'device/0/1/use_weight'."""
+def animated_key(kind: str, index: int, name: str) -> str:
+    """Return a chunk's key of an animated parameter, such as 'body/3/friction' or 'device/0/1/use_weight'."""
     if name.startswith("device/"):
         return f"device/{index}/{name.removeprefix('device/')}"
     return f"{kind}/{index}/{name}"

@@ -14,7 +14,7 @@ import numpy as np
 
 from .._core import Array, DermisError, Finding, core
 from . import participants
-from .meshes import MeshReader, absent_mesh
+from .meshes import MeshReader
 from .participants import Entry, InstanceKey, Participants
 
 SMALLEST_SCALE = 1e-6
@@ -55,10 +55,10 @@ class Recorder:
             if (e.deforming or e.blinking) and (simulated is None or not simulated.has_surface(e.name))
         ]
         self._surfaces: list[list[Any]] = [[None] * count for _ in self._surfaced]
-        self._absent = absent_mesh()
+        self._absent = core.scene.tactile_scene.ABSENT
         self._bare = np.zeros((len(self._entries), count), bool)
-        self._channels = self._channel_table()
-        self._values = {key: np.empty(count) for key, _, _, _ in self._channels}
+        self._animated = self._animated_table()
+        self._values = {key: np.empty(count) for key, _, _, _ in self._animated}
         self._checked = self._direct = False
 
     def record(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
@@ -78,7 +78,7 @@ class Recorder:
             self._record_instances(k, depsgraph)
         if self._surfaced:
             self._record_surfaces(k, depsgraph)
-        for key, place, path, factor in self._channels:
+        for key, place, path, factor in self._animated:
             value = objects[place].evaluated_get(depsgraph).dermis.path_resolve(path)
             self._values[key][k] = value * factor
 
@@ -112,14 +112,14 @@ class Recorder:
             if len(bad):
                 raise DermisError(
                     "an animated value is not a finite number",
-                    where=f"channel '{key}'",
+                    where=f"animated parameter '{key}'",
                     value=f"{values[bad[0]]} at frame {frames[bad[0]]:g}",
                     remedy="Look at its F-curve or driver",
                 )
         self._report_presence(frames[:n], findings, simulating)
-        channels = {key: values[:n].copy() for key, values in self._values.items()}
+        animated = {key: values[:n].copy() for key, values in self._values.items()}
         return core.scene.tactile_scene.Chunk(
-            frames, times, _rigid(poses[:f]), poses[f : f + b], poses[f + b :], surfaces, channels
+            frames, times, _rigid(poses[:f]), poses[f : f + b], poses[f + b :], surfaces, animated
         )
 
     def surfaces_of(self, k: int) -> Iterator[tuple[Entry, Any]]:
@@ -128,7 +128,7 @@ class Recorder:
             if entry.deforming:
                 yield entry, self._surfaces[s][k]
 
-    def _channel_table(self) -> list[tuple[str, int, str, float]]:
+    def _animated_table(self) -> list[tuple[str, int, str, float]]:
         table = []
         at = 0
         for kind, entries in (
@@ -137,8 +137,8 @@ class Recorder:
             ("screen", self._participants.screens),
         ):
             for index, entry in enumerate(entries):
-                for name, path, factor in entry.channels:
-                    table.append((participants.channel_key(kind, index, name), int(self._place[at]), path, factor))
+                for name, path, factor in entry.animated:
+                    table.append((participants.animated_key(kind, index, name), int(self._place[at]), path, factor))
                 at += 1
         return table
 

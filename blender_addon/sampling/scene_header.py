@@ -123,7 +123,7 @@ def list_participants(
             mirrored=bool(np.linalg.det(matrix[:3, :3]) < 0),
             simulated=obj.session_uid in simulations.uids,
             blinking=participants.comes_and_goes(obj),
-            channels=participants.animated_channels(obj),
+            animated=participants.animated_parameters(obj),
         )
         out.findings += participants.idle_curves(obj)
         role = participants.role_of(obj)
@@ -307,7 +307,7 @@ def _instance_entries(
                 deforming=deforming is None or key.object in deforming,
                 simulated=key.object in simulations.uids or key.instancer in simulations.uids,
                 blinking=first_seen is not None,
-                channels=participants.animated_channels(shown),
+                animated=participants.animated_parameters(shown),
             )
         )
     return sorted(out, key=lambda e: e.name)
@@ -316,7 +316,7 @@ def _instance_entries(
 def _defaults(parameters: Mapping[str, Any], obj: bpy.types.Object, entry: Entry) -> dict[str, Any]:
     """Return parameters in which the animated ones have their defaults."""
     out = dict(parameters)
-    for name, path, factor in entry.channels:
+    for name, path, factor in entry.animated:
         if not name.startswith("device/"):
             out[name] = _default(obj, path) * factor
     return out
@@ -324,7 +324,7 @@ def _defaults(parameters: Mapping[str, Any], obj: bpy.types.Object, entry: Entry
 
 def _live_finger(finger: Any, obj: bpy.types.Object, entry: Entry) -> Any:
     uses = list(finger.devices)
-    for name, path, factor in entry.channels:
+    for name, path, factor in entry.animated:
         if name.startswith("device/"):
             _, number, parameter = name.split("/")
             use = uses[int(number)]

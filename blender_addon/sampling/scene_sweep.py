@@ -157,7 +157,7 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> core.s
     """Return the scene as it is evaluated now, as a `TactileScene` of one chunk with one sample; no frame changes.
 
     Every surface comes with the chunk, as the same object while it does not change, so the engine's search structures
-    last from call to call. Animated parameters are in the channels; in the header they have their defaults, so that
+    last from call to call. Animated parameters are in the chunks; in the header they have their defaults, so that
     the headers of successive frames compare equal.
 
     Raises:
@@ -295,7 +295,7 @@ def _simulate(
     """Run the simulations through, frame by frame from their start, and keep what they move."""
 
     def pick(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
-        return tuple(replace(e, channels=()) for e in entries if e.simulated)
+        return tuple(replace(e, animated=()) for e in entries if e.simulated)
 
     part = replace(swept, fingers=pick(swept.fingers), bodies=pick(swept.bodies), screens=pick(swept.screens))
     recorder = Recorder(part, reader, len(whole), presence)

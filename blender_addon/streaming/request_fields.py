@@ -13,7 +13,7 @@ from ..properties.fields import values
 from . import agreed_paths, streamed_track
 
 
-def shown(scene: bpy.types.Scene, names: Sequence[str]) -> tuple[float, tuple[float, ...]]:
+def published(scene: bpy.types.Scene, names: Sequence[str]) -> tuple[float, tuple[float, ...]]:
     """Return the track's time of the frame that is shown, and in the mode 'follow' the values."""
     first, fps = streamed_track.origin(scene)
     moment = (float(scene.frame_current_final) - first) / fps

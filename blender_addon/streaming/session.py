@@ -129,8 +129,8 @@ def leaving() -> str:
 def pose_unknown() -> bool:
     """Return whether arming may start with a jump: something moves, and the device has not said where it is."""
     now = status()
-    known = now.get("pose_known", now.get("pose") is not None)
-    return not known and any(unit not in STILL for unit in now.get("units", ()))
+    pose_known = now.get("pose_known", now.get("pose") is not None)
+    return not pose_known and any(unit not in STILL for unit in now.get("units", ()))
 
 
 def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
@@ -188,8 +188,8 @@ def changed() -> None:
         return
     try:
         device_calibration.fill_channels(scene)
-        made = device_calibration.calibration_of(scene, streamed_track.device_key(scene))
-        _client.set(**request_fields.request_fields(scene), calibration=made.dumps())
+        calibration = device_calibration.calibration_of(scene, streamed_track.device_key(scene))
+        _client.set(**request_fields.request_fields(scene), calibration=calibration.dumps())
         _note = ""
     except DermisError as error:
         _note = str(error)
@@ -217,7 +217,7 @@ def heartbeat() -> None:
         if streamed_track.outdated(scene):
             changed()  # before the time is taken: it counts from the start of the track that the sender has
         playing = any(screen.is_animation_playing for screen in bpy.data.screens)
-        _published = request_fields.shown(scene, _status.get("names", ()))
+        _published = request_fields.published(scene, _status.get("names", ()))
     _mode = scene.dermis_stream.mode
     moment, values = _published
     _client.heartbeat(playing=playing, time=moment, values=values)

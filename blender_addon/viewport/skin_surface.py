@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .._core import Array, Indices32
 
 TRIANGLES = 3000  # a surface is refined until it has about as many
-MOST_LEVELS = 2
+MAX_LEVELS = 2
 
 
 class DisplaySurface(NamedTuple):
@@ -57,7 +57,7 @@ class DisplaySurface(NamedTuple):
         rest = points = mesh.nodes[nodes]
         coarse = triangles
         refine = identity(len(nodes), format="csr")
-        for _ in range(MOST_LEVELS):
+        for _ in range(MAX_LEVELS):
             if len(triangles) * 4 > 2 * TRIANGLES and len(triangles) > TRIANGLES / 2:
                 break
             matrix, triangles = _refined(rest, triangles)

@@ -83,7 +83,7 @@ def loops(device: Any, around: float) -> list[Array]:
     Raises:
         DermisError: the level platform does not reach `around`.
     """
-    reach = core.devices.reach.reach(device, around)
+    reach = core.devices.workspace.workspace(device, around)
     out = []
     for level in range(len(reach.distance)):
         tips = np.array([pointer(device.in_finger(device.pose(x)))[1] for x in reach.configurations(level)])

@@ -59,7 +59,7 @@ def mechanism_of(obj: bpy.types.Object, preset: str) -> tuple[core.devices.thimb
         if model is None:
             return None
         key = (spec.hash, model.key, tuple(values[f"thimble_felt_{i}"] for i in (1, 2, 3)))
-        device = _mechanisms.make(key, lambda: core.matching.thimble_use.fitted(spec, model, values)[0])
+        device = _mechanisms.make(key, lambda: core.matching.thimble_use.calibrated_mechanism(spec, model, values)[0])
     return device, float(spec.parameters.get("reference_distance", device.mount[2, 3]))
 
 

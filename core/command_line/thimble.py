@@ -12,24 +12,23 @@ import numpy as np
 from ..contact.pad_sampler import PadSampler
 from ..contact.skin_contact import SkinContact
 from ..contact.skin_sampler import SkinSampler
-from ..devices.reach import reach as measured
 from ..devices.spec import DeviceSpec
-from ..devices.thimble import Thimble, mechanism
+from ..devices.thimble import Thimble, mechanism, reference_distance
+from ..devices.workspace import workspace
 from ..errors import DermisError, Finding
 from ..matching.adapt import adapt_job
 from ..matching.recorded import RecordedMatcher, check_recording
-from ..matching.replay import reference_of
 from ..matching.stimulus_plot import stimulus_plot
 from ..matching.stress import StressMatcher
 from ..matching.thimble import findings_of, forces_at, match_stimuli, match_touch, matcher
-from ..matching.thimble_use import ThimbleUse, fitted, prepare
+from ..matching.thimble_use import ThimbleUse, calibrated_mechanism, prepare
 from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT
 from ..plot import stimuli as plot_stimuli
 from ..presets import Library
 from ..scene import scene_file
 from ..scene.tactile_scene import TactileScene, sample_count
 from ..skin.model import SkinModel, skin_from_parameters
-from ..skin.sensor import electrode_sensor, hush_of, noise_of, read_stimuli
+from ..skin.sensor import electrode_sensor, noise_floor_of, noise_of, read_stimuli
 from ..surrogate.learned import LearnedModel
 from ..surrogate.ridge import fit_ridge
 from ..surrogate.store import contact_of
@@ -76,7 +75,7 @@ def follow(options: argparse.Namespace) -> int:
     library = Library(options.presets)
     spec = _thimble(library, options.device)
     skin = skin_from_parameters(library.skin(options.skin), level=options.level)
-    device, friction = fitted(spec, skin, {})
+    device, friction = calibrated_mechanism(spec, skin, {})
     change = device.servo_speed / spec.rate
     made = (
         _virtual(skin, device, friction, change)
@@ -86,7 +85,7 @@ def follow(options: argparse.Namespace) -> int:
     channels = made.model.size
     recorded, stimuli = read_stimuli(options.stimuli, channels)
     noise = noise_of(stimuli) if options.noise is None else options.noise
-    made.hush = hush_of(noise, channels)
+    made.noise_floor = noise_floor_of(noise, channels)
     times = np.arange(int(np.floor((recorded[-1] - recorded[0]) * spec.rate + 1e-9)) + 1) / spec.rate
     wanted = np.stack([np.interp(times, recorded - recorded[0], column) for column in stimuli.T], axis=1)
     found = match_stimuli(made, wanted)
@@ -96,18 +95,18 @@ def follow(options: argparse.Namespace) -> int:
     csv.write(track, options.out)
     for finding in (*findings_of(found, str(options.stimuli)), *_beyond(made, str(options.stimuli)), *track.check()):
         print(finding, file=sys.stderr)
-    touched = found.wanted
+    touched = found.touched
     off = float(np.median(found.mismatch[touched])) if touched.any() else 0.0
     print(
         f"{options.out}: {len(times)} samples, {int(touched.sum())} touched, median mismatch {100 * off:.1f} %; "
-        f"noise {noise:.3g} a channel, readings up to {made.hush:.3g} are no touch"
+        f"noise {noise:.3g} a channel, readings up to {made.noise_floor:.3g} are no touch"
     )
     return 0
 
 
 def _virtual(skin: SkinModel, device: Thimble, friction: float, change: float) -> StressMatcher:
     """Return what follows readings of the virtual electrodes."""
-    return matcher(device, skin, friction=friction, readout=electrode_sensor(skin).matrix, change=change)
+    return matcher(device, skin, friction=friction, observation_matrix=electrode_sensor(skin).matrix, change=change)
 
 
 def _recorded(path: Path, skin: SkinModel, device: Thimble, friction: float, change: float) -> StressMatcher:
@@ -160,7 +159,7 @@ def plot(options: argparse.Namespace) -> int:
 def picture(made: Any, found: Any, finger: str) -> tuple[Any, ...]:
     """Return what `stimuli.draw` takes, for a plot and the sequence that it shows."""
     lines = {"target": made.target, "predicted": made.predicted, "rendered": made.rendered}
-    off = float(np.median(found.mismatch[found.wanted])) if found.wanted.any() else 0.0
+    off = float(np.median(found.mismatch[found.touched])) if found.touched.any() else 0.0
     words = (
         f"simulated; method {found.method}; median mismatch {100 * off:.0f} %; three components leave "
         f"{100 * made.left:.0f} % of what the device can make felt"
@@ -173,7 +172,7 @@ def reach(options: argparse.Namespace) -> int:
     """Print where the platform can go."""
     spec = _thimble(Library(options.presets), options.device)
     device = mechanism(spec)
-    found = measured(device, reference_of(spec, device))
+    found = workspace(device, reference_distance(spec, device))
     low, high = (np.degrees(end) for end in device.servo_limits)
     alike = np.ptp(low) == np.ptp(high) == 0.0 and -low[0] == high[0]
     ends = (

@@ -17,7 +17,7 @@ class PairRecord:
 
     Attributes:
         start: samples at which the gap is known, rising.
-        gap, normal, point, surface_velocity, relief: there, as in `PairContact`; relief only where a device asks.
+        gap, normal, point, surface_velocity, smooth_normal: there, as in `PairContact`; the last where a device asks.
         last: the last such sample. side: of an open surface, on which the finger is, +1 or -1.
     """
 
@@ -26,7 +26,7 @@ class PairRecord:
     normal: list[Array] = field(default_factory=list)
     point: list[Array] = field(default_factory=list)
     surface_velocity: list[Array] = field(default_factory=list)
-    relief: list[Array] = field(default_factory=list)
+    smooth_normal: list[Array] = field(default_factory=list)
     last: int = -2
     side: int = 1
 
@@ -40,7 +40,7 @@ class PairRecord:
             full = np.zeros((count, 3))
             full[index] = np.concatenate(parts)
             arrays.append(full)
-        relief = np.zeros((count, 3)) if self.relief else None
-        if relief is not None:
-            relief[index] = np.concatenate(self.relief)
-        return PairContact(gap, arrays[0], arrays[1], arrays[2] if arrays[2].any() else None, relief)
+        smooth_normal = np.zeros((count, 3)) if self.smooth_normal else None
+        if smooth_normal is not None:
+            smooth_normal[index] = np.concatenate(self.smooth_normal)
+        return PairContact(gap, arrays[0], arrays[1], arrays[2] if arrays[2].any() else None, smooth_normal)

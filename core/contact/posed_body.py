@@ -15,7 +15,7 @@ from ..errors import DermisError
 from ..motion import rotations
 from ..scene.tactile_scene import Body, Chunk, Mesh
 from ..surface.gap import Surface
-from .surfaces import SAME_STRETCH, box_of, carried, surface_of
+from .surfaces import SAME_STRETCH, box_of, carried, rigid_mesh, surface_of
 
 
 class Posed(NamedTuple):
@@ -60,12 +60,12 @@ class PosedBody:
         self._kept: _Kept | None = None
         self._first: Array | None = None  # its stretch when it was first asked for
         self._turned: tuple[Array, Array] | None = None  # linear maps, and their rotations
-        self._known = False  # that those are this chunk's
+        self._turned_here = False  # whether those are this chunk's
         self._box: tuple[Mesh, Array] | None = None  # of a mesh, in its object's space
 
     def take(self, b: int, chunk: Chunk) -> None:
         """Go on to a chunk, in which it is body `b`."""
-        self._poses, self._meshes, self._known = chunk.bodies[b], chunk.surfaces.get(b), False
+        self._poses, self._meshes, self._turned_here = chunk.bodies[b], chunk.surfaces.get(b), False
 
     def boxes(self) -> Array:
         """Return the box in the object's space at every sample [m], shape (n, 2, 3), or (1, 2, 3) of a rigid body.
@@ -75,13 +75,7 @@ class PosedBody:
         """
         if self._meshes is not None:
             return np.array([self._box_of(mesh) for mesh in self._meshes])
-        if self._body.mesh is None:
-            raise DermisError(
-                "a deforming object has no surface",
-                where=f"object '{self._body.name}'",
-                remedy="Give it faces, or stop it being touchable",
-            )
-        return self._box_of(self._body.mesh)[None]
+        return self._box_of(rigid_mesh(self._body))[None]
 
     def at(self, i: int) -> Posed:
         """Return the body at a sample.
@@ -123,7 +117,7 @@ class PosedBody:
     def _turns(self) -> Array:
         """Return the rotations of all samples, shape (n, 3, 3); most objects stand still from chunk to chunk."""
         linear = self._poses[:, :3, :3]
-        if self._turned is None or not (self._known or np.array_equal(linear, self._turned[0])):
+        if self._turned is None or not (self._turned_here or np.array_equal(linear, self._turned[0])):
             try:
                 self._turned = linear.copy(), rotations(linear)
             except DermisError as error:
@@ -133,7 +127,7 @@ class PosedBody:
                     limit=error.limit,
                     remedy="Scale its vertices instead",
                 ) from error
-        self._known = True
+        self._turned_here = True
         return self._turned[1]
 
     def _box_of(self, mesh: Mesh) -> Array:

@@ -59,7 +59,7 @@ class SkinStepper:
         """
         turn, place = self._scene.turns()[self.index], self._scene.chunk.fingers[self.index, :, :3, 3]
         middle = place + turn @ ((self._low + self._high) / 2)
-        half = np.abs(turn) @ ((self._high - self._low) / 2) + self.bone.solver.reach
+        half = np.abs(turn) @ ((self._high - self._low) / 2) + self.bone.solver.search_radius
         box_middle, box_half = self._scene.boxes()
         inside = (np.abs(middle - box_middle) <= half + box_half).all(axis=2)
         self.far += int((~inside).sum())

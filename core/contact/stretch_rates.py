@@ -26,7 +26,7 @@ class StretchRates:
         b: int,
         times: Array,
         poses: Array,
-        wanted: NDArray[np.intp],
+        samples: NDArray[np.intp],
         stretch: Array,
         before: tuple[float, Array] | None,
     ) -> Array | None:
@@ -37,7 +37,7 @@ class StretchRates:
 
         Args:
             times: of the chunk's samples [s], shape (n,). poses: object-to-world, shape (n, 4, 4).
-            wanted: the samples it is needed at, rising, shape (k,). stretch: there, shape (k, 3, 3).
+            samples: those it is needed at, rising, shape (k,). stretch: there, shape (k, 3, 3).
             before: time [s] and pose of the last sample before the chunk.
         """
         first = self._first.setdefault(b, np.array(stretch[0]))
@@ -49,7 +49,7 @@ class StretchRates:
                 return None
             self._stretching.add(b)
             start = int(np.argmax(other))
-        moving, now = wanted[start:], stretch[start:]
+        moving, now = samples[start:], stretch[start:]
         earlier, since = poses[moving - 1, :3, :3].copy(), times[moving] - times[moving - 1]
         known = moving > 0
         if not known[0] and before is not None:

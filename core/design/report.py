@@ -103,7 +103,7 @@ def design(spec: DeviceSpec, table: SkinTable, sensed: Mapping[str, Array]) -> D
                 limit=f"{100 * SATURATED:.0f} %",
                 remedy="Touch less deeply",
             )
-        if (table.from_rest(values) <= max(table.hush, 0.0)).all():
+        if (table.from_rest(values) <= max(table.noise_floor, 0.0)).all():
             raise DermisError(
                 "nothing is ever touched",
                 where=f"interaction '{name}'",
@@ -141,7 +141,7 @@ def _doubts(table: SkinTable, targets: Mapping[str, Array], found: Reduction) ->
     doubts = []
     for (name, values), error in zip(targets.items(), found.error[:, -1], strict=True):
         away = table.from_rest(values)
-        signal = float(np.sqrt((away[away > table.hush] ** 2).mean()))
+        signal = float(np.sqrt((away[away > table.noise_floor] ** 2).mean()))
         if error > POOR * signal:
             doubts.append(
                 Finding(

@@ -36,14 +36,14 @@ class Components:
     Attributes:
         mean: of the commands, SI, shape (n,). scale: range of each motor, shape (n,).
         directions: columns E, of scaled commands, shape (n, n).
-        readout: rows that give each component's amount of centred, scaled commands, shape (n, n).
+        projection: rows that give each component's amount of centred, scaled commands, shape (n, n).
         variance: of the scaled commands along each component, shape (n,).
     """
 
     mean: Array
     scale: Array
     directions: Array
-    readout: Array
+    projection: Array
     variance: Array
 
     @property
@@ -54,7 +54,7 @@ class Components:
 
     def amounts(self, commands: Array, k: int) -> Array:
         """Return the reduced commands, shape (q, k). Source: [S2] eq. 5."""
-        return ((commands - self.mean) / self.scale) @ self.readout[:k].T
+        return ((commands - self.mean) / self.scale) @ self.projection[:k].T
 
     def reconstructed(self, commands: Array, k: int) -> Array:
         """Return the commands that k components make of the given ones, shape (q, n). Source: [S2] eq. 7."""
@@ -110,11 +110,11 @@ def components(commands: Array, scale: Array, metric: Array | None = None) -> Co
     root = np.eye(n) if metric is None else _root(metric)
     _, _, vectors = np.linalg.svd(scaled @ root, full_matrices=True)
     vectors = vectors * np.where(vectors.sum(axis=1) < 0.0, -1.0, 1.0)[:, None]  # together is forwards
-    directions, readout = np.linalg.solve(root, vectors.T), vectors @ root
+    directions, projection = np.linalg.solve(root, vectors.T), vectors @ root
     length = np.linalg.norm(directions, axis=0)
-    directions, readout = directions / length, readout * length[:, None]
-    variance = (scaled @ readout.T).var(axis=0)
-    return Components(mean, scale, directions, readout, variance)
+    directions, projection = directions / length, projection * length[:, None]
+    variance = (scaled @ projection.T).var(axis=0)
+    return Components(mean, scale, directions, projection, variance)
 
 
 def sensed_metric(commands: Array, readings: Array, scale: Array) -> Array:
@@ -162,7 +162,7 @@ def reduce(
     given = [commands_of(table, s) for s in sensed] if commands is None else list(commands)
     every = np.vstack(given)
     n = every.shape[1]
-    heard = table.from_rest(np.vstack(list(sensed))) > table.hush
+    heard = table.from_rest(np.vstack(list(sensed))) > table.noise_floor
     found = []
     for choice in CHOICES:
         if choice == "rendered" and np.count_nonzero(heard) > n:

@@ -56,7 +56,7 @@ def clearance(spec: DeviceSpec, commands: Array) -> float:
     """
     if spec.kind == "thimble":
         device = thimble.mechanism(spec)
-        x = device.forward(commands, (0.0, 0.0, float(spec.parameters["reference_distance"])))
+        x = device.forward(commands, (0.0, 0.0, thimble.reference_distance(spec, device)))
         place = device.in_finger(device.pose(x))
         return _below(place[:3, 2], place[:3, 3], device.disc_radius)
     if spec.kind not in ("cable_platform", "hexapod"):

@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Array
 from ..errors import DermisError
-from .firmness import firmness, posture
 from .forward_kinematics import configuration
 from .linkage import Linkage, PlatformPose
 from .servo_limits import SERVOS, servo_bounds, servo_speed
+from .singularity import inverse_kinematics, singularity_margin
 from .spec import DeviceSpec
 
-FIRM = 0.03  # least firmness: there a servo's error turns the platform some 15 times as far, and beyond it gives way
+MIN_MARGIN = 0.03  # of singularity: there a servo's error turns the platform 15 times as far, beyond it gives way
 
 
 @dataclass(frozen=True)
@@ -59,13 +59,13 @@ class Thimble(Linkage):
         Raises:
             DermisError: a leg cannot reach.
         """
-        return posture(self, psi, theta, z)[0]
+        return inverse_kinematics(self, psi, theta, z)[0]
 
     def constraints(self, x: ArrayLike) -> tuple[Array, Array]:
         """Return c(x) >= 0, shape (7,), and dc/dx, shape (7, 3).
 
         The first six are the room left of each servo to either side [rad], the last how far the platform is from the
-        least firmness.
+        least singularity margin.
 
         Raises:
             DermisError: a leg cannot reach.
@@ -76,26 +76,26 @@ class Thimble(Linkage):
         """Return `constraints` for other limits of the servos' angles from neutral [rad], shape (3,) each."""
         at = np.asarray(x, dtype=np.float64)
         turned, slopes = self.servo_turns(self.pose(at))
-        firm, softer = firmness(self, *at.tolist())
+        margin, softer = singularity_margin(self, *at.tolist())
         angles, by_x = np.array(turned), np.array(slopes)
-        return np.concatenate([high - angles, angles - low, [firm - FIRM]]), np.vstack([-by_x, by_x, softer])
+        return np.concatenate([high - angles, angles - low, [margin - MIN_MARGIN]]), np.vstack([-by_x, by_x, softer])
 
     def feasible(self, x: ArrayLike) -> bool:
-        """Tell whether the legs reach, the servos stay within their range, and hold the platform firmly."""
+        """Return whether the legs reach, the servos stay within their range, and hold the platform firmly."""
         low, high = self.servo_limits
         psi, theta, z = np.asarray(x, dtype=np.float64).tolist()
         return self.within(psi, theta, z, low.tolist(), high.tolist())
 
     def within(self, psi: float, theta: float, z: float, low: list[float], high: list[float]) -> bool:
-        """Tell the same for limits of the servos' angles from neutral [rad]."""
+        """Return the same for limits of the servos' angles from neutral [rad]."""
         try:
-            turned, firm = posture(self, psi, theta, z)
+            turned, margin = inverse_kinematics(self, psi, theta, z)
         except DermisError:
             return False
-        return firm >= FIRM and all(a <= t <= b for a, t, b in zip(low, turned, high, strict=True))
+        return margin >= MIN_MARGIN and all(a <= t <= b for a, t, b in zip(low, turned, high, strict=True))
 
     def workspace(self, pitch: ArrayLike, roll: ArrayLike, distance: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which of a grid of pitches, rolls [rad] and distances [m] are feasible, shape (a, b, c)."""
+        """Return which of a grid of pitches, rolls [rad] and distances [m] are feasible, shape (a, b, c)."""
         grid = [np.asarray(values, dtype=np.float64).tolist() for values in (pitch, roll, distance)]
         return np.array([[[self.feasible((p, r, z)) for z in grid[2]] for r in grid[1]] for p in grid[0]])
 
@@ -152,17 +152,22 @@ def mechanism(spec: DeviceSpec) -> Thimble:
     )
     try:
         zero = float(device.servo_angles([0.0, 0.0, reference])[0][0])
-        firm = posture(device, 0.0, 0.0, reference)[1]
+        margin = inverse_kinematics(device, 0.0, 0.0, reference)[1]
     except DermisError as error:
         raise DermisError("the links cannot close at the reference distance", where=where, value=str(error)) from error
-    if abs(firm) < FIRM:
+    if abs(margin) < MIN_MARGIN:
         raise DermisError(
             "the rods lie too flat to hold the platform at the reference distance",
             where=where,
-            value=f"firmness {abs(firm):.3g}",
-            limit=f">= {FIRM:g}",
+            value=f"singularity margin {abs(margin):.3g}",
+            limit=f">= {MIN_MARGIN:g}",
             remedy="Use other link lengths or another distance",
         )
     sizes["servo_speed"] = servo_speed(spec, sizes["servo_speed"])
     bounds = servo_bounds(spec, sizes["servo_range"])
-    return replace(device, **sizes, servo_zero=zero, side=math.copysign(1.0, firm), bounds=bounds)
+    return replace(device, **sizes, servo_zero=zero, side=math.copysign(1.0, margin), bounds=bounds)
+
+
+def reference_distance(spec: DeviceSpec, device: Thimble) -> float:
+    """Return the platform's distance from the base with all servos in their middle [m], as a start for poses."""
+    return float(spec.parameters.get("reference_distance", device.mount[2, 3]))

@@ -12,8 +12,8 @@ from ..errors import DermisError
 from ..parameters.device import DEVICE
 from .heading import Heading
 
-FULL = 100.0  # the strongest friction of [S4]'s scale of 0 to 100
-LEAST = 1.0  # the weakest that Table 1 renders
+MAX_FRICTION = 100.0  # the strongest friction of [S4]'s scale of 0 to 100
+MIN_FRICTION = 1.0  # the weakest that Table 1 renders
 STEEPEST_NORMAL = 0.05  # n_z below this (steeper than 87 degrees) is limited
 
 
@@ -105,7 +105,7 @@ def without_downhill(friction: Array, way: str) -> Array:
     if way == "rectify":
         return np.maximum(friction, 0.0)
     if way == "offset":
-        return np.maximum(0.5 * (FULL + friction), 0.0)
+        return np.maximum(0.5 * (MAX_FRICTION + friction), 0.0)
     if way == "absolute":
         return np.abs(friction)
     raise DermisError("unknown downhill", value=way, limit=DEVICE["downhill"].allowed)
@@ -145,13 +145,13 @@ def bump_friction(
 
     Source: [S4] Table 1
     """
-    span = FULL - LEAST
+    span = MAX_FRICTION - MIN_FRICTION
     surface = bump_height(x, height, centre, width)
     if profile == "height":
-        return LEAST + span * surface / full_height
+        return MIN_FRICTION + span * surface / full_height
     if profile == "slope":
         relative = math.sqrt(math.e) * (centre - x) / width * surface / full_height
-        return LEAST + span * without_downhill(FULL * relative, downhill) / FULL
+        return MIN_FRICTION + span * without_downhill(MAX_FRICTION * relative, downhill) / MAX_FRICTION
     if profile == "rectangle":
-        return np.where(surface >= threshold * height, FULL, LEAST)
+        return np.where(surface >= threshold * height, MAX_FRICTION, MIN_FRICTION)
     raise DermisError("unknown profile", value=profile, limit=DEVICE["profile"].allowed)

@@ -66,7 +66,7 @@ class Matcher:
     """The matrices of one skin and one pin array.
 
     Args:
-        spread: A, nodal forces on the pad for unit pin forces, shape (3m, pins).
+        distribution: A, nodal forces on the pad for unit pin forces, shape (3m, pins).
         influence: G, displacements of the compared nodes for unit forces on the pad [m/N], shape (3n, 3m).
         weights: W, one per compared node (ones as in the paper), shape (n,).
         active: pins that meet the skin, shape (pins,); the others stay at zero.
@@ -82,22 +82,22 @@ class Matcher:
 
     def __init__(
         self,
-        spread: Array,
+        distribution: Array,
         influence: Array,
         weights: Array | None = None,
         active: NDArray[np.bool_] | None = None,
         *,
         tolerance: float = RANK_TOLERANCE,
     ) -> None:
-        pins = spread.shape[1]
+        pins = distribution.shape[1]
         active = np.ones(pins, dtype=bool) if active is None else np.asarray(active, dtype=bool)
         nodes = len(influence) // 3
         weights = np.ones(nodes) if weights is None else np.asarray(weights, dtype=np.float64)
-        if influence.shape[1] != len(spread) or len(weights) != nodes or len(active) != pins:
+        if influence.shape[1] != len(distribution) or len(weights) != nodes or len(active) != pins:
             raise DermisError(
-                "the pins' spread, the skin's influence and the weights do not fit",
+                "the pins' force distribution, the skin's influence and the weights do not fit",
                 where="pin matching",
-                value=f"{spread.shape}, {influence.shape}, {weights.shape}",
+                value=f"{distribution.shape}, {influence.shape}, {weights.shape}",
             )
         if not active.any():
             raise DermisError("no pin meets the skin", where="pin matching")
@@ -107,8 +107,8 @@ class Matcher:
 
         self._gemv = dgemv
         self.pins, self.active, self.nodes = pins, np.flatnonzero(active), nodes
-        self.loaded = len(spread) // 3
-        a = np.ascontiguousarray(spread[:, self.active])
+        self.loaded = len(distribution) // 3
+        a = np.ascontiguousarray(distribution[:, self.active])
         # large: not copied where nothing is weighted
         plain = bool((weights == 1.0).all())
         weighted = influence if plain else np.sqrt(np.repeat(weights, 3))[:, None] * influence

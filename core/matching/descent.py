@@ -15,8 +15,8 @@ from operator import sub
 import numpy as np
 
 from ..arrays import Array
-from ..devices.firmness import posture
-from ..devices.thimble import FIRM, Thimble
+from ..devices.singularity import inverse_kinematics
+from ..devices.thimble import MIN_MARGIN, Thimble
 from ..errors import DermisError
 from .gauss_newton import (
     ARMIJO,
@@ -109,8 +109,8 @@ def descend(
         if moved <= SMALL_STEP or gained <= SMALL_GAIN:
             why = "step" if moved <= SMALL_STEP else "gain"
             break
-    angles, firm = posture(device, psi, theta, z)
-    room = np.array([*map(sub, high, angles), *map(sub, angles, low), firm - FIRM])
+    angles, margin = inverse_kinematics(device, psi, theta, z)
+    room = np.array([*map(sub, high, angles), *map(sub, angles, low), margin - MIN_MARGIN])
     return Minimum(
         x, stimulus, stimulus - target, start_cost, cost, kkt, (), np.zeros(0), room, iterations, evaluations, why
     )

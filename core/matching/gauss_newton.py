@@ -33,7 +33,7 @@ ARMIJO = 1e-4
 DAMPING = 1e-9  # of the largest diagonal: keeps a step unique where a single node touches
 ON_LIMIT = 1e-9  # rad
 RESTORING = 4
-GIVES_WAY = 6  # the constraint that keeps the platform firm
+GIVES_WAY = 6  # the constraint that keeps the platform from giving way
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Minimum:
         start_cost, cost: half the squared mismatch at the start and at the end.
         kkt: |S (J'r - A'multipliers)| / (|J S| |r|), with the multipliers of the step that would come next: 0 at
             an exact minimum. S scales distance to tilt.
-        active: limits that hold it back, indices into the seven constraints; `GIVES_WAY` is firmness.
+        active: limits that hold it back, indices into the seven constraints; `GIVES_WAY` is the singularity margin.
         multipliers: of them, >= 0.
         room: c(x) of the seven constraints, >= 0.
         iterations, evaluations: steps, and calls of the forward model.
@@ -76,7 +76,7 @@ class Minimum:
 
 @dataclass(frozen=True)
 class ServoLimits:
-    """Bounds of the three servo angles from neutral [rad], shape (3,) each; with firmness, seven constraints c >= 0."""
+    """Bounds of the three servo angles from neutral [rad], shape (3,) each; c >= 0 has seven with the margin."""
 
     low: Array
     high: Array

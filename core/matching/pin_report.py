@@ -144,9 +144,9 @@ def compare_scene(
     others = _skins(scene, library, wearers, finer, cache) if finer else {}
     for f in wearers if finer else ():
         _finer(own[f].mesh.free.size, others[f].mesh.free.size, _named(scene, f))
-    felt = _felt(scene, own)
-    fine = _felt(scene, others) if finer else felt
-    idle = [f for f in wearers if not len(felt[f].contact) or not len(fine[f].contact)]
+    contacts = _skin_contacts(scene, own)
+    finer_contacts = _skin_contacts(scene, others) if finer else contacts
+    idle = [f for f in wearers if not len(contacts[f].contact) or not len(finer_contacts[f].contact)]
     if idle == wearers:
         raise DermisError(
             "nothing was touched, so there is nothing to compare", where=", ".join(_named(scene, f) for f in idle)
@@ -162,9 +162,14 @@ def compare_scene(
         weighting, where = DEVICE["pin_nodes"].of(use.parameters), _named(scene, f)
         bounded = bool(DEVICE["pin_bounded"].of(use.parameters))
         reports[f"{scene.fingers[f].name}, {spec.name}"] = compare(
-            felt[f], spec, weighting=weighting, bounded=bounded, finer=fine[f] if finer else None, where=where
+            contacts[f],
+            spec,
+            weighting=weighting,
+            bounded=bounded,
+            finer=finer_contacts[f] if finer else None,
+            where=where,
         )
-        findings += doubts(felt[f], spec, weighting=weighting, where=where)
+        findings += doubts(contacts[f], spec, weighting=weighting, where=where)
     return SceneReports(reports, tuple(findings))
 
 
@@ -173,7 +178,7 @@ def doubts(
 ) -> tuple[Finding, ...]:
     """Return what is to be doubted about a comparison of all methods: a mesh that is coarser than the pins."""
     ready = setup(skin.model, spec, weighting)
-    return pin_resolution.doubts(ready.matcher, ready.spread, METHODS, where or spec.name)
+    return pin_resolution.doubts(ready.matcher, ready.distribution, METHODS, where or spec.name)
 
 
 def _named(scene: TactileScene, f: int) -> str:
@@ -213,7 +218,7 @@ def _skins(
     return skins
 
 
-def _felt(scene: TactileScene, skins: Mapping[int, SkinModel]) -> dict[int, SkinContact]:
+def _skin_contacts(scene: TactileScene, skins: Mapping[int, SkinModel]) -> dict[int, SkinContact]:
     """Return what skins feel; the pads' touch tells what is held, and how it is accelerated."""
     pads, sampler = PadSampler(scene), SkinSampler(scene, skins)
     for chunk in scene.chunks:

@@ -43,13 +43,13 @@ class PinSetup:
 
     Attributes:
         pins: the layout. met: where its pins meet the skin. matcher: the matrices.
-        spread: A, forces on the pad's nodes for unit pin forces, shape (3 m, pins).
+        distribution: A, forces on the pad's nodes for unit pin forces, shape (3 m, pins).
     """
 
     pins: PinLayout
     met: PinContacts
     matcher: Matcher
-    spread: Array
+    distribution: Array
 
 
 def setup(skin: SkinModel, spec: DeviceSpec, weighting: Weighting = "all") -> PinSetup:
@@ -78,12 +78,12 @@ def _made(skin: SkinModel, spec: DeviceSpec, weighting: Weighting) -> PinSetup:
             value=f"{pins.count} pins, {len(spec.channels)} channels",
         )
     met = pin_array.on_pad(pins, mesh.nodes, mesh.surface, skin.positions)
-    spread = pin_array.distribution(pins, met, skin.positions)
+    distribution = pin_array.distribution(pins, met, skin.positions)
     chosen = node_weights(skin, weighting)[mesh.free] > 0
     response = skin.unit_response[:, np.repeat(chosen, 3)]
     influence = response.T.astype(np.float64) / skin.material.modulus
-    matcher = Matcher(spread, influence, active=met.hits, tolerance=pin_resolution.tolerance_of(pins, met))
-    return PinSetup(pins, met, matcher, spread)
+    matcher = Matcher(distribution, influence, active=met.hits, tolerance=pin_resolution.tolerance_of(pins, met))
+    return PinSetup(pins, met, matcher, distribution)
 
 
 def node_weights(skin: SkinModel, weighting: Weighting) -> Array:
@@ -103,7 +103,7 @@ def node_weights(skin: SkinModel, weighting: Weighting) -> Array:
 
 
 def render(
-    touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
+    pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
 ) -> Rendered:
     """Render one finger's pin array.
 
@@ -141,7 +141,7 @@ def render(
     values = interpolate(skin.times, forces, np.minimum(times + lead, skin.times[-1]))
     values = values * _fade(times, *fades)[:, None]
     signals = {name: interpolate(skin.times, s[:, None], times)[:, 0] for name, s in series.items()}
-    coarse = pin_resolution.doubts(ready.matcher, ready.spread, (method,), "pin array")
+    coarse = pin_resolution.doubts(ready.matcher, ready.distribution, (method,), "pin array")
     findings = [*ready.met.findings, *coarse, *_findings(series, ready, matched.unsolved, skin.frames)]
     meta["worst_kkt"] = f"{matched.worst:.2g}"
     return Rendered(CommandTrack(spec, times, values, meta), signals, tuple(findings), skipped)
@@ -193,17 +193,17 @@ def match(solver: PinSolver, skin: SkinContact) -> Matched:
     for start in range(0, len(skin.contact), BLOCK):
         frames = skin.contact[start : start + BLOCK]
         targets = skin.force[start : start + BLOCK].reshape(len(frames), -1).astype(np.float64)
-        found = np.zeros((len(frames), len(matcher.active)))
+        active_forces = np.zeros((len(frames), len(matcher.active)))
         for row, (i, target) in enumerate(zip(frames.tolist(), targets, strict=True)):
             if i != before + 1:
                 solver.reset()
             before, step = i, solver.step(target)
-            found[row] = step.x
+            active_forces[row] = step.x
             at_limit[i] = solver.at_limit(step.x)
             worst, unsolved = max(worst, step.optimality), unsolved + (not step.converged)
-        forces[np.ix_(frames, matcher.active)] = solver.alpha * found
-        u[frames] = matcher.displacement_error(targets, found)
-        f[frames] = solver.alpha * matcher.force_error(targets, found)
+        forces[np.ix_(frames, matcher.active)] = solver.alpha * active_forces
+        u[frames] = matcher.displacement_error(targets, active_forces)
+        f[frames] = solver.alpha * matcher.force_error(targets, active_forces)
     return Matched(forces, u, f, at_limit, worst, unsolved)
 
 
@@ -214,7 +214,7 @@ def rendered_force(ready: PinSetup, forces: Array) -> Array:
 
     Source: [S1] eq. 4
     """
-    return (ready.spread @ forces).reshape(-1, 3)
+    return (ready.distribution @ forces).reshape(-1, 3)
 
 
 def _series(matched: Matched, ready: PinSetup, skin: SkinContact) -> dict[str, Array]:

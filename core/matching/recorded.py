@@ -20,9 +20,9 @@ from ..errors import DermisError
 from ..surrogate.forward import ForwardModel
 from ..surrogate.table import SampleTable
 from .gauss_newton import Minimum, ServoLimits
-from .start_table import recorded_table
 from .stress import Search, StressMatcher, ThimbleFrame
 from .thimble_use import HOVER
+from .warm_start import recorded_table
 
 MIN_ROWS = 8  # a quadratic polynomial of three unknowns has ten coefficients
 SLACK = np.radians(3.0)  # of the servos' range: a real device is assembled less exactly than it is computed
@@ -34,7 +34,7 @@ class RecordedMatcher(StressMatcher):
     Args:
         device: the mechanism. contact: disc and skin, for the poses in which nothing is touched.
         model: learned from the table. table: what was recorded.
-        change, hover, hush: as in `StressMatcher`.
+        change, hover, noise_floor: as in `StressMatcher`.
 
     Attributes:
         outside: frames since the last reset whose best pose was beyond the recorded ones.
@@ -52,13 +52,15 @@ class RecordedMatcher(StressMatcher):
         *,
         change: float | None = None,
         hover: float = HOVER,
-        hush: float = 0.0,
+        noise_floor: float = 0.0,
     ) -> None:
         self.low, self.high = table.x.min(axis=0), table.x.max(axis=0)
         self.outside = 0
         unknown = np.zeros((model.size, 3 * contact.count))  # what simulated forces would read
         starts = recorded_table(device, contact, model, table.x)
-        super().__init__(device, contact, unknown, model, change=change, hover=hover, hush=hush, table=starts)
+        super().__init__(
+            device, contact, unknown, model, change=change, hover=hover, noise_floor=noise_floor, table=starts
+        )
 
     def reset(self) -> None:
         """Forget the frame before."""
@@ -97,7 +99,7 @@ class RecordedMatcher(StressMatcher):
         )
         return kept, searches
 
-    def _felt(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
+    def _rendered_stimulus(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
         return np.zeros(self.model.size) if minimum is None else minimum.stimulus
 
     def _mistrusted(self, stimulus: Array, minimum: Minimum, size: float) -> bool:

@@ -11,8 +11,7 @@ import numpy as np
 from ..arrays import Array
 from ..devices.disc_pose import DiscSolution, FrictionState, placed
 from ..devices.servo_limits import SERVOS
-from ..devices.spec import DeviceSpec
-from ..devices.thimble import Thimble
+from ..devices.thimble import Thimble, reference_distance
 from ..errors import DermisError
 from ..skin.model import SkinModel
 from ..surrogate.store import contact_of
@@ -93,12 +92,7 @@ def configurations(track: CommandTrack, device: Thimble) -> Array:
         DermisError: the track has no servo channels, or angles that no pose has.
     """
     angles = np.stack([track.column(name) for name in SERVOS], axis=1)
-    out, before = np.empty_like(angles), np.array([0.0, 0.0, reference_of(track.spec, device)])
+    out, before = np.empty_like(angles), np.array([0.0, 0.0, reference_distance(track.spec, device)])
     for i, row in enumerate(angles):
         out[i] = before = device.forward(row, before)
     return out
-
-
-def reference_of(spec: DeviceSpec, device: Thimble) -> float:
-    """Return the distance at which the servos are in their middle [m]."""
-    return float(spec.parameters.get("reference_distance", device.mount[2, 3]))

@@ -26,7 +26,7 @@ from .rendered import Rendered
 SLACK = 1e-9
 
 
-def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
+def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
     """Render one finger's shear tactor.
 
     Signals: 'contact' and 'held' (0 or 1), 'magnitude' (asked for, as a fraction of the range).
@@ -38,11 +38,11 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
     """
     method = DEVICE["projection"].of(use.parameters, f"finger '{scene.fingers[finger].name}'")
     tactor = ShearTactor.from_spec(spec)
-    times: Array = touch.keep(("device times", spec.rate), lambda: device_times(scene, spec.rate))
-    sums = EffectSum(touch, scene, finger, use, tactor, times)
+    times: Array = pad_contact.keep(("device times", spec.rate), lambda: device_times(scene, spec.rate))
+    sums = EffectSum(pad_contact, scene, finger, use, tactor, times)
     for body in range(len(scene.bodies)):
-        sums.body(body)
-    sums.pattern()
+        sums.add_body(body)
+    sums.add_pattern()
     if sums.sum is None:
         position, magnitude, limited = np.zeros((len(times), 2)), np.zeros(len(times)), 0
     else:

@@ -24,8 +24,8 @@ from ..errors import DermisError
 from ..surrogate.forward import DirectModel, ForwardModel
 from .descent import descend
 from .gauss_newton import GIVES_WAY, Minimum, ServoLimits
-from .start_table import StartTable, start_table
 from .thimble_use import HOVER
+from .warm_start import WarmStartTable, warm_start_table
 
 Search = Callable[[Array, ServoLimits], Minimum]
 
@@ -69,44 +69,50 @@ class StressMatcher:
 
     Args:
         device: the mechanism. contact: disc and skin, for the friction update.
-        readout: stimulus components of forces, shape (k, 3 m).
+        observation_matrix: stimulus components of forces, shape (k, 3 m).
         model: what the search evaluates; the contact itself where None.
         change: largest change of a servo angle from frame to frame [rad]; None: not limited here.
         hover: distance kept from the skin while nothing is touched [m].
-        hush: targets no stronger than this cannot be told from a sensor's noise and are no touch.
+        noise_floor: targets no stronger than this cannot be told from a sensor's noise and are no touch.
         table: to start from; made where None.
 
     Attributes:
         rescues: frames since the last reset in which a learned model was wrong and the direct search took its place.
 
     Raises:
-        DermisError: the servo limits exclude first contact, or model and readout have different components.
+        DermisError: the servo limits exclude first contact, or model and observation matrix have different components.
     """
 
     def __init__(
         self,
         device: Thimble,
         contact: DiscContact,
-        readout: Array,
+        observation_matrix: Array,
         model: ForwardModel | None = None,
         *,
         change: float | None = None,
         hover: float = HOVER,
-        hush: float = 0.0,
-        table: StartTable | None = None,
+        noise_floor: float = 0.0,
+        table: WarmStartTable | None = None,
     ) -> None:
-        self.device, self.contact, self.hover, self.change, self.hush = device, contact, hover, change, hush
-        self.direct = DirectModel(device, contact, readout)
+        self.device, self.contact, self.hover, self.change, self.noise_floor = (
+            device,
+            contact,
+            hover,
+            change,
+            noise_floor,
+        )
+        self.direct = DirectModel(device, contact, observation_matrix)
         self.model: ForwardModel = self.direct if model is None else model
         if self.model.size != self.direct.size:
             raise DermisError(
-                "model and readout have different components",
+                "model and observation matrix have different components",
                 where="thimble",
                 value=f"{self.model.size} and {self.direct.size}",
             )
         self.limits = ServoLimits.of(device)
         self.rest_x = self._start_at(0.0, 0.0, -hover)
-        self.table = start_table(device, contact, self.model) if table is None else table
+        self.table = warm_start_table(device, contact, self.model) if table is None else table
         self.reset()
 
     def reset(self) -> None:
@@ -149,7 +155,7 @@ class StressMatcher:
         limits = self.limits if self.change is None else self.limits.near(self.angles, self.change)
         size = float(np.sqrt(target @ target))
         minimum, searches, followed, rescued = None, 0, self._pressed, False
-        if size > max(self.hush, NOTHING * float(self.table.strength.max())):
+        if size > max(self.noise_floor, NOTHING * float(self.table.strength.max())):
             if search is None:
                 minimum, searches = self._search(target, limits)
             else:
@@ -158,7 +164,7 @@ class StressMatcher:
         else:
             x, self._goal = self._retracted(limits), None
         solution = self._contact_at(x, searched=minimum is not None and search is None)
-        stimulus = self._felt(solution, minimum)
+        stimulus = self._rendered_stimulus(solution, minimum)
         learned = minimum is not None and search is None and self.model is not self.direct
         if learned and minimum is not None and self._mistrusted(stimulus, minimum, size):
             before = self.rescues
@@ -254,16 +260,16 @@ class StressMatcher:
         self.rescues += 1
         return other, other.x, found, self._stimulus(found)
 
-    def _felt(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
-        """Return what is felt at the pose chosen."""
+    def _rendered_stimulus(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
+        """Return the stimulus at the pose chosen."""
         return self._stimulus(solution)
 
     def _mistrusted(self, stimulus: Array, minimum: Minimum, size: float) -> bool:
-        """Tell whether a learned model was far from the contact that its pose made."""
+        """Return whether a learned model was far from the contact that its pose made."""
         return float(np.linalg.norm(stimulus - minimum.stimulus)) > MISTRUST * size
 
     def _stimulus(self, solution: DiscSolution) -> Array:
-        return self.direct.readout @ solution.spread(self.contact.count).ravel()
+        return self.direct.observation_matrix @ solution.spread(self.contact.count).ravel()
 
     def _contact_at(self, x: Array, *, searched: bool) -> DiscSolution:
         """Return the contact at the pose chosen, from the friction state before it."""

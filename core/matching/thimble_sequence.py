@@ -24,7 +24,7 @@ class ThimbleSequence:
         force: of the device on the skin [N], float32, shape (n, m, 3).
         mismatch: |rendered - target| / |target| in the method's own descriptor, 0 without touch, shape (n,).
         kkt: optimality of the search, shape (n,). iterations, evaluations: of it, shape (n,).
-        pressing: the disc touches, shape (n,). wanted: the target is a touch, shape (n,).
+        pressing: the disc touches, shape (n,). touched: the target is a touch, shape (n,).
         held_back: a servo limit was active, shape (n,).
         steep: in a better pose the platform would give way, shape (n,).
         rescued: the direct search took a learned model's place, shape (n,).
@@ -41,7 +41,7 @@ class ThimbleSequence:
     iterations: NDArray[np.int64]
     evaluations: NDArray[np.int64]
     pressing: NDArray[np.bool_]
-    wanted: NDArray[np.bool_]
+    touched: NDArray[np.bool_]
     held_back: NDArray[np.bool_]
     steep: NDArray[np.bool_]
     rescued: NDArray[np.bool_]

@@ -33,7 +33,7 @@ class Parameter:
         required: a preset must have it.
         note: where the window, presets or the engine differ, and why.
         label: what people read in the window. saved: the property's name in a .blend, which never changes.
-        shown: the unit of the property's value; that of the parameter unless stated.
+        window_unit: the unit of the property's value; that of the parameter unless stated.
         soft: where sliders end; the range where None. digits: behind the point.
         keyed: it may change over a scene. file: the text is the path of a file.
     """
@@ -55,7 +55,7 @@ class Parameter:
     note: str = ""
     label: str = ""
     saved: str = ""
-    shown: str = ""
+    window_unit: str = ""
     soft: tuple[float | None, float | None] = (None, None)
     digits: int = 2
     keyed: bool = False
@@ -65,7 +65,7 @@ class Parameter:
         if self.absent is _SAME:
             self.absent = self.default
         self.saved = self.saved or self.name
-        self.shown = self.shown or self.unit
+        self.window_unit = self.window_unit or self.unit
 
     @property
     def numeric(self) -> bool:
@@ -74,8 +74,8 @@ class Parameter:
 
     @property
     def factor(self) -> float:
-        """What one of the shown unit is in SI: value = property * factor."""
-        return UNITS[self.shown][1] if self.shown in UNITS else 1.0
+        """What one of the window's unit is in SI: value = property * factor."""
+        return UNITS[self.window_unit][1] if self.window_unit in UNITS else 1.0
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -87,7 +87,7 @@ class Parameter:
         """What it may be, as one phrase with the unit."""
         if not self.numeric:
             return ", ".join(self.keys) or self.unit
-        unit = "" if self.shown in ("", "1") else f" {self.shown}"
+        unit = "" if self.window_unit in ("", "1") else f" {self.window_unit}"
         low, high = f"{self.low / self.factor:g}", f"{self.high / self.factor:g}{unit}"
         if self.above is not None:
             start = f"> {self.above / self.factor:g}"
@@ -147,8 +147,8 @@ class Parameter:
         elif self.whole and not float(number).is_integer():
             what = "must be a whole number"
         if what:
-            plain = self.shown in ("", "1") or not finite(number)
-            found = number if plain else f"{number / self.factor:g} {self.shown}"
+            plain = self.window_unit in ("", "1") or not finite(number)
+            found = number if plain else f"{number / self.factor:g} {self.window_unit}"
             raise DermisError(f"'{self.name}' {what}", where=where, value=found, limit=self.allowed)
 
     def _has_form(self, value: Any, *, strict: bool) -> bool:

@@ -38,7 +38,7 @@ class ContentHash:
             for kind, poses in (("finger", chunk.fingers), ("body", chunk.bodies), ("screen", chunk.screens)):
                 for index, pose in enumerate(poses):
                     self._add(f"{kind}/{index}", pose)
-            for key, values in chunk.channels.items():
+            for key, values in chunk.animated.items():
                 self._add(f"channel/{key}", values)
             for index, meshes in chunk.surfaces.items():
                 series = self._of(f"surface/{index}")

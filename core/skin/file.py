@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError
 from ..files import read_bytes, write_bytes, write_npz
-from ..foreign import MOST_TEXT, json_of
+from ..foreign import MAX_TEXT, json_of
 from ..npz import opened_npz
 from ..units import UNITS
 from .mesh import TetraMesh, boundary_faces, pad_nodes
@@ -86,7 +86,7 @@ def _read_npz(path: Path, where: str) -> Mapping[str, Any]:
 
 
 def _read_json(path: Path, where: str) -> Mapping[str, Any]:
-    fields = json_of(read_bytes(path, most=MOST_TEXT, where=where), where, MOST_TEXT)
+    fields = json_of(read_bytes(path, most=MAX_TEXT, where=where), where, MAX_TEXT)
     if not isinstance(fields, dict):
         raise DermisError("a mesh is one JSON object", where=where, value=type(fields).__name__)
     return fields

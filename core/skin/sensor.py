@@ -139,7 +139,7 @@ def noise_of(stimuli: Array) -> float:
     return float(np.median(bends)) / _chi(stimuli.shape[1], 0.0)
 
 
-def hush_of(noise: float, channels: int) -> float:
+def noise_floor_of(noise: float, channels: int) -> float:
     """Return the strength that readings of an untouched sensor stay below, but for 1 in 30,000.
 
     Args:

@@ -140,7 +140,7 @@ class FingertipShape:
         return np.stack([x, y, z], axis=-1)
 
     def under_nail(self, points: Array) -> NDArray[np.bool_]:
-        """Say which points of the skin the nail covers, shape (...)."""
+        """Return which points of the skin the nail covers, shape (...)."""
         x, y, z = points[..., 0], points[..., 1], points[..., 2]
         front = self.tip - self.nail_margin
         along = (y <= front) & (y >= front - self.nail_length)

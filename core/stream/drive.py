@@ -229,12 +229,12 @@ class Drive:
         if isinstance(source, PanelSource):
             source.touched(adapter.touch, now)
         horizon = self.horizon
-        if outbox.held is not None:
-            if not self._send(*outbox.held, now):
+        if outbox.unsent is not None:
+            if not self._send(*outbox.unsent, now):
                 return
             clock.sent(now, horizon)
         for moment in clock.due(now, horizon):
-            wanted = source.wanted(moment if horizon else now + self.request.look_ahead, now)
+            wanted = source.values_at(moment if horizon else now + self.request.look_ahead, now)
             if not self._send(output.limiter.step(wanted, moment), moment if horizon else None, now):
                 break
         self._counters["skipped"] = clock.skipped
@@ -247,7 +247,7 @@ class Drive:
         if result is SendResult.DROPPED:
             self.output.limiter.undo()  # nothing was stepped after it
         self.driven |= result is SendResult.SENT
-        return result is not SendResult.HELD
+        return result is not SendResult.UNSENT
 
     # -- the safe state
 
@@ -255,7 +255,7 @@ class Drive:
         """Begin the way to the safe state: the device's own, where it knows one or has got no samples yet."""
         adapter, output, outbox = self.connection.adapter, self.output, self.connection.outbox
         live, self.phase = self.phase is Phase.LIVE, Phase.SAFING
-        outbox.held = None
+        outbox.unsent = None
         if adapter.own_safe or not live:
             outbox.send(adapter.safe())
             output.limiter.last = output.wire.safe.copy()

@@ -90,12 +90,12 @@ class OutputLimiter:
         if not finite.all():
             self._counts["not_finite"] += ~finite
             driven = np.where(finite, driven, self.last)
-        held = np.minimum(np.maximum(driven, wire.lower_limit), wire.upper_limit)
-        if not (held == driven).all():
+        bounded = np.minimum(np.maximum(driven, wire.lower_limit), wire.upper_limit)
+        if not (bounded == driven).all():
             # What a rounding of the preset's units does is no violation.
-            self._counts["range"] += np.abs(held - driven) > SLACK * np.maximum(np.abs(held), 1e-3)
+            self._counts["range"] += np.abs(bounded - driven) > SLACK * np.maximum(np.abs(bounded), 1e-3)
         if wire.disc is not None:
-            held = self._disc(held, wire.disc)
+            bounded = self._disc(bounded, wire.disc)
         ramping = self._ramp is not None
         if self._ramp is not None:
             start, through, seconds = self._ramp
@@ -105,17 +105,17 @@ class OutputLimiter:
                 self._ramp, ramping = None, False
             else:
                 self._ramp = (start, through, seconds)
-                held = start + (held - start) * (part * part * (3 - 2 * part))
+                bounded = start + (bounded - start) * (part * part * (3 - 2 * part))
         most = wire.slew * max(elapsed, 1e-9)  # not 0: inf * 0 is no number
-        change = held - self.last
+        change = bounded - self.last
         allowed = np.minimum(np.maximum(change, -most), most)
         fast = np.abs(change) > most * (1 + 1e-6) + 1e-12
         if fast.any():
             if not ramping:
                 self._counts["slew"] += fast
-            held = np.where(fast, self.last + allowed, held)
-        self.last = held
-        return held
+            bounded = np.where(fast, self.last + allowed, bounded)
+        self.last = bounded
+        return bounded
 
     def approach(self, goal: Array, slew: Array, time: float) -> Array:
         """Go straight towards driven values [units], no channel faster than `slew` [units/s], and remember it.

@@ -90,7 +90,7 @@ class PanelSource:
         if self._heard is not None and (new or self.screen.changing):
             self._answer(touch, now)
 
-    def wanted(self, moment: float, now: float) -> Array:
+    def values_at(self, moment: float, now: float) -> Array:
         """Return the answer to the last touch, while it lasts."""
         self._age(now)
         return self._values

@@ -24,7 +24,7 @@ class FollowSource:
     latest: Array
     moving: bool = True
 
-    def wanted(self, moment: float, now: float) -> Array:
+    def values_at(self, moment: float, now: float) -> Array:
         """Return them."""
         return self.latest
 
@@ -41,7 +41,7 @@ class JogSource:
         safe = zip(wire.names, wire.safe_command.tolist(), strict=True)
         self._values = np.array([values.get(name, value) for name, value in safe], np.float64)
 
-    def wanted(self, moment: float, now: float) -> Array:
+    def values_at(self, moment: float, now: float) -> Array:
         """Return the values set by hand."""
         return self._values
 
@@ -65,14 +65,14 @@ def source_of(
     request: StreamRequest,
     wire: Wire,
     old: Source | None,
-    shown: Sequence[float],
+    published: Sequence[float],
     load_screen: Callable[[Path], Screen] | None = None,
     output_hz: float = 0.0,
 ) -> Source:
     """Make what a request's mode asks for.
 
     Args:
-        old: the source before; a playback goes on where it was. shown: values that Blender published last.
+        old: the source before; a playback goes on where it was. published: values that Blender published last.
         output_hz: values a second that reach the actuators, for tracks; what is live has no future to average over.
 
     Raises:
@@ -91,7 +91,7 @@ def source_of(
         play.clock.free = request.play_on
         return play
     if request.mode == "follow":
-        return FollowSource(follow_values(wire, shown))
+        return FollowSource(follow_values(wire, published))
     if request.mode == "jog":
         return JogSource(wire, request.jog)
     if load_screen is None or not request.screen:

@@ -250,10 +250,10 @@ class Streamer:
         """Make what the mode asks for; what cannot be made leaves the device safe and says why."""
         output, drive = self.output, self.drive
         assert output is not None
-        shown = self._heartbeat.values if self._heartbeat is not None else ()
+        published = self._heartbeat.values if self._heartbeat is not None else ()
         output_hz = drive.connection.output_hz if drive is not None else output.rate
         try:
-            goes_on = output.choose_source(self.request, shown, self._load_screen, output_hz)
+            goes_on = output.choose_source(self.request, published, self._load_screen, output_hz)
         except DermisError as error:
             if drive is not None:
                 drive.give_up(now, str(error))

@@ -83,7 +83,7 @@ class TrackSource:
         """Take what Blender shows at this moment: track time [s] and whether it plays."""
         self.clock.report(time, playing, now)
 
-    def wanted(self, moment: float, now: float) -> Array:
+    def values_at(self, moment: float, now: float) -> Array:
         """Return values [units] at a moment; before and after the track the device is safe."""
         return self.value(self.clock.at(moment, now) + self.offset)
 

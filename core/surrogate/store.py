@@ -135,7 +135,7 @@ def save(path: Path, surrogate: Surrogate) -> tuple[Path, Path]:
     arrays: dict[str, NDArray[Any]] = {"meta": np.frombuffer(json.dumps(meta, sort_keys=True).encode(), np.uint8)}
     for name, space in (("stress", spaces.stress), ("friction", spaces.friction)):
         arrays.update({f"{name}_mean": space.mean, f"{name}_basis": space.basis, f"{name}_curve": space.curve})
-    arrays["readout"] = spaces.readout
+    arrays["readout"] = spaces.observation_matrix
     arrays.update({f"ridge_{n}": getattr(surrogate.ridge, n) for n in _RIDGE})
     tables, graph = Path(path).with_suffix(".npz"), Path(path).with_suffix(".onnx")
     onnx.write(graph, surrogate.network, meta)
@@ -171,11 +171,11 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
             n: Subspace(arrays[f"{n}_mean"], arrays[f"{n}_basis"], arrays[f"{n}_curve"]) for n in ("stress", "friction")
         }
         ridge = QuadraticRidge(*(arrays[f"ridge_{n}"] for n in _RIDGE))
-        readout = arrays["readout"]
+        observation_matrix = arrays["readout"]
     expected = {"schema": SCHEMA, "skin": skin.key, "device": device_key(device), "friction": friction}
     for name, wanted in expected.items():
         check_made_for(meta, name, wanted, where)
     network = onnx.OnnxFit(graph, {n: expected[n] for n in ("skin", "device", "friction")})
-    made = Surrogate(Descriptors(spaces["stress"], readout, spaces["friction"]), ridge, network, meta)
+    made = Surrogate(Descriptors(spaces["stress"], observation_matrix, spaces["friction"]), ridge, network, meta)
     check_parts(made, skin.pad_count, where)
     return made

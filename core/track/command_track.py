@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..devices.spec import Channel, DeviceSpec, range_disc
 from ..errors import DermisError, Finding, Severity
-from ..interpolate import MOST_SAMPLES, Method, grid, interpolate
+from ..interpolate import MAX_SAMPLES, Method, grid, interpolate
 from .limiter import DIGITS, SLEW_SLACK, Limiter
 
 # What a limiter did: how bad it is, and how it reads.
@@ -114,12 +114,12 @@ class CommandTrack:
                 value=f"{after:g} s",
                 limit=f"> {before:g} s",
             )
-        if np.isfinite(rate) and self.duration * rate * len(self.channels) > MOST_SAMPLES:
+        if np.isfinite(rate) and self.duration * rate * len(self.channels) > MAX_SAMPLES:
             raise DermisError(
                 "more samples than a track can hold",
                 where=self._place(),
                 value=f"{rate:g} Hz",
-                limit=f"{MOST_SAMPLES / (self.duration * len(self.channels)):.6g} Hz, {MOST_SAMPLES} samples in all",
+                limit=f"{MAX_SAMPLES / (self.duration * len(self.channels)):.6g} Hz, {MAX_SAMPLES} samples in all",
             )
         times = grid(float(self.times[0]), float(self.times[-1]), rate)
         values = interpolate(self.times, self.values, times, method)

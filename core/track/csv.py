@@ -26,7 +26,7 @@ from ..arrays import Array
 from ..devices.spec import NAME
 from ..errors import DermisError
 from ..files import opened, read_bytes, write_bytes
-from ..foreign import MOST_TEXT
+from ..foreign import MAX_TEXT
 from ..units import UNITS
 from .command_track import CommandTrack
 from .csv_header import (
@@ -89,7 +89,7 @@ def read(path: Path | str) -> CommandTrack:
         first = file.readline(200)
     if not first.startswith(MAGIC.encode()):
         loads(first.decode("utf-8", "replace"), where=where)  # which says what is wrong with it
-    data = read_bytes(path, most=MOST_TEXT)
+    data = read_bytes(path, most=MAX_TEXT)
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as error:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import DermisError
-from .command_track import MOST_SAMPLES, CommandTrack
+from .command_track import MAX_SAMPLES, CommandTrack
 from .csv_header import KEY, check_known, check_limited, check_meta, count, is_own, spec_of
 
 LIMITS = ("low", "high", "slew", "rest", "actuator")
@@ -155,8 +155,8 @@ def grid_of(header: Mapping[str, Any], where: str) -> tuple[int, Array | None]:
     good = isinstance(first, int) and not isinstance(first, bool) and abs(first) < 2**53
     if not good or not isinstance(rate, int | float) or isinstance(rate, bool) or not 0 < rate < 1e12:
         raise DermisError("the times are no grid", where=f"{where}, times", value=str(dict(times))[:80])
-    if number > MOST_SAMPLES:
-        raise DermisError("more samples than a track can hold", where=where, value=number, limit=str(MOST_SAMPLES))
+    if number > MAX_SAMPLES:
+        raise DermisError("more samples than a track can hold", where=where, value=number, limit=str(MAX_SAMPLES))
     with np.errstate(over="ignore"):
         grid = (first + np.arange(number)) / float(rate)
     if not np.isfinite(grid).all():

@@ -57,11 +57,11 @@ class JobFuture(Future[dict[str, NDArray[Any]]]):
         return super().cancelled() or (self.done() and isinstance(self.exception(), CancelledError))
 
     def report(self, done: int, total: int) -> None:
-        """Say how far the job is; for executors."""
+        """Report how far the job is; for executors."""
         self._progress = (int(done), int(total))
 
     def ends_by(self, end: Callable[[], None] | None) -> None:
-        """Say what ends the job half-way, from any thread, or None when it has left its worker; for executors."""
+        """Set what ends the job half-way, from any thread, or None when it has left its worker; for executors."""
         with self._ending:
             self._end = end
             if end is not None and self._unwanted:

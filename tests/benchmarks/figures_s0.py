@@ -140,14 +140,18 @@ def rendering(skin: SkinModel, spaces: Descriptors, count: int) -> tuple[dict[st
         row = {}
         for method in METHODS:
             start = time.perf_counter()
-            found = drain(match_sequence(device, skin, forces, method, friction=FRICTION, readout=spaces.readout))
-            taken = 1e3 * (time.perf_counter() - start) / max(int(found.wanted.sum()), 1)
+            found = drain(
+                match_sequence(
+                    device, skin, forces, method, friction=FRICTION, observation_matrix=spaces.observation_matrix
+                )
+            )
+            taken = 1e3 * (time.perf_counter() - start) / max(int(found.touched.sum()), 1)
             rendered = found.force.reshape(len(forces), -1).astype(np.float64) @ whole.T
             row[method] = float(np.linalg.norm(rendered - target) / np.linalg.norm(target))
             if method == "stress":
-                row["iterations"] = float(found.iterations[found.wanted].mean())
+                row["iterations"] = float(found.iterations[found.touched].mean())
                 row["ms"] = taken
-                row["roll range [deg]"] = float(np.degrees(np.ptp(found.x[found.wanted, 1])))
+                row["roll range [deg]"] = float(np.degrees(np.ptp(found.x[found.touched, 1])))
                 figures[name] = (forces, found.force.astype(np.float64))
         table[name] = row
     return table, figures
@@ -174,7 +178,7 @@ def electrodes(skin: SkinModel, data: Dataset, count: int) -> dict[str, Any]:
                 skin,
                 "stress" if forward is None else "ridge",
                 friction=FRICTION,
-                readout=sensor.matrix,
+                observation_matrix=sensor.matrix,
                 model=forward,
             )
             rendered = np.array([f.stimulus for f in follower.follow(target)])
@@ -230,7 +234,11 @@ def observer(skin: SkinModel, spaces: Descriptors, count: int) -> dict[str, Any]
                 rendered = [
                     f
                     if method == "target"
-                    else drain(match_sequence(device, skin, f, method, friction=FRICTION, readout=spaces.readout)).force
+                    else drain(
+                        match_sequence(
+                            device, skin, f, method, friction=FRICTION, observation_matrix=spaces.observation_matrix
+                        )
+                    ).force
                     for f in one
                 ]
                 felt.append(np.array(rendered, float).reshape(REPETITIONS, count, -1) @ whole.T)
@@ -246,12 +254,12 @@ def observer(skin: SkinModel, spaces: Descriptors, count: int) -> dict[str, Any]
 
 def pictures(folder: Path, skin: SkinModel, data: Dataset, spaces: Descriptors, figures: dict[str, Any]) -> list[Path]:
     """Draw the paper's figures 3 (what the device can make felt, and a touch), 4 (paths) and 7 (four touches)."""
-    device, basis = mechanism(Library().device("thimble_3rrs")), spaces.readout[:3]
+    device, basis = mechanism(Library().device("thimble_3rrs")), spaces.observation_matrix[:3]
     depth = data.x[:, 2].max() - data.x[:, 2]
     shades = np.stack([data.x[:, 0] / MAX_TILT, data.x[:, 1] / MAX_TILT, depth / MAX_DEPTH - 1], axis=1)
     every = slice(None, None, max(1, len(data) // 2500))
     cloud, shades = data.force[every].astype(np.float64) @ basis.T, np.clip(shades[every], -1, 1)
-    words = f"simulated; {len(skin.mesh.tetrahedra)} tetrahedra; three of {len(spaces.readout)} components"
+    words = f"simulated; {len(skin.mesh.tetrahedra)} tetrahedra; three of {len(spaces.observation_matrix)} components"
     made = []
     for name in ("ball", "device", "flat", "cup", "foam", "edge", "slide"):
         forces, rendered = (f.reshape(len(f), -1) @ basis.T for f in figures[name])

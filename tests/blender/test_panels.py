@@ -56,7 +56,7 @@ def test_every_property_that_is_drawn_exists() -> None:
     known = {p.identifier for group in groups for p in group.bl_rna.properties}
     assert strings("prop", 1) and strings("prop", 1) <= known
     for effect in (c for c in panels.CLASSES if getattr(c, "switch", "")):
-        assert {effect.switch, *effect.shown} <= known
+        assert {effect.switch, *effect.property_names} <= known
 
 
 def test_every_setting_of_a_material_can_be_reached() -> None:
@@ -71,7 +71,7 @@ def test_every_setting_of_a_material_can_be_reached() -> None:
         "content_damping",
     }
     for effect in (c for c in panels.CLASSES if getattr(c, "switch", "")):
-        shown |= {effect.switch, *effect.shown}
+        shown |= {effect.switch, *effect.property_names}
     names = {row.saved for row in object_properties.TABLES[object_properties.DermisMaterial].values()}
     assert names <= shown
 

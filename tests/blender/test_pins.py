@@ -164,8 +164,8 @@ def test_a_scene_with_pins_holds_blas_at_one_thread_and_others_do_not(demo) -> N
 
     finger = demo.objects["Index"].dermis.finger
     finger.skin.shown = False
-    assert skin_models.wanted(scene_sweep.sample(demo), library())
+    assert skin_models.solved_in(scene_sweep.sample(demo), library())
     finger.devices[0].preset = "haptip"
-    assert not skin_models.wanted(scene_sweep.sample(demo), library())
+    assert not skin_models.solved_in(scene_sweep.sample(demo), library())
     finger.devices[0].preset = "not there"
-    assert not skin_models.wanted(scene_sweep.sample(demo), library())
+    assert not skin_models.solved_in(scene_sweep.sample(demo), library())

@@ -103,7 +103,7 @@ def test_keys_that_an_older_file_has_for_a_constant_are_told_and_do_nothing() ->
         ("warning", "object 'Screen'", "Depth Map"),
     ]
     chunks = list(tactile.chunks)
-    assert all(set(c.channels) == {"body/0/friction"} for c in chunks)
+    assert all(set(c.animated) == {"body/0/friction"} for c in chunks)
     assert tactile.bodies[0].parameters["content_length"] == pytest.approx(0.03)
 
 
@@ -151,7 +151,7 @@ def test_live_uses_the_value_now_of_what_is_no_channel() -> None:
     scene.frame_set(4)
     now = scene_sweep.sample_now(scene, bpy.context.evaluated_depsgraph_get())
     assert now.bodies[0].parameters["content_length"] == pytest.approx(0.07)
-    assert now.chunks[0].channels["body/0/friction"] == pytest.approx([0.125])
+    assert now.chunks[0].animated["body/0/friction"] == pytest.approx([0.125])
 
 
 def test_a_touch_gap_keyed_to_grow_counts() -> None:

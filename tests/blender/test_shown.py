@@ -32,7 +32,7 @@ from blender_addon.viewport import drawing, parts, platform_twin, shown, skin_fi
 
 # Whatever solves, searches, looks up, reads a file or works out what is drawn: none of it runs while something draws.
 WORK = (
-    (core.devices.reach, "reach"),
+    (core.devices.workspace, "workspace"),
     (core.matching.deformation.PinSolver, "solve"),
     (core.matching.lookup, "commands_now"),
     (core.matching.lookup, "table_at_hand"),
@@ -40,7 +40,7 @@ WORK = (
     (core.matching.replay, "Replay"),
     (core.matching.table, "press_of"),
     (core.matching.thimble, "follower"),
-    (core.matching.thimble_use, "fitted"),
+    (core.matching.thimble_use, "calibrated_mechanism"),
     (core.pipeline.render, "render"),
     (core.presets.Library, "device"),
     (core.skin.model, "skin_from_parameters"),

@@ -151,8 +151,8 @@ def test_from_a_bake_the_rendered_skin_is_what_the_track_does(demo) -> None:
     assert row.signals["mismatch"] == pytest.approx(found.mismatch[125], abs=1e-9)
     # and that mismatch is the one of the two skins that are shown side by side
     target, rendered = views.skins(demo)
-    readout = core.matching.thimble.describe(use.device, use.skin, use.friction).readout
-    a, b = (readout @ s.force.ravel() for s in (target, rendered))
+    observation_matrix = core.matching.thimble.describe(use.device, use.skin, use.friction).observation_matrix
+    a, b = (observation_matrix @ s.force.ravel() for s in (target, rendered))
     assert np.linalg.norm(b - a) / np.linalg.norm(a) == pytest.approx(found.mismatch[125], abs=1e-3)
     assert f"{100 * found.mismatch[125]:.0f} % off" in rendered.note
 
@@ -236,7 +236,7 @@ def test_workspace_loops_are_closed_and_reached(demo) -> None:
     device = core.devices.thimble.mechanism(library().device("thimble_3rrs"))
     loops = twins.workspace_of(device, 0.018)
     assert len(loops) > 5 and loops is twins.workspace_of(device, 0.018)
-    reach = core.devices.reach.reach(device, 0.018)
+    reach = core.devices.workspace.workspace(device, 0.018)
     for level, loop in enumerate(loops):
         np.testing.assert_allclose(loop[0], loop[-1])
         for tip, x in zip(loop, reach.configurations(level), strict=False):

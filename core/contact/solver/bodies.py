@@ -14,6 +14,9 @@ from ...errors import DermisError
 from ...surface.gap import Surface
 from ...surface.plane import Plane
 
+# A point inside a finger [m]: on the side where it lies, the finger is outside an open surface.
+BONE = np.array([0.0, 0.0, 0.006])
+
 
 @dataclass(frozen=True, eq=False)
 class ContactBody:
@@ -107,35 +110,35 @@ def same_places(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> boo
     return len(one) == len(other) and all(a.same_place(b) for a, b in zip(one, other, strict=True))
 
 
-def contact_frame(points: Array, bodies: Sequence[ContactBody], reach: float, bone: Array) -> ContactFrame:
+def contact_frame(points: Array, bodies: Sequence[ContactBody], search_radius: float, bone: Array) -> ContactFrame:
     """Measure each node against every body and keep the closest.
 
     The gap is linear about the undeformed node, so that it depends on the pose alone and not on what came before.
 
     Args:
         points: undeformed nodes in the finger's frame [m], shape (m, 3).
-        reach: gaps beyond this are of no interest [m].
+        search_radius: gaps beyond this are of no interest [m].
         bone: a point inside the finger [m], shape (3,): an open surface is touched on the side where it lies.
     """
     m = points.shape[0]
-    found = ContactFrame(
+    frame = ContactFrame(
         tuple(bodies), np.full(m, np.inf), np.zeros((m, 3)), np.full(m, -1), np.full(m, -1), np.zeros(m), np.zeros(m)
     )
     for index, body in enumerate(bodies):
         if body.away:
             continue
         local = (points - body.translation) @ body.rotation
-        if isinstance(body.surface, Surface) and not _boxes_meet(local, body.surface.box, reach):
+        if isinstance(body.surface, Surface) and not _boxes_meet(local, body.surface.box, search_radius):
             continue
-        answer = body.surface.query(local, reach)
+        answer = body.surface.query(local, search_radius)
         if isinstance(body.surface, Surface) and not body.surface.closed:
             if body.surface.side_of((bone - body.translation) @ body.rotation) < 0:
                 answer = answer.flipped()
-        closer = np.flatnonzero((answer.triangle >= 0) & (answer.gap < found.gap))
+        closer = np.flatnonzero((answer.triangle >= 0) & (answer.gap < frame.gap))
         if closer.size == m:
             everything = np.full(m, index)
-            found = ContactFrame(
-                found.bodies,
+            frame = ContactFrame(
+                frame.bodies,
                 answer.gap,
                 answer.normal @ body.rotation.T,
                 everything,
@@ -144,11 +147,11 @@ def contact_frame(points: Array, bodies: Sequence[ContactBody], reach: float, bo
                 np.full(m, body.softness),
             )
         elif closer.size:
-            found.gap[closer] = answer.gap[closer]
-            found.normal[closer] = answer.normal[closer] @ body.rotation.T
-            found.body[closer], found.triangle[closer] = index, answer.triangle[closer]
-            found.friction[closer], found.softness[closer] = body.friction, body.softness
-    return found
+            frame.gap[closer] = answer.gap[closer]
+            frame.normal[closer] = answer.normal[closer] @ body.rotation.T
+            frame.body[closer], frame.triangle[closer] = index, answer.triangle[closer]
+            frame.friction[closer], frame.softness[closer] = body.friction, body.softness
+    return frame
 
 
 def to_material(frame: ContactFrame, nodes: Indices, positions: Array) -> tuple[Array, Indices]:
@@ -212,8 +215,8 @@ def _dot(a: Array, b: Array) -> Array:
     return np.einsum("ij,ij->i", a, b)
 
 
-def _boxes_meet(points: Array, box: Array, reach: float) -> bool:
-    return bool((points.max(axis=0) + reach >= box[0]).all() and (points.min(axis=0) - reach <= box[1]).all())
+def _boxes_meet(points: Array, box: Array, margin: float) -> bool:
+    return bool((points.max(axis=0) + margin >= box[0]).all() and (points.min(axis=0) - margin <= box[1]).all())
 
 
 AWAY = ContactBody(Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3)), friction=0.0, away=True)

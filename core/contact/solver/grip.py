@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
-from .bodies import ContactBody, ContactFrame
+from .bodies import BONE, ContactBody, ContactFrame
 from .cone import along
 from .history import ContactHistory
-from .path import BONE
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +57,9 @@ class GripStep:
         status: OPEN, STICK or SLIP of each finger's nodes.
         on_object: total force and torque (about the centre of mass) of all contacts on the object, in world space
             [N, N m], shape (6,).
-        wanted: what gravity and inertia ask for, m (a - g) and the rate of angular momentum, shape (6,).
+        required: what gravity and inertia ask for, m (a - g) and the rate of angular momentum, shape (6,).
         displacement: of the object from its animated pose: translation [m], rotation vector [rad], shape (6,).
-        holds: contacts supply what is wanted.
+        holds: contacts supply what is required.
         residual: of the contact laws, see `cone.natural_residual`; iterations: of the solver.
         frames: the gaps that each finger was solved for.
         slips: relative displacement w of each finger's nodes [m], one (m, 3) a finger.
@@ -69,7 +68,7 @@ class GripStep:
     forces: tuple[Array, ...]
     status: tuple[NDArray[np.int8], ...]
     on_object: Array
-    wanted: Array
+    required: Array
     displacement: Array
     holds: bool
     residual: float
@@ -79,8 +78,8 @@ class GripStep:
 
     def balance_residual(self) -> float:
         """Return |contact force - m (a - g)| relative to |m (a - g)|."""
-        size = max(float(np.linalg.norm(self.wanted[:3])), 1e-300)
-        return float(np.linalg.norm(self.on_object[:3] - self.wanted[:3])) / size
+        size = max(float(np.linalg.norm(self.required[:3])), 1e-300)
+        return float(np.linalg.norm(self.on_object[:3] - self.required[:3])) / size
 
 
 @dataclass

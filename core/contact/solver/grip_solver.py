@@ -147,7 +147,7 @@ class GripSolver:
             only_if_pressed: return None, and change nothing, where no finger presses the object.
         """
         rotation, middle = self.placed(pose)
-        wanted = self._wanted(rotation, acceleration, angular_velocity, angular_acceleration)
+        required = self._required(rotation, acceleration, angular_velocity, angular_acceleration)
         grips = [None if r is None else self._grip(i, r, rotation, middle) for i, r in enumerate(contexts)]
         there = [g for g in grips if g is not None]
         if only_if_pressed and not any(g.pressing for g in there):
@@ -156,7 +156,7 @@ class GripSolver:
         self._frames += 1
         step = None
         if any(g.pressing for g in there):
-            step = self._balanced(grips, wanted)
+            step = self._balanced(grips, required)
             if step is None:
                 self._note("slips", "friction cannot hold the object", where)
         else:
@@ -168,7 +168,7 @@ class GripSolver:
             self._shift = self._shift + step[1][:3]
             self._turn = _rotation(step[1][3:]) @ self._turn
             holds = True
-        return self._finish(grips, step, contexts, wanted, pose, holds)
+        return self._finish(grips, step, contexts, required, pose, holds)
 
     # -- one frame -----------------------------------------------------------------------------------------------
 
@@ -179,7 +179,7 @@ class GripSolver:
         middle = pose[:3, :3] @ self.centre + pose[:3, 3] + self._shift
         return rotation, middle
 
-    def _wanted(self, rotation: Array, a: Array | None, omega: Array | None, alpha: Array | None) -> Array:
+    def _required(self, rotation: Array, a: Array | None, omega: Array | None, alpha: Array | None) -> Array:
         zero = np.zeros(3)
         a, omega, alpha = (zero if v is None else np.asarray(v, dtype=np.float64) for v in (a, omega, alpha))
         inertia = rotation @ self.inertia @ rotation.T
@@ -217,15 +217,15 @@ class GripSolver:
         return Grip(frame, near, kept[1], kept[2], offset, wrench.reshape(6, -1), context.history, context.own)
 
     def _balanced(
-        self, everybody: Sequence[Grip | None], wanted: Array
+        self, everybody: Sequence[Grip | None], required: Array
     ) -> tuple[list[Array], Array, float, int] | None:
-        """Forces that supply what is wanted; None if it slips."""
+        """Forces that supply what is required; None if it slips."""
         index = [i for i, g in enumerate(everybody) if g is not None]
         grips = [g for g in everybody if g is not None]
         forces, scaled = (
             [kept[i][g.near] for i, g in zip(index, grips, strict=True)] for kept in (self._forces, self._scaled)
         )
-        found = balance(grips, forces, scaled, wanted, self._rho)
+        found = balance(grips, forces, scaled, required, self._rho)
         if found is None:
             return None
         for i, grip, ended, shift in zip(index, grips, found.scaled, found.shifts, strict=True):
@@ -252,7 +252,7 @@ class GripSolver:
         grips: Sequence[Grip | None],
         step: tuple[list[Array], Array, float, int],
         contexts: Sequence[HoldContext | None],
-        wanted: Array,
+        required: Array,
         pose: Array,
         holds: bool,
     ) -> GripStep:
@@ -291,7 +291,7 @@ class GripSolver:
             here,
             tuple(status),
             on_object,
-            wanted,
+            required,
             displacement,
             holds,
             residual,

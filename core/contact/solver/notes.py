@@ -21,7 +21,7 @@ class Notes:
     def warn(
         self, code: str, what: str, frame: float, *, value: object = None, limit: str = "", remedy: str = ""
     ) -> None:
-        """Note a warning of a frame, or count one more of its kind."""
+        """Record a warning of a frame, or count one more of its kind."""
         known = self._known.get(code)
         if known is None:
             self._known[code] = Finding("warning", code, what, self.where, value, limit, remedy, frame)

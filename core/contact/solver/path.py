@@ -15,7 +15,7 @@ import numpy as np
 from ...arrays import Array
 from ...errors import DermisError, Finding
 from .admm import State, iterate
-from .bodies import ContactBody, ContactFrame, contact_frame, same_places
+from .bodies import BONE, ContactBody, ContactFrame, contact_frame, same_places
 from .candidates import CandidateInverse
 from .compliance import Compliance, Linear, ends
 from .cone import OPEN, STICK, along, assess
@@ -24,7 +24,7 @@ from .notes import Notes
 from .path_step import PathStep
 from .solve import Solution, solve, status_of
 
-__all__ = ["BONE", "DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
+__all__ = ["DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
 
 TOLERANCE = 3e-5
 # The check that a frame must pass, as a multiple of the tolerance of its iteration.
@@ -38,7 +38,6 @@ EASY = 3
 AT_REST = 1e-9
 # Depth that linear skin is still trusted at [m]: against a neo-Hookean one its stress is then off by a third.
 DEPTH_LIMIT = 2e-3
-BONE = np.array([0.0, 0.0, 0.006])
 # What a frame changes, besides the history; each is replaced, never written into.
 _STATE = ("_force", "_y", "_last", "_image", "_shift", "_step", "_bodies", "_at_rest", "_frames")
 
@@ -93,7 +92,7 @@ class PathSolver:
         extent = np.sort(np.ptp(self.points, axis=0))
         self._spacing = float(np.sqrt(max(extent[-1] * extent[-2], 1e-12) / m))
         # skin cannot bulge out of what presses into it by more than it is pressed: nodes farther off stay open
-        self.reach = max(2.5 * self._spacing, 2.5e-3)
+        self.search_radius = max(2.5 * self._spacing, 2.5e-3)
         self._candidates = CandidateInverse(c, self._rho)
         self.history = ContactHistory(m)
         self._zero = np.zeros((m, 3))
@@ -159,7 +158,7 @@ class PathSolver:
             self.counters["same"] += 1
             self._frames += 1
             return replace(self._step, work="same", from_rest=False)
-        frame = contact_frame(self.points, bodies, self.reach, self.bone)
+        frame = contact_frame(self.points, bodies, self.search_radius, self.bone)
         if not (frame.body >= 0).any():
             self._bodies = bodies
             return self.idle()

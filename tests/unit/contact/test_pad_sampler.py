@@ -49,7 +49,7 @@ def sampled(
     *,
     size: int = 97,
     surfaces: dict[int, tuple[Mesh, ...]] | None = None,
-    channels: dict[str, np.ndarray] | None = None,
+    animated: dict[str, np.ndarray] | None = None,
 ) -> PadContact:
     count = len(fingers[0])
     t = np.arange(count) / RATE
@@ -75,7 +75,7 @@ def sampled(
                 np.stack([p for _, p in bodies])[:, k],
                 np.zeros((0, len(t[k]), 4, 4)),
                 {b: m[k] for b, m in (surfaces or {}).items()},
-                {c: v[k] for c, v in (channels or {}).items()},
+                {c: v[k] for c, v in (animated or {}).items()},
             )
         )
     return sampler.finish()
@@ -262,12 +262,12 @@ def test_values_that_are_not_numbers_are_held_and_reported() -> None:
     touch = sampled(
         [finger],
         [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3))))],
-        channels={"body/0/held": switch},
+        animated={"body/0/held": switch},
     )
     assert touch.gap[0, 0, 50:60] == pytest.approx(touch.gap[0, 0, 49])
     found = [(f.where, f.count) for f in touch.findings if f.code == "not-finite"]
     assert found == [("finger 'f0'", 10), ("body/0/held", 2)]
-    assert touch.channels["body/0/held"][[0, 7]] == pytest.approx(t[[1, 6]])
+    assert touch.animated["body/0/held"][[0, 7]] == pytest.approx(t[[1, 6]])
 
 
 def test_chunks_that_do_not_fit_are_refused() -> None:

@@ -54,7 +54,7 @@ def sample(whole, i, meshes):
         whole.bodies[:, part],
         whole.screens[:, part],
         {b: (mesh,) for b, mesh in enumerate(meshes)},
-        {key: values[part] for key, values in whole.channels.items()},
+        {key: values[part] for key, values in whole.animated.items()},
     )
 
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from core.devices import cable_platform, hexapod, thimble
 from core.devices.disc_pose import ROUNDING, placed
-from core.devices.firmness import posture
 from core.devices.poses import Poses
 from core.devices.retraction import FITTED
+from core.devices.singularity import inverse_kinematics
 from core.errors import DermisError
 from core.matching.sweep import halton, platform_poses
 from core.presets import Library
@@ -79,7 +79,7 @@ class Thimbles:
             try:
                 if not self.lost[i]:
                     self.at[i] = self.device.forward(angles, self.at[i])
-                    self.lost[i] = posture(self.device, *self.at[i].tolist())[1] <= 0.0
+                    self.lost[i] = inverse_kinematics(self.device, *self.at[i].tolist())[1] <= 0.0
             except DermisError:
                 self.lost[i] = True
         found = [placed(self.device, self.device.pose(x)) for x in self.at]

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from core.devices.calibration import Calibration
-from core.devices.firmness import posture
 from core.devices.kinds import KINDS
 from core.devices.retraction import CLEAR, DEEPENING, FITTED, SPARED, THICKEST, clearance, retracted
+from core.devices.singularity import inverse_kinematics
 from core.devices.spec import from_preset
-from core.devices.thimble import FIRM, mechanism
+from core.devices.thimble import MIN_MARGIN, mechanism
 from core.errors import DermisError
 from core.presets import BUILT_IN, Library
 from core.stream.protocols.packets import FULL, Reach
@@ -76,7 +76,7 @@ def test_the_thimbles_safe_pose_is_firm_and_on_its_own_side() -> None:
     spec = LIBRARY.device("thimble_3rrs")
     device = mechanism(spec)
     x = device.forward(Wire.of(spec).safe, (0.0, 0.0, 18e-3))
-    assert device.feasible(x) and posture(device, *x.tolist())[1] > 10 * FIRM
+    assert device.feasible(x) and inverse_kinematics(device, *x.tolist())[1] > 10 * MIN_MARGIN
 
 
 # -- the way there

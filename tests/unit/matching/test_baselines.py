@@ -58,8 +58,8 @@ def test_force_only_reproduces_a_reachable_force_and_nothing_else(skin, device):
     made = contact.solve(placed(device, device.pose((0.08, 0.06, 0.0171)))).spread(skin.pad_count)
     found = drain(match_sequence(device, skin, np.array([made]), "force"))
     np.testing.assert_allclose(found.force[0].sum(axis=0), made.sum(axis=0), atol=1e-3 * np.abs(made.sum(axis=0)).max())
-    readout = total_force(skin.pad_count)
-    np.testing.assert_allclose(readout @ made.ravel(), made.sum(axis=0), rtol=1e-12)
+    observation_matrix = total_force(skin.pad_count)
+    np.testing.assert_allclose(observation_matrix @ made.ravel(), made.sum(axis=0), rtol=1e-12)
 
 
 def test_geometry_knows_no_friction_and_force_no_place(skin, device):

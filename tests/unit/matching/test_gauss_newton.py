@@ -70,7 +70,7 @@ def test_the_minimum_at_a_servo_limit_equals_a_general_solver(device):
         np.testing.assert_allclose(found.x / scale, other.x, atol=0.03)
 
 
-def test_a_target_beyond_a_singular_pose_ends_at_the_least_firmness(device):
+def test_a_target_beyond_a_singular_pose_ends_at_the_least_singularity_margin(device):
     """The mechanism's seventh limit, against SLSQP; the six of the servos alone would let it pass."""
     from scipy.optimize import minimize
 

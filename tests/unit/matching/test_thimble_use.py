@@ -109,7 +109,7 @@ def test_tables_that_do_not_fit_together_are_a_finding(tmp_path, skin, spec, mad
     save(tmp_path / "mine", made)
     rewritten(tmp_path / "mine.npz", **{name: change})
     used = prepare(spec, skin, {"thimble_method": method, "thimble_surrogate": str(tmp_path / "mine.npz")})
-    assert used.method == "stress" and used.learned is None and used.readout is None
+    assert used.method == "stress" and used.learned is None and used.observation_matrix is None
     (finding,) = used.findings
     assert finding.code == "surrogate" and words in str(finding)
 
@@ -129,7 +129,7 @@ def test_a_network_of_other_size_or_without_numbers_is_a_finding(tmp_path, skin,
     assert used.method == "stress" and words in str(used.findings[0])
     forces = touches.flat_press(12).forces(skin)
     found = match_touch(used, forces)
-    assert np.median(found.mismatch[found.wanted]) < 0.3 and found.pressing.any() and not found.rescued.any()
+    assert np.median(found.mismatch[found.touched]) < 0.3 and found.pressing.any() and not found.rescued.any()
     # the polynomial beside it is what it was, as long as the network is none of another size
     assert prepare(spec, skin, {**use, "thimble_method": "ridge"}).method == ("stress" if more else "ridge")
 
@@ -231,7 +231,7 @@ def test_of_another_skin_friction_or_device(tmp_path, skin, spec, made):
         prepare(spec, fingertip_skin(level="draft"), {**use, "thimble_surrogate": "/none"}),
         touches.flat_press(12).forces(skin),
     )
-    assert np.median(found.mismatch[found.wanted]) < 0.3
+    assert np.median(found.mismatch[found.touched]) < 0.3
 
 
 def felt_of(skin, forces, rate=30.0):
@@ -277,7 +277,7 @@ def test_a_speed_limit_does_not_keep_the_device_in_a_poor_place(skin, spec):
     off = {}
     for change in (None, np.radians(6.0)):
         found = drain(match_sequence(device, skin, forces, change=change))
-        off[change] = np.median(found.mismatch[found.wanted])
+        off[change] = np.median(found.mismatch[found.touched])
         if change is not None:
             assert np.abs(np.diff(found.angles, axis=0)).max() <= change * (1 + 1e-9)
     assert off[np.radians(6.0)] < 1.25 * off[None] < 0.75

@@ -39,7 +39,7 @@ SI = {unit for unit, _ in UNITS.values()}
 def test_every_row_is_whole(title: str, row: Parameter) -> None:
     assert row.text and row.source
     if row.numeric:
-        assert row.unit in SI and UNITS[row.shown][0] == row.unit
+        assert row.unit in SI and UNITS[row.window_unit][0] == row.unit
     for value in (row.default, row.absent):
         if value is not None:
             row.check(value, title)

@@ -59,10 +59,10 @@ from .rendered import Rendered
 from .shear_tactor import device_times
 
 
-def render(touch, scene, finger, use, spec):
+def render(pad_contact, scene, finger, use, spec):
     times = device_times(scene, spec.rate)
     gain = DEVICE["buzz_gain"].of(use.parameters, spec.key)
-    met = [meet(touch, scene, finger, b, times) for b in range(len(scene.bodies))]
+    met = [meet(pad_contact, scene, finger, b, times) for b in range(len(scene.bodies))]
     touching = np.any([m.touching for m in met if m is not None], axis=0) * np.ones(len(times))
     values = Buzzer.of(spec).strength * gain * touching
     return Rendered(CommandTrack(spec, times, values[:, None]), {"contact": touching})

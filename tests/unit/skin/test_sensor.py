@@ -7,7 +7,7 @@ import pytest
 
 from core.errors import DermisError
 from core.files import write_npz
-from core.skin.sensor import LAYOUT, electrode_sensor, hush_of, noise_of, read_stimuli
+from core.skin.sensor import LAYOUT, electrode_sensor, noise_floor_of, noise_of, read_stimuli
 
 
 def test_nineteen_symmetric_electrodes_over_the_pad(skin):
@@ -104,11 +104,11 @@ def test_noise_is_measured_beside_a_touch():
 
 
 @pytest.mark.parametrize("channels", [1, 3, 19])
-def test_untouched_readings_stay_below_the_hush(channels):
+def test_untouched_readings_stay_below_the_noise_floor(channels):
     """The quantile of the chi distribution at four deviations, within the error of its approximation."""
     stats = pytest.importorskip("scipy.stats")
-    assert hush_of(2.0, channels) == pytest.approx(2.0 * stats.chi.ppf(stats.norm.cdf(4.0), channels), rel=0.05)
-    assert hush_of(0.0, channels) == 0.0
+    assert noise_floor_of(2.0, channels) == pytest.approx(2.0 * stats.chi.ppf(stats.norm.cdf(4.0), channels), rel=0.05)
+    assert noise_floor_of(0.0, channels) == 0.0
 
 
 def test_a_first_sample_of_missing_values_is_no_line_of_names(tmp_path):

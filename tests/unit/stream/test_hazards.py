@@ -140,16 +140,16 @@ def uphill(panel: PanelSource, end: float) -> None:
 def test_a_touch_that_is_not_repeated_grows_old(screen: ScreenMap) -> None:
     panel = PanelSource(Wire.of(Library().device("electrovibration")), screen)
     uphill(panel, 10.0)
-    assert panel.wanted(10.199, 10.199)[0] > 100
-    assert panel.wanted(10.201, 10.201)[0] == 0.0 and panel.aged == 1
-    assert panel.wanted(70.0, 70.0)[0] == 0.0 and panel.aged == 1, "counted once"
+    assert panel.values_at(10.199, 10.199)[0] > 100
+    assert panel.values_at(10.201, 10.201)[0] == 0.0 and panel.aged == 1
+    assert panel.values_at(70.0, 70.0)[0] == 0.0 and panel.aged == 1, "counted once"
     uphill(panel, 80.0)
     last = Touch(True, 0.001, 0.0)
     panel.touched(last, 80.01)
     panel.touched(last, 140.0)
-    assert panel.wanted(140.0, 140.0)[0] == 0.0 and panel.aged == 2
+    assert panel.values_at(140.0, 140.0)[0] == 0.0 and panel.aged == 2
     panel.touched(Touch(True, 0.002, 0.0, at=200.0), 200.3)
-    assert panel.wanted(200.3, 200.3)[0] == 0.0, "heard long before the sender looked"
+    assert panel.values_at(200.3, 200.3)[0] == 0.0, "heard long before the sender looked"
 
 
 def test_a_lost_word_of_the_end_leaves_no_voltage(screen: ScreenMap) -> None:

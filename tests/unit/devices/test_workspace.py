@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.devices.reach import distance_range, reach
 from core.devices.thimble import mechanism
+from core.devices.workspace import distance_range, workspace
 from core.errors import DermisError
 from core.presets import Library
 
@@ -39,7 +39,7 @@ def test_level_ends_follow_from_the_links_alone(device):
 
 
 def test_tilts_on_the_limit_are_reached_and_others_are_not(device):
-    found = reach(device, 0.018, levels=5, directions=12)
+    found = workspace(device, 0.018, levels=5, directions=12)
     assert found.tilt.shape == (5, 12) and (np.diff(found.distance) > 0).all()
     assert found.tilt[2].min() > np.radians(20)
     for level in range(5):
@@ -54,4 +54,4 @@ def test_a_distance_out_of_reach_is_refused(device):
     with pytest.raises(DermisError, match="does not reach"):
         distance_range(device, 0.05)
     with pytest.raises(DermisError, match="does not reach"):
-        reach(replace(device, servo_range=1e-6), 0.021)
+        workspace(replace(device, servo_range=1e-6), 0.021)

@@ -1,4 +1,4 @@
-"""StartTable: poses all over a thimble's workspace and what they make felt, to start searches from."""
+"""WarmStartTable: poses all over a thimble's workspace and what they make felt, to start searches from."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TABLE_DEPTHS = (0.05e-3, 0.15e-3, 0.35e-3, 0.7e-3, 1.1e-3, 1.5e-3)
 
 
 @dataclass(frozen=True, eq=False)
-class StartTable:
+class WarmStartTable:
     """Poses all over the workspace and what they make felt from rest, to start searches from.
 
     Attributes:
@@ -43,7 +43,7 @@ class StartTable:
 RECORDED_ROWS = 300  # of a recording, evenly chosen: more starts cost more in every frame
 
 
-def recorded_table(device: Thimble, contact: DiscContact, model: ForwardModel, x: Array) -> StartTable:
+def recorded_table(device: Thimble, contact: DiscContact, model: ForwardModel, x: Array) -> WarmStartTable:
     """Return the table of a model that was learned from recorded configurations, shape (n, 3).
 
     Raises:
@@ -62,10 +62,10 @@ def recorded_table(device: Thimble, contact: DiscContact, model: ForwardModel, x
         raise DermisError("no recorded pose within the servo limits makes the channels change", where="thimble")
     table = np.array(stimuli)
     strength = np.sqrt((table**2).sum(axis=1))
-    return StartTable(np.array(rows), np.array(depths), table / strength[:, None], strength)
+    return WarmStartTable(np.array(rows), np.array(depths), table / strength[:, None], strength)
 
 
-def start_table(device: Thimble, contact: DiscContact, model: ForwardModel) -> StartTable:
+def warm_start_table(device: Thimble, contact: DiscContact, model: ForwardModel) -> WarmStartTable:
     """Return the table of a forward model.
 
     Raises:
@@ -88,4 +88,4 @@ def start_table(device: Thimble, contact: DiscContact, model: ForwardModel) -> S
         raise DermisError("no pose within the servo limits touches the skin", where="thimble")
     table = np.array(stimuli)
     strength = np.sqrt((table**2).sum(axis=1))
-    return StartTable(np.array(rows), np.array(depths), table / strength[:, None], strength)
+    return WarmStartTable(np.array(rows), np.array(depths), table / strength[:, None], strength)

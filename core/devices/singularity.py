@@ -1,4 +1,4 @@
-"""Firmness: how far a 3-RRS platform is from giving way although all three servos are held.
+"""Singularity margin: how far a 3-RRS platform is from giving way although all three servos are held.
 
 Where the rods' grip on the platform loses rank, one set of servo angles belongs to two poses at once, and the platform
 moves freely from one towards the other. Such singular poses lie within the servos' range, at 30 degrees of tilt and
@@ -9,7 +9,7 @@ torsion, and m = a.e of the leg's direction e:
 
     r = rp (3/2 - a_z / 2 - 2 m^2 / (1 + a_z)) - rb        h = z - rp m
 
-The rod of unit direction l feels a movement of the platform through l . d(r, h); firmness is the determinant of the
+The rod of unit direction l feels a movement of the platform through l . d(r, h); the margin is the determinant of the
 three legs' answers, 1 for a level platform on upright rods.
 
 Source: [S0] 3.1 with the kinematics of the project's corrections; Gosselin and Angeles 1990 for the kind of singularity
@@ -28,8 +28,8 @@ from .linkage import LEGS, Linkage
 UPRIGHT = 1.5 * math.sqrt(3.0)  # the determinant of a level platform on upright rods
 
 
-def posture(linkage: Linkage, psi: float, theta: float, z: float) -> tuple[list[float], float]:
-    """Return the servos' angles from neutral [rad] and the firmness, as plain numbers.
+def inverse_kinematics(linkage: Linkage, psi: float, theta: float, z: float) -> tuple[list[float], float]:
+    """Return the servos' angles from neutral [rad] and the singularity margin, as plain numbers.
 
     Raises:
         DermisError: a leg cannot reach.
@@ -66,13 +66,13 @@ def posture(linkage: Linkage, psi: float, theta: float, z: float) -> tuple[list[
     return angles, linkage.side * volume / (UPRIGHT * rod * rod * rod)
 
 
-def firmness(linkage: Linkage, psi: float, theta: float, z: float) -> tuple[float, Array]:
-    """Return the firmness of a pose and its derivative by (psi, theta, z), shape (3,).
+def singularity_margin(linkage: Linkage, psi: float, theta: float, z: float) -> tuple[float, Array]:
+    """Return the singularity margin of a pose and its derivative by (psi, theta, z), shape (3,).
 
     Raises:
         DermisError: a leg cannot reach.
     """
-    turned, _ = posture(linkage, psi, theta, z)
+    turned, _ = inverse_kinematics(linkage, psi, theta, z)
     cp, sp, ct, st = math.cos(psi), math.sin(psi), math.cos(theta), math.sin(theta)
     ex, ey = np.array(LEGS).T
     angle, size = np.array(turned) + linkage.servo_zero, linkage.platform_radius

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.devices.firmness import UPRIGHT, firmness, posture
 from core.devices.linkage import LEG_DIRECTIONS
+from core.devices.singularity import UPRIGHT, inverse_kinematics, singularity_margin
 from core.devices.spec import from_preset
-from core.devices.thimble import FIRM, mechanism
+from core.devices.thimble import MIN_MARGIN, mechanism
 from core.errors import DermisError
 from core.presets import Library
 from core.surrogate.store import device_key
@@ -38,28 +38,28 @@ def of_the_rods(x):
 
 def test_it_is_what_the_rods_feel():
     for x in configurations():
-        turned, firm = posture(DEVICE, *x)
+        turned, margin = inverse_kinematics(DEVICE, *x)
         np.testing.assert_allclose(turned, DEVICE.servo_angles(x)[0] - DEVICE.servo_zero, atol=1e-13)
-        assert firm == pytest.approx(of_the_rods(x), abs=1e-13)
-        assert firmness(DEVICE, *x)[0] == pytest.approx(firm, abs=1e-14)
+        assert margin == pytest.approx(of_the_rods(x), abs=1e-13)
+        assert singularity_margin(DEVICE, *x)[0] == pytest.approx(margin, abs=1e-14)
 
 
 def test_level_it_is_the_cube_of_how_upright_the_rods_are():
     for z in (0.014, 0.018, 0.023):
         q = float(DEVICE.servo_angles([0, 0, z])[0][0])
         upright = (z - DEVICE.crank * np.sin(q)) / DEVICE.rod
-        assert posture(DEVICE, 0.0, 0.0, z)[1] == pytest.approx(upright**3, rel=1e-12)
+        assert inverse_kinematics(DEVICE, 0.0, 0.0, z)[1] == pytest.approx(upright**3, rel=1e-12)
 
 
 def test_its_sign_is_that_of_the_servo_angles_derivatives():
-    signs = [(posture(DEVICE, *x)[1], np.linalg.det(DEVICE.servo_angles(x)[1])) for x in configurations()]
+    signs = [(inverse_kinematics(DEVICE, *x)[1], np.linalg.det(DEVICE.servo_angles(x)[1])) for x in configurations()]
     assert {a > 0 for a, _ in signs} == {True, False}
     assert all((a > 0) == (b > 0) for a, b in signs)
 
 
 def test_its_derivative_equals_richardson_differences():
     for x in configurations(30, seed=4):
-        slope = firmness(DEVICE, *x)[1] * [1.0, 1.0, DEVICE.platform_radius]
+        slope = singularity_margin(DEVICE, *x)[1] * [1.0, 1.0, DEVICE.platform_radius]
         for j, unit in enumerate(np.diag([1.0, 1.0, DEVICE.platform_radius])):
             one, two = ((of_the_rods(x + h * unit) - of_the_rods(x - h * unit)) / (2 * h) for h in (2e-4, 1e-4))
             assert slope[j] == pytest.approx((4 * two - one) / 3, abs=1e-8)
@@ -72,7 +72,7 @@ def test_of_two_poses_with_the_same_servo_angles_one_is_feasible_at_most():
     np.testing.assert_allclose(DEVICE.servo_angles(one)[0], DEVICE.servo_angles(other)[0], atol=2e-4)
     for x in (one, other):
         assert np.abs(DEVICE.servo_angles(x)[0] - DEVICE.servo_zero).max() < DEVICE.servo_range
-    assert not DEVICE.feasible(one) and posture(DEVICE, *one)[1] < 0 < posture(DEVICE, *other)[1]
+    assert not DEVICE.feasible(one) and inverse_kinematics(DEVICE, *one)[1] < 0 < inverse_kinematics(DEVICE, *other)[1]
 
 
 def test_every_feasible_pose_is_the_one_that_its_servos_hold():
@@ -92,8 +92,8 @@ def test_every_feasible_pose_is_the_one_that_its_servos_hold():
 def test_the_limit_is_the_last_of_the_constraints():
     x = np.array([np.radians(24.0), np.radians(-16.0), 0.0178])
     room, slopes = DEVICE.constraints(x)
-    firm, slope = firmness(DEVICE, *x)
-    assert room.shape == (7,) and room[6] == firm - FIRM
+    margin, slope = singularity_margin(DEVICE, *x)
+    assert room.shape == (7,) and room[6] == margin - MIN_MARGIN
     np.testing.assert_array_equal(slopes[6], slope)
     steep = x * [1.3, 1.3, 1.0]
     assert DEVICE.constraints(steep)[0][:6].min() > 0 > DEVICE.constraints(steep)[0][6]
@@ -116,7 +116,7 @@ def test_rods_that_lie_flat_are_refused():
     preset = {**SPEC.source, "parameters": {**SPEC.source["parameters"]}}
     for name, value in (("crank", 18), ("rod", 14), ("base_radius", 24), ("reference_distance", 18)):
         preset["parameters"][name] = {"value": value, "unit": "mm", "source": "test"}
-    with pytest.raises(DermisError, match="too flat to hold the platform.*firmness"):
+    with pytest.raises(DermisError, match="too flat to hold the platform.*singularity margin"):
         mechanism(from_preset("flat", preset))
 
 

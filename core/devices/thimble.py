@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..arrays import Array
 from ..errors import DermisError
@@ -93,11 +93,6 @@ class Thimble(Linkage):
         except DermisError:
             return False
         return firm >= FIRM and all(a <= t <= b for a, t, b in zip(low, turned, high, strict=True))
-
-    def workspace(self, pitch: ArrayLike, roll: ArrayLike, distance: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which of a grid of pitches, rolls [rad] and distances [m] are feasible, shape (a, b, c)."""
-        grid = [np.asarray(values, dtype=np.float64).tolist() for values in (pitch, roll, distance)]
-        return np.array([[[self.feasible((p, r, z)) for z in grid[2]] for r in grid[1]] for p in grid[0]])
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
         """Return the configuration that servo angles [rad] hold the platform in; see `configuration`.

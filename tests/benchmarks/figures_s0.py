@@ -19,7 +19,7 @@ from core.devices.disc import DiscContact
 from core.devices.disc_pose import FrictionState, placed
 from core.devices.first_contact import first_contact
 from core.devices.thimble import Thimble, mechanism
-from core.matching.thimble import match_sequence, matcher
+from core.matching.thimble import matcher
 from core.plot import stimuli
 from core.presets import Library
 from core.skin.model import SkinModel, fingertip_skin
@@ -33,6 +33,7 @@ from core.surrogate.store import contact_of
 from core.surrogate.subspace import principal_components
 from core.surrogate.table import SampleTable, relative_rms
 from tests import touches
+from tests.thimbles import match_sequence
 
 Array = NDArray[np.float64]
 
@@ -140,7 +141,7 @@ def rendering(skin: SkinModel, spaces: Descriptors, count: int) -> tuple[dict[st
         row = {}
         for method in METHODS:
             start = time.perf_counter()
-            found = drain(match_sequence(device, skin, forces, method, friction=FRICTION, readout=spaces.readout))
+            found = match_sequence(device, skin, forces, method, friction=FRICTION, readout=spaces.readout)
             taken = 1e3 * (time.perf_counter() - start) / max(int(found.wanted.sum()), 1)
             rendered = found.force.reshape(len(forces), -1).astype(np.float64) @ whole.T
             row[method] = float(np.linalg.norm(rendered - target) / np.linalg.norm(target))
@@ -230,7 +231,7 @@ def observer(skin: SkinModel, spaces: Descriptors, count: int) -> dict[str, Any]
                 rendered = [
                     f
                     if method == "target"
-                    else drain(match_sequence(device, skin, f, method, friction=FRICTION, readout=spaces.readout)).force
+                    else match_sequence(device, skin, f, method, friction=FRICTION, readout=spaces.readout).force
                     for f in one
                 ]
                 felt.append(np.array(rendered, float).reshape(REPETITIONS, count, -1) @ whole.T)

@@ -71,35 +71,6 @@ class Solution:
         """Total force on the skin [N], shape (3,)."""
         return self.force.sum(axis=0)
 
-    def complementarity_residual(self) -> float:
-        """Return the largest violation of 0 <= f_n, 0 <= w_n, f_n w_n = 0, relative to force and displacement."""
-        f, w = self._scales()
-        return float(np.abs(np.minimum(self.normal_force / f, self.gap / w)).max(initial=0.0))
-
-    def cone_residual(self) -> float:
-        """Return how far the worst node is outside its friction cone, relative to the largest force."""
-        f, _ = self._scales()
-        tangential = self.force - self.normal_force[:, None] * self.normals
-        excess = np.sqrt(along(tangential, tangential)) - self.friction * np.maximum(self.normal_force, 0.0)
-        return float(np.maximum(excess, 0.0).max(initial=0.0)) / f
-
-    def slip_residual(self) -> float:
-        """Return the worst slip of a sticking node, or of a slipping node in a wrong direction, relative to w."""
-        f, w = self._scales()
-        slip = self.displacement - self.gap[:, None] * self.normals
-        tangential = self.force - self.normal_force[:, None] * self.normals
-        speed, load = np.sqrt(along(slip, slip)), np.sqrt(along(tangential, tangential))
-        turned = slip * load[:, None] + tangential * speed[:, None]
-        wrong = np.sqrt(along(turned, turned)) / f
-        frictionless = self.friction == 0.0
-        worst = np.where(self.status == STICK, speed, np.where(self.status == SLIP, wrong, 0.0))
-        return float(np.where(frictionless, 0.0, worst).max(initial=0.0)) / w
-
-    def _scales(self) -> tuple[float, float]:
-        return max(float(np.abs(self.force).max(initial=0.0)), 1e-300), max(
-            float(np.abs(self.displacement).max(initial=0.0)), 1e-300
-        )
-
 
 def solve(
     compliance: Array,

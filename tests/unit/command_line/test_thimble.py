@@ -17,8 +17,9 @@ from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, Tacti
 from core.skin.model import fingertip_skin, skin_from_parameters
 from core.skin.sensor import electrode_sensor
 from core.surrogate.store import contact_of
-from core.surrogate.table import SampleTable, write_table
+from core.surrogate.table import SampleTable
 from core.track import csv
+from tests.tables import write_table
 
 
 @pytest.fixture(scope="module")

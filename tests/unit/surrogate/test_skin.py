@@ -11,7 +11,7 @@ from core.devices.disc_pose import FrictionState, placed
 from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.matching.adapt import adapt_job
-from core.matching.thimble import describe, match_sequence
+from core.matching.thimble import describe
 from core.matching.thimble_use import fitted, prepare
 from core.presets import Library
 from core.skin.model import skin_from_parameters
@@ -23,6 +23,7 @@ from core.surrogate.ridge import fit_ridge
 from core.surrogate.store import adapt, contact_of, load, place_of, save
 from core.surrogate.table import relative_rms
 from tests import touches
+from tests.thimbles import match_sequence
 
 
 @pytest.fixture(scope="module")
@@ -224,7 +225,7 @@ def test_a_learned_model_matches_nearly_as_well(skin, device, data):
     readout = describe(device, skin, 0.6).readout
     left = {}
     for name, keys in (("stress", {}), ("ridge", {"model": model})):
-        found = drain(match_sequence(device, skin, forces, name, readout=spaces.readout, **keys))
+        found = match_sequence(device, skin, forces, name, readout=spaces.readout, **keys)
         rendered, target = (f.reshape(len(f), -1) @ readout.T for f in (found.force, forces))
         left[name] = np.linalg.norm(rendered - target) / np.linalg.norm(target)
     assert left["stress"] < left["ridge"] < left["stress"] + 0.25

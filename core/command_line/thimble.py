@@ -262,14 +262,10 @@ def _thimble(library: Library, key: str) -> DeviceSpec:
 
 
 def _felt(scene: TactileScene, library: Library, finger: int) -> SkinContact:
-    from ..contact.pad_sampler import PadSampler
-    from ..contact.skin_sampler import SkinSampler
+    from ..contact.skin_sampler import skin_contacts
     from ..skin.model import skin_from_parameters
 
     p = scene.fingers[finger].parameters
     parameters = p.get("skin") or library.skin(DEFAULT_SKIN)
     skin = skin_from_parameters(parameters, level=SKIN_CONTACT["skin_level"].of(p))
-    touch, sampler = PadSampler(scene), SkinSampler(scene, {finger: skin})
-    for chunk in scene.chunks:
-        sampler.add(touch.add(chunk))
-    return sampler.finish(touch.finish())[finger]
+    return skin_contacts(scene, {finger: skin})[finger]

@@ -71,7 +71,6 @@ class Reduction:
         percent: error over that of all motors, minus 1, in percent, (i, n). Where all motors leave less than whole
             counts can tell, over that. Source: [S2] eq. 12.
         motors: the fewest within the knee, for the mean of the percentages.
-        motors_each: the same for each interaction by itself, with the components of all.
     """
 
     choice: Choice
@@ -79,7 +78,6 @@ class Reduction:
     error: Array
     percent: Array
     motors: int
-    motors_each: tuple[int, ...]
 
     @property
     def mean_percent(self) -> Array:
@@ -184,8 +182,7 @@ def reduce(
         )
         best = error[:, -1:]
         percent = 100.0 * (error - best) / np.maximum(best, np.sqrt(ROUNDED * table.readings.shape[1]))
-        each = tuple(knee(row, limit) for row in percent)
-        found.append(Reduction(choice, parts, error, percent, knee(percent.mean(axis=0), limit), each))
+        found.append(Reduction(choice, parts, error, percent, knee(percent.mean(axis=0), limit)))
     return tuple(found)
 
 

@@ -92,11 +92,6 @@ class ShearTactor:
         q = self._absolute(angles)
         return self.link * np.stack([np.cos(q).sum(axis=-1), np.sin(q).sum(axis=-1)], axis=-1) + self.axis
 
-    def rim(self, count: int = 720) -> Array:
-        """Return cap positions around the workspace's rim [m], shape (count, 2)."""
-        angle = 2.0 * math.pi * np.arange(count) / count
-        return self.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-
     def _absolute(self, angles: Array) -> Array:
         """Angles of the two rods from the pad's +X [rad]."""
         return np.asarray(angles) + np.array([self.heading - math.pi / 4.0, self.heading + math.pi / 4.0])

@@ -53,16 +53,8 @@ class Thimble(Linkage):
             return np.full(3, -self.servo_range), np.full(3, self.servo_range)
         return self.bounds[0], self.bounds[1]
 
-    def turns(self, psi: float, theta: float, z: float) -> list[float]:
-        """Return the servos' angles from neutral [rad] as plain numbers, for those who try many configurations.
-
-        Raises:
-            DermisError: a leg cannot reach.
-        """
-        return posture(self, psi, theta, z)[0]
-
-    def constraints(self, x: ArrayLike) -> tuple[Array, Array]:
-        """Return c(x) >= 0, shape (7,), and dc/dx, shape (7, 3).
+    def constraints(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
+        """Return c(x) >= 0, shape (7,), and dc/dx, shape (7, 3), within limits of the servos [rad], shape (3,) each.
 
         The first six are the room left of each servo to either side [rad], the last how far the platform is from the
         least firmness.
@@ -70,10 +62,6 @@ class Thimble(Linkage):
         Raises:
             DermisError: a leg cannot reach.
         """
-        return self.constraints_within(x, *self.servo_limits)
-
-    def constraints_within(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return `constraints` for other limits of the servos' angles from neutral [rad], shape (3,) each."""
         at = np.asarray(x, dtype=np.float64)
         turned, slopes = self.servo_turns(self.pose(at))
         firm, softer = firmness(self, *at.tolist())

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
 from ..errors import DermisError
-from ..units import UNITS
+from ..units import UNITS, finite
 
 SWITCH, TEXT, NAMES = "true or false", "a text", "a list of texts"
 LARGEST = 1e9  # in SI: beyond every length, force, stiffness or rate that there is
@@ -137,7 +136,7 @@ class Parameter:
 
     def _check_number(self, number: float, where: str) -> None:
         what = ""
-        if not _finite(number):
+        if not finite(number):
             what = "must be a finite number"
         elif self.above is not None and not number > self.above:
             what = f"must be above {'zero' if self.above == 0 else f'{self.above / self.factor:g}'}"
@@ -148,7 +147,7 @@ class Parameter:
         elif self.whole and not float(number).is_integer():
             what = "must be a whole number"
         if what:
-            plain = self.shown in ("", "1") or not _finite(number)
+            plain = self.shown in ("", "1") or not finite(number)
             found = number if plain else f"{number / self.factor:g} {self.shown}"
             raise DermisError(f"'{self.name}' {what}", where=where, value=found, limit=self.allowed)
 
@@ -191,10 +190,3 @@ def table(*rows: Parameter) -> Table:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _finite(number: float) -> bool:
-    try:
-        return math.isfinite(number)
-    except OverflowError:  # an integer of hundreds of digits
-        return False

@@ -40,7 +40,7 @@ def recorded(device):
         contact.hold(state)
         found = contact.solve(placed(device, device.pose(pose)))
         state = contact.settle(found) if found.touching else FrictionState.rest(skin.pad_count)
-        out.append(sensor.read(found.spread(skin.pad_count)))
+        out.append(sensor.matrix @ found.spread(skin.pad_count).ravel())
     return times, x, np.array(out)
 
 

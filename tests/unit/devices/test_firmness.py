@@ -91,12 +91,13 @@ def test_every_feasible_pose_is_the_one_that_its_servos_hold():
 
 def test_the_limit_is_the_last_of_the_constraints():
     x = np.array([np.radians(24.0), np.radians(-16.0), 0.0178])
-    room, slopes = DEVICE.constraints(x)
+    room, slopes = DEVICE.constraints(x, *DEVICE.servo_limits)
     firm, slope = firmness(DEVICE, *x)
     assert room.shape == (7,) and room[6] == firm - FIRM
     np.testing.assert_array_equal(slopes[6], slope)
     steep = x * [1.3, 1.3, 1.0]
-    assert DEVICE.constraints(steep)[0][:6].min() > 0 > DEVICE.constraints(steep)[0][6]
+    room, _ = DEVICE.constraints(steep, *DEVICE.servo_limits)
+    assert room[:6].min() > 0 > room[6]
     assert DEVICE.feasible(x) and not DEVICE.feasible(steep)
 
 

@@ -140,7 +140,7 @@ def test_forward_equals_a_general_constraint_solver(device):
 def test_constraints_are_zero_exactly_at_the_servo_limit(device):
     for side in (1, -1):
         x = device.forward(np.full(3, device.servo_zero + side * device.servo_range), [0, 0, 0.018])
-        room, slopes = (part[:6] for part in device.constraints(x))
+        room, slopes = (part[:6] for part in device.constraints(x, *device.servo_limits))
         assert np.abs(room[:3] if side > 0 else room[3:]).max() < 1e-12
         np.testing.assert_allclose(slopes[:3], -slopes[3:])
     assert device.feasible([0, 0, 0.018])

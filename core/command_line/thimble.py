@@ -106,7 +106,7 @@ def adapt(options: argparse.Namespace) -> int:
 
 def follow(options: argparse.Namespace) -> int:
     """Render a recorded sequence of readings and write the track."""
-    from ..matching.thimble import findings_of, match_stimuli
+    from ..matching.thimble import findings_of, match_stimuli, values_of
     from ..matching.thimble_use import fitted
     from ..presets import Library
     from ..skin.model import skin_from_parameters
@@ -133,10 +133,9 @@ def follow(options: argparse.Namespace) -> int:
     times = np.arange(int(np.floor((recorded[-1] - recorded[0]) * spec.rate + 1e-9)) + 1) / spec.rate
     wanted = np.stack([np.interp(times, recorded - recorded[0], column) for column in stimuli.T], axis=1)
     found = match_stimuli(made, wanted)
-    columns = {f"servo_{i + 1}": found.angles[:, i] for i in range(3)}
-    columns.update(zip(("pitch", "roll", "distance"), found.x.T, strict=True))
-    values = np.stack([columns[c.name] for c in spec.channels], axis=1)
-    track = CommandTrack(spec, times, values, {"method": "electrodes", "stimuli": options.stimuli.name}).within_limits()
+    track = CommandTrack(
+        spec, times, values_of(found, spec), {"method": "electrodes", "stimuli": options.stimuli.name}
+    ).within_limits()
     csv.write(track, options.out)
     for finding in (*findings_of(found, str(options.stimuli)), *_beyond(made, str(options.stimuli)), *track.check()):
         print(finding, file=sys.stderr)

@@ -191,6 +191,24 @@ def render(
     forces = forces_at(skin, times)
     found = match_touch(used, forces, used.device.servo_speed / spec.rate)
     findings = [*used.findings, *findings_of(found, where)]
+    track = CommandTrack(spec, times, values_of(found, spec), {"method": used.method})
+    signals = {
+        "contact": found.wanted.astype(np.float64),
+        "mismatch": found.mismatch,
+        "normal_force": found.force[:, :, 2].sum(axis=1, dtype=np.float64),
+        "target_force": forces[:, :, 2].sum(axis=1),
+    }
+    if used.method in LEARNED:
+        signals["rescued"] = found.rescued.astype(np.float64)
+    return Rendered(track, signals, tuple(findings), {"thimble frames without touch": int((~found.wanted).sum())})
+
+
+def values_of(found: ThimbleSequence, spec: DeviceSpec) -> Array:
+    """Return a sequence as the values of a preset's channels, shape (n, channels).
+
+    Raises:
+        DermisError: a channel that a thimble does not have.
+    """
     columns = {f"servo_{i + 1}": found.angles[:, i] for i in range(3)}
     columns.update(zip(("pitch", "roll", "distance"), found.x.T, strict=True))
     unknown = [c.name for c in spec.channels if c.name not in columns]
@@ -201,18 +219,7 @@ def render(
             value=", ".join(unknown),
             limit=", ".join(columns),
         )
-    track = CommandTrack(
-        spec, times, np.stack([columns[c.name] for c in spec.channels], axis=1), {"method": used.method}
-    )
-    signals = {
-        "contact": found.wanted.astype(np.float64),
-        "mismatch": found.mismatch,
-        "normal_force": found.force[:, :, 2].sum(axis=1, dtype=np.float64),
-        "target_force": forces[:, :, 2].sum(axis=1),
-    }
-    if used.method in LEARNED:
-        signals["rescued"] = found.rescued.astype(np.float64)
-    return Rendered(track, signals, tuple(findings), {"thimble frames without touch": int((~found.wanted).sum())})
+    return np.stack([columns[c.name] for c in spec.channels], axis=1)
 
 
 def forces_at(skin: SkinContact, times: Array) -> Array:

@@ -31,12 +31,11 @@ class PinStep(NamedTuple):
 
     Attributes:
         x: forces of the active pins before alpha [N], shape (active pins,).
-        optimality, clipped, converged: as in `PinForces`.
+        optimality, converged: as in `PinForces`.
     """
 
     x: Array
     optimality: float
-    clipped: int
     converged: bool
 
 
@@ -50,7 +49,6 @@ class PinForces:
         force_error: f_err after alpha [N] (eq. 21).
         optimality: KKT residual, relative; 0 for the methods that only clamp.
         at_limit: pins at their upper bound.
-        clipped: pins whose unconstrained value DM1 and FM1 moved into the bounds.
     """
 
     forces: Array
@@ -58,7 +56,6 @@ class PinForces:
     force_error: float
     optimality: float
     at_limit: int
-    clipped: int
     converged: bool = True
 
 
@@ -168,7 +165,7 @@ class PinSolver:
         slew: largest change of a pin's force between two calls [N], after alpha; None for no limit.
 
     Raises:
-        DermisError: an unknown method, or a limit, alpha or slew that is not above zero.
+        DermisError: an unknown method.
     """
 
     # an 'unbounded' pin still needs a finite number; far above any finger's forces
@@ -185,9 +182,6 @@ class PinSolver:
     ) -> None:
         if method not in METHODS:
             raise DermisError("unknown matching method", where="pin matching", value=method, limit=", ".join(METHODS))
-        for name, value in (("force limit", force_limit), ("alpha", alpha), ("slew limit", slew)):
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise DermisError(f"the {name} must be above zero", where="pin matching", value=value, limit="> 0")
         self.matcher, self.method, self.alpha = matcher, method, float(alpha)
         self.high = (self.UNBOUNDED if force_limit is None else float(force_limit)) / self.alpha
         self.slew = None if slew is None else float(slew) / self.alpha
@@ -210,7 +204,6 @@ class PinSolver:
             self.alpha * float(matcher.force_error(force, step.x)[0]),
             step.optimality,
             self.at_limit(step.x),
-            step.clipped,
             step.converged,
         )
 
@@ -244,16 +237,14 @@ class PinSolver:
         if self._quadratic is not None:
             solution = self._bounded(matcher.rhs(self.method, force))
             optimality = solution.optimality(self._quadratic.low, self._quadratic.high)
-            return PinStep(solution.x, optimality, 0, solution.converged)
+            return PinStep(solution.x, optimality, solution.converged)
         inverse = matcher.deformation_inverse if self.method.startswith("DM") else matcher.force_inverse
         x = inverse @ force
         if not np.isfinite(x).all():
             raise DermisError("the target's forces are not finite", where="pin matching")
         if self.method.endswith("0"):
-            return PinStep(x, 0.0, 0, True)
-        low, high = self._bounds()
-        clamped = np.clip(x, low, high)
-        return PinStep(clamped, 0.0, int((clamped != x).sum()), True)
+            return PinStep(x, 0.0, True)
+        return PinStep(np.clip(x, *self._bounds()), 0.0, True)
 
     def _bounded(self, c: Array) -> BoundedSolution:
         assert self._quadratic is not None

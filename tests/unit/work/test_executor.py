@@ -301,6 +301,20 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     assert done.returncode == -signal.SIGKILL and gone(int((tmp_path / "pid").read_text()))
 
 
+@posix
+def test_a_process_that_splits_off_ends_by_itself_and_ends_nobody() -> None:
+    code = (
+        "import os, sys, time\nfrom tests.unit.work.test_executor import processes\n"
+        "future = processes().submit('dawdle', {}, {'seconds': 1.0})\n"
+        "while future.progress() == (0, 0): time.sleep(0.01)\n"
+        "if os.fork() == 0: sys.exit(3)\n"
+        "print(os.waitstatus_to_exitcode(os.wait()[1]), 'span' in future.result(10))\n"
+    )
+    line = [sys.executable, "-W", "ignore", "-c", code]  # from 3.12 on Python warns of forks beside threads
+    done = subprocess.run(line, env=child.environment(), timeout=20, capture_output=True, text=True)
+    assert done.stdout == "3 True\n", done.stderr
+
+
 def test_the_end_of_python_ends_what_runs(tmp_path: Path) -> None:
     code = (
         "import sys, time\nfrom pathlib import Path\nfrom tests.unit.work.test_executor import processes\n"

@@ -5,10 +5,14 @@ from __future__ import annotations
 import argparse
 import io
 import json
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
+
+if __name__ == "__main__":  # before numpy loads; see skin/blas.py
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from .errors import SEVERITIES, DermisError, Finding, worst
 from .files import check_folder, check_writable

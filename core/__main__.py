@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+
+if __name__ == "__main__":  # before numpy loads; see skin/blas.py
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from .command_line.findings import REFUSED
 from .command_line.verbs import parser

@@ -11,6 +11,7 @@ radians (Blender shows degrees).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -26,6 +27,7 @@ NO_UPDATES: Mapping[str, Update] = {}
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
 SOFT = ("soft_min", "soft_max")
 SIGNIFICANT = ".7g"  # what single precision keeps: 0.1 typed by a person is meant, not 0.10000000149
+SINGLE = 1e-6  # relative: what single precision is off by, and more
 # Units that Blender shows by itself; others stand behind the label.
 _SHOWN: dict[str, dict[str, str]] = {
     "mm": {"unit": "CAMERA"},
@@ -112,9 +114,16 @@ def values(group: Any, *tables: core.parameters.parameter.Table) -> dict[str, An
 
 
 def value_of(group: Any, row: core.parameters.parameter.Parameter) -> Any:
-    """Return one value of a group in SI."""
+    """Return one value of a group in SI.
+
+    The window's own ends are stored in single precision too, a little beyond the row's; they are meant to be these.
+    """
     value = getattr(group, row.saved)
-    return value * row.factor if row.factor != 1.0 else value
+    if not isinstance(value, float):
+        return value
+    value *= row.factor
+    beyond = row.low if value < row.low else row.high if value > row.high else value
+    return beyond if math.isclose(value, beyond, rel_tol=SINGLE) else value
 
 
 def apply(group: Any, table: core.parameters.parameter.Table, given: Mapping[str, Any]) -> list[str]:

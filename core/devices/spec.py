@@ -17,6 +17,7 @@ from .kinds import KINDS
 DEVICE_SCHEMA = "dermis-device 1"
 MAX_REPEAT = 4096  # channels that one entry may stand for
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")  # what stands in file headers as it is
+CHANNEL = ("name", "unit", "actuator", "low", "high", "slew", "rest", "repeat", "description", "source")
 WIRE = ("bandwidth", "bits_per_sample", "bits_per_channel")
 
 
@@ -122,8 +123,8 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
     Quantities are `{"value", "unit", "source"}`; strings, booleans and lists of strings pass as they are.
 
     Raises:
-        DermisError: another schema, a missing field, an unknown unit, two channels of one name, limits that
-            leave no value, a rest outside of them, a range disc of channels that do not exist.
+        DermisError: another schema, a missing field, an unknown unit, a channel's field that is unknown, two channels
+            of one name, limits that leave no value, a rest outside of them, a range disc of channels that do not exist.
     """
     where = f"device preset '{key}'"
     if not isinstance(preset, Mapping):
@@ -250,6 +251,9 @@ def _channel(entry: Mapping[str, Any], where: str) -> Channel:
     if entry["unit"] not in UNITS or UNITS[entry["unit"]][0] != entry["unit"]:
         units = ", ".join(dict.fromkeys(si for si, _ in UNITS.values()))
         raise DermisError("a channel's unit must be SI", where=place, value=entry["unit"], limit=units)
+    unknown = sorted(set(entry) - set(CHANNEL))
+    if unknown:  # a limit that is misspelt would be none
+        raise DermisError("unknown field", where=place, value=", ".join(unknown), limit=", ".join(CHANNEL))
     given = {k: entry[k] for k in ("low", "high", "slew", "rest") if entry.get(k) is not None}
     limits = {k: _in_unit(field, entry["unit"], f"{place}, {k}") for k, field in given.items()}
     low, high = limits.get("low", -math.inf), limits.get("high", math.inf)

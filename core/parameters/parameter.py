@@ -149,7 +149,10 @@ class Parameter:
         if what:
             plain = self.window_unit in ("", "1") or not finite(number)
             found = number if plain else f"{number / self.factor:g} {self.window_unit}"
-            raise DermisError(f"'{self.name}' {what}", where=where, value=found, limit=self.allowed)
+            limit = self.allowed
+            if number > self.high >= LARGEST and finite(number):  # an end that goes without saying else
+                limit = f"<= {self.high / self.factor:g} {'' if plain else self.window_unit}".rstrip()
+            raise DermisError(f"'{self.name}' {what}", where=where, value=found, limit=limit)
 
     def _has_form(self, value: Any, *, strict: bool) -> bool:
         if self.unit == NAMES:

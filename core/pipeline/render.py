@@ -14,7 +14,7 @@ import hashlib
 import time
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -58,6 +58,10 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
     content = ContentHash(scene)
 
     skin_models = yield from _skin_models(scene, uses, library, cache, clock, findings)
+    if skin_models:
+        from ..skin.blas import one_thread
+
+        clock.hold = one_thread
     pad_contact, skin_contacts = yield from _contact(scene, skin_models, content, clock)
     findings += pad_contact.findings
     skipped = Counter(pad_contact.skipped)
@@ -239,16 +243,22 @@ def _full_hash(content: ContentHash, specs: list[DeviceSpec]) -> str:
 
 
 class _Stages:
-    """Adds up run time by stage."""
+    """Adds up run time by stage.
+
+    Attributes:
+        hold: what holds while a stage runs, and nobody else does.
+    """
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
+        self.hold: Callable[[], AbstractContextManager[object]] = nullcontext
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Count the time of a block towards a stage."""
         start = time.perf_counter()
         try:
-            yield
+            with self.hold():
+                yield
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start

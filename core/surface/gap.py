@@ -83,8 +83,11 @@ class Surface:
         if not np.isfinite(points).all():
             raise DermisError("a surface has vertices that are not finite numbers")
         if corners.min() < 0 or corners.max() >= points.shape[0]:
+            wrong = corners[(corners < 0) | (corners >= points.shape[0])][0]
             limit = f"0 to {points.shape[0] - 1}"
-            raise DermisError("a triangle uses a vertex that does not exist", value=int(corners.max()), limit=limit)
+            raise DermisError("a triangle uses a vertex that does not exist", value=int(wrong), limit=limit)
+        if corners.dtype.kind not in "iu":
+            raise DermisError("triangles are whole numbers of vertices", value=str(corners.dtype), limit="integers")
         return cls(points, corners, topology_of(points, corners))
 
     @classmethod

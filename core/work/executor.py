@@ -78,9 +78,14 @@ class JobExecutor(Executor):
     Args:
         workers: how many jobs can run side by side.
         table: the jobs' names.
+
+    Raises:
+        DermisError: less than one worker, who would never begin.
     """
 
     def __init__(self, workers: int = 1, *, table: Table = JOBS) -> None:
+        if workers < 1:
+            raise DermisError("jobs need somebody to do them", where="workers", value=workers, limit=">= 1")
         self.workers = workers
         self.table = table
 
@@ -112,7 +117,7 @@ class InlineExecutor(JobExecutor):
         job, future = Job(name, arrays or {}, parameters or {}, self.table), JobFuture()
         future.set_running_or_notify_cancel()
         try:
-            future.set_result(dict(job.run(future.report)))
+            future.set_result(job.run(future.report))
         except DermisError as error:
             future.fail(error)
         return future

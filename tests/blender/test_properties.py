@@ -5,7 +5,9 @@ from __future__ import annotations
 import bpy
 import pytest
 
-from blender_addon.properties import object_properties, scene_properties
+from blender_addon.properties import fields, object_properties, scene_properties
+from core.errors import DermisError
+from core.parameters.device import DEVICE as DEVICE_ROWS
 from core.parameters.material import BODY
 
 from .build import empty, finger, keys, span
@@ -155,3 +157,24 @@ def test_an_edit_by_script_makes_a_bake_out_of_date() -> None:
     changes.clear_dirty()
     thing.dermis.finger.touch_distance_mm = 0.7
     assert changes.dirty()
+
+
+@pytest.mark.parametrize("end", [-1e30, 1e30])
+def test_the_ends_of_the_window_are_values_that_the_engine_takes(end: float) -> None:
+    """A property is held in single precision: its least and largest value are off the row's by a rounding."""
+    tip, thing = finger("Tip"), empty("Thing")
+    device = tip.dermis.finger.devices.add()
+    groups = {
+        scene_properties.DermisFinger: tip.dermis.finger,
+        scene_properties.DermisDevice: device,
+        scene_properties.DermisMaterial: thing.dermis.material,
+        scene_properties.DermisScreen: thing.dermis.screen,
+    }
+    for kind, group in groups.items():
+        for row in scene_properties.TABLES[kind].values():
+            if row.label and row.numeric and not row.whole:
+                setattr(group, row.saved, end)
+                row.check(fields.value_of(group, row), kind.__name__)
+    device.thimble_hover_mm = float("nan")
+    with pytest.raises(DermisError, match="'thimble_hover' must be a finite number"):
+        DEVICE_ROWS["thimble_hover"].check(fields.values(device, DEVICE_ROWS)["thimble_hover"], "device")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import pickle
 import re
 from pathlib import Path
 
@@ -41,6 +42,11 @@ def test_a_refusal_becomes_a_finding(error: DermisError) -> None:
 def test_a_refusal_goes_through_json(error: DermisError) -> None:
     again = DermisError(**json.loads(json.dumps(error.as_dict())))
     assert (str(again), again.code) == (str(error).replace("found 3", "found '3'"), "too-thick")
+
+
+def test_a_refusal_goes_through_a_pickle(error: DermisError) -> None:
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is DermisError and str(again) == str(error) and again.as_dict() == error.as_dict()
 
 
 def test_codes_are_short_words_with_hyphens() -> None:

@@ -93,6 +93,7 @@ def test_hash_is_the_presets_and_not_the_order_of_its_keys() -> None:
         ("channels/1/unit", "mm", r"channel 'y': a channel's unit must be SI \(found 'mm'; allowed: m,"),
         ("channels/0/low", {"value": 3, "unit": "mm"}, r"'x': low is above high \(found 0.003; allowed: <= 0.002"),
         ("channels/0/rest", 0.5, r"rest is outside the range \(found 0.5; allowed: -0.002 to 0.002\)"),
+        ("channels/0/slwe", 0.1, r"channel 'x': unknown field \(found 'slwe'; allowed: name, unit, .*slew"),
         ("channels/0/slew", 0, r"channel 'x', slew: must be above zero"),
         ("channels/0/slew", {"value": 1, "unit": "mm"}, r"slew: a unit .* \(found 'mm'; .* converts to m/s\)"),
         ("channels/0/high", {"value": 1, "unit": "deg"}, r"high: a unit of another kind \(found 'deg'"),

@@ -17,9 +17,11 @@ from core.errors import DermisError
 from core.matching import pin_report, pins
 from core.matching.bounded_lsq import BoundedLeastSquares
 from core.matching.deformation import METHODS, PinSolver
+from core.pipeline.render import run
 from core.presets import Library
 from core.scene.sliding import SETTLE
 from core.scene.tactile_scene import DeviceUse
+from core.skin.blas import pools
 from core.skin.model import fingertip_skin, skin_from_parameters
 from core.skin.stimulus import Stimulus
 from tests.sliding import RATE, sliding_plane
@@ -57,6 +59,20 @@ def rendered(touch=None, device=None, **parameters):
     scene = sliding_plane(slide=SLIDE)
     use = DeviceUse("pin_array_128", parameters)
     return pins.render(None, scene, 0, use, device or spec(), touch or felt())
+
+
+def test_a_whole_bake_of_skins_holds_blas_at_one_thread(monkeypatch):
+    counts = []
+    render = pins.render
+    monkeypatch.setattr(
+        pins, "render", lambda *a: counts.extend(p["num_threads"] for p in pools().info()) or render(*a)
+    )
+    scene = sliding_plane(slide=0.05)
+    finger = replace(scene.fingers[0], devices=(DeviceUse("pin_array_128"),))
+    before = [p["num_threads"] for p in pools().info()]
+    with pools().limit(limits=2):
+        assert not run(replace(scene, fingers=(finger,))).findings
+    assert counts and set(counts) == {1} and before == [p["num_threads"] for p in pools().info()]
 
 
 def test_every_pin_of_the_preset_meets_an_average_finger_within_its_stroke():

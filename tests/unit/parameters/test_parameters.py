@@ -109,6 +109,7 @@ REFUSED: list[tuple[Parameter, Any, str]] = [
     (FINGER["pattern"], "waltz", r"F, pattern: unknown pattern \(found 'waltz'; allowed: none, orientation, "),
     (FINGER["pattern_play"], "on", r"another kind of value \(found 'on'; allowed: true or false\)"),
     (FINGER["pattern_play"], 2, "another kind of value"),
+    (TISSUE["young"], 1e10, r"'young' is too large \(found '1e\+07 kPa'; allowed: <= 1e\+06 kPa\)"),
     (TISSUE["young"], 0.0, r"'young' is too small \(found '0 kPa'; allowed: >= 0.001 kPa\)"),
     (DEVICE["table_rows"], 100.5, r"'table_rows' must be a whole number \(found 100.5; allowed: 8 to 2e\+06\)"),
     (DEVICE["carrier"], True, "another kind of value"),

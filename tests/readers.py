@@ -406,7 +406,7 @@ OWN = {
     "core.surrogate.store:save": "writes",
     "core.version:version": "the manifest beside the program",
     "core.work.processes": "its own child or parent, and the arrays between them",
-    "blender_addon.streaming.built_devices:_table": "tests/blender/test_readers.py damages it",
+    "blender_addon.streaming.built_devices:_read_fingers": "tests/blender/test_readers.py damages it",
     "blender_addon.results.store:_read": "tests/blender/test_readers.py damages it",
     "blender_addon.results.store:_write": "writes",
     "blender_addon.streaming.streamed_track:track_path": "writes",

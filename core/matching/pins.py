@@ -71,12 +71,6 @@ def setup(skin: SkinModel, spec: DeviceSpec, weighting: Weighting = "all") -> Pi
 def _made(skin: SkinModel, spec: DeviceSpec, weighting: Weighting) -> PinSetup:
     mesh = skin.mesh
     pins = pin_array.layout(spec)
-    if pins.count != len(spec.channels):
-        raise DermisError(
-            "the layout and the channels differ in number",
-            where=f"device preset '{spec.key}'",
-            value=f"{pins.count} pins, {len(spec.channels)} channels",
-        )
     met = pin_array.on_pad(pins, mesh.nodes, mesh.surface, skin.positions)
     distribution = pin_array.distribution(pins, met, skin.positions)
     chosen = node_weights(skin, weighting)[mesh.free] > 0
@@ -201,9 +195,9 @@ def match(solver: PinSolver, skin: SkinContact) -> Matched:
             active_forces[row] = step.x
             at_limit[i] = solver.at_limit(step.x)
             worst, unsolved = max(worst, step.optimality), unsolved + (not step.converged)
-        forces[np.ix_(frames, matcher.active)] = solver.alpha * active_forces
+        forces[np.ix_(frames, matcher.active)] = active_forces
         u[frames] = matcher.displacement_error(targets, active_forces)
-        f[frames] = solver.alpha * matcher.force_error(targets, active_forces)
+        f[frames] = matcher.force_error(targets, active_forces)
     return Matched(forces, u, f, at_limit, worst, unsolved)
 
 
@@ -270,7 +264,7 @@ def _findings(series: dict[str, Array], ready: PinSetup, unsolved: int, frames: 
                 "pins press as hard as they can, so the skin is not deformed as wanted",
                 "pin array",
                 f"up to {int(series['at_limit'].max())} pins",
-                f"{ready.pins.force_limit:g} N a pin",
+                f"{ready.pins.force_limit.max():g} N a pin",
                 "Compare the displacement error, or touch less deeply",
                 frame=float(frames[limited[0]]),
                 count=len(limited),

@@ -18,7 +18,7 @@ from ..arrays import Array
 from ..errors import DermisError, Finding
 from .spec import DeviceSpec
 
-SPREAD_REACH = 3.0  # of sigma: nodes farther from a pin's point of action get none of its force
+SPREAD_CUTOFF = 3.0  # of sigma: nodes farther from a pin's point of action get none of its force
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ def on_pad(pins: PinLayout, vertices: Array, triangles: NDArray[np.integer], nod
     where = contacts(pins, vertices, triangles)
     far = np.zeros(pins.count, dtype=bool)
     for pin in np.flatnonzero(where.hits):
-        far[pin] = ((nodes - where.points[pin]) ** 2).sum(axis=1).min() > (SPREAD_REACH * pins.spread) ** 2
+        far[pin] = ((nodes - where.points[pin]) ** 2).sum(axis=1).min() > (SPREAD_CUTOFF * pins.spread) ** 2
     if not far.any():
         return where
     if not (where.hits & ~far).any():
@@ -207,7 +207,7 @@ def distribution(pins: PinLayout, where: PinContacts, nodes: Array) -> Array:
     a = np.zeros((len(nodes), 3, pins.count))
     for pin in np.flatnonzero(where.hits):
         squared = ((nodes - where.points[pin]) ** 2).sum(axis=1)
-        near = squared <= max((SPREAD_REACH * pins.spread) ** 2, squared.min())  # always at least the nearest node
+        near = squared <= max((SPREAD_CUTOFF * pins.spread) ** 2, squared.min())  # always at least the nearest node
         exponent = squared[near] / (2 * pins.spread**2)
         weights = np.exp(exponent.min() - exponent)
         weights /= weights.sum()

@@ -49,6 +49,13 @@ DAMAGE: tuple[type[Exception], ...] = (
 )
 
 
+def is_newer(schema: Any, known: str) -> bool:
+    """Return whether a schema, such as 'dermis-skin 2', is the known one of a later version."""
+    kind, _, number = schema.rpartition(" ") if isinstance(schema, str) else ("", "", "")
+    own, _, version = known.rpartition(" ")
+    return kind == own and number.isdecimal() and len(number) < 10 and int(number) > int(version)
+
+
 @contextmanager
 def damage_told(what: str, where: str, *, limit: str = "", remedy: str = "") -> Iterator[None]:
     """Turn whatever a parser of foreign bytes throws inside the block into one refusal, the cause chained to it.

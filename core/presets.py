@@ -16,11 +16,11 @@ from .devices.preset_check import check_device
 from .devices.spec import DEVICE_SCHEMA, DeviceSpec, from_preset
 from .errors import DermisError
 from .files import read_json
-from .foreign import damage_told
+from .foreign import damage_told, is_newer
 from .parameters.material import MATERIAL
 from .parameters.parameter import Table
 from .parameters.skin import SKIN
-from .units import quantity
+from .units import quantity, setting
 
 _HERE = Path(__file__).resolve().parent
 # a wheel has them within the package, a checkout and the extension beside it
@@ -191,9 +191,7 @@ def check(group: str, key: str, preset: Mapping[str, Any]) -> None:
     known = SCHEMAS[group]
     schema = preset.get("schema")
     if schema != known:
-        kind, _, number = known.rpartition(" ")
-        newer = isinstance(schema, str) and schema.startswith(f"{kind} ") and schema[len(kind) + 1 :].isdigit()
-        newer = newer and int(str(schema)[len(kind) + 1 :]) > int(number)
+        newer = is_newer(schema, known)
         raise DermisError(
             "made for a newer version of Dermis" if newer else "unknown schema",
             where=where,
@@ -220,7 +218,7 @@ def settings(group: str, key: str, preset: Mapping[str, Any]) -> dict[str, Any]:
     for name, field in _parameters(preset, where).items():
         place = f"{where}, {name}"
         if table is None:
-            found[name] = _plain(field, place)
+            found[name] = setting(field, where=place)
             continue
         if name not in table:
             raise DermisError("unknown parameter", where=where, value=name, limit=", ".join(table))
@@ -235,10 +233,3 @@ def _parameters(preset: Mapping[str, Any], where: str) -> Mapping[str, Any]:
     if not isinstance(parameters, Mapping):
         raise DermisError("'parameters' is missing or not an object", where=where, value=parameters)
     return parameters
-
-
-def _plain(field: Any, where: str) -> Any:
-    """Read a setting: texts, switches and lists of texts as they are, quantities in SI."""
-    if isinstance(field, str | bool) or (isinstance(field, list) and all(isinstance(v, str) for v in field)):
-        return field
-    return quantity(field, where=where)

@@ -102,6 +102,13 @@ def quantity(field: Mapping[str, Any] | float | int, *, where: str = "") -> Any:
     return to_si(value, field["unit"], where=where)
 
 
+def setting(field: Any, *, where: str = "") -> Any:
+    """Read a preset's setting: texts, switches and lists of texts as they are, quantities in SI; see `quantity`."""
+    if isinstance(field, str | bool) or (isinstance(field, list) and all(isinstance(v, str) for v in field)):
+        return field
+    return quantity(field, where=where)
+
+
 def finite(number: float) -> bool:
     """Return whether a number is finite and has its place among floats."""
     try:

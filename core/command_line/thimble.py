@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..contact.pad_sampler import PadSampler
 from ..contact.skin_contact import SkinContact
-from ..contact.skin_sampler import SkinSampler
+from ..contact.skin_sampler import skin_contacts
 from ..devices.spec import DeviceSpec
 from ..devices.thimble import Thimble, mechanism, reference_distance
 from ..devices.workspace import workspace
@@ -198,7 +197,4 @@ def _felt(scene: TactileScene, library: Library, finger: int) -> SkinContact:
     p = scene.fingers[finger].parameters
     parameters = p.get("skin") or library.skin(DEFAULT_SKIN)
     skin = skin_from_parameters(parameters, level=SKIN_CONTACT["skin_level"].of(p))
-    touch, sampler = PadSampler(scene), SkinSampler(scene, {finger: skin})
-    for chunk in scene.chunks:
-        sampler.add(touch.add(chunk))
-    return sampler.finish(touch.finish())[finger]
+    return skin_contacts(scene, {finger: skin})[finger]

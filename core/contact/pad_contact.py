@@ -41,7 +41,7 @@ class PairContact:
 class PadContact:
     """The contact of all pads over a whole range.
 
-    Only pairs that ever come within reach are kept, in `pairs`; `gap`, `normal` and `local_point` spread them over
+    Only pairs that ever come within reach are kept, in `pairs`; `gap` and `normal` spread them over
     all fingers and bodies for those who want dense arrays.
 
     Attributes:
@@ -81,14 +81,6 @@ class PadContact:
         dense = np.zeros((len(self.fingers), len(self.bodies), len(self.times), 3))
         for (f, b), pair in self.pairs.items():
             dense[f, b] = pair.normal
-        return dense
-
-    @cached_property
-    def local_point(self) -> Array:
-        """Closest points in the bodies' carried space [m], zero beyond reach, shape (F, B, n, 3)."""
-        dense = np.zeros((len(self.fingers), len(self.bodies), len(self.times), 3))
-        for (f, b), pair in self.pairs.items():
-            dense[f, b] = pair.point
         return dense
 
     def finger_motion(self, finger: int) -> Motion:

@@ -23,12 +23,12 @@ from ..skin.model import SkinModel
 from .held_bodies import HeldBodies
 from .held_body import may_be_held
 from .pad_contact import PadContact
+from .pad_sampler import PadSampler
 from .posed_scene import PosedScene
 from .sample_window import SampleWindow
 from .skin_contact import SkinContact
 from .skin_record import SkinRecord
 from .skin_stepper import SkinStepper
-from .solver.path import PathSolver
 
 __all__ = ["SkinSampler", "SkinContact"]
 
@@ -57,10 +57,6 @@ class SkinSampler:
         self._waits = False
         self._kept: list[SampleWindow] = []
         self._held_findings: tuple[Finding, ...] = ()
-
-    def solver(self, finger: int) -> PathSolver:
-        """Return the path solver of a finger, for what it counted and remembers."""
-        return self._steppers[finger].bone.solver
 
     def add(self, chunk: Chunk) -> None:
         """Take in the next samples."""
@@ -142,3 +138,15 @@ class SkinSampler:
         if f == min(self._steppers):  # what is said of a held object is said once
             findings += self._held_findings
         return self._records[f].finished(stepper.skin, times, frames, findings, skipped)
+
+
+def skin_contacts(scene: TactileScene, skins: Mapping[int, SkinModel]) -> dict[int, SkinContact]:
+    """Return what skins feel over a whole scene; the pads' touch tells what is held, and how it is accelerated.
+
+    Args:
+        skins: by finger index.
+    """
+    pads, sampler = PadSampler(scene), SkinSampler(scene, skins)
+    for chunk in scene.chunks:
+        sampler.add(pads.add(chunk))
+    return sampler.finish(pads.finish())

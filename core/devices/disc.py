@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..contact.solver.cone import OPEN, SLIP, STICK
 from ..contact.solver.solve import solve as solve_contact
-from ..errors import DermisError
 from .disc_pose import FALLBACK_TOLERANCE, TOLERANCE, Disc, DiscPose, DiscSolution, FrictionState
 
 MAX_STEPS = 10
@@ -52,17 +51,10 @@ class DiscContact:
 
     Attributes:
         solved, fallbacks: how many poses were solved, and for how many Newton's method was not enough.
-
-    Raises:
-        DermisError: shapes that do not fit, or negative friction.
     """
 
     def __init__(self, compliance: Array, positions: Array, disc: Disc, friction: float) -> None:
         count = len(positions)
-        if compliance.shape != (3 * count, 3 * count):
-            raise DermisError("the compliance does not fit the nodes", where="disc", value=compliance.shape)
-        if not (np.isfinite(friction) and friction >= 0):
-            raise DermisError("friction cannot be negative", where="disc", value=friction, limit=">= 0")
         self.compliance, self.positions, self.disc, self.friction = compliance, positions, disc, float(friction)
         self.count = count
         # weighs displacement against force: between the softest and the stiffest node, as in the iteration

@@ -61,7 +61,7 @@ class Press:
         steps: parts of the path in contact.
 
     Raises:
-        DermisError: shapes that do not fit, negative friction, or no step.
+        DermisError: a compliance that is not positive definite, or no step.
     """
 
     def __init__(

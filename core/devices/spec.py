@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..errors import DermisError
-from ..units import UNITS, quantity
+from ..units import UNITS, quantity, setting
 from .kinds import KINDS
 
 DEVICE_SCHEMA = "dermis-device 1"
@@ -149,7 +149,7 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
         kind=preset["kind"],
         rate=positive(_number(preset["rate"], f"{where}, rate"), f"{where}, rate"),
         channels=channels,
-        parameters={k: _parameter(v, f"{where}, {k}") for k, v in _group(preset, "parameters", where).items()},
+        parameters={k: setting(v, where=f"{where}, {k}") for k, v in _group(preset, "parameters", where).items()},
         link_budget=_link_budget(_group(preset, "wire", where), where),
         source=preset,
     )
@@ -216,12 +216,6 @@ def _link_budget(entries: Mapping[str, Any], where: str) -> dict[str, float]:
     if budget.get("bandwidth") and not (budget.get("bits_per_sample") or budget.get("bits_per_channel")):
         raise DermisError("a bandwidth needs the cost of a sample", where=f"{where}, wire", limit=", ".join(WIRE[1:]))
     return budget
-
-
-def _parameter(value: Any, where: str) -> Any:
-    if isinstance(value, str | bool) or (isinstance(value, list) and all(isinstance(v, str) for v in value)):
-        return value
-    return quantity(value, where=where)
 
 
 def _repeated(entry: Mapping[str, Any], where: str) -> list[Mapping[str, Any]]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..arrays import Array
 from ..errors import DermisError
@@ -53,16 +53,8 @@ class Thimble(Linkage):
             return np.full(3, -self.servo_range), np.full(3, self.servo_range)
         return self.bounds[0], self.bounds[1]
 
-    def turns(self, psi: float, theta: float, z: float) -> list[float]:
-        """Return the servos' angles from neutral [rad] as plain numbers, for those who try many configurations.
-
-        Raises:
-            DermisError: a leg cannot reach.
-        """
-        return inverse_kinematics(self, psi, theta, z)[0]
-
-    def constraints(self, x: ArrayLike) -> tuple[Array, Array]:
-        """Return c(x) >= 0, shape (7,), and dc/dx, shape (7, 3).
+    def constraints(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
+        """Return c(x) >= 0, shape (7,), and dc/dx, shape (7, 3), within limits of the servos [rad], shape (3,) each.
 
         The first six are the room left of each servo to either side [rad], the last how far the platform is from the
         least singularity margin.
@@ -70,10 +62,6 @@ class Thimble(Linkage):
         Raises:
             DermisError: a leg cannot reach.
         """
-        return self.constraints_within(x, *self.servo_limits)
-
-    def constraints_within(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return `constraints` for other limits of the servos' angles from neutral [rad], shape (3,) each."""
         at = np.asarray(x, dtype=np.float64)
         turned, slopes = self.servo_turns(self.pose(at))
         margin, softer = singularity_margin(self, *at.tolist())
@@ -93,11 +81,6 @@ class Thimble(Linkage):
         except DermisError:
             return False
         return margin >= MIN_MARGIN and all(a <= t <= b for a, t, b in zip(low, turned, high, strict=True))
-
-    def workspace(self, pitch: ArrayLike, roll: ArrayLike, distance: ArrayLike) -> NDArray[np.bool_]:
-        """Return which of a grid of pitches, rolls [rad] and distances [m] are feasible, shape (a, b, c)."""
-        grid = [np.asarray(values, dtype=np.float64).tolist() for values in (pitch, roll, distance)]
-        return np.array([[[self.feasible((p, r, z)) for z in grid[2]] for r in grid[1]] for p in grid[0]])
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
         """Return the configuration that servo angles from neutral [rad] hold the platform in; see `configuration`.

@@ -31,12 +31,11 @@ class PinStep(NamedTuple):
 
     Attributes:
         x: forces of the active pins [N], shape (active pins,).
-        optimality, clipped, converged: as in `PinForces`.
+        optimality, converged: as in `PinForces`.
     """
 
     x: Array
     optimality: float
-    clipped: int
     converged: bool
 
 
@@ -50,7 +49,6 @@ class PinForces:
         force_error: f_err [N] (eq. 21).
         optimality: KKT residual, relative; 0 for the methods that only clamp.
         at_limit: pins at their upper bound.
-        clipped: pins whose unconstrained value DM1 and FM1 moved into the bounds.
     """
 
     forces: Array
@@ -58,7 +56,6 @@ class PinForces:
     force_error: float
     optimality: float
     at_limit: int
-    clipped: int
     converged: bool = True
 
 
@@ -168,7 +165,7 @@ class PinSolver:
         slew: largest change of a pin's force between two calls [N]; None for no limit.
 
     Raises:
-        DermisError: an unknown method, or a limit or slew that is not above zero.
+        DermisError: an unknown method.
     """
 
     # an 'unbounded' pin still needs a finite number; far above any finger's forces
@@ -184,9 +181,6 @@ class PinSolver:
     ) -> None:
         if method not in METHODS:
             raise DermisError("unknown matching method", where="pin matching", value=method, limit=", ".join(METHODS))
-        for name, value in (("force limit", force_limit), ("slew limit", slew)):
-            if value is not None and not (np.isfinite(value) & (np.asarray(value) > 0)).all():
-                raise DermisError(f"the {name} must be above zero", where="pin matching", value=value, limit="> 0")
         self.matcher, self.method, self.slew = matcher, method, slew
         most = self.UNBOUNDED if force_limit is None else force_limit
         self.high = np.broadcast_to(np.asarray(most, np.float64), (matcher.pins,))[matcher.active]
@@ -209,7 +203,6 @@ class PinSolver:
             float(matcher.force_error(force, step.x)[0]),
             step.optimality,
             self.at_limit(step.x),
-            step.clipped,
             step.converged,
         )
 
@@ -243,16 +236,14 @@ class PinSolver:
         if self._quadratic is not None:
             solution = self._bounded(matcher.rhs(self.method, force))
             optimality = solution.optimality(self._quadratic.low, self._quadratic.high)
-            return PinStep(solution.x, optimality, 0, solution.converged)
+            return PinStep(solution.x, optimality, solution.converged)
         inverse = matcher.deformation_inverse if self.method.startswith("DM") else matcher.force_inverse
         x = inverse @ force
         if not np.isfinite(x).all():
             raise DermisError("the target's forces are not finite", where="pin matching")
         if self.method.endswith("0"):
-            return PinStep(x, 0.0, 0, True)
-        low, high = self._bounds()
-        clamped = np.clip(x, low, high)
-        return PinStep(clamped, 0.0, int((clamped != x).sum()), True)
+            return PinStep(x, 0.0, True)
+        return PinStep(np.clip(x, *self._bounds()), 0.0, True)
 
     def _bounded(self, c: Array) -> BoundedSolution:
         assert self._quadratic is not None

@@ -17,7 +17,6 @@ import numpy as np
 from ..arrays import Array
 from ..devices.singularity import inverse_kinematics
 from ..devices.thimble import MIN_MARGIN, Thimble
-from ..errors import DermisError
 from .gauss_newton import (
     ARMIJO,
     DAMPING,
@@ -43,7 +42,7 @@ def descend(
     """Return the configuration whose stimulus is nearest to the target; see `minimise`.
 
     Raises:
-        DermisError: a target that is not finite or of another size, or a start outside the limits.
+        DermisError: a start outside the limits.
     """
     limits = limits or ServoLimits.of(device)
     low, high = limits.low.tolist(), limits.high.tolist()
@@ -54,13 +53,6 @@ def descend(
     both = np.empty((size, 4))
     x = np.array(start, np.float64)
     stimulus, jacobian = evaluate(x)
-    if stimulus.shape != target.shape or not math.isfinite(float(target.sum())):
-        raise DermisError(
-            "the target does not fit the model or is not finite",
-            where="thimble",
-            value=target.shape,
-            limit=f"{stimulus.shape}, finite",
-        )
     gram = _gram(both, stimulus, jacobian, target, radius)
     cost = start_cost = 0.5 * gram[3][3]
     exact = EXACT**2 * float(target @ target)

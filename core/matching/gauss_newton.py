@@ -96,7 +96,7 @@ class ServoLimits:
         Raises:
             DermisError: a leg cannot reach.
         """
-        return device.constraints_within(x, self.low, self.high)
+        return device.constraints(x, self.low, self.high)
 
 
 def minimise(
@@ -118,7 +118,7 @@ def minimise(
         limits: of the servos; their whole range where None.
 
     Raises:
-        DermisError: a target that is not finite or of another size, or a start outside the limits.
+        DermisError: a start outside the limits.
     """
     limits = limits or ServoLimits.of(device)
     x = np.array(start, dtype=np.float64)
@@ -131,13 +131,6 @@ def minimise(
             limit=">= 0",
         )
     stimulus, jacobian = evaluate(x)
-    if target.shape != stimulus.shape or not np.isfinite(target).all():
-        raise DermisError(
-            "the target does not fit the model or is not finite",
-            where="thimble",
-            value=target.shape,
-            limit=f"{stimulus.shape}, finite",
-        )
     scale = np.array([1.0, 1.0, device.platform_radius])
     size = max(float(np.sqrt(target @ target)), 1e-300)
     residual = stimulus - target

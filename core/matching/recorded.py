@@ -73,18 +73,18 @@ class RecordedMatcher(StressMatcher):
         self._pressed = frame.minimum is not None  # what the simulated skin says of it does not count
         return frame
 
-    def _search(self, target: Array, limits: ServoLimits) -> tuple[Minimum, int]:
-        found, searches = super()._search(target, limits)
+    def _search(self, target: Array, limits: ServoLimits) -> Minimum:
+        found = super()._search(target, limits)
         x = np.clip(found.x, self.low, self.high)
         if np.array_equal(x, found.x):
-            return found, searches
+            return found
         self.outside += 1
         x = self._within(x, limits)
         stimulus, _ = self.model.evaluate(x)
         residual = stimulus - target
         cost = 0.5 * float(residual @ residual)
         room, _ = limits.constraints(self.device, x)
-        kept = replace(
+        return replace(
             found,
             x=x,
             stimulus=stimulus,
@@ -97,7 +97,6 @@ class RecordedMatcher(StressMatcher):
             multipliers=np.zeros(0),
             why="edge",
         )
-        return kept, searches
 
     def _rendered_stimulus(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
         return np.zeros(self.model.size) if minimum is None else minimum.stimulus

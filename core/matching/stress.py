@@ -45,7 +45,6 @@ class ThimbleFrame:
         stimulus: rendered, after the friction update, shape (k,). mismatch: |stimulus - target| / |target|, 0 for none.
         solution: contact of the disc with the skin.
         minimum: the search's own account, None where the target is no touch.
-        searches: how many starts were tried.
         rescued: a learned model was wrong, and the direct search took its place.
     """
 
@@ -55,7 +54,6 @@ class ThimbleFrame:
     mismatch: float
     solution: DiscSolution
     minimum: Minimum | None
-    searches: int
     rescued: bool = False
 
     @property
@@ -154,12 +152,10 @@ class StressMatcher:
             )
         limits = self.limits if self.change is None else self.limits.near(self.angles, self.change)
         size = float(np.sqrt(target @ target))
-        minimum, searches, followed, rescued = None, 0, self._pressed, False
+        minimum: Minimum | None = None
+        followed, rescued = self._pressed, False
         if size > max(self.noise_floor, NOTHING * float(self.table.strength.max())):
-            if search is None:
-                minimum, searches = self._search(target, limits)
-            else:
-                minimum, searches = search(self.x, limits), 1
+            minimum = self._search(target, limits) if search is None else search(self.x, limits)
             x = minimum.x
         else:
             x, self._goal = self._retracted(limits), None
@@ -169,13 +165,13 @@ class StressMatcher:
         if learned and minimum is not None and self._mistrusted(stimulus, minimum, size):
             before = self.rescues
             minimum, x, solution, stimulus = self._rescued(target, limits, minimum, x, solution, stimulus)
-            searches, rescued = searches + 1, self.rescues > before
+            rescued = self.rescues > before
         self._settle(solution)
         miss = stimulus - target
         self._moved = x - self.x if minimum is not None and followed else np.zeros(3)
         self.x, self.angles = x, self._angles(x)
         mismatch = float(np.sqrt(miss @ miss)) / size if minimum is not None else 0.0
-        return ThimbleFrame(x, self.angles, stimulus, mismatch, solution, minimum, searches, rescued)
+        return ThimbleFrame(x, self.angles, stimulus, mismatch, solution, minimum, rescued)
 
     def follow(self, targets: Iterable[Array]) -> Iterator[ThimbleFrame]:
         """Take targets one after the other."""
@@ -184,26 +180,24 @@ class StressMatcher:
 
     # -- parts -------------------------------------------------------------------------------------------------------
 
-    def _search(self, target: Array, limits: ServoLimits) -> tuple[Minimum, int]:
+    def _search(self, target: Array, limits: ServoLimits) -> Minimum:
         self.model.hold(self.state)
         size = float(np.sqrt(target @ target))
         alike = self.table.direction @ target / size
         nearest = int(alike.argmax())
         promised = size * float(np.sqrt(max(1.0 - alike[nearest] ** 2, 0.0)))
         best: Minimum | None = None
-        searches = 0
         if self._pressed:
             best = descend(self.model.evaluate, target, self._extrapolated(limits), self.device, limits)
-            searches = 1
         if best is not None:
             self._wait = max(self._wait - 1, 0)
         start = self.table.pose(nearest, size * float(alike[nearest]))
         if best is None:
             best = descend(self.model.evaluate, target, self._within(start, limits), self.device, limits)
             self._patience = 1
-            return best, searches + 1
+            return best
         if self._goal is None and (promised >= PROMISE * best.mismatch or self._wait > 0):
-            return best, searches
+            return best
         start = self._within(start if self._goal is None else self._goal, self.limits)
         other = descend(self.model.evaluate, target, start, self.device, self.limits)
         self._goal = None
@@ -212,7 +206,7 @@ class StressMatcher:
         else:  # a promise that was not kept: wait longer and longer before the next is believed
             self._patience = min(2 * self._patience, LONGEST_WAIT)
             self._wait = self._patience
-        return best, searches + 1
+        return best
 
     def _toward(self, goal: Minimum, target: Array, limits: ServoLimits) -> Minimum:
         """Return a better minimum elsewhere, or where the servos can be on the way to it within one frame."""
@@ -251,7 +245,7 @@ class StressMatcher:
         """Search directly where a learned model was far from the contact that its pose made, and keep the better."""
         learned, self.model = self.model, self.direct
         try:
-            other, _ = self._search(target, limits)
+            other = self._search(target, limits)
             found = self.direct.solution(other.x)
         finally:
             self.model = learned

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -127,6 +126,23 @@ class Follower:
         patch = contact_patch(self.skin, force)
         return self.matching.step(target, lambda x, limits: fit_plane(self.matching.device, patch, x, limits))
 
+    def follow(self, forces: Array) -> ThimbleSequence:
+        """Follow a sequence of touches; forces on the pad nodes [N], shape (n, m, 3) or (n, 3 m).
+
+        Raises:
+            DermisError: forces that do not fit the skin or are not finite.
+        """
+        forces = np.asarray(forces, np.float64).reshape(len(forces), -1)
+        nodes = self.skin.pad_count
+        if forces.shape[1] != 3 * nodes or not np.isfinite(forces).all():
+            raise DermisError(
+                "the target's forces do not fit the skin or are not finite",
+                where="thimble",
+                value=forces.shape,
+                limit=f"(n, {3 * nodes})",
+            )
+        return collect([self.step(force) for force in forces], nodes, self.method)
+
 
 def follower(use: ThimbleUse, change: float | None = None) -> Follower:
     """Return what follows a virtual touch as a thimble is used; `change` as in `matcher`.
@@ -148,55 +164,13 @@ def follower(use: ThimbleUse, change: float | None = None) -> Follower:
 
 
 def match_touch(use: ThimbleUse, forces: Array, change: float | None = None) -> ThimbleSequence:
-    """Match a sequence of virtual touches as a thimble is used; forces as in `match_sequence`."""
-    return drain(_through(follower(use, change), forces))
-
-
-def match_sequence(
-    device: Thimble,
-    skin: SkinModel,
-    forces: Array,
-    method: str = "stress",
-    *,
-    friction: float = FRICTION,
-    observation_matrix: Array | None = None,
-    model: ForwardModel | None = None,
-    change: float | None = None,
-) -> Generator[tuple[int, int], None, ThimbleSequence]:
-    """Match a sequence of virtual touches; yields frames done and in all. See `matcher` for the arguments.
-
-    Args:
-        forces: of the virtual touch on the pad nodes [N], shape (n, m, 3) or (n, 3 m).
-
-    Raises:
-        DermisError: forces that do not fit the skin or are not finite.
-    """
-    found = matcher(
-        device, skin, method, friction=friction, observation_matrix=observation_matrix, model=model, change=change
-    )
-    return (yield from _through(Follower(found, skin, method), forces))
+    """Match a sequence of virtual touches as a thimble is used; forces as in `Follower.follow`."""
+    return follower(use, change).follow(forces)
 
 
 def match_stimuli(matching: StressMatcher, stimuli: Array) -> ThimbleSequence:
     """Match a recorded sequence of stimuli in the matcher's own channels, shape (n, k); a row of zeros is no touch."""
     return collect(list(matching.follow(np.asarray(stimuli, np.float64))), matching.contact.count, "stress")
-
-
-def _through(following: Follower, forces: Array) -> Generator[tuple[int, int], None, ThimbleSequence]:
-    forces = np.asarray(forces, np.float64).reshape(len(forces), -1)
-    nodes = following.skin.pad_count
-    if forces.shape[1] != 3 * nodes or not np.isfinite(forces).all():
-        raise DermisError(
-            "the target's forces do not fit the skin or are not finite",
-            where="thimble",
-            value=forces.shape,
-            limit=f"(n, {3 * nodes})",
-        )
-    frames = []
-    for i, force in enumerate(forces):
-        frames.append(following.step(force))
-        yield i + 1, len(forces)
-    return collect(frames, nodes, following.method)
 
 
 def render(

@@ -23,7 +23,7 @@ class ThimbleSequence:
         x: pitch, roll [rad], distance [m], shape (n, 3). angles: of the servos from neutral [rad], shape (n, 3).
         force: of the device on the skin [N], float32, shape (n, m, 3).
         mismatch: |rendered - target| / |target| in the method's own descriptor, 0 without touch, shape (n,).
-        kkt: optimality of the search, shape (n,). iterations, evaluations: of it, shape (n,).
+        kkt: optimality of the search, shape (n,). iterations: of it, shape (n,).
         pressing: the disc touches, shape (n,). touched: the target is a touch, shape (n,).
         held_back: a servo limit was active, shape (n,).
         steep: in a better pose the platform would give way, shape (n,).
@@ -39,7 +39,6 @@ class ThimbleSequence:
     mismatch: Array
     kkt: Array
     iterations: NDArray[np.int64]
-    evaluations: NDArray[np.int64]
     pressing: NDArray[np.bool_]
     touched: NDArray[np.bool_]
     held_back: NDArray[np.bool_]
@@ -79,7 +78,6 @@ def collect(frames: list[ThimbleFrame], nodes: int, method: str) -> ThimbleSeque
         np.array([f.mismatch for f in frames]),
         np.array([0.0 if m is None else m.kkt for m in found]),
         np.array([0 if m is None else m.iterations for m in found]),
-        np.array([0 if m is None else m.evaluations for m in found]),
         np.array([f.touching for f in frames]),
         np.array([m is not None for m in found]),
         np.array([m is not None and any(a != GIVES_WAY for a in m.active) for m in found]),

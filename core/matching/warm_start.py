@@ -32,6 +32,18 @@ class WarmStartTable:
     direction: Array
     strength: Array
 
+    @classmethod
+    def of(cls, x: list[Array], depth: list[float], stimuli: list[Array], none: str) -> WarmStartTable:
+        """Return the table of these poses.
+
+        Raises:
+            DermisError: there are none, with these words.
+        """
+        if not x:
+            raise DermisError(none, where="thimble")
+        strength = np.sqrt((np.array(stimuli) ** 2).sum(axis=1))
+        return cls(np.array(x), np.array(depth), np.array(stimuli) / strength[:, None], strength)
+
     def pose(self, row: int, strength: float) -> Array:
         """Return an entry's tilt at the depth whose stimulus has a given strength, as a ball's has: depth^1.5."""
         depth = self.depth[row] * (max(strength, 0.0) / self.strength[row]) ** (2.0 / 3.0)
@@ -58,11 +70,9 @@ def recorded_table(device: Thimble, contact: DiscContact, model: ForwardModel, x
                 rows.append(at)
                 depths.append(max(first_contact(device, contact, at[0], at[1]) - at[2], TABLE_DEPTHS[0]))
                 stimuli.append(stimulus)
-    if not rows:
-        raise DermisError("no recorded pose within the servo limits makes the channels change", where="thimble")
-    table = np.array(stimuli)
-    strength = np.sqrt((table**2).sum(axis=1))
-    return WarmStartTable(np.array(rows), np.array(depths), table / strength[:, None], strength)
+    return WarmStartTable.of(
+        rows, depths, stimuli, "no recorded pose within the servo limits makes the channels change"
+    )
 
 
 def warm_start_table(device: Thimble, contact: DiscContact, model: ForwardModel) -> WarmStartTable:
@@ -84,8 +94,4 @@ def warm_start_table(device: Thimble, contact: DiscContact, model: ForwardModel)
                         rows.append(x)
                         depths.append(depth)
                         stimuli.append(stimulus)
-    if not rows:
-        raise DermisError("no pose within the servo limits touches the skin", where="thimble")
-    table = np.array(stimuli)
-    strength = np.sqrt((table**2).sum(axis=1))
-    return WarmStartTable(np.array(rows), np.array(depths), table / strength[:, None], strength)
+    return WarmStartTable.of(rows, depths, stimuli, "no pose within the servo limits touches the skin")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
-from ..files import read_bytes, write_bytes, write_npz
+from ..files import read_bytes
 from ..foreign import MAX_TEXT, json_of
 from ..npz import opened_npz
 from ..units import UNITS
@@ -58,25 +57,6 @@ def load_mesh(path: Path) -> TetraMesh:
     mesh = TetraMesh(nodes, tetrahedra, fixed, pad.astype(np.int32), surface, name)
     check_mesh(mesh)
     return mesh
-
-
-def save_mesh(mesh: TetraMesh, path: Path) -> None:
-    """Write a mesh as .npz or .json, by the path's ending, whole or not at all.
-
-    Raises:
-        DermisError: another ending, or the file cannot be written.
-    """
-    path = Path(path)
-    arrays = {name: np.asarray(getattr(mesh, name)) for name in _REQUIRED + _OPTIONAL}
-    texts = {"schema": SCHEMA, "name": mesh.name, "unit": "m"}
-    suffix = path.suffix.lower()
-    if suffix == ".npz":
-        write_npz(path, {**{k: np.array(v) for k, v in texts.items()}, **arrays})
-    elif suffix == ".json":
-        content = {**texts, **{k: v.tolist() for k, v in arrays.items()}}
-        write_bytes(path, (json.dumps(content, allow_nan=False) + "\n").encode())
-    else:
-        raise DermisError("unknown kind of mesh file", where=str(path), value=suffix, limit=".npz, .json")
 
 
 def _read_npz(path: Path, where: str) -> Mapping[str, Any]:

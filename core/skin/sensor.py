@@ -49,13 +49,6 @@ class ElectrodeSensor:
     weights: Array
     matrix: Array
 
-    def read(self, force: Array) -> Array:
-        """Return the readings of contact forces, (..., m, 3) or (..., 3 m) to (..., c)."""
-        force = np.asarray(force, np.float64)
-        if force.shape[-1] == 3 and force.ndim > 1:
-            force = force.reshape(*force.shape[:-2], -1)
-        return force @ self.matrix.T
-
 
 def electrode_sensor(skin: SkinModel, layout: Array = LAYOUT, spread: float = SPREAD) -> ElectrodeSensor:
     """Return the sensor of a skin; electrodes keep their places relative to its size.

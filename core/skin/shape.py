@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..errors import DermisError
 from ..parameters.skin import LENGTHS
-from ..scene.tactile_scene import Mesh
-from .disk import disk_quads, split_quads
 
 # How far the pulp narrows behind the pad's centre, as a fraction of the half section. The palm recedes towards the
 # crease of the joint; the sides and the back run almost straight.
@@ -168,26 +166,6 @@ class FingertipShape:
                 limit=f"below {limit * 1e3:.2f} mm ({other})",
                 remedy="Make it smaller, or the finger larger",
             )
-
-
-def fingertip_surface(shape: FingertipShape, *, across: int = 12, along: int = 16, rings: int = 8) -> Mesh:
-    """Return the closed skin of a fingertip for drawing and for modelling: quads split alike, outward.
-
-    Args:
-        across, along: cells across and along the pad, even.
-        rings: rings of cells from the pad to the cut end.
-
-    Raises:
-        DermisError: an odd or too small number of cells.
-    """
-    disk = disk_quads(across, along, rings)
-    points = shape.skin(disk.chart)
-    triangles = split_quads(disk.quads, disk.colour)
-    rim = disk.rim
-    centre = points[rim].mean(axis=0)
-    cap = np.stack([np.roll(rim, -1), rim, np.full(len(rim), len(points))], axis=1)
-    vertices = np.concatenate([points, centre[None]])
-    return Mesh(vertices, np.concatenate([triangles, cap]).astype(np.int32))
 
 
 def shape_from_parameters(parameters: dict[str, Any], *, where: str = "fingertip") -> FingertipShape:

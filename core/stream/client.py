@@ -62,10 +62,6 @@ class SenderClient:
         self._before = next((one for one in _ending if one._request.get("url") == url), None)
         self.set(connect=True, url=url, protocol=protocol, device={"key": device, "preset": dict(preset)}, **more)
 
-    def disconnect(self) -> None:
-        """Let the link go; an armed device goes to its safe state first."""
-        self.set(connect=False, arm_id=0)
-
     def set(self, **fields: Any) -> None:
         """Change fields of the request.
 

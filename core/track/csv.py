@@ -29,20 +29,8 @@ from ..files import opened, read_bytes, write_bytes
 from ..foreign import MAX_TEXT
 from ..units import UNITS
 from .command_track import CommandTrack
-from .csv_header import (
-    KEY,
-    MAGIC,
-    VERSION,
-    check_known,
-    check_limited,
-    check_meta,
-    count,
-    entries_of,
-    escaped,
-    is_own,
-    spec_of,
-    split,
-)
+from .csv_header import MAGIC, VERSION, count, entries_of, escaped, spec_of, split
+from .known_keys import KEY, check_known, check_limited, check_meta, is_own
 
 _NOT_NUMERIC = re.compile(r"[^0-9eE+\-.,\n]")
 _ROWS_AT_ONCE = 4096

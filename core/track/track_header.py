@@ -10,8 +10,10 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import DermisError
+from ..foreign import is_newer
 from .command_track import MAX_SAMPLES, CommandTrack
-from .csv_header import KEY, check_known, check_limited, check_meta, count, is_own, spec_of
+from .csv_header import count, spec_of
+from .known_keys import KEY, check_known, check_limited, check_meta, is_own
 
 LIMITS = ("low", "high", "slew", "rest", "actuator")
 FIELDS = ("schema", "device", "channels", "times", "meta", "limited")
@@ -75,9 +77,7 @@ def check_schema(header: Any, schema: str, extra: tuple[str, ...], where: str) -
         raise DermisError("not a track", where=where, value=type(header).__name__, limit="a JSON object")
     found = header.get("schema")
     if found != schema:
-        kind, _, version = schema.rpartition(" ")
-        newer = isinstance(found, str) and found.startswith(f"{kind} ") and found[len(kind) + 1 :].isdigit()
-        newer = newer and int(str(found)[len(kind) + 1 :]) > int(version)
+        newer = is_newer(found, schema)
         raise DermisError(
             "written by a newer version of Dermis" if newer else "not a track of this format",
             where=where,

@@ -19,7 +19,7 @@ from core.devices.disc import DiscContact
 from core.devices.disc_pose import FrictionState, placed
 from core.devices.first_contact import first_contact
 from core.devices.thimble import Thimble, mechanism
-from core.matching.thimble import match_sequence, matcher
+from core.matching.thimble import matcher
 from core.plot import stimuli
 from core.presets import Library
 from core.skin.model import SkinModel, fingertip_skin
@@ -33,6 +33,7 @@ from core.surrogate.store import contact_of
 from core.surrogate.subspace import principal_components
 from core.surrogate.table import SampleTable, relative_rms
 from tests import touches
+from tests.thimbles import match_sequence
 
 Array = NDArray[np.float64]
 
@@ -140,10 +141,8 @@ def rendering(skin: SkinModel, spaces: Descriptors, count: int) -> tuple[dict[st
         row = {}
         for method in METHODS:
             start = time.perf_counter()
-            found = drain(
-                match_sequence(
-                    device, skin, forces, method, friction=FRICTION, observation_matrix=spaces.observation_matrix
-                )
+            found = match_sequence(
+                device, skin, forces, method, friction=FRICTION, observation_matrix=spaces.observation_matrix
             )
             taken = 1e3 * (time.perf_counter() - start) / max(int(found.touched.sum()), 1)
             rendered = found.force.reshape(len(forces), -1).astype(np.float64) @ whole.T
@@ -161,7 +160,7 @@ def electrodes(skin: SkinModel, data: Dataset, count: int) -> dict[str, Any]:
     """The virtual sensor: components at 5 %, and matching in electrode space on a model fitted to electrodes."""
     device, sensor = mechanism(Library().device("thimble_3rrs")), electrode_sensor(skin)
     force = data.force.astype(np.float64)
-    readings = sensor.read(force)
+    readings = force.reshape(len(force), -1) @ sensor.matrix.T
     space = principal_components(readings, tolerance=0.05)
     memory = principal_components(data.before.astype(np.float64), tolerance=0.10)
     table = SampleTable(data.x, memory.project(data.before.astype(np.float64)), readings, data.trajectory)
@@ -170,7 +169,7 @@ def electrodes(skin: SkinModel, data: Dataset, count: int) -> dict[str, Any]:
     out: dict[str, Any] = {"components at 5 %": space.size, "ridge test error": relative_rms(fit, table.rows(rest))}
     model = LearnedModel(fit, memory)
     for touch in (touches.flat_press(count), touches.cup(count), touches.foam(count)):
-        target = sensor.read(touch.forces(skin))
+        target = touch.forces(skin).reshape(count, -1) @ sensor.matrix.T
         row = []
         for forward in (None, model):
             follower = matcher(
@@ -234,10 +233,8 @@ def observer(skin: SkinModel, spaces: Descriptors, count: int) -> dict[str, Any]
                 rendered = [
                     f
                     if method == "target"
-                    else drain(
-                        match_sequence(
-                            device, skin, f, method, friction=FRICTION, observation_matrix=spaces.observation_matrix
-                        )
+                    else match_sequence(
+                        device, skin, f, method, friction=FRICTION, observation_matrix=spaces.observation_matrix
                     ).force
                     for f in one
                 ]

@@ -15,6 +15,7 @@ from blender_addon.properties import object_properties
 from blender_addon.results import pin_reports, store
 from blender_addon.viewport import pin_card, pin_twin
 from blender_addon.viewport import shown as views
+from tests.sliding import sliding_plane
 
 
 @pytest.fixture
@@ -47,7 +48,7 @@ def test_settings_reach_the_track(demo) -> None:
 
 
 def test_the_demos_bake_is_the_engines_own_experiment(demo) -> None:
-    scene = core.scene.sliding.sliding_plane(1.5e-3, 0.5)
+    scene = sliding_plane(1.5e-3, 0.5)
     at = demo.objects["Plane"]
     for frame in (5, 1, 10, 30, 61):
         demo.frame_set(frame)

@@ -15,9 +15,9 @@ from blender_addon.preview.skin_state import SkinState
 from blender_addon.results import store
 from blender_addon.viewport import shown as views
 from blender_addon.viewport import skin_field, skin_shown
-from core.skin.file import save_mesh
 from core.skin.model import fingertip_skin
 from tests.problems import flat_press
+from tests.tissue import save_mesh
 
 from .build import cube, empty, finger, keys, span
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 
@@ -13,6 +13,7 @@ from ...arrays import Array, Indices
 from ...errors import DermisError
 from ...surface.gap import Surface
 from ...surface.plane import Plane
+from .cone import along
 
 # A point inside a finger [m]: on the side where it lies, the finger is outside an open surface.
 BONE = np.array([0.0, 0.0, 0.006])
@@ -162,22 +163,15 @@ def to_material(frame: ContactFrame, nodes: Indices, positions: Array) -> tuple[
     """
     out = np.empty_like(positions)
     triangle = frame.triangle[nodes]
-    owner = frame.body[nodes]
-    for index, body in enumerate(frame.bodies):
-        own = owner == index
-        count = np.count_nonzero(own)
-        if count == 0:
-            continue
-        # no copies where there is only one body
-        which: NDArray[np.bool_] | slice = slice(None) if count == owner.size else own
+    for body, which in _owned(frame.bodies, frame.body[nodes]):
         local = (positions[which] - body.translation) @ body.rotation
         if body.deforms and isinstance(body.surface, Surface):
             a, ab, ac, normal = _plane_of(body.surface, triangle[which])
             v = local - a
-            g11, g12, g22 = _dot(ab, ab), _dot(ab, ac), _dot(ac, ac)
-            d1, d2 = _dot(v, ab), _dot(v, ac)
+            g11, g12, g22 = along(ab, ab), along(ab, ac), along(ac, ac)
+            d1, d2 = along(v, ab), along(v, ac)
             det = g11 * g22 - g12 * g12
-            local = np.stack([(g22 * d1 - g12 * d2) / det, (g11 * d2 - g12 * d1) / det, _dot(v, normal)], axis=1)
+            local = np.stack([(g22 * d1 - g12 * d2) / det, (g11 * d2 - g12 * d1) / det, along(v, normal)], axis=1)
         elif body.carry is not None:
             local = local @ np.linalg.inv(body.carry).T
         out[which] = local
@@ -189,13 +183,7 @@ def from_material(
 ) -> Array:
     """Return where material points are now, in the finger's frame [m], shape (n, 3); the inverse of `to_material`."""
     out = np.full_like(material, np.nan)
-    for index, body in enumerate(bodies):
-        own = owner == index
-        count = np.count_nonzero(own)
-        if count == 0:
-            continue
-        # no copies where there is only one body
-        which: NDArray[np.bool_] | slice = slice(None) if count == owner.size else own
+    for body, which in _owned(bodies, owner):
         if body.deforms and isinstance(body.surface, Surface):
             a, ab, ac, normal = _plane_of(body.surface, triangle[which])
             u, w, height = material[which].T[:, :, None]
@@ -206,13 +194,20 @@ def from_material(
     return out
 
 
+def _owned(
+    bodies: Sequence[ContactBody], owner: NDArray[np.integer]
+) -> Iterator[tuple[ContactBody, NDArray[np.bool_] | slice]]:
+    """Yield each body that owns any, with which are its own; a slice, which copies nothing, where it owns all."""
+    for index, body in enumerate(bodies):
+        own = owner == index
+        count = np.count_nonzero(own)
+        if count:
+            yield body, slice(None) if count == owner.size else own
+
+
 def _plane_of(surface: Surface, triangle: Indices) -> tuple[Array, Array, Array, Array]:
     rows = surface.table.rows[:9].take(triangle, axis=1).T
     return rows[:, 0:3], rows[:, 3:6], rows[:, 6:9], surface.table.bounds[3:6].take(triangle, axis=1).T
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return np.einsum("ij,ij->i", a, b)
 
 
 def _boxes_meet(points: Array, box: Array, margin: float) -> bool:

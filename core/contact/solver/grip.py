@@ -76,11 +76,6 @@ class GripStep:
     frames: tuple[ContactFrame, ...] = ()
     slips: tuple[Array, ...] = ()
 
-    def balance_residual(self) -> float:
-        """Return |contact force - m (a - g)| relative to |m (a - g)|."""
-        size = max(float(np.linalg.norm(self.required[:3])), 1e-300)
-        return float(np.linalg.norm(self.on_object[:3] - self.required[:3])) / size
-
 
 @dataclass
 class Grip:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
-from .bodies import ContactBody, ContactFrame, from_material, to_material
+from .bodies import ContactFrame, from_material, to_material
 
 
 class ContactHistory:
@@ -69,7 +67,3 @@ class ContactHistory:
         if nodes.size:
             self._material[nodes], self._triangle[nodes] = to_material(frame, nodes, positions[nodes])
         self.body = np.where(near, frame.body, -1)
-
-    def anchors(self, bodies: Sequence[ContactBody]) -> Array:
-        """Return where the anchors are now [m], NaN without one, shape (m, 3)."""
-        return from_material(bodies, self.body, self._material, self._triangle)

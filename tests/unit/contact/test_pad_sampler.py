@@ -90,7 +90,7 @@ def test_gap_normal_and_point_of_a_turned_and_stretched_box() -> None:
     touch = sampled([poses(place + local @ turn.T)], [(Body("b", cuboid(0.05, 0.1, 0.04)), body)])
     assert touch.gap[0, 0] == pytest.approx(local[:, 2] - 0.02, abs=1e-12)
     assert touch.normal[0, 0] == pytest.approx(np.tile(turn[:, 2], (len(t), 1)), abs=1e-9)
-    assert touch.local_point[0, 0] == pytest.approx(np.stack([local[:, 0], local[:, 1], 0 * t + 0.02], 1), abs=1e-12)
+    assert touch.pairs[0, 0].point == pytest.approx(np.stack([local[:, 0], local[:, 1], 0 * t + 0.02], 1), abs=1e-12)
 
 
 def test_mirrored_object_keeps_its_outside() -> None:
@@ -118,8 +118,8 @@ def test_chunk_length_does_not_matter() -> None:
     finger = poses(np.stack([0.3 * t - 0.1, 0 * t, 0.04 + 0.06 * np.cos(7 * t)], axis=1))
     body = (Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3))))
     one, many = (sampled([finger], [body], size=s) for s in (10_000, 7))
-    for name in ("gap", "normal", "local_point"):
-        assert np.array_equal(getattr(one, name), getattr(many, name))
+    for name in ("gap", "normal", "point"):
+        assert np.array_equal(getattr(one.pairs[0, 0], name), getattr(many.pairs[0, 0], name))
 
 
 def test_far_objects_cost_no_query_and_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:

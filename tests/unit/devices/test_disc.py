@@ -13,7 +13,6 @@ from core.devices.disc import DiscContact
 from core.devices.disc_pose import Disc, FrictionState, placed
 from core.devices.first_contact import calibrated, first_contact
 from core.devices.thimble import mechanism
-from core.errors import DermisError
 from core.presets import Library
 from tests import problems
 
@@ -165,10 +164,3 @@ def test_calibration_puts_first_contact_where_it_was_felt(skin, device):
 def test_far_away_nothing_is_felt(skin, device):
     found = contact_with(skin, device, 0.6).solve(placed(device, device.pose((0.0, 0.0, 0.025))))
     assert not found.touching and found.method == "none" and not found.force.any()
-
-
-@pytest.mark.parametrize(("changes", "words"), [({"friction": -0.1}, "negative"), ({"cut": 3}, "does not fit")])
-def test_what_cannot_be_is_refused(skin, changes, words):
-    compliance = skin.compliance[changes.get("cut", 0) :]
-    with pytest.raises(DermisError, match=words):
-        DiscContact(compliance, skin.positions, Disc(), changes.get("friction", 0.6))

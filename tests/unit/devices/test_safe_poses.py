@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from core.devices import cable_platform, hexapod
 from core.devices.calibration import Calibration
 from core.devices.kinds import KINDS
-from core.devices.retraction import CLEAR, DEEPENING, FITTED, SPARED, THICKEST, clearance, retracted
+from core.devices.poses import Poses
+from core.devices.retraction import CLEAR, FITTED, THICKEST, clearance
 from core.devices.singularity import inverse_kinematics
-from core.devices.spec import from_preset
+from core.devices.spec import DeviceSpec, from_preset
 from core.devices.thimble import MIN_MARGIN, mechanism
 from core.errors import DermisError
 from core.presets import BUILT_IN, Library
@@ -26,6 +28,9 @@ KEYS = [e.key for e in LIBRARY.list("devices") if not e.user]
 WORN_KEYS = [key for key in KEYS if LIBRARY.device(key).worn]
 PLATFORMS = {"thimble_3rrs": 2.07e-3, "cable_platform": 6.03e-3, "hexapod": 9.99e-3}  # [m] clear of the thickest
 STARTS = {"thimble_3rrs": 394, "cable_platform": 838, "hexapod": 1499}  # poses that ways begin at, as the page says
+DEEPENING = 0.05e-3  # [m] deeper than where it started: as far as a platform may press on the way
+SPARED = float(np.radians(8.0))  # [rad] of a servo's range, left to calibration
+DROP = 15.0e-3  # [m] below the pad: how far six legs let the platform down
 PAGE = (BUILT_IN / "streaming.md").read_text("utf-8")
 
 
@@ -42,6 +47,21 @@ def without(key: str, *names: str) -> Any:
         for channel in preset["channels"]:
             channel.pop(name, None)
     return from_preset(key, preset)
+
+
+def retracted(spec: DeviceSpec) -> Any:
+    """Return the safe pose of a device that ships: a value for every channel with an actuator [SI].
+
+    A thimble's servos turn away from the finger, all alike; cables are let out; six legs stand level, DROP below the
+    pad. A tactor returns to its middle, which stretches the skin least, and pins give no force.
+    """
+    if spec.kind == "thimble":
+        return mechanism(spec).servo_limits[1] - SPARED
+    if spec.kind == "cable_platform":
+        return cable_platform.mechanism(spec).rest + SPARED
+    if spec.kind == "hexapod":
+        return hexapod.mechanism(spec).commands(Poses(np.eye(3)[None], np.array([[0.0, 0.0, -DROP]])))[0]
+    return np.zeros(sum(bool(c.actuator) for c in spec.channels))
 
 
 # -- the poses

@@ -83,7 +83,7 @@ def test_every_feasible_pose_is_the_one_that_its_servos_hold():
             for roll in np.radians(np.arange(-40.0, 40.1, 4.0)):
                 x = np.array([pitch, roll, z])
                 if DEVICE.feasible(x):
-                    found = DEVICE.forward(DEVICE.turns(*x), [0.0, 0.0, 0.018])
+                    found = DEVICE.forward(inverse_kinematics(DEVICE, *x)[0], [0.0, 0.0, 0.018])
                     np.testing.assert_allclose(found, x, rtol=0, atol=1e-9)
                     count, steepest = count + 1, max(steepest, float(np.hypot(pitch, roll)))
     assert count > 2500 and np.degrees(steepest) > 33
@@ -91,12 +91,13 @@ def test_every_feasible_pose_is_the_one_that_its_servos_hold():
 
 def test_the_limit_is_the_last_of_the_constraints():
     x = np.array([np.radians(24.0), np.radians(-16.0), 0.0178])
-    room, slopes = DEVICE.constraints(x)
+    room, slopes = DEVICE.constraints(x, *DEVICE.servo_limits)
     margin, slope = singularity_margin(DEVICE, *x)
     assert room.shape == (7,) and room[6] == margin - MIN_MARGIN
     np.testing.assert_array_equal(slopes[6], slope)
     steep = x * [1.3, 1.3, 1.0]
-    assert DEVICE.constraints(steep)[0][:6].min() > 0 > DEVICE.constraints(steep)[0][6]
+    room, _ = DEVICE.constraints(steep, *DEVICE.servo_limits)
+    assert room[:6].min() > 0 > room[6]
     assert DEVICE.feasible(x) and not DEVICE.feasible(steep)
 
 
@@ -109,7 +110,7 @@ def test_a_platform_that_stands_on_its_rods_is_firm_on_its_own_side():
     assert device.side == -1.0 and device.feasible([0, 0, 0.018])
     for x in ([0.05, -0.03, 0.018], [-0.04, 0.04, 0.0175]):
         assert device.feasible(x)
-        np.testing.assert_allclose(device.forward(device.turns(*x), [0, 0, 0.018]), x, atol=1e-9)
+        np.testing.assert_allclose(device.forward(inverse_kinematics(device, *x)[0], [0, 0, 0.018]), x, atol=1e-9)
 
 
 def test_rods_that_lie_flat_are_refused():

@@ -130,8 +130,6 @@ def test_inactive_pins_stay_at_zero_and_no_contact_gives_zeros():
     ("call", "words"),
     [
         (lambda m: PinSolver(m, "DM3"), "method"),
-        (lambda m: PinSolver(m, force_limit=0.0), "force limit"),
-        (lambda m: PinSolver(m, slew=0.0), "slew"),
         (lambda m: PinSolver(m).solve(np.zeros(5)), "do not fit"),
         (lambda m: PinSolver(m).solve(np.full(36, np.nan)), "finite"),
     ],

@@ -13,15 +13,16 @@ from core.devices.disc_pose import FrictionState, placed
 from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.matching.stress import StressMatcher
-from core.matching.thimble import describe, match_sequence, match_stimuli, matcher, render
+from core.matching.thimble import describe, match_stimuli, matcher, render
 from core.presets import Library
 from core.scene.tactile_scene import DeviceUse, Finger, TactileScene
 from core.skin.fingertip import Level, fingertip_mesh
 from core.skin.model import fingertip_skin, mesh_skin
-from core.skin.stress import locate, probes_at
-from core.steps import drain
+from core.skin.stress import locate
 from core.surrogate.store import contact_of
 from tests import touches
+from tests.thimbles import match_sequence
+from tests.tissue import probes_at
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,7 @@ def made_by_device(skin, device, path, friction=0.6):
 def test_what_the_device_made_is_recovered_exactly(skin, device, observation_matrix):
     path = device_path()
     forces = made_by_device(skin, device, path)
-    found = drain(match_sequence(device, skin, forces, observation_matrix=observation_matrix))
+    found = match_sequence(device, skin, forces, observation_matrix=observation_matrix)
     pressed = forces[:, :, 2].sum(axis=1) > 0.1
     assert pressed.sum() > 15
     np.testing.assert_allclose(np.degrees(found.x[pressed, :2]), np.degrees(path[pressed, :2]), atol=0.3)
@@ -124,7 +125,7 @@ def test_sliding_makes_the_platform_roll_only_with_friction(skin, device):
     for friction in (0.6, 0.0):
         forces = touches.slide(50, friction=friction).forces(skin)
         own = describe(device, skin, friction).observation_matrix
-        found = drain(match_sequence(device, skin, forces, friction=friction, observation_matrix=own))
+        found = match_sequence(device, skin, forces, friction=friction, observation_matrix=own)
         sliding = found.touched & (np.arange(50) > 15) & (np.arange(50) < 42)
         rolls[friction] = np.degrees(np.ptp(found.x[sliding, 1]))
     assert rolls[0.0] < 0.2
@@ -147,7 +148,7 @@ def test_without_touch_the_disc_hovers_and_friction_forgets(skin, device, observ
 def test_servo_speed_is_a_limit_of_the_search(skin, device, observation_matrix):
     forces = touches.ball_roll(30).forces(skin)
     change = np.radians(1.0)
-    found = drain(match_sequence(device, skin, forces, observation_matrix=observation_matrix, change=change))
+    found = match_sequence(device, skin, forces, observation_matrix=observation_matrix, change=change)
     start = matcher(device, skin, observation_matrix=observation_matrix).angles
     assert np.abs(np.diff(np.concatenate([start[None], found.angles]), axis=0)).max() <= change * (1 + 1e-9)
     assert found.held_back.any()
@@ -162,11 +163,9 @@ def test_targets_that_are_not_numbers_are_refused(skin, device, observation_matr
     with pytest.raises(DermisError, match="not finite"):
         follower.step(target)
     with pytest.raises(DermisError, match="do not fit the skin or are not finite"):
-        drain(
-            match_sequence(device, skin, np.full((2, 3 * skin.pad_count), bad), observation_matrix=observation_matrix)
-        )
+        match_sequence(device, skin, np.full((2, 3 * skin.pad_count), bad), observation_matrix=observation_matrix)
     with pytest.raises(DermisError, match="do not fit"):
-        drain(match_sequence(device, skin, np.zeros((2, 7)), observation_matrix=observation_matrix))
+        match_sequence(device, skin, np.zeros((2, 7)), observation_matrix=observation_matrix)
 
 
 def test_servo_limits_that_exclude_first_contact_are_refused(skin, device, observation_matrix):

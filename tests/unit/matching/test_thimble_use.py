@@ -16,15 +16,15 @@ from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.files import write_npz
 from core.matching.replay import configurations
-from core.matching.thimble import match_sequence, match_touch, render
+from core.matching.thimble import match_touch, render
 from core.matching.thimble_use import prepare
 from core.scene.tactile_scene import DeviceUse, Finger, TactileScene
 from core.skin.model import fingertip_skin
-from core.steps import drain
 from core.surrogate import onnx
 from core.surrogate.network import Network
 from core.surrogate.store import adapt, contact_of, save
 from tests import touches
+from tests.thimbles import match_sequence
 
 
 @pytest.fixture(scope="module")
@@ -173,7 +173,7 @@ def test_a_touch_too_steep_for_the_mechanism_ends_before_it_gives_way(skin, spec
     told = np.stack([out.track.column(n) for n in ("pitch", "roll", "distance")], axis=1)
     np.testing.assert_allclose(configurations(out.track, device), told, atol=1e-9)
     steepest = np.degrees(np.hypot(told[:, 0], told[:, 1])).max()
-    assert 20.0 < steepest < 36.0 and all(device.constraints(x)[0].min() >= -1e-9 for x in told)
+    assert 20.0 < steepest < 36.0 and all(device.constraints(x, *device.servo_limits)[0].min() >= -1e-9 for x in told)
     (finding,) = [f for f in out.findings if f.code == "singular-pose"]
     assert 5 <= finding.count <= int(out.signals["contact"].sum()) and "gives way" in finding.what
     # where nothing is steep nothing is said
@@ -276,7 +276,7 @@ def test_a_speed_limit_does_not_keep_the_device_in_a_poor_place(skin, spec):
     device, forces = mechanism(spec), touches.edge_press(120).forces(skin)
     off = {}
     for change in (None, np.radians(6.0)):
-        found = drain(match_sequence(device, skin, forces, change=change))
+        found = match_sequence(device, skin, forces, change=change)
         off[change] = np.median(found.mismatch[found.touched])
         if change is not None:
             assert np.abs(np.diff(found.angles, axis=0)).max() <= change * (1 + 1e-9)

@@ -30,7 +30,7 @@ def test_the_virtual_osc_receiver_honours_time_tags() -> None:
     wire = Wire.of(Library().device("haptip"))
     device = OscDevice(wire)
     message = osc.message_head("/dermis/haptip/pulley_1") + struct.pack(">f", 0.25)
-    device.feed(osc.bundle(osc.ntp(time.time() + 0.5), [message]), 100.0)
+    device.feed(osc.bundle(round((time.time() + 0.5 + osc.NTP) * 2**32), [message]), 100.0)
     device.tick(100.4)
     assert device.latest[0] == 0.0 and len(device.waiting) == 1
     device.feed(osc.bundle(osc.IMMEDIATELY, [message[:-4] + struct.pack(">f", -0.125)]), 100.45)

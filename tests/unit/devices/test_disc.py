@@ -49,7 +49,6 @@ def forces_along(contact, device, path, state=None):
     return np.array(out), state
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.3, 0.9])
 def test_it_is_asked_as_every_surface_is():
     points = np.array([[0.0, 0.0, 1e-3], [1e-3, 0.0, -1e-3], [0.0, 0.0, -5e-3]])
     found = Disc().query(points, search_radius=2e-3)
@@ -57,6 +56,7 @@ def test_it_is_asked_as_every_surface_is():
     assert found.triangle.tolist() == [0, 0, -1]
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.3, 0.9])
 def test_a_path_equals_the_path_solver(skin, device, friction):
     """Two implementations that share nothing but the law: Newton on the nodes near, and the alternating method."""
     path, disc = walk(), disc_of(device)

@@ -151,9 +151,9 @@ def minimise(
             break
         if iterations >= max_iterations or evaluations >= max_evaluations:
             break
-        reach = float(np.sqrt(step @ step))
-        if reach > LONGEST:
-            step = step * (LONGEST / reach)
+        step_length = float(np.sqrt(step @ step))
+        if step_length > LONGEST:
+            step = step * (LONGEST / step_length)
         wanted = ARMIJO * float(-(residual @ (scaled @ step)))
         share, found = 1.0, False
         while share >= SHORTEST:
@@ -167,12 +167,12 @@ def minimise(
                 if new_cost <= cost - share * max(wanted, 0.0) and new_cost < cost and new_jacobian.any():
                     found = True
                     break
-            if share * reach < SMALL_STEP or evaluations >= max_evaluations:
+            if share * step_length < SMALL_STEP or evaluations >= max_evaluations:
                 break
             share *= 0.5 if trial is None else shorter(share, cost, new_cost, wanted / ARMIJO)
         iterations += 1
         if not found or trial is None:
-            why = "step" if reach <= SMALL_STEP else "limit" if evaluations >= max_evaluations else "stalled"
+            why = "step" if step_length <= SMALL_STEP else "limit" if evaluations >= max_evaluations else "stalled"
             break
         moved = float(np.sqrt((((trial[0] - x) / scale) ** 2).sum()))
         gained = 1.0 - new_cost / cost

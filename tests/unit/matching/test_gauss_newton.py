@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.devices.singularity import inverse_kinematics
+from core.devices.inverse_kinematics import inverse_kinematics
 from core.errors import DermisError
 from core.matching.gauss_newton import GIVES_WAY, ServoLimits, _quadratic_program, minimise
 

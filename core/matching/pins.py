@@ -23,6 +23,7 @@ from ..parameters.device import DEVICE
 from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
+from ..skin.stress import RECEPTOR_DEPTHS
 from ..surface.gap import Surface
 from ..track.command_track import CommandTrack
 from . import pin_resolution
@@ -32,7 +33,6 @@ from .rendered import Rendered
 Weighting = Literal["all", "surface", "receptor"]
 WEIGHTINGS: tuple[Weighting, ...] = get_args(Weighting)
 
-RECEPTOR_BAND = (0.3e-3, 2.0e-3)  # [m] below the pad. Source: TouchSim's fitted depths of SA1 to PC
 _setups: Recent[tuple[str, float, str, str], PinSetup] = Recent(8)
 BLOCK = 512  # frames whose errors are computed together
 
@@ -91,7 +91,7 @@ def node_weights(skin: SkinModel, weighting: Weighting) -> Array:
     else:
         on_pad = np.isin(mesh.surface, mesh.pad).all(axis=1)
         below = np.abs(Surface.build(mesh.nodes, mesh.surface[on_pad]).query(mesh.nodes[mesh.free]).gap)
-        low, high = RECEPTOR_BAND
+        low, high = min(RECEPTOR_DEPTHS), max(RECEPTOR_DEPTHS)
         weights[mesh.free[(below >= low) & (below <= high)]] = 1.0
     return weights
 

@@ -22,6 +22,7 @@ from core.scene.sliding import SETTLE
 from core.scene.tactile_scene import DeviceUse
 from core.skin.model import fingertip_skin, skin_from_parameters
 from core.skin.stimulus import Stimulus
+from core.skin.stress import RECEPTOR_DEPTHS
 from tests.sliding import RATE, sliding_plane
 
 KKT = 1e-12
@@ -103,7 +104,7 @@ def test_receptor_nodes_lie_at_receptor_depth():
     chosen = np.flatnonzero(pins.node_weights(skin("standard"), "receptor"))
     pad = mesh.nodes[np.intersect1d(mesh.surface, mesh.pad)]
     away = np.linalg.norm(mesh.nodes[chosen][:, None] - pad[None], axis=2).min(axis=1)
-    assert len(chosen) > 100 and (away >= pins.RECEPTOR_BAND[0] * 0.999).all()
+    assert len(chosen) > 100 and (away >= min(RECEPTOR_DEPTHS) * 0.999).all()
     assert np.setdiff1d(chosen, mesh.free).size == 0
 
 

@@ -61,8 +61,11 @@ def descend(
         gradient, weight = gram[3][:3], (gram[0][0] + gram[1][1] + gram[2][2]) * gram[3][3]
         left = math.sqrt(gradient[0] ** 2 + gradient[1] ** 2 + gradient[2] ** 2)
         kkt = left / math.sqrt(weight) if weight > 0.0 else 0.0
-        if 2.0 * cost <= exact or kkt <= OPTIMAL:
-            why = "exact" if 2.0 * cost <= exact else "optimal"
+        if 2.0 * cost <= exact:
+            why, kkt = "exact", kkt * EXACT * math.sqrt(2.0 * cost / exact) if exact else 0.0
+            break
+        if kkt <= OPTIMAL:
+            why = "optimal"
             break
         if iterations >= MAX_ITERATIONS or evaluations >= MAX_EVALUATIONS:
             break

@@ -45,7 +45,7 @@ class Minimum:
         stimulus: there, shape (k,). residual: stimulus minus target.
         start_cost, cost: half the squared mismatch at the start and at the end.
         kkt: |S (J'r - A'multipliers)| / (|J S| |r|), with the multipliers of the step that would come next: 0 at
-            an exact minimum. S scales distance to tilt.
+            an exact minimum. S scales distance to tilt. Of an 'exact' one r is rounding: there |target| stands for |r|.
         active: limits that hold it back, indices into the seven constraints; `GIVES_WAY` is the singularity margin.
         multipliers: of them, >= 0.
         room: c(x) of the seven constraints, >= 0.
@@ -144,7 +144,7 @@ def minimise(
         weight = float(np.sqrt(np.vdot(scaled, scaled)) * length)
         kkt = gradient_left / weight if weight > 0 else 0.0
         if length <= EXACT * size:
-            why = "exact"
+            why, kkt = "exact", kkt * float(length) / size
             break
         if kkt <= tolerance:
             why = "optimal"

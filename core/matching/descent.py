@@ -62,7 +62,6 @@ def descend(
         left = math.sqrt(gradient[0] ** 2 + gradient[1] ** 2 + gradient[2] ** 2)
         kkt = left / math.sqrt(weight) if weight > 0.0 else 0.0
         if 2.0 * cost <= exact:
-            why, kkt = "exact", kkt * EXACT * math.sqrt(2.0 * cost / exact) if exact else 0.0
             break
         if kkt <= OPTIMAL:
             why = "optimal"
@@ -104,6 +103,8 @@ def descend(
         if moved <= SMALL_STEP or gained <= SMALL_GAIN:
             why = "step" if moved <= SMALL_STEP else "gain"
             break
+    if 2.0 * cost <= exact:
+        why, kkt = "exact", EXACT * math.sqrt(2.0 * cost / exact) if exact > 0.0 else 0.0
     angles, margin = inverse_kinematics(device, pitch, roll, distance)
     room = np.array([*map(sub, high, angles), *map(sub, angles, low), margin - MIN_MARGIN])
     return Minimum(

@@ -9,6 +9,7 @@ Source: [S0] 5.2
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
@@ -45,7 +46,7 @@ class Minimum:
         stimulus: there, shape (k,). residual: stimulus minus target.
         start_cost, cost: half the squared mismatch at the start and at the end.
         kkt: |S (J'r - A'multipliers)| / (|J S| |r|), with the multipliers of the step that would come next: 0 at
-            an exact minimum. S scales distance to tilt. Of an 'exact' one r is rounding: there |target| stands for |r|.
+            an exact minimum. S scales distance to tilt. Of an 'exact' one r is rounding, and this is |r| / |target|.
         active: limits that hold it back, indices into the seven constraints; `GIVES_WAY` is the singularity margin.
         multipliers: of them, >= 0.
         room: c(x) of the seven constraints, >= 0.
@@ -144,7 +145,6 @@ def minimise(
         weight = float(np.sqrt(np.vdot(scaled, scaled)) * length)
         kkt = gradient_left / weight if weight > 0 else 0.0
         if length <= EXACT * size:
-            why, kkt = "exact", kkt * float(length) / size
             break
         if kkt <= tolerance:
             why = "optimal"
@@ -184,6 +184,8 @@ def minimise(
         if gained <= SMALL_GAIN:
             why = "gain"
             break
+    if (left := math.sqrt(2.0 * cost) / size) <= EXACT:
+        why, kkt = "exact", left
     return Minimum(
         x, stimulus, residual, start_cost, cost, float(kkt), guess, multipliers, room, iterations, evaluations, why
     )

@@ -234,14 +234,14 @@ def match(
 
 
 def _match_pins(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Match:
-    from .matching.deformation import METHODS, PinSolver
-    from .matching.pins import rendered_force, setup
+    from .matching.deformation import METHODS
+    from .matching.pins import make_solver, rendered_force, setup
 
     chosen = next((m for m in METHODS if m == (method or "DM2")), None)
     if chosen is None:
         raise DermisError("unknown matching method", where=spec.key, value=method, limit=", ".join(METHODS))
     ready = setup(touch.skin, spec)
-    found = PinSolver(ready.matcher, chosen, force_limit=ready.pins.force_limit).solve(touch.force)
+    found = make_solver(ready, spec, chosen, None).solve(touch.force)
     error = found.displacement_error if chosen.startswith("DM") else found.force_error
     commands = dict(zip((c.name for c in spec.channels), found.forces.tolist(), strict=True))
     return Match(

@@ -28,13 +28,13 @@ class Pins(NamedTuple):
 
     Attributes:
         points: [m], shape (pins, 3), NaN where a pin misses. directions: of their motion, shape (pins, 3).
-        radius: of a pin [m]. force_limit: [N]. rows, columns: of the array.
+        radius: of a pin [m]. force_limit: of each pin [N], shape (pins,). rows, columns: of the array.
     """
 
     points: Array
     directions: Array
     radius: float
-    force_limit: float
+    force_limit: Array
     rows: int
     columns: int
 

@@ -129,8 +129,7 @@ def leaving() -> str:
 def pose_unknown() -> bool:
     """Return whether arming may start with a jump: something moves, and the device has not said where it is."""
     now = status()
-    pose_known = now.get("pose_known", now.get("pose") is not None)
-    return not pose_known and any(unit not in STILL for unit in now.get("units", ()))
+    return not now.get("pose_known") and any(unit not in STILL for unit in now.get("units", ()))
 
 
 def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:

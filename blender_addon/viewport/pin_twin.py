@@ -17,7 +17,7 @@ IDLE: Colour = (0.55, 0.58, 0.62, 0.55)
 def discs(pins: Pins, forces: Array) -> Part:
     """Return a disc a pin that meets the skin, a larger and warmer one for a larger force, and its stem."""
     hits = np.flatnonzero(np.isfinite(pins.points[:, 0]))
-    share = np.clip(forces[hits] / pins.force_limit, 0.0, 1.0)
+    share = np.clip(forces[hits] / pins.force_limit[hits], 0.0, 1.0)
     inward = pins.directions[hits]
     side = np.cross(inward, [0.0, 1.0, 0.0])
     side /= np.linalg.norm(side, axis=1, keepdims=True)

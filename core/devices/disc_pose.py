@@ -63,12 +63,12 @@ class Disc(Plane):
     radius: float = 8.0e-3
     rounding: float = ROUNDING
 
-    def query(self, points: Array, reach: float = np.inf) -> GapQuery:
+    def query(self, points: Array, search_radius: float = np.inf) -> GapQuery:
         """Return gap, closest point and normal of each point; the normal of the rim is that of the face."""
         over = np.maximum(np.hypot(points[:, 0], points[:, 1]) - self.radius, 0.0)
         gap = -points[:, 2] + over**2 / (2 * self.rounding)
         n = len(gap)
-        near = gap <= reach
+        near = gap <= search_radius
         normal = np.where(near[:, None], self.normal, 0.0)
         point = np.where(near[:, None], points - gap[:, None] * self.normal, np.nan)
         triangle = np.where(near, 0, -1)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..errors import DermisError
+from ..parameters.stream import STREAM
 from ..units import UNITS, quantity, setting
 from .kinds import KINDS
 
@@ -148,7 +149,7 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
         key=key,
         name=preset["name"],
         kind=preset["kind"],
-        rate=positive(_number(preset["rate"], f"{where}, rate"), f"{where}, rate"),
+        rate=_rate(preset["rate"], f"{where}, rate"),
         channels=channels,
         parameters={k: setting(v, where=f"{where}, {k}") for k, v in _group(preset, "parameters", where).items()},
         link_budget=_link_budget(_group(preset, "wire", where), where),
@@ -156,6 +157,14 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
     )
     range_disc(spec)
     return spec
+
+
+def _rate(entry: Any, where: str) -> float:
+    """Return the commands a second [Hz]: no more of them than a stream sends, for a track has a sample for each."""
+    rate, most = positive(_number(entry, where), where), STREAM["rate"].high
+    if most is not None and rate > most:
+        raise DermisError("more commands a second than are sent", where=where, value=rate, limit=f"<= {most:g} Hz")
+    return rate
 
 
 def repeated_names(spec: DeviceSpec) -> dict[str, tuple[str, ...]]:

@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike
 from ..arrays import Array
 from ..errors import DermisError
 from .forward_kinematics import configuration
+from .inverse_kinematics import inverse_kinematics
 from .linkage import Linkage, PlatformPose
 from .servo_limits import SERVOS, servo_bounds, servo_speed
-from .singularity import inverse_kinematics, singularity_margin
+from .singularity import singularity_margin
 from .spec import DeviceSpec
 
 MIN_MARGIN = 0.03  # of singularity: there a servo's error turns the platform 15 times as far, beyond it gives way
@@ -63,24 +64,23 @@ class Thimble(Linkage):
             DermisError: a leg cannot reach.
         """
         at = np.asarray(x, dtype=np.float64)
-        turned, slopes = self.servo_turns(self.pose(at))
+        angles, by_x = (np.array(rows) for rows in self.angles_from_neutral(self.pose(at)))
         margin, softer = singularity_margin(self, *at.tolist())
-        angles, by_x = np.array(turned), np.array(slopes)
         return np.concatenate([high - angles, angles - low, [margin - MIN_MARGIN]]), np.vstack([-by_x, by_x, softer])
 
     def feasible(self, x: ArrayLike) -> bool:
         """Return whether the legs reach, the servos stay within their range, and hold the platform firmly."""
         low, high = self.servo_limits
-        psi, theta, z = np.asarray(x, dtype=np.float64).tolist()
-        return self.within(psi, theta, z, low.tolist(), high.tolist())
+        pitch, roll, distance = np.asarray(x, dtype=np.float64).tolist()
+        return self.within(pitch, roll, distance, low.tolist(), high.tolist())
 
-    def within(self, psi: float, theta: float, z: float, low: list[float], high: list[float]) -> bool:
+    def within(self, pitch: float, roll: float, distance: float, low: list[float], high: list[float]) -> bool:
         """Return the same for limits of the servos' angles from neutral [rad]."""
         try:
-            turned, margin = inverse_kinematics(self, psi, theta, z)
+            angles, margin = inverse_kinematics(self, pitch, roll, distance)
         except DermisError:
             return False
-        return margin >= MIN_MARGIN and all(a <= t <= b for a, t, b in zip(low, turned, high, strict=True))
+        return margin >= MIN_MARGIN and all(a <= t <= b for a, t, b in zip(low, angles, high, strict=True))
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
         """Return the configuration that servo angles from neutral [rad] hold the platform in; see `configuration`.
@@ -124,11 +124,11 @@ def mechanism(spec: DeviceSpec) -> Thimble:
     # the base sits above the nail and looks down: its +Z is the finger's -Z, its +Y stays the finger's
     mount = np.diag([-1.0, 1.0, -1.0, 1.0])
     mount[:3, 3] = spec.value("mount_position") or (0.0, 0.0, reference)
-    knee = -1.0 if spec.value("knee") == "inwards" else 1.0
+    bend = -1.0 if spec.value("knee") == "inwards" else 1.0
     device = Thimble(
         **sizes,
         servo_zero=0.0,
-        knee=knee,
+        bend=bend,
         mount=mount,
         pulse_neutral=spec.value("pulse_neutral"),
         pulse_gain=spec.value("pulse_gain"),

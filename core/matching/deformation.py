@@ -2,8 +2,8 @@
 
 Everything that does not change from frame to frame is folded into small matrices, so that a frame needs the contact
 forces f of the target and nothing else: with L = K^-1 A and u = G f, the right-hand side is (L'WG) f and the squared
-error f'(G'WG) f - 2 c'x + x'Hx. Forces are those of skin with its nominal stiffness; the personal factor alpha
-scales them last, so a bound on what a pin can do is a bound of `force_limit / alpha` here.
+error f'(G'WG) f - 2 c'x + x'Hx. The paper's personal factor alpha is the skin's (`SkinModel.with_material`): it is in K
+and in the target's forces, so pin forces come out as this person needs them.
 
 Source: [S1] eq. 5-18 with the corrections: eq. 18 has A'f, and pins are bounded from above as well.
 """
@@ -30,7 +30,7 @@ class PinStep(NamedTuple):
     """What the pins shall do at one instant, as it comes from the solver.
 
     Attributes:
-        x: forces of the active pins before alpha [N], shape (active pins,).
+        x: forces of the active pins [N], shape (active pins,).
         optimality, converged: as in `PinForces`.
     """
 
@@ -44,9 +44,9 @@ class PinForces:
     """What the pins shall do at one instant.
 
     Attributes:
-        forces: after alpha [N], shape (pins,).
+        forces: [N], shape (pins,).
         displacement_error: u_err of the rendered skin against the target [m] (eq. 20).
-        force_error: f_err after alpha [N] (eq. 21).
+        force_error: f_err [N] (eq. 21).
         optimality: KKT residual, relative; 0 for the methods that only clamp.
         at_limit: pins at their upper bound.
     """
@@ -160,9 +160,9 @@ class PinSolver:
     Args:
         matcher: the matrices.
         method: DM0, FM0 unconstrained as printed; DM1, FM1 clamped; DM2, FM2 optimal within the bounds.
-        force_limit: what a pin can do [N], after alpha; None for the paper's unbounded form (only f >= 0).
-        alpha: the person's stiffness relative to the model's.
-        slew: largest change of a pin's force between two calls [N], after alpha; None for no limit.
+        force_limit: what a pin can do [N], one number or shape (pins,); None for the paper's unbounded form (only
+            f >= 0).
+        slew: largest change of a pin's force between two calls [N]; None for no limit.
 
     Raises:
         DermisError: an unknown method.
@@ -176,20 +176,19 @@ class PinSolver:
         matcher: Matcher,
         method: Method = "DM2",
         *,
-        force_limit: float | None = 0.4,
-        alpha: float = 1.0,
+        force_limit: float | Array | None = 0.4,
         slew: float | None = None,
     ) -> None:
         if method not in METHODS:
             raise DermisError("unknown matching method", where="pin matching", value=method, limit=", ".join(METHODS))
-        self.matcher, self.method, self.alpha = matcher, method, float(alpha)
-        self.high = (self.UNBOUNDED if force_limit is None else float(force_limit)) / self.alpha
-        self.slew = None if slew is None else float(slew) / self.alpha
+        self.matcher, self.method, self.slew = matcher, method, slew
+        most = self.UNBOUNDED if force_limit is None else force_limit
+        self.high = np.broadcast_to(np.asarray(most, np.float64), (matcher.pins,))[matcher.active]
         self._last = np.zeros(len(matcher.active))
         self._quadratic = BoundedLeastSquares(matcher.gram(method), 0.0, self.high) if method.endswith("2") else None
 
     def solve(self, force: Array) -> PinForces:
-        """Match target pad forces of nominal skin [N], shape (3m,) or (m, 3), and say how far off the skin is.
+        """Match target pad forces [N], shape (3m,) or (m, 3), and say how far off the skin is.
 
         Raises:
             DermisError: forces of another size, or not finite.
@@ -197,18 +196,18 @@ class PinSolver:
         matcher, force = self.matcher, np.asarray(force, dtype=np.float64).ravel()
         step = self.step(force)
         result = np.zeros(matcher.pins)
-        result[matcher.active] = self.alpha * step.x
+        result[matcher.active] = step.x
         return PinForces(
             result,
             float(matcher.displacement_error(force, step.x)[0]),
-            self.alpha * float(matcher.force_error(force, step.x)[0]),
+            float(matcher.force_error(force, step.x)[0]),
             step.optimality,
             self.at_limit(step.x),
             step.converged,
         )
 
     def step(self, force: Array) -> PinStep:
-        """Match target pad forces of nominal skin [N], shape (3m,), and nothing else: what a frame costs live.
+        """Match target pad forces [N], shape (3m,), and nothing else: what a frame costs live.
 
         Raises:
             DermisError: forces of another size, or not finite.
@@ -254,7 +253,7 @@ class PinSolver:
         return self._quadratic.solve(c, low=low, high=high)
 
     def _bounds(self) -> tuple[Array, Array]:
-        low, high = np.zeros_like(self._last), np.full_like(self._last, self.high)
+        low, high = np.zeros_like(self._last), self.high
         if self.slew is not None:
             low, high = np.maximum(low, self._last - self.slew), np.minimum(high, self._last + self.slew)
         return low, high

@@ -9,6 +9,7 @@ Source: [S0] 5.2
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
@@ -45,7 +46,7 @@ class Minimum:
         stimulus: there, shape (k,). residual: stimulus minus target.
         start_cost, cost: half the squared mismatch at the start and at the end.
         kkt: |S (J'r - A'multipliers)| / (|J S| |r|), with the multipliers of the step that would come next: 0 at
-            an exact minimum. S scales distance to tilt.
+            an exact minimum. S scales distance to tilt. Of an 'exact' one r is rounding, and this is |r| / |target|.
         active: limits that hold it back, indices into the seven constraints; `GIVES_WAY` is the singularity margin.
         multipliers: of them, >= 0.
         room: c(x) of the seven constraints, >= 0.
@@ -144,16 +145,15 @@ def minimise(
         weight = float(np.sqrt(np.vdot(scaled, scaled)) * length)
         kkt = gradient_left / weight if weight > 0 else 0.0
         if length <= EXACT * size:
-            why = "exact"
             break
         if kkt <= tolerance:
             why = "optimal"
             break
         if iterations >= max_iterations or evaluations >= max_evaluations:
             break
-        reach = float(np.sqrt(step @ step))
-        if reach > LONGEST:
-            step = step * (LONGEST / reach)
+        step_length = float(np.sqrt(step @ step))
+        if step_length > LONGEST:
+            step = step * (LONGEST / step_length)
         wanted = ARMIJO * float(-(residual @ (scaled @ step)))
         share, found = 1.0, False
         while share >= SHORTEST:
@@ -167,12 +167,12 @@ def minimise(
                 if new_cost <= cost - share * max(wanted, 0.0) and new_cost < cost and new_jacobian.any():
                     found = True
                     break
-            if share * reach < SMALL_STEP or evaluations >= max_evaluations:
+            if share * step_length < SMALL_STEP or evaluations >= max_evaluations:
                 break
             share *= 0.5 if trial is None else shorter(share, cost, new_cost, wanted / ARMIJO)
         iterations += 1
         if not found or trial is None:
-            why = "step" if reach <= SMALL_STEP else "limit" if evaluations >= max_evaluations else "stalled"
+            why = "step" if step_length <= SMALL_STEP else "limit" if evaluations >= max_evaluations else "stalled"
             break
         moved = float(np.sqrt((((trial[0] - x) / scale) ** 2).sum()))
         gained = 1.0 - new_cost / cost
@@ -184,6 +184,8 @@ def minimise(
         if gained <= SMALL_GAIN:
             why = "gain"
             break
+    if (left := math.sqrt(2.0 * cost) / size) <= EXACT:
+        why, kkt = "exact", left
     return Minimum(
         x, stimulus, residual, start_cost, cost, float(kkt), guess, multipliers, room, iterations, evaluations, why
     )

@@ -23,6 +23,7 @@ from ..parameters.device import DEVICE
 from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
 from ..skin.model import SkinModel
+from ..skin.stress import RECEPTOR_DEPTHS
 from ..surface.gap import Surface
 from ..track.command_track import CommandTrack
 from . import pin_resolution
@@ -32,7 +33,6 @@ from .rendered import Rendered
 Weighting = Literal["all", "surface", "receptor"]
 WEIGHTINGS: tuple[Weighting, ...] = get_args(Weighting)
 
-RECEPTOR_BAND = (0.3e-3, 2.0e-3)  # [m] below the pad. Source: TouchSim's fitted depths of SA1 to PC
 _setups: Recent[tuple[str, float, str, str], PinSetup] = Recent(8)
 BLOCK = 512  # frames whose errors are computed together
 
@@ -71,12 +71,6 @@ def setup(skin: SkinModel, spec: DeviceSpec, weighting: Weighting = "all") -> Pi
 def _made(skin: SkinModel, spec: DeviceSpec, weighting: Weighting) -> PinSetup:
     mesh = skin.mesh
     pins = pin_array.layout(spec)
-    if pins.count != len(spec.channels):
-        raise DermisError(
-            "the layout and the channels differ in number",
-            where=f"device preset '{spec.key}'",
-            value=f"{pins.count} pins, {len(spec.channels)} channels",
-        )
     met = pin_array.on_pad(pins, mesh.nodes, mesh.surface, skin.positions)
     distribution = pin_array.distribution(pins, met, skin.positions)
     chosen = node_weights(skin, weighting)[mesh.free] > 0
@@ -97,7 +91,7 @@ def node_weights(skin: SkinModel, weighting: Weighting) -> Array:
     else:
         on_pad = np.isin(mesh.surface, mesh.pad).all(axis=1)
         below = np.abs(Surface.build(mesh.nodes, mesh.surface[on_pad]).query(mesh.nodes[mesh.free]).gap)
-        low, high = RECEPTOR_BAND
+        low, high = min(RECEPTOR_DEPTHS), max(RECEPTOR_DEPTHS)
         weights[mesh.free[(below >= low) & (below <= high)]] = 1.0
     return weights
 
@@ -201,9 +195,9 @@ def match(solver: PinSolver, skin: SkinContact) -> Matched:
             active_forces[row] = step.x
             at_limit[i] = solver.at_limit(step.x)
             worst, unsolved = max(worst, step.optimality), unsolved + (not step.converged)
-        forces[np.ix_(frames, matcher.active)] = solver.alpha * active_forces
+        forces[np.ix_(frames, matcher.active)] = active_forces
         u[frames] = matcher.displacement_error(targets, active_forces)
-        f[frames] = solver.alpha * matcher.force_error(targets, active_forces)
+        f[frames] = matcher.force_error(targets, active_forces)
     return Matched(forces, u, f, at_limit, worst, unsolved)
 
 
@@ -270,7 +264,7 @@ def _findings(series: dict[str, Array], ready: PinSetup, unsolved: int, frames: 
                 "pins press as hard as they can, so the skin is not deformed as wanted",
                 "pin array",
                 f"up to {int(series['at_limit'].max())} pins",
-                f"{ready.pins.force_limit:g} N a pin",
+                f"{ready.pins.force_limit.max():g} N a pin",
                 "Compare the displacement error, or touch less deeply",
                 frame=float(frames[limited[0]]),
                 count=len(limited),

@@ -85,7 +85,7 @@ def device_times(scene: TactileScene, rate: float) -> Array:
     return np.arange(sample_count(scene.fps, scene.frame_range, rate)) / rate
 
 
-def projected(displacement: Array, reach: float, method: str = "magnitude") -> tuple[Array, Array, int]:
+def projected(displacement: Array, radius: float, method: str = "magnitude") -> tuple[Array, Array, int]:
     """Lay displacements into the pad's plane and limit them.
 
     'magnitude': p = A min(1, |P T^-1 d|) P T^-1 d / |P T^-1 d|. 'printed': the paper divides by |d| instead, which
@@ -93,7 +93,7 @@ def projected(displacement: Array, reach: float, method: str = "magnitude") -> t
 
     Args:
         displacement: T^-1 d, in the finger's frame, as fractions of the range, shape (n, 3).
-        reach: A [m].
+        radius: A [m].
 
     Returns:
         positions [m], shape (n, 2); the lengths |P T^-1 d|, shape (n,); how many of them were limited to 1.
@@ -108,7 +108,7 @@ def projected(displacement: Array, reach: float, method: str = "magnitude") -> t
     length = np.hypot(flat[:, 0], flat[:, 1])
     limited = int((length > 1.0 + SLACK).sum())
     if method == "magnitude":
-        return reach * flat / np.maximum(length, 1.0)[:, None], length, limited
+        return radius * flat / np.maximum(length, 1.0)[:, None], length, limited
     whole = np.sqrt(np.einsum("ij,ij->i", displacement, displacement))
     factor = np.minimum(1.0, length) / np.where(whole > 0.0, whole, 1.0)
-    return reach * factor[:, None] * flat, length, limited
+    return radius * factor[:, None] * flat, length, limited

@@ -191,7 +191,7 @@ class StressMatcher:
             best = descend(self.model.evaluate, target, self._extrapolated(limits), self.device, limits)
         if best is not None:
             self._wait = max(self._wait - 1, 0)
-        start = self.table.pose(nearest, size * float(alike[nearest]))
+        start = self.table.configuration(nearest, size * float(alike[nearest]))
         if best is None:
             best = descend(self.model.evaluate, target, self._within(start, limits), self.device, limits)
             self._patience = 1

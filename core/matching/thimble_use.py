@@ -66,7 +66,7 @@ def calibrated_mechanism(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[
     which the person first feels the disc [rad].
 
     Raises:
-        DermisError: a preset that cannot be built, or angles that no pose of the platform has.
+        DermisError: a preset that cannot be built, or angles that no configuration of the platform has.
     """
     device, friction = mechanism(spec), float(spec.value("skin_friction"))
     if not DEVICE["thimble_calibrated"].of(parameters, spec.key):
@@ -103,7 +103,7 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
     try:
         made = load(surrogate_path(parameters, skin, device, friction), skin, device, friction)
         observation_matrix, learned = made.descriptors.observation_matrix, made.model(skin, method)
-        try_out(learned, _poses(device, contact_of(device, skin, friction)), where)
+        try_out(learned, _pressing(device, contact_of(device, skin, friction)), where)
     except DermisError as error:
         finding = error.as_finding(
             "warning", code="surrogate", what=f"the direct method was used: {error.what}", where=where
@@ -135,8 +135,8 @@ def _near(spec: DeviceSpec, device: Thimble, contact: DiscContact) -> tuple[Find
     )
 
 
-def _poses(device: Thimble, contact: DiscContact) -> list[Array]:
-    """Return a few poses that press on the skin, level and tilted."""
+def _pressing(device: Thimble, contact: DiscContact) -> list[Array]:
+    """Return a few configurations that press on the skin, level and tilted."""
     tilts = ((0.0, 0.0), (TRIED_TILT, 0.0), (0.0, -TRIED_TILT))
     return [np.array([p, r, first_contact(device, contact, p, r) - TRIED_DEPTH]) for p, r in tilts]
 

@@ -1,4 +1,4 @@
-"""WarmStartTable: poses all over a thimble's workspace and what they make felt, to start searches from."""
+"""WarmStartTable: configurations all over a thimble's workspace and what they make felt, to start searches from."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class WarmStartTable:
 
     @classmethod
     def of(cls, x: list[Array], depth: list[float], stimuli: list[Array], none: str) -> WarmStartTable:
-        """Return the table of these poses.
+        """Return the table of these configurations.
 
         Raises:
             DermisError: there are none, with these words.
@@ -44,7 +44,7 @@ class WarmStartTable:
         strength = np.sqrt((np.array(stimuli) ** 2).sum(axis=1))
         return cls(np.array(x), np.array(depth), np.array(stimuli) / strength[:, None], strength)
 
-    def pose(self, row: int, strength: float) -> Array:
+    def configuration(self, row: int, strength: float) -> Array:
         """Return an entry's tilt at the depth whose stimulus has a given strength, as a ball's has: depth^1.5."""
         depth = self.depth[row] * (max(strength, 0.0) / self.strength[row]) ** (2.0 / 3.0)
         x: Array = self.x[row].copy()

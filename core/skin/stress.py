@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 Floats = NDArray[np.floating[Any]]
 
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
-# Depth below the skin of Meissner corpuscles and Merkel cells, of Ruffini endings and of Pacinian corpuscles [m]
+# Depth below the skin of SA1, RA and PC afferents, as fitted to their responses [m].
+# Source: TouchSim; Saal, Delhaye, Rayhaun and Bensmaia 2017
 RECEPTOR_DEPTHS = (0.3e-3, 1.6e-3, 2.0e-3)
 _PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 _SHEAR_WEIGHT = np.array([1.0, 1.0, 1.0, np.sqrt(2.0), np.sqrt(2.0), np.sqrt(2.0)])

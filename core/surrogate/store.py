@@ -45,6 +45,7 @@ def device_key(device: Thimble) -> str:
     """Return a key for all that decides what a device does to a skin."""
     usual = {"side": 1.0, "bounds": None}  # what most devices have in common is left out
     parts = {k: None if v is None else np.asarray(v).tolist() for k, v in asdict(device).items()}
+    parts["knee"] = parts.pop("bend")  # as in the preset, and in the keys of what was learned before
     told = {k: v for k, v in parts.items() if k not in usual or v != usual[k]}
     return cache_key(json.dumps(told, sort_keys=True))[:32]
 

@@ -195,6 +195,12 @@ def test_pins_by_every_method(skin: SkinModel) -> None:
     assert best.error == pytest.approx(float(np.sqrt((felt**2).sum() / len(felt))), rel=1e-3)
 
 
+def test_an_exact_match_is_optimal(skin: SkinModel) -> None:
+    """Three forces and three servos: what is left over is rounding, and its direction is no doubt."""
+    found = match(press(skin, Surface.sphere(5e-3), 1e-3, friction=0.5), "thimble_3rrs", "force")
+    assert found.error < 1e-7 and found.optimality < 1e-7
+
+
 def test_one_line_says_what_it_is(skin: SkinModel) -> None:
     touch = press(skin, Surface.block(), 0.5e-3)
     assert isinstance(touch, Touch)

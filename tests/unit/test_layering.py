@@ -19,8 +19,8 @@ GROUND = set(
 )
 # Files of devices/ that need no more than a device's description: presets are judged by them.
 MECHANISMS = {kind.mechanism.partition(".")[0] for kind in KINDS.values()} | set(
-    "preset_check mechanism linkage singularity forward_kinematics servo_limits poses coupling retraction "
-    "calibration".split()
+    "preset_check mechanism linkage inverse_kinematics singularity forward_kinematics servo_limits poses coupling "
+    "retraction calibration".split()
 )
 DEVICE = GROUND | {"devices.spec", "devices.mechanisms"}
 SCENE = GROUND | {"scene"}

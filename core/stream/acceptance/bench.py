@@ -287,7 +287,7 @@ class Bench:
 
     def _jog(self, values: Array) -> dict[str, float]:
         """Return what to ask for, so that the calibration makes driven values of it."""
-        return self.wire.named((values - self.wire.zero) / self.wire.gain)
+        return self.wire.named(self.wire.commanded(values))
 
     def _apply(self, **fields: Any) -> None:
         self._request = replace(self._request, **fields)

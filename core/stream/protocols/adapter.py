@@ -38,7 +38,7 @@ class Adapter:
 
     Attributes:
         ready: the device has been recognised. armed: it takes commands. fault: why it cannot be used, in words.
-        pose: where the device says it is [units], or None.
+        pose: where the device says it is, as driven [units], or None.
         touch: the last touch of a panel. counters: what went wrong or was changed, by name.
         round_trip: the last one [s], or NaN. congested: answers stay away, so the link holds more than it carries.
         prompt: the last answer came as soon as any, or there are none: nothing waits on the way.

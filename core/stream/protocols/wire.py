@@ -117,7 +117,11 @@ class Wire:
     @property
     def safe_command(self) -> Array:
         """What has to be commanded for the safe state to be driven [units], shape (channels,)."""
-        return (self.safe - self.zero) / self.gain
+        return self.commanded(self.safe)
+
+    def commanded(self, driven: Array) -> Array:
+        """Return what has to be commanded for values to be driven [units], shape (channels,)."""
+        return (driven - self.zero) / self.gain
 
     @property
     def safe_slew(self) -> Array:

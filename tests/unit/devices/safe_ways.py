@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from core.devices import cable_platform, hexapod, thimble
 from core.devices.disc_pose import ROUNDING, placed
+from core.devices.inverse_kinematics import inverse_kinematics
 from core.devices.poses import Poses
 from core.devices.retraction import FITTED
-from core.devices.singularity import inverse_kinematics
 from core.errors import DermisError
 from core.matching.sweep import halton, platform_poses
 from core.presets import Library

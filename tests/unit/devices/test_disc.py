@@ -49,6 +49,13 @@ def forces_along(contact, device, path, state=None):
     return np.array(out), state
 
 
+def test_it_is_asked_as_every_surface_is():
+    points = np.array([[0.0, 0.0, 1e-3], [1e-3, 0.0, -1e-3], [0.0, 0.0, -5e-3]])
+    found = Disc().query(points, search_radius=2e-3)
+    np.testing.assert_allclose(found.gap, [-1e-3, 1e-3, np.inf])
+    assert found.triangle.tolist() == [0, 0, -1]
+
+
 @pytest.mark.parametrize("friction", [0.0, 0.3, 0.9])
 def test_a_path_equals_the_path_solver(skin, device, friction):
     """Two implementations that share nothing but the law: Newton on the nodes near, and the alternating method."""

@@ -10,10 +10,10 @@ import pytest
 
 from core.devices import cable_platform, hexapod
 from core.devices.calibration import Calibration
+from core.devices.inverse_kinematics import inverse_kinematics
 from core.devices.kinds import KINDS
 from core.devices.poses import Poses
 from core.devices.retraction import CLEAR, FITTED, THICKEST, clearance
-from core.devices.singularity import inverse_kinematics
 from core.devices.spec import DeviceSpec, from_preset
 from core.devices.thimble import MIN_MARGIN, mechanism
 from core.errors import DermisError

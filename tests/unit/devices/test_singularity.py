@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.devices.inverse_kinematics import UPRIGHT, inverse_kinematics
 from core.devices.linkage import LEG_DIRECTIONS
-from core.devices.singularity import UPRIGHT, inverse_kinematics, singularity_margin
+from core.devices.singularity import singularity_margin
 from core.devices.spec import from_preset
 from core.devices.thimble import MIN_MARGIN, mechanism
 from core.errors import DermisError
@@ -22,7 +23,7 @@ DEVICE = mechanism(SPEC)
 def configurations(count=80, seed=0):
     rng = np.random.default_rng(seed)
     out = np.column_stack([rng.uniform(-0.6, 0.6, (count, 2)), rng.uniform(0.014, 0.022, count)])
-    return [x for x in out if (DEVICE.reach(x) > 0).all()]
+    return [x for x in out if (DEVICE.leg_margins(x) > 0).all()]
 
 
 def of_the_rods(x):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from core.devices import linkage, thimble
-from core.devices.singularity import inverse_kinematics
+from core.devices.inverse_kinematics import inverse_kinematics
 from core.devices.spec import from_preset
 from core.errors import DermisError
 
@@ -159,7 +159,7 @@ def test_neutral_servos_hold_the_platform_level_under_the_pad(device):
 
 
 def test_the_other_knee_closes_too(device):
-    inwards = replace(device, knee=-1.0)
+    inwards = replace(device, bend=-1.0)
     a, b = device.servo_angles([0.1, 0.2, 0.018])[0], inwards.servo_angles([0.1, 0.2, 0.018])[0]
     assert (np.abs(a - b) > 0.5).all()
     np.testing.assert_allclose(inwards.forward(b - inwards.servo_zero, [0, 0, 0.018]), [0.1, 0.2, 0.018], atol=1e-9)
@@ -202,7 +202,7 @@ def test_the_workspace_is_where_every_single_pose_is_feasible(device):
     assert inside.any() and not inside.all()
     for (i, j, k), value in np.ndenumerate(inside):
         x = [pitch[i], roll[j], distance[k]]
-        closes = bool((device.reach(x) > 0).all())
+        closes = bool((device.leg_margins(x) > 0).all())
         turned = np.abs(device.servo_angles(x)[0] - device.servo_zero).max() if closes else np.inf
         firm = closes and np.linalg.det(device.servo_angles(x)[1]) > 0  # no pose of this grid is near the margin
         assert value == (turned <= device.servo_range and firm)

@@ -24,6 +24,7 @@ from core.scene.tactile_scene import DeviceUse
 from core.skin.blas import pools
 from core.skin.model import fingertip_skin, skin_from_parameters
 from core.skin.stimulus import Stimulus
+from core.skin.stress import RECEPTOR_DEPTHS
 from tests.sliding import RATE, sliding_plane
 
 KKT = 1e-12
@@ -39,8 +40,8 @@ def skin(level="draft"):
 def spec(**changes):
     preset = json.loads(json.dumps(Library().device("pin_array_128").source))
     for name, value in changes.items():
-        if name == "slew":
-            preset["channels"][0]["slew"] = {"value": value, "unit": "N/s"}
+        if name in ("slew", "high"):
+            preset["channels"][0][name] = {"value": value, "unit": "N/s" if name == "slew" else "N"}
         else:
             preset["parameters"][name]["value"] = value
     return from_preset("pins", preset)
@@ -119,7 +120,7 @@ def test_receptor_nodes_lie_at_receptor_depth():
     chosen = np.flatnonzero(pins.node_weights(skin("standard"), "receptor"))
     pad = mesh.nodes[np.intersect1d(mesh.surface, mesh.pad)]
     away = np.linalg.norm(mesh.nodes[chosen][:, None] - pad[None], axis=2).min(axis=1)
-    assert len(chosen) > 100 and (away >= pins.RECEPTOR_BAND[0] * 0.999).all()
+    assert len(chosen) > 100 and (away >= min(RECEPTOR_DEPTHS) * 0.999).all()
     assert np.setdiff1d(chosen, mesh.free).size == 0
 
 
@@ -265,8 +266,20 @@ def test_a_single_frame_has_the_limit_of_force_but_no_speed():
     ready, times = pins.setup(skin(), spec(slew=2.0)), np.arange(3) / RATE
     assert pins.make_solver(ready, spec(slew=2.0), "DM2", times).slew == pytest.approx(2.0 / RATE)
     single = pins.make_solver(ready, spec(slew=2.0), "DM2", None)
-    assert single.slew is None and single.high == pytest.approx(0.4)
-    assert pins.make_solver(ready, spec(slew=2.0), "DM2", None, bounded=False).high > 1e3
+    assert single.slew is None and (single.high == 0.4).all()
+    assert pins.make_solver(ready, spec(slew=2.0), "DM2", None, bounded=False).high.min() > 1e3
+
+
+def test_a_channel_below_the_parameter_bounds_the_optimum_not_only_the_track():
+    weak, ready = spec(high=0.15), pins.setup(skin(), spec(high=0.15))
+    found = rendered(device=weak, pin_lead=False, pin_fade_in=0.0, pin_fade_out=0.0)
+    assert found.track.values.max() == pytest.approx(0.15, rel=1e-9) and float(found.track.meta["worst_kkt"]) <= KKT
+    told = next(f for f in found.findings if f.code == "pins-at-limit")
+    assert told.limit == "0.15 N a pin"
+    clipped = np.clip(rendered(pin_lead=False, pin_fade_in=0.0, pin_fade_out=0.0).track.values[-1], 0.0, 0.15)
+    target = felt().force_at(len(felt().times) - 1).reshape(1, -1)
+    error = [ready.matcher.displacement_error(target, x[ready.met.hits]) for x in (found.track.values[-1], clipped)]
+    assert error[0] < error[1], "the best within the limits is not the best without them, cut off"
 
 
 def test_what_is_at_its_limit_is_told():

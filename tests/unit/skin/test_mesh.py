@@ -130,6 +130,12 @@ def test_shapes_that_do_not_fit_are_refused(change: dict[str, float], what: str)
         FingertipShape(**change)
 
 
+@pytest.mark.parametrize("thickness", [20e-3, 50e-3])
+def test_a_shape_whose_tissue_folds_is_refused_in_the_words_of_its_lengths(thickness: float) -> None:
+    with pytest.raises(DermisError, match=f"tissue .* folds.*thickness {1e3 * thickness:.2f}.*bone's lengths"):
+        fingertip_mesh(FingertipShape(thickness=thickness), "draft")
+
+
 def test_levels_that_cannot_be_symmetric_are_refused() -> None:
     for level in (Level(5, 8, 3, 3), Level(4, 7, 3, 3), Level(4, 8, 0, 3), Level(4, 8, 3, 0)):
         with pytest.raises(DermisError):

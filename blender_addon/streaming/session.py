@@ -55,7 +55,7 @@ def streams(scene: bpy.types.Scene) -> bool:
 @cache
 def caution(protocol: str) -> str:
     """Return what a person has to know of boards that speak a protocol, before a finger goes in; '' for nothing."""
-    return core.stream.protocols.adapter.kind(protocol).caution
+    return core.stream.protocols.adapter.adapter_of(protocol).caution
 
 
 def status() -> dict[str, Any]:

@@ -12,7 +12,7 @@ from .protocols.wire import Wire
 SLACK = 1e-9
 PERIODS = 2.0  # a step counts as at most so many periods between commands, however long the sender slept
 SLOWEST = 0.1  # between two commands of a slow link [s]; longer, and more than the preset's rate, counts as this
-KINDS = ("range", "disc", "slew", "not_finite")
+LIMITS = ("range", "disc", "slew", "not_finite")
 
 Ramp = tuple[Array, float, float]  # from where [units], how much of it is through [s], how long it takes [s]
 
@@ -34,7 +34,7 @@ class OutputLimiter:
     def __init__(self, wire: Wire, period: float | None = None) -> None:
         self.wire = wire
         self._period = period or 1.0 / wire.spec.rate
-        self._counts = {kind: np.zeros(wire.count, np.int64) for kind in KINDS}
+        self._counts = {kind: np.zeros(wire.count, np.int64) for kind in LIMITS}
         self.last: Array = self.driven(wire.rest)
         self._time = -np.inf
         self._step = 0.0  # what the last command's time counted for [s]

@@ -16,7 +16,7 @@ from typing import Any
 
 import bpy
 
-from . import jobs, preferences
+from . import baking, preferences
 from ._core import DermisError, core, worst
 from .results import export_parts, store
 from .sampling import frames, scene_sweep
@@ -62,7 +62,7 @@ def render(options: argparse.Namespace) -> int:
 
 def _render(options: argparse.Namespace, scene: bpy.types.Scene, folder: Path) -> int:
     outputs = core.pipeline.outputs
-    made = _drained(jobs.bake(scene, _library(options), span=_span(options)), options)
+    made = _drained(baking.bake(scene, _library(options), span=_span(options)), options)
     if options.format or options.finger or options.part != "all":
         written, found = _parts(options, scene, made, folder)
     else:
@@ -148,7 +148,7 @@ def _parser() -> argparse.ArgumentParser:
             "--format",
             action="append",
             default=[],
-            choices=("csv", "json", "binary", "c"),
+            choices=list(core.track.export.FORMATS),
             help="write this format instead of CSV; more than once",
         ),
         argument(

@@ -9,6 +9,7 @@ from typing import Any
 from ..design.interactions import NAMES, NOISE
 from ..stream.acceptance.person import INTRODUCTION
 from ..stream.acceptance.report import CHECKS
+from ..track.export import FORMATS
 from ..version import version
 from .arguments import (
     DEVICE,
@@ -52,7 +53,7 @@ def parser(program: str) -> argparse.ArgumentParser:
             "--format",
             action="append",
             default=[],
-            choices=("json", "binary", "c"),
+            choices=[name for name in FORMATS if name != "csv"],
             help="also write this format; more than once",
         ),
         switch("--force", "write those formats in spite of errors"),
@@ -66,7 +67,7 @@ def parser(program: str) -> argparse.ArgumentParser:
         verbs,
         "export",
         argument("tracks", type=Path, nargs="+", metavar="TRACK", help="command tracks: CSV, JSON or binary"),
-        argument("--format", required=True, choices=("csv", "json", "binary", "c"), help="what to write"),
+        argument("--format", required=True, choices=list(FORMATS), help="what to write"),
         argument("--out", type=Path, metavar="DIR", help="folder; beside each track if left out"),
         argument("--range", type=float, nargs=2, metavar=("FROM", "TO"), help="part of the track [s]"),
         argument("--rate", type=float, metavar="HZ", help="resample"),

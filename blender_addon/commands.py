@@ -1,7 +1,7 @@
 """Dermis without a window: `blender --command dermis render scene.blend --out DIR`, and `sample`.
 
-The exit status is 0 if all went well, 1 if there is a finding of severity error or the work was refused, 2 if the
-command line was not understood.
+The exit status is 0 if all went well, 1 if there is a finding of severity error, 2 if the work was refused or the
+command line was not understood: as of `python -m core`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def main(arguments: Sequence[str]) -> int:
         return int(options.run(options))
     except DermisError as error:
         print(f"error: {error}", file=sys.stderr)
-        return 1
+        return core.command_line.findings.REFUSED
     except Exception:
         # Blender would go on to exit with status 0.
         traceback.print_exc()

@@ -12,7 +12,6 @@ from ..stream.acceptance.report import CHECKS
 from ..track.export import FORMATS
 from ..version import version
 from .arguments import (
-    DEVICE,
     LEVEL,
     LINK,
     MAPS,
@@ -25,6 +24,7 @@ from .arguments import (
     TRACK,
     add_verb,
     argument,
+    device,
     seconds,
     setting,
     switch,
@@ -127,7 +127,7 @@ def _add_stream(commands: Any) -> None:
         verbs,
         "play",
         TRACK,
-        *DEVICE,
+        *device("the track's own"),
         *LINK,
         setting("look_ahead"),
         setting("ramp"),
@@ -138,7 +138,7 @@ def _add_stream(commands: Any) -> None:
     add_verb(
         verbs,
         "panel",
-        *DEVICE,
+        *device("electrovibration"),
         argument("map", type=Path, metavar="MAP", help="a screen's map: NAME.map.npz, as exported"),
         *LINK,
         argument(
@@ -162,14 +162,14 @@ def _add_stream(commands: Any) -> None:
     add_verb(
         verbs,
         "send",
-        argument("--board", type=Path, required=True),
+        argument("--state", type=Path, required=True, metavar="FILE", help="the shared state"),
         help="serve a shared state (not for people)",
         run="command_line.stream.send",
     )
     add_verb(
         verbs,
         "virtual",
-        *DEVICE,
+        *device("haptip"),
         argument("--at", default="pty", choices=("pty", "tcp", "udp"), help="where it can be reached (pty)"),
         argument("--every", type=seconds, default=0.0, metavar="S", help="print a report this often"),
         argument(

@@ -38,7 +38,7 @@ class SenderClient:
         self._before: SenderClient | None = None  # has the same port, and is still ending
         _reap()
         try:
-            self._child = ChildProcess("the sender", command(*verb, "--board", str(self._shared.path)))
+            self._child = ChildProcess("the sender", command(*verb, "--state", str(self._shared.path)))
         except DermisError:
             self._shared.remove()
             raise

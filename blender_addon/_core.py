@@ -11,6 +11,7 @@ PACKAGE: str = __package__  # of the add-on; the three-part name in an installed
 if TYPE_CHECKING:
     import core.cache
     import core.command_line.arguments
+    import core.command_line.findings
     import core.command_line.thimble
     import core.contact.posed_scene
     import core.contact.resultants
@@ -78,6 +79,7 @@ if TYPE_CHECKING:
     import core.stream.links.serial_port
     import core.stream.links.url
     import core.stream.protocols.adapter
+    import core.stream.state
     import core.surrogate.store
     import core.track.binary
     import core.track.check

@@ -2,7 +2,10 @@
 
 from typing import Any
 
+from ._core import core
 from .preferences import library
+
+ICONS = {"screen": "DESKTOP", "pins": "LIGHTPROBE_VOLUME"}  # by how a kind of device is drawn
 
 _cache: dict[str, tuple[Any, ...]] = {}
 _kinds: dict[str, str] = {}
@@ -47,8 +50,14 @@ def known() -> bool:
 
 
 def kind_of(key: str) -> str:
-    """Return 'shear_tactor', 'friction_screen' or '' where that is not known."""
+    """Return the kind of a device preset, such as 'shear_tactor'; '' where that is not known."""
     return _kinds.get(key, "")
+
+
+def icon(kind: str) -> str:
+    """Return the icon of a kind of device."""
+    row = core.devices.kinds.KINDS.get(kind)
+    return ICONS.get(row.drawn if row is not None else "", "MOD_WARP")
 
 
 def first_of_kind(kind: str) -> str:

@@ -1,7 +1,7 @@
 """Dermis without a window: `blender --command dermis render scene.blend --out DIR`, and `sample`.
 
-The exit status is 0 if all went well, 1 if there is a finding of severity error or the work was refused, 2 if the
-command line was not understood.
+The exit status is 0 if all went well, 1 if there is a finding of severity error, 2 if the work was refused or the
+command line was not understood: as of `python -m core`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 
 import bpy
 
-from . import jobs, preferences
+from . import baking, preferences
 from ._core import DermisError, core, worst
 from .results import export_parts, store
 from .sampling import frames, scene_sweep
@@ -39,7 +39,7 @@ def main(arguments: Sequence[str]) -> int:
         return int(options.run(options))
     except DermisError as error:
         print(f"error: {error}", file=sys.stderr)
-        return 1
+        return core.command_line.findings.REFUSED
     except Exception:
         # Blender would go on to exit with status 0.
         traceback.print_exc()
@@ -62,7 +62,7 @@ def render(options: argparse.Namespace) -> int:
 
 def _render(options: argparse.Namespace, scene: bpy.types.Scene, folder: Path) -> int:
     outputs = core.pipeline.outputs
-    made = _drained(jobs.bake(scene, _library(options), span=_span(options)), options)
+    made = _drained(baking.bake(scene, _library(options), span=_span(options)), options)
     if options.format or options.finger or options.part != "all":
         written, found = _parts(options, scene, made, folder)
     else:
@@ -148,7 +148,7 @@ def _parser() -> argparse.ArgumentParser:
             "--format",
             action="append",
             default=[],
-            choices=("csv", "json", "binary", "c"),
+            choices=list(core.track.export.FORMATS),
             help="write this format instead of CSV; more than once",
         ),
         argument(

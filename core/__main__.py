@@ -1,4 +1,4 @@
-"""The command line: `python -m core render | check | export | stream | work`, for sampled scenes and their tracks."""
+"""The command line, `python -m core VERB`: finds what a verb does, and turns what it raises into an exit status."""
 
 from __future__ import annotations
 

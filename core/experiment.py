@@ -24,6 +24,7 @@ from .skin.blas import one_thread
 from .skin.model import SkinModel, skin_from_parameters
 from .skin.stimulus import Stimulus, von_mises
 from .surface.gap import Surface
+from .track.command_track import CommandTrack
 
 STEP = 0.1e-3  # from pose to pose on the way of a press; friction remembers the way [m]
 DEEPEST = 5e-3  # of a press: beyond it linear skin says nothing [m]
@@ -68,7 +69,7 @@ class Match:
 
     Attributes:
         device: the preset. method: that matched.
-        commands: of every actuator, by channel, in the channel's unit.
+        values: of every channel of the device, in its unit, shape (channels,); a thimble's pose among them.
         error: of what the method compares: root mean square displacement [m] for DM, force [N] for FM, relative
             descriptor mismatch [1] for the thimble. optimality: KKT residual of the solution.
         rendered: what the skin feels of the device.
@@ -76,10 +77,30 @@ class Match:
 
     device: DeviceSpec
     method: str
-    commands: dict[str, float]
+    values: Array
     error: float
     optimality: float
     rendered: Stimulus
+
+    @property
+    def commands(self) -> dict[str, float]:
+        """What every actuator does, by channel, in the channel's unit."""
+        named = zip(self.device.channels, self.values.tolist(), strict=True)
+        return {channel.name: value for channel, value in named if channel.actuator}
+
+    def track(self, duration: float = 1.0) -> CommandTrack:
+        """Return a track that holds the commands, at the device's rate: `write_csv` makes a file of it to play.
+
+        It begins with them: `within_limits(start_at_rest=True)` leads there from where the device rests.
+
+        Args:
+            duration: [s].
+
+        Raises:
+            DermisError: a duration that is not above zero, or of more samples than a track can hold.
+        """
+        values, meta = np.tile(self.values, (2, 1)), {"method": self.method}
+        return CommandTrack(self.device, np.array([0.0, duration]), values, meta).resampled(self.device.rate)
 
     def __repr__(self) -> str:
         return f"Match({self.device.key}, {self.method}, error {self.error:.3g}, optimality {self.optimality:.1g})"
@@ -210,6 +231,11 @@ def match(
     >>> worse.error > pins.error
     True
 
+    Held for a second, as the file that a device plays is made of (`write_csv`):
+
+    >>> pins.track(1.0)
+    CommandTrack(pin_array_128, 128 channels, 241 samples, 1 s at 240 Hz)
+
     Raises:
         DermisError: no such device or method, or a kind whose commands depend on time or on tables: those are
             rendered from a scene (`run`).
@@ -243,10 +269,8 @@ def _match_pins(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Match:
     ready = setup(touch.skin, spec)
     found = make_solver(ready, spec, chosen, None).solve(touch.force)
     error = found.displacement_error if chosen.startswith("DM") else found.force_error
-    commands = dict(zip((c.name for c in spec.channels), found.forces.tolist(), strict=True))
-    return Match(
-        spec, chosen, commands, error, found.optimality, Stimulus(touch.skin, rendered_force(ready, found.forces))
-    )
+    rendered = Stimulus(touch.skin, rendered_force(ready, found.forces))
+    return Match(spec, chosen, found.forces, error, found.optimality, rendered)
 
 
 def _match_thimble(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Match:
@@ -262,11 +286,10 @@ def _match_thimble(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Mat
             limit="stress, force, geometry",
         )
     found = match_touch(use, touch.force[None])
-    names = [c.name for c in spec.channels if c.actuator]
     return Match(
         spec,
         use.method,
-        dict(zip(names, found.angles[0].tolist(), strict=True)),
+        found.commands(spec)[0],
         float(found.mismatch[0]),
         float(found.kkt[0]),
         Stimulus(touch.skin, found.force[0].astype(np.float64)),

@@ -20,7 +20,7 @@ from .errors import DermisError
 from .files import opened
 from .foreign import MAX_BYTES, check_size, damage_told, text_of
 
-KINDS = "biufcSU"  # numbers and texts
+DTYPES = "biufcSU"  # numbers and texts
 EMPTY_SIDE = 1 << 24  # of an array that holds nothing: what is made of its length later must be small too
 MAX_DIRECTORY = 1 << 24  # bytes of an archive's table of contents: 100,000 members; a long scene has some thousand
 _METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # what numpy writes
@@ -143,7 +143,7 @@ def _array(file: IO[bytes], size: int, where: str) -> NDArray[Any]:
         shape, turned, kind = header(file)
         body = size - file.tell()
     count = math.prod(shape)
-    if kind.hasobject or kind.kind not in KINDS or kind.itemsize == 0:
+    if kind.hasobject or kind.kind not in DTYPES or kind.itemsize == 0:
         raise DermisError(
             "the array cannot be read: it holds neither numbers nor texts",
             where=where,

@@ -20,20 +20,15 @@ from .foreign import damage_told, is_newer
 from .parameters.material import MATERIAL
 from .parameters.parameter import Table
 from .parameters.skin import SKIN
-from .units import quantity, setting
+from .units import quantity
 
 _HERE = Path(__file__).resolve().parent
 # a wheel has them within the package, a checkout and the extension beside it
 BUILT_IN = _HERE / "built_in" if (_HERE / "built_in").is_dir() else _HERE.parent / "presets"
 
-SCHEMAS = {
-    "devices": DEVICE_SCHEMA,
-    "materials": "dermis-material 1",
-    "skins": "dermis-skin 1",
-    "screens": "dermis-screen 1",
-}
+SCHEMAS = {"devices": DEVICE_SCHEMA, "materials": "dermis-material 1", "skins": "dermis-skin 1"}
 
-# What presets of a group may set; devices are judged by their kind, screens set what they like.
+# What presets of a group may set; devices are judged by their kind.
 TABLES: Mapping[str, Table] = {"materials": MATERIAL, "skins": SKIN}
 
 
@@ -84,7 +79,7 @@ class Library:
         return f"Library({', '.join(str(folder) for folder, _ in self._folders)})"
 
     def list(self, group: str) -> tuple[PresetEntry, ...]:
-        """Return all presets of a group ('devices', 'materials', 'skins', 'screens'), broken ones too, by key.
+        """Return all presets of a group ('devices', 'materials', 'skins'), broken ones too, by key.
 
         Raises:
             DermisError: no such group.
@@ -213,13 +208,10 @@ def settings(group: str, key: str, preset: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         DermisError: an unknown parameter, or a value of another kind or unit than it has, or out of its range.
     """
-    where, table = f"{group[:-1]} preset '{key}'", TABLES.get(group)
+    where, table = f"{group[:-1]} preset '{key}'", TABLES[group]
     found: dict[str, Any] = {}
     for name, field in _parameters(preset, where).items():
         place = f"{where}, {name}"
-        if table is None:
-            found[name] = setting(field, where=place)
-            continue
         if name not in table:
             raise DermisError("unknown parameter", where=where, value=name, limit=", ".join(table))
         row = table[name]

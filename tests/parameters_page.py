@@ -24,7 +24,7 @@ GROUPS: tuple[tuple[str, str, str, Table], ...] = (
     ("Device on a finger", "`DeviceUse.parameters`", _DEVICES, DEVICE),
     ("Object", "`Body.parameters`; presets in `presets/materials`, all but `held`", "object.dermis.material", BODY),
     ("Screen", "`Screen.parameters`", "object.dermis.screen", {**SCREEN, **SEQUENCE, HEIGHT.name: HEIGHT}),
-    ("Stream", "a `StreamRequest`, and options of `python -m core stream`", "scene.dermis_stream", STREAM),
+    ("Stream", "a `StreamRequest`; `python -m core stream` has options for some", "scene.dermis_stream", STREAM),
 )
 HEAD = """# Parameters
 
@@ -72,10 +72,15 @@ def _shown(row: Parameter, value: Any) -> str:
 
 def _kinds() -> str:
     lines = ["## Kinds of device\n", "What a preset's `parameters` may hold, in SI (what is bold it must), and which"]
-    lines += ["of the settings above the kind reads.\n", _row("kind", "preset", "settings"), _row(*3 * ["---"])]
+    lines += [
+        "of the settings above the kind reads. A finger is in each, unless it says so.\n",
+        _row("kind", "preset", "settings"),
+        _row(*3 * ["---"]),
+    ]
     for name, kind in KINDS.items():
         told = [_told(row) for row in kind.parameters.values()]
-        lines.append(_row(f"`{name}`", "; ".join(told), ", ".join(f"`{setting}`" for setting in kind.settings)))
+        cell = f"`{name}`" if kind.worn else f"`{name}`, no finger in it"
+        lines.append(_row(cell, "; ".join(told), ", ".join(f"`{setting}`" for setting in kind.settings)))
     return "\n".join(lines) + "\n"
 
 

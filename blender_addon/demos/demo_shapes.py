@@ -43,14 +43,20 @@ def chamfered_block(x: float, y: float, z: float) -> bpy.types.Mesh:
 
 
 def sphere(radius: float, segments: int = 64) -> bpy.types.Mesh:
-    """Return a closed sphere around its centre."""
-    import bmesh
-
-    ball = bmesh.new()
-    bmesh.ops.create_uvsphere(ball, u_segments=segments, v_segments=segments // 2, radius=radius)
-    for face in ball.faces:
-        face.smooth = True
-    return _of_bmesh("Sphere", ball)
+    """Return a closed sphere around its centre; bmesh would order its triangles anew in every process."""
+    rings = segments // 2
+    around, down = np.arange(segments) * (2 * math.pi / segments), np.arange(1, rings)[:, None] * (math.pi / rings)
+    ring = np.stack([np.sin(down) * np.cos(around), np.sin(down) * np.sin(around), np.cos(down) + 0 * around], axis=-1)
+    points = radius * np.vstack([ring.reshape(-1, 3), [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
+    top, bottom, last = len(points) - 2, len(points) - 1, (rings - 2) * segments
+    faces: list[tuple[int, ...]] = []
+    for i in range(segments):
+        j = (i + 1) % segments
+        faces += [(k + i, k + segments + i, k + segments + j, k + j) for k in range(0, last, segments)]
+        faces += [(top, i, j), (bottom, last + j, last + i)]
+    ball = mesh("Sphere", points, faces)
+    ball.shade_smooth()
+    return ball
 
 
 def ridge(length: float, height: float, angle: float, radius: float = 0.4e-3) -> bpy.types.Mesh:

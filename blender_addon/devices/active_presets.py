@@ -17,10 +17,8 @@ _specs: core.recent.Recent[tuple[str, int], core.devices.spec.DeviceSpec | None]
 
 
 def kinds(family: Family) -> tuple[str, ...]:
-    """Return the kinds of device of a family; platforms are those that a look-up table drives."""
-    if family == "platform":
-        return tuple(name for name, kind in core.devices.kinds.KINDS.items() if kind.platform)
-    return ("pin_array",) if family == "pins" else ("thimble",)
+    """Return the kinds of device of a family: their rows say how they are drawn."""
+    return tuple(name for name, kind in core.devices.kinds.KINDS.items() if kind.drawn == family)
 
 
 def spec_of(preset: str, family: Family) -> core.devices.spec.DeviceSpec | None:

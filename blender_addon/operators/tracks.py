@@ -49,12 +49,7 @@ class DERMIS_OT_export_as(Folder, bpy.types.Operator):
 
     form: EnumProperty(  # type: ignore[valid-type]
         name="Format",
-        items=(
-            ("csv", "CSV", "Version 1"),
-            ("json", "JSON", "Every float exactly"),
-            ("binary", "Compact Binary", "Four bytes a value, with a check sum"),
-            ("c", "C Header", "With a player loop for a microcontroller"),
-        ),
+        items=tuple((name, form.title, form.text) for name, form in core.track.export.FORMATS.items()),
         default="json",
     )
     span: EnumProperty(  # type: ignore[valid-type]

@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from .. import changes, reporting
+from .. import changes, choices, reporting
 from ..layouts import paragraph
 from ..polls import needs
 from ..results import store
@@ -73,8 +73,7 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
         for output in bake.outputs:
             box = self.layout.box().column(align=True)
             track = output.track
-            icon = "DESKTOP" if track.spec.kind == "friction_screen" else "MOD_WARP"
-            box.label(text=f"{output.finger}: {track.spec.name}", icon=icon)
+            box.label(text=f"{output.finger}: {track.spec.name}", icon=choices.icon(track.spec.kind))
             duration = float(track.times[-1] - track.times[0]) if len(track.times) else 0.0
             row = box.row()
             row.active = False

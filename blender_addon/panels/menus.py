@@ -50,9 +50,10 @@ class DERMIS_MT_devices(bpy.types.Menu):
         layout = self.layout
         for entry in choices.entries("devices"):
             if entry.error is None:
-                icon = "DESKTOP" if choices.kind_of(entry.key) == "friction_screen" else "MOD_WARP"
                 text = f"{entry.name}{' (yours)' if entry.user else ''}"
-                operator = layout.operator("dermis.add_device", text=text, icon=icon)
+                operator = layout.operator(
+                    "dermis.add_device", text=text, icon=choices.icon(choices.kind_of(entry.key))
+                )
                 operator.preset = entry.key
                 operator.finger = choices.target()
         _broken(layout, [e for e in choices.entries("devices") if e.error is not None])

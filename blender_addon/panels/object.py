@@ -11,7 +11,6 @@ from ..polls import needs
 from . import design, thimble
 from .main import DermisPanel
 
-DEVICE_ICONS = {"friction_screen": "DESKTOP", "pin_array": "LIGHTPROBE_VOLUME"}
 ICONS = {"FINGER": "VIEW_PAN", "TOUCHABLE": "MATERIAL", "SCREEN": "DESKTOP", "NONE": "OBJECT_DATA"}
 
 
@@ -79,7 +78,7 @@ class DERMIS_UL_devices(bpy.types.UIList):
         """Draw one device with its switch; what cannot be used says so."""
         entry = choices.entry("devices", item.preset)
         broken = choices.known() and (entry is None or entry.error is not None)
-        icon = "ERROR" if broken else DEVICE_ICONS.get(choices.kind_of(item.preset), "MOD_WARP")
+        icon = "ERROR" if broken else choices.icon(choices.kind_of(item.preset))
         row = layout.row(align=True)
         row.active = item.enabled and not broken
         row.label(text=choices.title("devices", item.preset) or "No device chosen", icon=icon)

@@ -4,22 +4,24 @@ from typing import Any
 
 import bpy
 
+from .._core import core
 from ..layouts import paragraph
 from ..quantities import quantity
 from ..streaming import board_identity, built_devices, calibration_offers, session
 from ..viewport import shown
 from .main import DermisPanel
 
+State = core.stream.state.State
 ICONS = {
-    "disconnected": "UNLINKED",
-    "connecting": "SORTTIME",
-    "ready": "LINKED",
-    "armed": "PAUSE",
-    "streaming": "PLAY",
-    "stopping": "SORTTIME",
-    "stalled": "ERROR",
-    "fault": "CANCEL",
-    "dead": "CANCEL",
+    State.DISCONNECTED: "UNLINKED",
+    State.CONNECTING: "SORTTIME",
+    State.READY: "LINKED",
+    State.ARMED: "PAUSE",
+    State.STREAMING: "PLAY",
+    State.STOPPING: "SORTTIME",
+    State.STALLED: "ERROR",
+    State.FAULT: "CANCEL",
+    State.DEAD: "CANCEL",
 }
 
 
@@ -38,7 +40,7 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
             row.alert = bool(now.get("armed"))
             row.label(text="", icon=ICONS.get(now["state"], "QUESTION"))
         elif session.leaving():
-            self.layout.label(text="", icon=ICONS["stopping"])
+            self.layout.label(text="", icon=ICONS[State.STOPPING])
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw port, buttons and state."""
@@ -78,11 +80,11 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         row.scale_y = 1.3
         if connected:
             row.operator("dermis.stream_disconnect", icon="UNLINKED")
-            if now["state"] in ("fault", "disconnected", "dead"):
+            if now["state"] in core.stream.state.OVER:
                 row.operator("dermis.stream_connect", text="Connect Again", icon="LINKED")
             else:
                 arm = row.row(align=True)
-                arm.enabled = now["state"] in session.READY and session.streams(context.scene)
+                arm.enabled = now["state"] in core.stream.state.WAITING and session.streams(context.scene)
                 arm.operator("dermis.stream_arm", icon="PLAY")
         else:
             row.operator("dermis.stream_connect", icon="LINKED")
@@ -99,7 +101,7 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, session.leaving(), "TIME")
         layout.label(text=now["state"].capitalize(), icon=ICONS.get(now["state"], "QUESTION"))
         if now.get("message"):
-            paragraph(layout, context, now["message"], "ERROR" if another or now["state"] != "ready" else "INFO")
+            paragraph(layout, context, now["message"], "ERROR" if another or now["state"] != State.READY else "INFO")
         if caution := session.caution(context.scene.dermis_stream.protocol):
             paragraph(layout, context, caution, "ERROR")
         for key in ("notice", "not_rendered"):

@@ -24,7 +24,7 @@ from ..preferences import library, setting
 from ..results import store
 from ..sampling import scene_header, scene_sweep
 from . import pin_preview, platform_preview, skin_preview, thimble_preview
-from .rows import NO_PATH, Preview, Row, by_channel, goes_on, row_of
+from .rows import Preview, Row, by_channel, goes_on, row_of
 
 TRAIL_SECONDS = 0.12  # how much of a tactor's path the view shows
 
@@ -234,11 +234,12 @@ def baked_row(result: store.Result, output: core.pipeline.bake.Output, frame: fl
     values = store.values_at(result, output, frame)
     if values is None:  # outside the range: the device rests
         values = np.array([c.rest for c in spec.channels])
-    path = NO_PATH
-    if {"tactor_x", "tactor_y"} <= {c.name for c in spec.channels} and len(track.times):
+    contact, mismatch = (store.signal_at(result, output, name, frame) for name in ("contact", "mismatch"))
+    signals = {} if mismatch is None else {"mismatch": mismatch}
+    row = row_of(output.finger, output.device, spec, by_channel(spec, values), contact, signals=signals)
+    if row.drawn == "tactor" and len(track.times):
         now = (frame - result.first) / result.fps
         times = np.linspace(now - TRAIL_SECONDS, now, 61)
         path = np.stack([np.interp(times, track.times, track.column(n)) for n in ("tactor_x", "tactor_y")], axis=1)
-    contact, mismatch = (store.signal_at(result, output, name, frame) for name in ("contact", "mismatch"))
-    signals = {} if mismatch is None else {"mismatch": mismatch}
-    return row_of(output.finger, output.device, spec, by_channel(spec, values), contact, path=path, signals=signals)
+        row = replace(row, path=path)
+    return row

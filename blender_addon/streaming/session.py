@@ -27,7 +27,6 @@ from . import (
 
 HEARTBEAT = 0.02  # between two signs of life [s]
 STILL = frozenset({"V", "Hz"})  # units of actuators that nothing moves
-READY = ("ready", "stalled")  # states in which a device can be armed
 REDRAW = 5  # heartbeats between two redraws of the panel
 
 _client: Any = None
@@ -55,12 +54,12 @@ def streams(scene: bpy.types.Scene) -> bool:
 @cache
 def caution(protocol: str) -> str:
     """Return what a person has to know of boards that speak a protocol, before a finger goes in; '' for nothing."""
-    return core.stream.protocols.adapter.kind(protocol).caution
+    return core.stream.protocols.adapter.adapter_of(protocol).caution
 
 
 def status() -> dict[str, Any]:
     """Return how things stood at the last heartbeat; never asks anybody."""
-    return _status or {"state": "disconnected", "message": "", "armed": False}
+    return _status or {"state": core.stream.state.State.DISCONNECTED, "message": "", "armed": False}
 
 
 def found_ports() -> list[tuple[str, str]]:
@@ -100,7 +99,7 @@ def connect(scene: bpy.types.Scene) -> None:
         close()
         raise
     _scene = scene.session_uid
-    _status = {"state": "connecting", "message": "", "armed": False}
+    _status = {"state": core.stream.state.State.CONNECTING, "message": "", "armed": False}
     heartbeat()
     _start_timer()
 
@@ -157,8 +156,9 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
         changed()
     _client.set(**request_fields.request_fields(scene))
     heartbeat()
-    if status()["state"] not in READY:
-        raise DermisError("the device is not ready to be armed", value=status()["state"], limit=" or ".join(READY))
+    waiting = core.stream.state.WAITING
+    if status()["state"] not in waiting:
+        raise DermisError("the device is not ready to be armed", value=status()["state"], limit=" or ".join(waiting))
     board_identity.check(scene)
     if pose_unknown() and not fingers_out:
         raise DermisError(

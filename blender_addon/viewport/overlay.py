@@ -10,7 +10,6 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..devices import active_presets
 from ..layouts import ui_scale
 from ..preview.rows import Row
 from . import drawing, paint, pin_card, platform_card, shown, thimble_card
@@ -64,9 +63,9 @@ def _draw_pixels() -> None:
 
 
 def _card_height(row: Row) -> float:
-    if row.kind in active_presets.kinds("platform"):
+    if row.drawn == "platform":
         return platform_card.height(row) + 2.0 * MARGIN
-    tall = "tactor_x" in row.values or row.kind in ("pin_array", "thimble")
+    tall = row.drawn in ("tactor", "pins", "thimble")
     return DIAL + 3.0 * MARGIN + LINE if tall else 3 * LINE + 2 * MARGIN
 
 
@@ -77,16 +76,18 @@ def _card(row: Row, twin: Twin | None, left: float, bottom: float, scale: float)
     x = left + MARGIN * scale
     state = twin.state if twin is not None else None
     paint.text(f"{row.finger}   {row.title}", x, top, INK, scale, width=(CARD_WIDTH - 2 * MARGIN) * scale)
-    if "tactor_x" in row.values:
-        _dial(row, x, bottom + MARGIN * scale, scale)
-    elif row.kind == "pin_array":
-        pin_card.card(row, state, x, bottom + MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, DIAL * scale, scale)
-    elif row.kind == "thimble" and "servo_1" in row.values:
-        thimble_card.card(row, state, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
-    elif row.kind in active_presets.kinds("platform"):
-        platform_card.card(row, state, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
-    elif "amplitude" in row.values:
-        _bar(row, x, top - 1.6 * LINE * scale, scale)
+    width, low = (CARD_WIDTH - 2 * MARGIN) * scale, bottom + 0.7 * MARGIN * scale
+    match row.drawn:
+        case "tactor":
+            _dial(row, x, bottom + MARGIN * scale, scale)
+        case "screen":
+            _bar(row, x, top - 1.6 * LINE * scale, scale)
+        case "pins":
+            pin_card.card(row, state, x, bottom + MARGIN * scale, width, DIAL * scale, scale)
+        case "thimble":
+            thimble_card.card(row, state, x, low, width, scale)
+        case "platform":
+            platform_card.card(row, state, x, low, width, scale)
 
 
 def _dial(row: Row, left: float, bottom: float, scale: float) -> None:

@@ -91,7 +91,7 @@ def now(scene: bpy.types.Scene) -> Frame | None:
 
 
 def worn(scene: bpy.types.Scene, obj: bpy.types.Object | None, kind: str) -> Any | None:
-    """Return the settings of the device of a kind that a finger wears, see `readiness.KINDS`. Reads; for drawing."""
+    """Return the settings of the device of a family that a finger wears, see `active_presets`. Reads; for drawing."""
     kept = _read(scene)  # at whatever frame: panels shall not come and go while a bake sweeps
     if kept is None or obj is None or obj.dermis.role != "FINGER":
         return None

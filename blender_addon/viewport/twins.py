@@ -27,16 +27,17 @@ def twin_of(scene: bpy.types.Scene, row: Row) -> Twin | None:
     if obj is None:
         return None
     try:
-        if "tactor_x" in row.values:
-            return tactor_twin.tactor(row, scene.dermis.twin_exaggeration)
-        if "amplitude" in row.values:
-            return tactor_twin.screen(row)
-        if row.kind in active_presets.kinds("pins"):
-            return _pins(obj, row)
-        if row.kind in active_presets.kinds("thimble"):
-            return _thimble(obj, row, workspace=scene.dermis.thimble_view.workspace)
-        if row.kind in active_presets.kinds("platform"):
-            return _platform(obj, row)
+        match row.drawn:
+            case "tactor":
+                return tactor_twin.tactor(row, scene.dermis.twin_exaggeration)
+            case "screen":
+                return tactor_twin.screen(row)
+            case "pins":
+                return _pins(obj, row)
+            case "thimble":
+                return _thimble(obj, row, workspace=scene.dermis.thimble_view.workspace)
+            case "platform":
+                return _platform(obj, row)
     except DermisError:
         pass  # the bake says why
     return None
@@ -94,7 +95,7 @@ def _pins(obj: bpy.types.Object, row: Row) -> Twin | None:
 
 def _thimble(obj: bpy.types.Object, row: Row, *, workspace: bool) -> Twin | None:
     mounted = mechanism_of(obj, row.device)
-    if mounted is None or "servo_1" not in row.values:
+    if mounted is None:
         return None
     device, reference = mounted
     start = np.array([row.values.get("pitch", 0.0), row.values.get("roll", 0.0), row.values.get("distance", reference)])

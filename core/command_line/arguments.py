@@ -95,7 +95,13 @@ SPEAKS = (
     ),
     PRESETS,
 )
-DEVICE = (argument("--device", default="", metavar="KEY", help="device preset; the track's own if left out"), *SPEAKS)
+
+
+def device(left_out: str) -> tuple[Argument, ...]:
+    """Return the options that say which device it is; `left_out`: what it is without."""
+    return argument("--device", default="", metavar="KEY", help=f"device preset; {left_out} if left out"), *SPEAKS
+
+
 LINK = (
     argument("--url", required=True, help="port or URL of the device, 'virtual:' for the simulated one"),
     argument("--calibration", type=Path, metavar="FILE", help="calibration of this device"),

@@ -22,7 +22,7 @@ def panel(options: argparse.Namespace) -> int:
 
 def send(options: argparse.Namespace) -> int:
     """Serve a shared state until its owner is gone."""
-    return sender.run(options.board, ScreenMap.load)
+    return sender.run(options.state, ScreenMap.load)
 
 
 def virtual(options: argparse.Namespace) -> int:

@@ -9,9 +9,9 @@ from typing import Any
 from ..design.interactions import NAMES, NOISE
 from ..stream.acceptance.person import INTRODUCTION
 from ..stream.acceptance.report import CHECKS
+from ..track.export import FORMATS
 from ..version import version
 from .arguments import (
-    DEVICE,
     LEVEL,
     LINK,
     MAPS,
@@ -24,6 +24,7 @@ from .arguments import (
     TRACK,
     add_verb,
     argument,
+    device,
     seconds,
     setting,
     switch,
@@ -52,7 +53,7 @@ def parser(program: str) -> argparse.ArgumentParser:
             "--format",
             action="append",
             default=[],
-            choices=("json", "binary", "c"),
+            choices=[name for name in FORMATS if name != "csv"],
             help="also write this format; more than once",
         ),
         switch("--force", "write those formats in spite of errors"),
@@ -66,7 +67,7 @@ def parser(program: str) -> argparse.ArgumentParser:
         verbs,
         "export",
         argument("tracks", type=Path, nargs="+", metavar="TRACK", help="command tracks: CSV, JSON or binary"),
-        argument("--format", required=True, choices=("csv", "json", "binary", "c"), help="what to write"),
+        argument("--format", required=True, choices=list(FORMATS), help="what to write"),
         argument("--out", type=Path, metavar="DIR", help="folder; beside each track if left out"),
         argument("--range", type=float, nargs=2, metavar=("FROM", "TO"), help="part of the track [s]"),
         argument("--rate", type=float, metavar="HZ", help="resample"),
@@ -126,7 +127,7 @@ def _add_stream(commands: Any) -> None:
         verbs,
         "play",
         TRACK,
-        *DEVICE,
+        *device("the track's own"),
         *LINK,
         setting("look_ahead"),
         setting("ramp"),
@@ -137,7 +138,7 @@ def _add_stream(commands: Any) -> None:
     add_verb(
         verbs,
         "panel",
-        *DEVICE,
+        *device("electrovibration"),
         argument("map", type=Path, metavar="MAP", help="a screen's map: NAME.map.npz, as exported"),
         *LINK,
         argument(
@@ -161,14 +162,14 @@ def _add_stream(commands: Any) -> None:
     add_verb(
         verbs,
         "send",
-        argument("--board", type=Path, required=True),
+        argument("--state", type=Path, required=True, metavar="FILE", help="the shared state"),
         help="serve a shared state (not for people)",
         run="command_line.stream.send",
     )
     add_verb(
         verbs,
         "virtual",
-        *DEVICE,
+        *device("haptip"),
         argument("--at", default="pty", choices=("pty", "tcp", "udp"), help="where it can be reached (pty)"),
         argument("--every", type=seconds, default=0.0, metavar="S", help="print a report this often"),
         argument(

@@ -19,7 +19,6 @@ from ..arrays import Array
 from ..contact.encounter import Encounter, turned, turned_back
 from ..contact.holding_times import holding_times, meet
 from ..contact.pad_contact import PadContact
-from ..devices.shear_tactor import ShearTactor
 from ..effects import content, patterns, texture, transient, weight
 from ..errors import Finding
 from ..parameters.device import DEVICE
@@ -36,6 +35,7 @@ class EffectSum:
     """The displacement of one finger's tactor, effect by effect.
 
     Attributes:
+        tap_axis: in the pad's plane, to which the normal part of a tap turns.
         sum: in the finger's frame, as fractions of the range, shape (n, 3); None while nothing was added.
         contact, held: whether the finger touches, and holds, something, shape (n,).
     """
@@ -44,7 +44,7 @@ class EffectSum:
     scene: TactileScene
     finger: int
     use: DeviceUse
-    tactor: ShearTactor
+    tap_axis: tuple[float, float]
     times: Array
     findings: list[Finding] = field(default_factory=list)
     skipped: dict[str, int] = field(default_factory=dict)
@@ -122,7 +122,7 @@ class EffectSum:
             # Fixed in the pad from the impact on: the axis belongs to the finger.
             there = self.pad_contact.finger_motion(self.finger).at(onsets)
             local = turned_back(there, slice(None), velocities)
-            velocities = transient.tilted(local, np.asarray(self.tactor.tap_axis))
+            velocities = transient.tilted(local, np.asarray(self.tap_axis))
         shape = transient.displacement(self.times, onsets, velocities, alpha * live, decay, hertz)
         if self.axis == "tilted":
             self._total[:] += shape
@@ -202,7 +202,7 @@ class EffectSum:
             for use in finger.devices:
                 if use.preset != self.use.preset or not DEVICE["auto_range"].of(use.parameters):
                     continue
-                other = EffectSum(self.pad_contact, self.scene, f, use, self.tactor, self.times)
+                other = EffectSum(self.pad_contact, self.scene, f, use, self.tap_axis, self.times)
                 for b in range(len(self.scene.bodies)):
                     if not other._wants_weight(b):
                         continue

@@ -26,7 +26,7 @@ from ..errors import DermisError, Finding
 from ..interpolate import interpolate
 from ..parameters.device import DEVICE
 from ..recent import Recent
-from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
+from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
 from ..skin.model import SkinModel
 from ..track.command_track import CommandTrack
 from .nearest import NEIGHBOURS
@@ -195,7 +195,7 @@ def render(
         series["sensed_error"][touched] = np.linalg.norm(expected - sensed, axis=1)
     if coupling is not None:
         findings += _overdriven(coupling, driven, spec, skin.frames)
-    times = np.arange(sample_count(scene.fps, scene.frame_range, spec.rate)) / spec.rate
+    times = device_times(scene, spec.rate)
     if count > 1:
         at = np.minimum(times, skin.times[-1])
         limited = interpolate(skin.times, limited, at)

@@ -21,7 +21,7 @@ from ..errors import DermisError, Finding
 from ..interpolate import interpolate, smoothstep
 from ..parameters.device import DEVICE
 from ..recent import Recent
-from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
+from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
 from ..skin.model import SkinModel
 from ..skin.stress import RECEPTOR_DEPTHS
 from ..surface.gap import Surface
@@ -119,7 +119,7 @@ def render(
     method, nodes, bounded, *fades = (DEVICE[name].of(p, spec.key) for name in names)
     lead = _lead(p, spec)
     count = len(skin.times)
-    times = np.arange(sample_count(scene.fps, scene.frame_range, spec.rate)) / spec.rate
+    times = device_times(scene, spec.rate)
     skipped = {"pin_frames_without_contact": count - len(skin.contact)}
     meta = {"method": str(method), "lead_s": f"{lead:.9g}"}
     if not len(skin.contact):  # nothing to match, so nothing to build

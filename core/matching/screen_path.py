@@ -17,8 +17,7 @@ from ..errors import DermisError, Finding
 from ..motion import Spline
 from ..parameters.device import DEVICE
 from ..parameters.finger import FINGER
-from ..scene.tactile_scene import DeviceUse, TactileScene
-from .shear_tactor import device_times
+from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
 
 if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact

@@ -17,7 +17,7 @@ from ..devices.shear_tactor import ShearTactor, within_speed
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError
 from ..parameters.device import DEVICE
-from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
+from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
 from ..track.command_track import CommandTrack
 from .effect_sum import EffectSum
 from .rendered import Rendered
@@ -39,7 +39,7 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
     method = DEVICE["projection"].of(use.parameters, f"finger '{scene.fingers[finger].name}'")
     tactor = ShearTactor.from_spec(spec)
     times: Array = pad_contact.keep(("device times", spec.rate), lambda: device_times(scene, spec.rate))
-    sums = EffectSum(pad_contact, scene, finger, use, tactor, times)
+    sums = EffectSum(pad_contact, scene, finger, use, tactor.tap_axis, times)
     for body in range(len(scene.bodies)):
         sums.add_body(body)
     sums.add_pattern()
@@ -78,11 +78,6 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
     )
     signals = {"contact": sums.contact.astype(np.float64), "held": sums.held.astype(np.float64), "magnitude": magnitude}
     return Rendered(track, signals, tuple(sums.findings), {k: v for k, v in sums.skipped.items() if v})
-
-
-def device_times(scene: TactileScene, rate: float) -> Array:
-    """Return the times of a device's commands over a scene's range [s]; they do not depend on fps."""
-    return np.arange(sample_count(scene.fps, scene.frame_range, rate)) / rate
 
 
 def projected(displacement: Array, radius: float, method: str = "magnitude") -> tuple[Array, Array, int]:

@@ -13,7 +13,7 @@ from ..devices.thimble import MIN_MARGIN, Thimble
 from ..errors import DermisError, Finding, Severity
 from ..parameters.material import FRICTION
 from ..recent import Recent
-from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
+from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
 from ..skin.model import SkinModel
 from ..steps import drain
 from ..surrogate.dataset import record
@@ -189,7 +189,7 @@ def render(
     """
     where = f"finger '{scene.fingers[finger].name}', {spec.key}"
     prepared = prepare(spec, skin.model, use.parameters, where)
-    times = np.arange(sample_count(scene.fps, scene.frame_range, spec.rate)) / spec.rate
+    times = device_times(scene, spec.rate)
     forces = forces_at(skin, times)
     found = match_touch(prepared, forces, prepared.device.servo_speed / spec.rate)
     findings = [*prepared.findings, *findings_of(found, where)]

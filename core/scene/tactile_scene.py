@@ -198,6 +198,11 @@ class TactileScene:
         validate(self)
 
 
+def device_times(scene: TactileScene, rate: float) -> Array:
+    """Return the times of a device's commands over a scene's range [s]; they do not depend on fps."""
+    return np.arange(sample_count(scene.fps, scene.frame_range, rate)) / rate
+
+
 def sample_count(fps: Fraction, frame_range: tuple[int, int], rate: float) -> int:
     """Return how many samples cover a range at `rate` [Hz], the last at or just before its end.
 

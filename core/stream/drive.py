@@ -1,4 +1,4 @@
-"""The states of one connected device: idle, arming, live, on the way to its safe state, and draining.
+"""The phases of one connected device: idle, arming, live, on the way to its safe state, and draining.
 
 Whatever ends a stream, the device goes to its safe state first, at its own speed, and what waits in the link leaves;
 only then may the link be closed. After a stop, a stall or a fault nothing moves until a person arms again.
@@ -18,6 +18,7 @@ from .panel_source import PanelSource
 from .protocols.packets import Reach
 from .request import StreamRequest
 from .safe_ramp import SafeRamp
+from .state import State
 from .track_source import TrackSource
 
 ARMING = 1.0  # a device that is not armed after this long will not be [s]
@@ -150,15 +151,15 @@ class Drive:
     # -- how it stands
 
     @property
-    def state(self) -> str:
-        """Phase and device in a word, for people."""
+    def state(self) -> State:
+        """How the link stands."""
         if self.phase in (Phase.SAFING, Phase.DRAINING):
-            return "stalled" if self._stalled else "stopping"
+            return State.STALLED if self._stalled else State.STOPPING
         if not self.connection.adapter.ready:
-            return "connecting"
+            return State.CONNECTING
         if self.armed:
-            return "streaming" if self.phase is Phase.LIVE and self.output.moving else "armed"
-        return "stalled" if self._stalled else "ready"
+            return State.STREAMING if self.phase is Phase.LIVE and self.output.moving else State.ARMED
+        return State.STALLED if self._stalled else State.READY
 
     @property
     def armed(self) -> bool:

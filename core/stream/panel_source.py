@@ -10,8 +10,8 @@ import numpy as np
 from ..arrays import Array
 from ..errors import DermisError
 from .protocols.adapter import Touch
-from .protocols.clock import TrackClock
 from .protocols.wire import Wire
+from .track_clock import TrackClock
 
 TOUCH_OLD = 0.2  # a touch that the panel has not repeated for this long has ended [s]
 

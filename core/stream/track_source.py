@@ -12,8 +12,8 @@ from ..interpolate import interpolate
 from ..track import export
 from ..track.command_track import CommandTrack
 from .lowpass import Loss, low_passed
-from .protocols.clock import TrackClock
 from .protocols.wire import Wire
+from .track_clock import TrackClock
 
 
 class TrackSource:

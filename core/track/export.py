@@ -22,7 +22,7 @@ class Format:
     """One view of a track.
 
     Attributes:
-        module: of this package. suffix: of its files. title: for menus.
+        module: of this package. suffix: of its files. title, text: for menus.
         levels: counts that it gives a channel's range; None where it does not quantise.
         readable: it can be read back.
     """
@@ -30,15 +30,16 @@ class Format:
     module: str
     suffix: str
     title: str
+    text: str
     levels: int | None = None
     readable: bool = True
 
 
 FORMATS: Mapping[str, Format] = {
-    "csv": Format("csv", ".csv", "CSV"),
-    "json": Format("json_track", ".json", "JSON"),
-    "binary": Format("binary", ".dtrack", "Compact binary"),
-    "c": Format("c_header", ".h", "C header with a player", levels=65536, readable=False),
+    "csv": Format("csv", ".csv", "CSV", "Version 1"),
+    "json": Format("json_track", ".json", "JSON", "Every float exactly"),
+    "binary": Format("binary", ".dtrack", "Compact Binary", "Four bytes a value, with a check sum"),
+    "c": Format("c_header", ".h", "C Header", "With a player loop for a microcontroller", levels=65536, readable=False),
 }
 
 

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import choices, jobs
+from blender_addon import baking, choices
 from blender_addon._core import core
 from blender_addon.demos import demo_motors
 from blender_addon.devices import platform_devices
@@ -133,7 +133,7 @@ def test_bake_makes_the_table_with_progress_and_export_passes_the_check(demo, tm
     stages = []
     from blender_addon.preferences import library as presets
 
-    bake = drain(jobs.bake(scene, presets()), lambda p: stages.append(p.stage))
+    bake = drain(baking.bake(scene, presets()), lambda p: stages.append(p.stage))
     assert "table" in stages and not platform_devices.missing(finger, finger.dermis.finger.devices[0])
     store.keep(scene, bake)
     assert bpy.ops.dermis.export_tracks(directory=str(tmp_path / "tracks")) == {"FINISHED"}
@@ -153,7 +153,7 @@ def test_the_table_file_of_another_device_is_told_on_scrub_and_bake(demo, tmp_pa
     with pytest.raises(errors.DermisError, match="another device"):
         platform_devices.table(finger, device)
     assert not platform_devices.missing(finger, device)
-    bake = drain(jobs.bake(scene, library()))
+    bake = drain(baking.bake(scene, library()))
     assert not bake.outputs and any("another device" in str(f) for f in bake.all_findings)
 
 

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import compat, jobs
+from blender_addon import baking, compat
 from blender_addon.preview import device_preview
 from blender_addon.properties import object_properties
 from blender_addon.sampling import scene_sweep
@@ -71,7 +71,7 @@ def no_trail():
 
 
 def bake() -> tuple[list[np.ndarray], list]:
-    made = drain(jobs.bake(bpy.context.scene, Library(None)))
+    made = drain(baking.bake(bpy.context.scene, Library(None)))
     return [o.track.values for o in made.outputs], list(made.all_findings)
 
 
@@ -160,6 +160,6 @@ def test_a_touch_gap_keyed_to_grow_counts() -> None:
     tip = finger(location=(0.0, 0.0, 0.2))  # 100 mm above the cube's top
     tip.dermis.finger.devices.add().preset = "haptip"
     keys(tip, "dermis.finger.touch_distance_mm", [1, 13], [0.5, 150.0], "CONSTANT")
-    (output,) = drain(jobs.bake(bpy.context.scene, Library(None))).outputs
+    (output,) = drain(baking.bake(bpy.context.scene, Library(None))).outputs
     contact = output.signals["contact"]
     assert contact[504:].all() and not contact[:495].any()  # from frame 13, at 0.5 s, within a sample

@@ -73,10 +73,17 @@ def test_all_devices_are_drawn_by_one_pair_of_callbacks() -> None:
     assert len(overlay._handlers._handles) == 2
 
 
-def row(values: dict[str, float], unit: str, high: float | None) -> Row:
+def row(values: dict[str, float], unit: str, high: float | None, kind: str = "") -> Row:
     """Return a device without more than these values."""
-    same = dict.fromkeys(values)
-    return Row("Finger", "", "", "", values, same, dict.fromkeys(values, high), dict.fromkeys(values, unit), NO_PATH, 1)
+    same, highs, units = dict.fromkeys(values), dict.fromkeys(values, high), dict.fromkeys(values, unit)
+    return Row("Finger", "", "", kind, values, same, highs, units, NO_PATH, 1)
+
+
+def test_a_device_is_drawn_as_its_kind_says_if_it_has_the_channels_for_that() -> None:
+    tactor, pulleys = {"tactor_x": 0.0, "tactor_y": 0.0}, {"pulley_1": 0.0, "pulley_2": 0.0}
+    assert row({**tactor, **pulleys}, "m", None, "shear_tactor").drawn == "tactor"
+    assert row(pulleys, "rad", None, "shear_tactor").drawn == row(tactor, "m", None, "unknown").drawn == ""
+    assert row({"leg_1": 0.0}, "rad", None, "hexapod").drawn == "platform"
 
 
 def test_the_tactor_is_drawn_where_it_is_within_its_reach() -> None:

@@ -56,5 +56,7 @@ def test_codes_are_short_words_with_hyphens() -> None:
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if isinstance(node, ast.keyword) and node.arg == "code" and isinstance(node.value, ast.Constant):
                     found.add(node.value.value)
-    assert {"no-finger", "not-json", "job-crashed"} <= found
+                if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Finding":
+                    found |= {code.value for code in node.args[1:2] if isinstance(code, ast.Constant)}
+    assert {"no-finger", "not-json", "job-crashed", "servo-limit", "pins-not-converged"} <= found
     assert all(re.fullmatch(r"[a-z]+(-[a-z]+)*", code) for code in found if isinstance(code, str))

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from core.contact.solver.path import PathSolver
+from core.devices import thimble
 from core.errors import DermisError
 from core.experiment import Touch, fingertip, match, press
 from core.skin.blas import pools
 from core.skin.model import SkinModel
 from core.surface import shapes
 from core.surface.gap import Surface
+from core.track import csv
 
 
 @pytest.fixture(scope="module")
@@ -199,6 +203,24 @@ def test_an_exact_match_is_optimal(skin: SkinModel) -> None:
     """Three forces and three servos: what is left over is rounding, and its direction is no doubt."""
     found = match(press(skin, Surface.sphere(5e-3), 1e-3, friction=0.5), "thimble_3rrs", "force")
     assert found.error < 1e-7 and found.optimality < 1e-7
+
+
+@pytest.mark.parametrize("device", ["pin_array_128", "thimble_3rrs"])
+def test_a_match_becomes_a_track_that_a_file_gives_back(device: str, skin: SkinModel, tmp_path: Path) -> None:
+    found = match(press(skin, Surface.sphere(5e-3, 5_000), 1e-3), device)
+    csv.write(found.track(0.5), tmp_path / "held.csv")
+    track = csv.read(tmp_path / "held.csv")
+    assert track.duration == pytest.approx(0.5, abs=1.0 / track.spec.rate) and track.meta["method"] == found.method
+    for name, value in found.commands.items():
+        assert track.column(name) == pytest.approx(value, abs=1e-9), name
+    assert not [f for f in track.within_limits(start_at_rest=True).check() if f.severity == "error"]
+    if device == "thimble_3rrs":
+        pose = [float(track.column(name)[0]) for name in ("pitch", "roll", "distance")]
+        mechanism = thimble.mechanism(found.device)
+        servos = np.array([found.commands[f"servo_{i}"] for i in (1, 2, 3)])
+        assert mechanism.forward(servos, pose) == pytest.approx(pose, abs=1e-6), "the pose that these servos make"
+    with pytest.raises(DermisError):
+        found.track(0.0)
 
 
 def test_one_line_says_what_it_is(skin: SkinModel) -> None:

@@ -13,9 +13,8 @@ from core.contact.pad_sampler import PadSampler
 from core.errors import DermisError
 from core.matching.friction_screen import render, screen_maps
 from core.matching.screen_map import ScreenMap
-from core.matching.shear_tactor import device_times
 from core.presets import Library
-from core.scene.tactile_scene import Chunk, DeviceUse, Finger, Screen, TactileScene
+from core.scene.tactile_scene import Chunk, DeviceUse, Finger, Screen, TactileScene, device_times
 
 RATE = 240.0
 SIZE = (0.2, 0.1)

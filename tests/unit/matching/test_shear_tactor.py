@@ -17,10 +17,10 @@ from core.devices.shear_tactor import ShearTactor
 from core.errors import DermisError
 from core.matching.effect_sum import EffectSum
 from core.matching.rendered import Rendered
-from core.matching.shear_tactor import device_times, projected, render
+from core.matching.shear_tactor import projected, render
 from core.motion import matrices
 from core.presets import Library
-from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
+from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, device_times, sample_frames
 
 SPEC = Library().device("haptip")
 TACTOR = ShearTactor.from_spec(SPEC)
@@ -200,7 +200,7 @@ def test_texture_switch_stops_the_texture_while_it_is_off_and_not_before_or_afte
         body = material if not animated or switch.startswith("device") else material | {"texture_on": header}
         use = DeviceUse("haptip", {"use_texture": header} if animated and switch.startswith("device") else {})
         touch, scene = swept(sliding, [(Body("b", TABLE, body), poses(path()))], use, animated=animated)
-        effects = EffectSum(touch, scene, 0, use, TACTOR, C)
+        effects = EffectSum(touch, scene, 0, use, TACTOR.tap_axis, C)
         effects.add_body(0)
         return effects
 

@@ -28,6 +28,7 @@ from core.skin.fingertip import LEVELS
 from core.skin.shape import FingertipShape
 from core.stream.protocols.adapter import NAMES as PROTOCOLS
 from core.stream.request import StreamRequest
+from core.stream.virtual.device import DEVICES
 from core.units import UNITS
 from tests import parameters_page as page
 
@@ -61,7 +62,7 @@ def test_choices_are_those_that_the_engine_has() -> None:
     assert set(DEVICE["pin_nodes"].keys) == set(get_args(Weighting))
     assert set(DEVICE["weight_sign"].keys) == set(SIGNS)
     assert set(SKIN_CONTACT["skin_level"].keys) == set(LEVELS)
-    assert set(STREAM["protocol"].keys) == set(PROTOCOLS)
+    assert set(STREAM["protocol"].keys) == set(PROTOCOLS) == set(DEVICES)
     assert tuple(LENGTHS) == tuple(field.name for field in fields(FingertipShape))
 
 

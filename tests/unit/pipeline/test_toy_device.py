@@ -54,9 +54,9 @@ import numpy as np
 from ..contact.holding_times import meet
 from ..devices.buzzer import Buzzer
 from ..parameters.device import DEVICE
+from ..scene.tactile_scene import device_times
 from ..track.command_track import CommandTrack
 from .rendered import Rendered
-from .shear_tactor import device_times
 
 
 def render(pad_contact, scene, finger, use, spec):

@@ -12,9 +12,9 @@ from core.devices.calibration import Calibration
 from core.devices.spec import Channel, DeviceSpec
 from core.presets import Library
 from core.stream.output_limiter import OutputLimiter
-from core.stream.protocols.clock import TrackClock
 from core.stream.protocols.wire import Wire
 from core.stream.shared_state import Heartbeat
+from core.stream.track_clock import TrackClock
 from core.track import csv
 from core.track.command_track import CommandTrack
 from tests.unit.stream.stream_lab import TICK, Lab

@@ -11,27 +11,27 @@ from .. import changes
 from .._core import DermisError, core
 from . import active_presets, platform_devices, thimble_adaptation
 
-Worn = Mapping[str, Mapping[str, int]]
+ActiveDevices = Mapping[str, Mapping[str, int]]
 
 
 class Ready(NamedTuple):
     """What is at hand: figures of the adaptation or the table, None for nothing; or in words why it cannot be used."""
 
-    found: Any = None
+    figures: Any = None
     trouble: str = ""
 
 
-_worn: core.recent.Recent[tuple[int, int], Worn] = core.recent.Recent(4)  # by scene and edits
+_active: core.recent.Recent[tuple[int, int], ActiveDevices] = core.recent.Recent(4)  # by scene and edits
 _ready: core.recent.Recent[tuple[int, int], Mapping[str, Ready]] = core.recent.Recent(1)  # by finger and edits
 
 
-def worn(scene: bpy.types.Scene) -> Worn:
+def active_devices(scene: bpy.types.Scene) -> ActiveDevices:
     """Return for each finger's name and each family which of its devices is the one that counts."""
 
-    def look_up() -> Worn:
+    def look_up() -> ActiveDevices:
         return {o.name: _devices(o.dermis.finger.devices) for o in scene.objects if o.dermis.role == "FINGER"}
 
-    return _worn.make((scene.session_uid, changes.edits()), look_up)
+    return _active.make((scene.session_uid, changes.edits()), look_up)
 
 
 def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
@@ -59,7 +59,7 @@ def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
 
 def forget() -> None:
     """Look everything up anew."""
-    _worn.clear()
+    _active.clear()
     _ready.clear()
 
 

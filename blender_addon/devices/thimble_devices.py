@@ -13,7 +13,6 @@ from ..preferences import user_folder
 from ..properties import object_properties
 from . import active_presets, skin_models
 
-LEARNED = ("network", "ridge")
 _uses: core.recent.Recent[str, Any] = core.recent.Recent(8)
 
 
@@ -25,13 +24,13 @@ def folder(*, create: bool = False) -> Path:
 def parameters_of(device: Any) -> dict[str, Any]:
     """Return a device's values for the engine; learned methods look for their files where adaptations are kept."""
     values = object_properties.parameters(device)
-    if values["thimble_method"] in LEARNED:
+    if values["thimble_method"] in core.matching.thimble_use.LEARNED:
         given = values["thimble_surrogate"]
         values["thimble_surrogate"] = bpy.path.abspath(given) if given else str(folder())
     return values
 
 
-def used(device: Any, model: Any) -> Any:
+def prepared(device: Any, model: Any) -> Any:
     """Return how a thimble is used on a skin.
 
     Raises:
@@ -55,10 +54,10 @@ def adapted(device: Any, model: Any) -> Path | None:
     module, spec = core.matching.thimble_use, active_presets.spec_of(device.preset, "thimble")
     if spec is None:
         return None
-    fitted, friction = module.calibrated_mechanism(spec, model, object_properties.parameters(device))
+    calibrated, friction = module.calibrated_mechanism(spec, model, object_properties.parameters(device))
     given = device.thimble_surrogate
     values = {"thimble_surrogate": bpy.path.abspath(given) if given else str(folder(create=True))}
-    path: Path = module.surrogate_path(values, model, fitted, friction)
+    path: Path = module.surrogate_path(values, model, calibrated, friction)
     tables = path.with_suffix(".npz")
     return tables if tables.is_file() and path.with_suffix(".onnx").is_file() else None
 

@@ -12,10 +12,12 @@ from ..devices import platform_devices
 from ..polls import needs
 from ..preview import device_preview, platform_preview
 from ..results import store
-from .work import File, Folder, Work, counted, worn
+from .work import File, Folder, Work, active_device, counted
 
 
-@needs(lambda context: worn(context, "platform"), "Select a finger with a cable platform or a six-leg platform")
+@needs(
+    lambda context: active_device(context, "platform"), "Select a finger with a cable platform or a six-leg platform"
+)
 class DERMIS_OT_make_table(jobs.Job, bpy.types.Operator):
     """Sweep this finger's platform in simulation, so that touches can be looked up while you scrub; Esc cancels, and
     what was swept is kept"""
@@ -27,7 +29,7 @@ class DERMIS_OT_make_table(jobs.Job, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the sweep."""
-        return platform_devices.make(context.object, worn(context, "platform"))
+        return platform_devices.make(context.object, active_device(context, "platform"))
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Say how large it is."""

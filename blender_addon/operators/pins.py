@@ -12,7 +12,7 @@ from ..devices import skin_models
 from ..polls import active_finger, needs
 from ..properties import skin_properties
 from ..results import pin_reports
-from .work import Work, worn
+from .work import Work, active_device
 
 DEPTHS_MM = (0.5, 1.0, 1.5, 2.0)  # Source: [S1] section IV.D
 
@@ -74,7 +74,7 @@ class DERMIS_OT_press_test(Work, bpy.types.Operator):
         return f"Personal factor {fit.alpha:.3f}{spread} ({low} to {high} among the paper's people)"
 
 
-@needs(lambda context: worn(context, "pins"), "Select a finger with a pin array")
+@needs(lambda context: active_device(context, "pins"), "Select a finger with a pin array")
 class DERMIS_OT_compare_pins(Work, bpy.types.Operator):
     """Say how far each matching method would miss for what this finger felt in the last bake"""
 

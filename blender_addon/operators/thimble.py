@@ -10,10 +10,10 @@ from .. import changes, jobs
 from ..devices import thimble_adaptation, thimble_devices
 from ..polls import needs
 from ..results import thimble_plot
-from .work import File, worn
+from .work import File, active_device
 
 
-@needs(lambda context: worn(context, "thimble"), "Select a finger with a thimble")
+@needs(lambda context: active_device(context, "thimble"), "Select a finger with a thimble")
 class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
     """Learn what this finger's thimble does to its skin, for the methods Network and Polynomial; Esc cancels"""
 
@@ -39,7 +39,7 @@ class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
         return {"FINISHED"}
 
 
-@needs(lambda context: worn(context, "thimble"), "Select a finger with a thimble")
+@needs(lambda context: active_device(context, "thimble"), "Select a finger with a thimble")
 class DERMIS_OT_plot_thimble(File, bpy.types.Operator):
     """Draw what this finger felt in the last bake in three components, beside all that the thimble can do"""
 

@@ -85,7 +85,7 @@ class Chooser:
         return {"FINISHED"}
 
 
-def worn(context: bpy.types.Context, family: active_presets.Family) -> Any | None:
+def active_device(context: bpy.types.Context, family: active_presets.Family) -> Any | None:
     """Return the settings of the active finger's first device of a family that is switched on, or None."""
     finger = active_finger(context)
     return active_presets.device_of(finger, family) if finger is not None else None

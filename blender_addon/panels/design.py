@@ -21,7 +21,7 @@ def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
         column.prop(device, "table_rows")
 
 
-@needs(lambda context: shown.worn(context.scene, context.object, "platform") is not None)
+@needs(lambda context: shown.active_device(context.scene, context.object, "platform") is not None)
 class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
     """A finger's platform: whether its table is at hand."""
 
@@ -32,12 +32,12 @@ class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the table's state, and the way to make it."""
         layout, obj = self.layout, context.object
-        device = shown.worn(context.scene, obj, "platform")
+        device = shown.active_device(context.scene, obj, "platform")
         ready = shown.ready(context.scene, obj, "platform")
         if ready is not None and ready.trouble:
             paragraph(layout, context, ready.trouble, "ERROR")
             return
-        table = ready.found if ready is not None else None
+        table = ready.figures if ready is not None else None
         if table is not None:
             touching = len(table.commands) - 1
             layout.label(text=f"Table: {touching:,} configurations that touch", icon="CHECKMARK")

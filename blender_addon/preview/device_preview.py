@@ -195,7 +195,7 @@ def _joined(samples: list[core.scene.tactile_scene.TactileScene]) -> core.scene.
             devices=tuple(
                 replace(d, parameters={**d.parameters, **unfaded})
                 for d in f.devices
-                if not (skin_preview.solved(f) and _follows_skin(d.preset))  # see `_with_followers`
+                if not (skin_preview.solved(f) and _has_live_follower(d.preset))  # see `_with_followers`
                 and not platform_devices.waits(f.name, d.preset)
             ),
         )
@@ -212,7 +212,7 @@ def _run(tactile: core.scene.tactile_scene.TactileScene) -> core.pipeline.bake.B
         return core.steps.drain(steps)
 
 
-def _follows_skin(preset: str) -> bool:
+def _has_live_follower(preset: str) -> bool:
     return any(active_presets.spec_of(preset, family) is not None for family in active_presets.FAMILIES)
 
 

@@ -14,7 +14,7 @@ from .skin_state import SkinState
 Follower = tuple[SkinState, bpy.types.Object, Any, "core.devices.spec.DeviceSpec"]
 
 
-def of(scene: bpy.types.Scene, skins: Iterable[SkinState], family: active_presets.Family) -> Iterator[Follower]:
+def wearers_of(scene: bpy.types.Scene, skins: Iterable[SkinState], family: active_presets.Family) -> Iterator[Follower]:
     """Yield each skin whose finger wears a device of a family: the skin, the finger, the settings, the preset."""
     for skin in skins:
         obj = scene.objects.get(skin.finger)

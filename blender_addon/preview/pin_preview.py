@@ -59,7 +59,7 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
 
     Fades and lead, which belong to the track, are left out: shown is the best that the method can do for the target.
     """
-    followed = followers.of(scene, targets, "pins")
+    followed = followers.wearers_of(scene, targets, "pins")
     states = tuple(_matched(target, device, spec)[0] for target, _, device, spec in followed if target.touching)
     for gone in set(_states) - {t.finger for t in targets}:
         del _states[gone]
@@ -69,7 +69,7 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
 def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
     """Return what the pin arrays of fingers whose skin is solved press at the current frame, without a bake."""
     rows = []
-    for target, _, device, spec in followers.of(scene, skin_preview.own(scene), "pins"):
+    for target, _, device, spec in followers.wearers_of(scene, skin_preview.own(scene), "pins"):
         if target.source != "live":
             continue
         low = np.array([-np.inf if c.low is None else c.low for c in spec.channels])

@@ -20,7 +20,7 @@ _commands: dict[str, tuple[SkinState, tuple[Any, ...], NDArray[np.float64] | Non
 def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
     """Return what the platforms of fingers whose skin is shown do at the current frame; none without a table."""
     rows = []
-    for target, obj, device, spec in followers.of(scene, skin_preview.own(scene), "platform"):
+    for target, obj, device, spec in followers.wearers_of(scene, skin_preview.own(scene), "platform"):
         values = commands(obj, device, spec, target) if target.source == "live" else None
         if values is not None:
             rows.append(row_of(target.finger, device.preset, spec, by_channel(spec, values), float(target.touching)))

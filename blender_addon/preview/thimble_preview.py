@@ -55,7 +55,7 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
     if not scene.dermis.thimble_view.split:
         return ()
     out = []
-    for target, _, device, _ in followers.of(scene, targets, "thimble"):
+    for target, _, device, _ in followers.wearers_of(scene, targets, "thimble"):
         if target.touching:
             state = (_live_state if target.source == "live" else _baked_state)(scene, target, device)
             out += [state] if state is not None else []
@@ -67,7 +67,7 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
 def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
     """Return what the thimbles of fingers whose skin is shown do at the current frame, without a bake."""
     rows = []
-    for target, _, device, spec in followers.of(scene, skin_preview.own(scene), "thimble"):
+    for target, _, device, spec in followers.wearers_of(scene, skin_preview.own(scene), "thimble"):
         if target.source != "live" or (path := follow(scene, target, device)).rendered is None:
             continue
         values = core.devices.thimble.channel_values(path.rendered.angles, path.rendered.x)
@@ -92,7 +92,7 @@ def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _FingerPat
     with skin_models.one_thread():
         try:
             if path.follower is None:
-                path.use = thimble_devices.used(device, target.model)
+                path.use = thimble_devices.prepared(device, target.model)
                 path.follower = core.matching.thimble.follower(path.use)
             _step(path, target, frame, fps)
         except DermisError as error:
@@ -176,15 +176,14 @@ def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
     output = next((o for o in own if o.track.spec.kind == "thimble"), None)
     if output is None or not len(output.track.times):
         return None
-    replay = core.matching.replay
-    use = core.matching.thimble_use
+    replay, thimble_use = core.matching.replay, core.matching.thimble_use
     try:
         with skin_models.one_thread():
-            fitted, friction = use.calibrated_mechanism(
+            calibrated, friction = thimble_use.calibrated_mechanism(
                 output.track.spec, target.model, thimble_devices.parameters_of(device)
             )
-            poses = replay.configurations(output.track, fitted)
-            track_on_skin = replay.Replay(fitted, target.model, friction, poses)
+            x = replay.configurations(output.track, calibrated)
+            track_on_skin = replay.Replay(calibrated, target.model, friction, x)
     except DermisError:
         return None  # a track of other channels: the twin and its values are shown all the same
     _played[target.finger] = _Played(result, output, track_on_skin)

@@ -29,7 +29,7 @@ class Frame(NamedTuple):
     Attributes:
         devices: what the devices do; None where nothing is known. twins: of each row, finished for drawing.
         skins: with their values, and the range of the colours.
-        worn: which device of each kind the fingers wear.
+        active_devices: which device of each family counts on each finger.
         active, ready: a finger's name, and what its devices need, see `readiness`.
         doubts: where the track that would be streamed and its preset disagree, in words.
     """
@@ -38,7 +38,7 @@ class Frame(NamedTuple):
     devices: Preview | None
     twins: tuple[Twin | None, ...]
     skins: skin_shown.Shown
-    worn: readiness.Worn
+    active_devices: readiness.ActiveDevices
     active: str
     ready: Mapping[str, readiness.Ready]
     doubts: str
@@ -76,7 +76,7 @@ def renew(scene: bpy.types.Scene) -> Frame:
         shown,
         tuple(twins.twin_of(scene, row) for row in shown.rows) if shown is not None else (),
         skin_shown.shown(scene, skins(scene)),
-        readiness.worn(scene),
+        readiness.active_devices(scene),
         active.name if active is not None else "",
         ready,
         streamed_track.doubts(scene),
@@ -90,12 +90,12 @@ def now(scene: bpy.types.Scene) -> Frame | None:
     return kept if kept is not None and kept.frame == device_preview.frame_of(scene) else None
 
 
-def worn(scene: bpy.types.Scene, obj: bpy.types.Object | None, kind: str) -> Any | None:
-    """Return the settings of the device of a family that a finger wears, see `active_presets`. Reads; for drawing."""
+def active_device(scene: bpy.types.Scene, obj: bpy.types.Object | None, family: str) -> Any | None:
+    """Return the settings of the device of a family that counts on a finger, or None. Reads; for drawing."""
     kept = _read(scene)  # at whatever frame: panels shall not come and go while a bake sweeps
     if kept is None or obj is None or obj.dermis.role != "FINGER":
         return None
-    index = kept.worn.get(obj.name, {}).get(kind, -1)
+    index = kept.active_devices.get(obj.name, {}).get(family, -1)
     return obj.dermis.finger.devices[index] if 0 <= index < len(obj.dermis.finger.devices) else None
 
 

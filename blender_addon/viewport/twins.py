@@ -43,7 +43,7 @@ def twin_of(scene: bpy.types.Scene, row: Row) -> Twin | None:
     return None
 
 
-def mechanism_of(obj: bpy.types.Object, preset: str) -> tuple[core.devices.thimble.Thimble, float] | None:
+def mounted_mechanism(obj: bpy.types.Object, preset: str) -> tuple[core.devices.thimble.Thimble, float] | None:
     """Return a thimble as it sits on a finger, and its reference distance [m]; None while it is unknown.
 
     Raises:
@@ -61,7 +61,7 @@ def mechanism_of(obj: bpy.types.Object, preset: str) -> tuple[core.devices.thimb
             return None
         key = (spec.hash, model.key, tuple(values[f"thimble_felt_{i}"] for i in (1, 2, 3)))
         device = _mechanisms.make(key, lambda: core.matching.thimble_use.calibrated_mechanism(spec, model, values)[0])
-    return device, float(spec.parameters.get("reference_distance", device.mount[2, 3]))
+    return device, core.devices.thimble.reference_distance(spec, device)
 
 
 def workspace_of(device: core.devices.thimble.Thimble, reference: float) -> list[Array]:
@@ -94,7 +94,7 @@ def _pins(obj: bpy.types.Object, row: Row) -> Twin | None:
 
 
 def _thimble(obj: bpy.types.Object, row: Row, *, workspace: bool) -> Twin | None:
-    mounted = mechanism_of(obj, row.device)
+    mounted = mounted_mechanism(obj, row.device)
     if mounted is None:
         return None
     device, reference = mounted

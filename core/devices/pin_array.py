@@ -170,13 +170,13 @@ def on_pad(pins: PinLayout, vertices: Array, triangles: NDArray[np.integer], nod
     Raises:
         DermisError: no pin is left.
     """
-    where = contacts(pins, vertices, triangles)
+    met = contacts(pins, vertices, triangles)
     far = np.zeros(pins.count, dtype=bool)
-    for pin in np.flatnonzero(where.hits):
-        far[pin] = ((nodes - where.points[pin]) ** 2).sum(axis=1).min() > (SPREAD_CUTOFF * pins.spread) ** 2
+    for pin in np.flatnonzero(met.hits):
+        far[pin] = ((nodes - met.points[pin]) ** 2).sum(axis=1).min() > (SPREAD_CUTOFF * pins.spread) ** 2
     if not far.any():
-        return where
-    if not (where.hits & ~far).any():
+        return met
+    if not (met.hits & ~far).any():
         raise DermisError(
             "no pin of the layout meets the pad",
             where="pin array",
@@ -190,10 +190,10 @@ def on_pad(pins: PinLayout, vertices: Array, triangles: NDArray[np.integer], nod
         value=_names(np.flatnonzero(far)),
         count=int(far.sum()),
     )
-    return replace(where, hits=where.hits & ~far, findings=(*where.findings, finding))
+    return replace(met, hits=met.hits & ~far, findings=(*met.findings, finding))
 
 
-def distribution(pins: PinLayout, where: PinContacts, nodes: Array) -> Array:
+def distribution(pins: PinLayout, met: PinContacts, nodes: Array) -> Array:
     """Return A = A_d A_p, nodal forces for unit pin forces, shape (3 nodes, pins).
 
     Weights fall off as a Gaussian of the distance from the point of action and sum to one, so the nodes together
@@ -205,8 +205,8 @@ def distribution(pins: PinLayout, where: PinContacts, nodes: Array) -> Array:
     Source: [S1] eq. 4 and IV.B.
     """
     a = np.zeros((len(nodes), 3, pins.count))
-    for pin in np.flatnonzero(where.hits):
-        squared = ((nodes - where.points[pin]) ** 2).sum(axis=1)
+    for pin in np.flatnonzero(met.hits):
+        squared = ((nodes - met.points[pin]) ** 2).sum(axis=1)
         near = squared <= max((SPREAD_CUTOFF * pins.spread) ** 2, squared.min())  # always at least the nearest node
         exponent = squared[near] / (2 * pins.spread**2)
         weights = np.exp(exponent.min() - exponent)

@@ -71,7 +71,7 @@ class Matcher:
             are not controllable: DM0, DM1, FM0 and FM1 do without them.
 
     Attributes:
-        seen: how many patterns of pins are controllable.
+        controllable_patterns: how many patterns of pins are controllable.
 
     Raises:
         DermisError: shapes that do not fit, negative weights, or no active pin.
@@ -118,10 +118,10 @@ class Matcher:
         self.force_rhs = np.asfortranarray(a.T)
         left, gains, right = np.linalg.svd(a, full_matrices=False)
         seen = gains > tolerance * gains[0]
-        self.seen = int(seen.sum())
+        self.controllable_patterns = int(seen.sum())
         patterns = right[seen].T
         self.force_inverse = (patterns / gains[seen]) @ left[:, seen].T
-        if self.seen == a.shape[1]:
+        if self.controllable_patterns == a.shape[1]:
             self.deformation_inverse = np.linalg.pinv(rendered, rcond=RANK_TOLERANCE) @ weighted
         else:  # the least squares among what is left
             self.deformation_inverse = patterns @ (np.linalg.pinv(rendered @ patterns, rcond=RANK_TOLERANCE) @ weighted)

@@ -60,7 +60,7 @@ def doubts(matcher: Matcher, distribution: Array, methods: Iterable[Method], whe
             "warning",
             "coarse-skin",
             f"{', '.join(inverting)} on a skin whose mesh is coarser than the pins: "
-            f"{pins - matcher.seen} of {pins} patterns of pins are left out",
+            f"{pins - matcher.controllable_patterns} of {pins} patterns of pins are left out",
             where,
             f"{nodes} nodes under {pins} pins",
             f">= {pins} nodes",

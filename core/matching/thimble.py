@@ -150,7 +150,7 @@ def follower(use: ThimbleUse, change: float | None = None) -> Follower:
     Raises:
         DermisError: servo limits that exclude contact.
     """
-    found = matcher(
+    matching = matcher(
         use.device,
         use.skin,
         use.method,
@@ -160,7 +160,7 @@ def follower(use: ThimbleUse, change: float | None = None) -> Follower:
         change=change,
         hover=use.hover,
     )
-    return Follower(found, use.skin, use.method)
+    return Follower(matching, use.skin, use.method)
 
 
 def match_touch(use: ThimbleUse, forces: Array, change: float | None = None) -> ThimbleSequence:
@@ -202,7 +202,7 @@ def render(
     }
     if prepared.method in LEARNED:
         signals["rescued"] = found.rescued.astype(np.float64)
-    return Rendered(track, signals, tuple(findings), {"thimble frames without touch": int((~found.touched).sum())})
+    return Rendered(track, signals, tuple(findings), {"thimble_frames_without_contact": int((~found.touched).sum())})
 
 
 def forces_at(skin: SkinContact, times: Array) -> Array:

@@ -101,8 +101,8 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
     if method not in LEARNED:
         return ThimbleUse(device, skin, friction, hover, method, None, None, near)
     try:
-        made = load(surrogate_path(parameters, skin, device, friction), skin, device, friction)
-        observation_matrix, learned = made.descriptors.observation_matrix, made.model(skin, method)
+        surrogate = load(surrogate_path(parameters, skin, device, friction), skin, device, friction)
+        observation_matrix, learned = surrogate.descriptors.observation_matrix, surrogate.model(skin, method)
         try_out(learned, _pressing(device, contact_of(device, skin, friction)), where)
     except DermisError as error:
         finding = error.as_finding(

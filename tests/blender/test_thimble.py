@@ -69,7 +69,7 @@ def test_a_calibration_moves_the_mounting(demo) -> None:
     assert (felt - rest > 0.1).all() or (felt - rest < -0.1).all()
     assert np.abs(felt - 0.15).max() < np.abs(felt - rest).max()
     row = views.devices(demo).rows[0]
-    mechanism, _ = twins.mechanism_of(demo.objects["Index"], row.device)
+    mechanism, _ = twins.mounted_mechanism(demo.objects["Index"], row.device)
     plain = core.devices.thimble.mechanism(library().device("thimble_3rrs"))
     assert abs(mechanism.mount[2, 3] - plain.mount[2, 3]) > 1e-4  # the twin is mounted as the engine mounts it
 
@@ -87,7 +87,7 @@ def test_the_twins_joints_obey_forward_kinematics(demo, source) -> None:
     row = next(r for r in views.devices(demo).rows if r.kind == "thimble")
     assert views.devices(demo).source == source
     at = twins.twin_of(demo, row).state
-    device, _ = twins.mechanism_of(demo.objects["Index"], row.device)
+    device, _ = twins.mounted_mechanism(demo.objects["Index"], row.device)
     angles = thimble_twin.servo_angles(row)
     assert np.abs(angles).max() > 0.02
     # links keep their lengths, legs their planes, and the platform's joints their places: nothing of inverse kinematics
@@ -135,7 +135,7 @@ def test_from_a_bake_the_rendered_skin_is_what_the_track_does(demo) -> None:
     result = bake(demo)
     output, felt = result.bake.outputs[0], result.bake.skins["Index"]
     thimble = core.matching.thimble
-    use = thimble_devices.used(device_of(demo), felt.model)
+    use = thimble_devices.prepared(device_of(demo), felt.model)
     forces = thimble.forces_at(felt, output.track.times)
     found = thimble.match_touch(use, forces, use.device.servo_speed / output.track.spec.rate)
     for frame in (31, 25, 37):  # on a sample of 100 Hz: 24 frames are a second
@@ -169,7 +169,7 @@ def test_live_follows_the_skin_step_by_step(demo) -> None:
         rows.append(next(r for r in views.devices(demo).rows if r.kind == "thimble"))
     skin = states[0].model
     with skin_models.one_thread():
-        use = thimble_devices.used(device_of(demo), skin)
+        use = thimble_devices.prepared(device_of(demo), skin)
         following = core.matching.thimble.follower(use)
         for i, (target, row) in enumerate(zip(targets, rows, strict=True)):
             following.matching.change = use.device.servo_speed / 24 if i else None

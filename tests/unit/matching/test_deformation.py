@@ -45,14 +45,14 @@ def test_patterns_of_pins_that_hardly_press_are_left_out():
     gains, f = np.array([2.0, 0.9, 0.3, 2e-4]), rng.normal(size=36)
     distribution = left @ np.diag(gains) @ right.T
     matcher = Matcher(distribution, influence, tolerance=1e-3)
-    assert matcher.seen == 3
+    assert matcher.controllable_patterns == 3
     expected = sum(right[:, i] * (left[:, i] @ f) / gains[i] for i in range(3))
     np.testing.assert_allclose(PinSolver(matcher, "FM0").solve(f).forces, expected, rtol=1e-9)
     patterns = right[:, :3]
     shares = np.linalg.lstsq(influence @ distribution @ patterns, influence @ f, rcond=None)[0]
     np.testing.assert_allclose(PinSolver(matcher, "DM0").solve(f).forces, patterns @ shares, rtol=1e-9)
     whole = Matcher(distribution, influence, tolerance=5e-5)
-    assert whole.seen == 4
+    assert whole.controllable_patterns == 4
     np.testing.assert_allclose(PinSolver(whole, "FM0").solve(f).forces, np.linalg.pinv(distribution) @ f, rtol=1e-9)
 
 

@@ -94,7 +94,7 @@ def test_inverse_methods_press_on_a_coarse_skin_as_on_the_standard_one():
 
 def test_the_standard_skin_sees_every_pattern_of_the_papers_array():
     matcher = pins.setup(fingertip_skin(level="standard"), SPEC).matcher
-    assert matcher.seen == len(matcher.active) == 128
+    assert matcher.controllable_patterns == len(matcher.active) == 128
     expected = np.linalg.pinv(pins.setup(fingertip_skin(level="standard"), SPEC).distribution)
     assert np.abs(matcher.force_inverse - expected).max() <= 1e-9 * np.abs(expected).max()
 

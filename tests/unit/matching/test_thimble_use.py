@@ -260,7 +260,7 @@ def test_without_contact_the_device_waits_level_and_that_is_counted(skin, spec):
     felt = felt_of(skin, np.zeros((31, skin.pad_count, 3)))
     out = render(None, scene, 0, DeviceUse("thimble_3rrs"), spec, felt)  # type: ignore[arg-type]
     assert out.findings == () and not out.signals["contact"].any() and not out.signals["mismatch"].any()
-    assert np.ptp(out.track.values, axis=0).max() == 0.0 and out.skipped["thimble frames without touch"] == 101
+    assert np.ptp(out.track.values, axis=0).max() == 0.0 and out.skipped["thimble_frames_without_contact"] == 101
     assert not out.signals["normal_force"].any()
 
 

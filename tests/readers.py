@@ -144,7 +144,7 @@ def _use_frames(path: Path) -> object:
             packets.read_touch,
             packets.read_state,
             packets.read_nack,
-            packets.u32,
+            packets.read_sync,
         ):
             try:
                 read(packet.body)
@@ -225,7 +225,7 @@ PACKETS = (
     "read_hello",
     "read_nack",
     "read_touch",
-    "u32",
+    "read_sync",
 )
 
 READERS = (

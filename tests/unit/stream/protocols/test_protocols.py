@@ -84,7 +84,7 @@ def test_every_body_comes_back() -> None:
     assert packets.read_touch(packets.touch(5, True, 0.25, -0.5)) == (5, True, 0.25, -0.5)
     assert packets.read_nack(packets.nack(513, 4)) == (513, 4)
     readers = [packets.Welcome.read, packets.Synced.read, packets.read_configure, packets.read_touch]
-    readers += [packets.read_command, packets.read_nack, packets.u32, packets.read_state, packets.read_hello]
+    readers += [packets.read_command, packets.read_nack, packets.read_sync, packets.read_state, packets.read_hello]
     for reader in readers:
         with pytest.raises(DermisError):
             reader(b"\1\2\3\4\5\6")  # type: ignore[operator]

@@ -85,6 +85,7 @@ if TYPE_CHECKING:
     import core.track.check
     import core.track.command_track
     import core.track.export
+    import core.track.formats
     import core.track.file_names
     import core.work.executor
     import core.work.processes

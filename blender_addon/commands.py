@@ -148,7 +148,7 @@ def _parser() -> argparse.ArgumentParser:
             "--format",
             action="append",
             default=[],
-            choices=list(core.track.export.FORMATS),
+            choices=list(core.track.formats.FORMATS),
             help="write this format instead of CSV; more than once",
         ),
         argument(

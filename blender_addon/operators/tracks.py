@@ -49,7 +49,7 @@ class DERMIS_OT_export_as(Folder, bpy.types.Operator):
 
     form: EnumProperty(  # type: ignore[valid-type]
         name="Format",
-        items=tuple((name, form.title, form.text) for name, form in core.track.export.FORMATS.items()),
+        items=tuple((name, form.title, form.text) for name, form in core.track.formats.FORMATS.items()),
         default="json",
     )
     span: EnumProperty(  # type: ignore[valid-type]

@@ -35,7 +35,7 @@ def write(
     """Write a file for each output and each range; return the files, and what there is to say about them.
 
     Args:
-        form: of `core.track.export.FORMATS`. active: whose action 'ACTION' means.
+        form: of `core.track.formats.FORMATS`. active: whose action 'ACTION' means.
         span: 'ALL', 'PREVIEW', 'MARKERS' or 'ACTION'.
         finger: this one only; None: all.
 

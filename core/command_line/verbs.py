@@ -9,7 +9,7 @@ from typing import Any
 from ..design.interactions import NAMES, NOISE
 from ..stream.acceptance.person import INTRODUCTION
 from ..stream.acceptance.report import CHECKS
-from ..track.export import FORMATS
+from ..track.formats import FORMATS
 from ..version import version
 from .arguments import (
     LEVEL,

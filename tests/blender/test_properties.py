@@ -165,13 +165,13 @@ def test_the_ends_of_the_window_are_values_that_the_engine_takes(end: float) -> 
     tip, thing = finger("Tip"), empty("Thing")
     device = tip.dermis.finger.devices.add()
     groups = {
-        scene_properties.DermisFinger: tip.dermis.finger,
-        scene_properties.DermisDevice: device,
-        scene_properties.DermisMaterial: thing.dermis.material,
-        scene_properties.DermisScreen: thing.dermis.screen,
+        object_properties.DermisFinger: tip.dermis.finger,
+        object_properties.DermisDevice: device,
+        object_properties.DermisMaterial: thing.dermis.material,
+        object_properties.DermisScreen: thing.dermis.screen,
     }
     for kind, group in groups.items():
-        for row in scene_properties.TABLES[kind].values():
+        for row in object_properties.TABLES[kind].values():
             if row.label and row.numeric and not row.whole:
                 setattr(group, row.saved, end)
                 row.check(fields.value_of(group, row), kind.__name__)

@@ -38,12 +38,12 @@ class LoneGrip:
         acceleration: Array = NOTHING,
         angular_velocity: Array = NOTHING,
         angular_acceleration: Array = NOTHING,
-        frame_number: float = 0.0,
+        scene_frame: float = 0.0,
     ) -> GripStep:
         """Solve the next frame; arguments as in `GripSolver.step_among`, and the fingers' poses, (4, 4) each."""
         alone = (ContactBody(self.solver.surface),)
         contexts = [HoldContext(p, alone, 0, h) for p, h in zip(finger_poses, self._histories, strict=True)]
         rates = acceleration, angular_velocity, angular_acceleration
-        step = self.solver.step_among(pose, contexts, *rates, frame_number=frame_number)
+        step = self.solver.step_among(pose, contexts, *rates, scene_frame=scene_frame)
         assert step is not None
         return step

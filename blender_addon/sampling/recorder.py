@@ -43,7 +43,7 @@ class Recorder:
         self._place = np.array([place[e.uid] for e in self._entries], np.int64)
         self._instances = {e.instance: i for i, e in enumerate(self._entries) if e.instance is not None}
         self._instance_raw = np.full((len(self._entries), count, 4, 4), np.nan)
-        self._held = {i: presence.get(key) for key, i in self._instances.items()}
+        self._last_known = {i: presence.get(key) for key, i in self._instances.items()}
         self._blinking = [
             (i, int(self._place[i])) for i, e in enumerate(self._entries) if e.blinking and e.instance is None
         ]
@@ -197,7 +197,7 @@ class Recorder:
         """Return an instance's matrices, held where it is absent, so that no velocity comes of it."""
         out = self._instance_raw[i, :n].copy()
         here = self._present[i, :n]
-        last = self._held[i]
+        last = self._last_known[i]
         if last is None or (here.any() and not np.isfinite(last).all()):
             last = out[np.argmax(here)].copy() if here.any() else np.eye(4)
         for k in range(n):
@@ -205,7 +205,7 @@ class Recorder:
                 last = out[k]
             else:
                 out[k] = last
-        self._held[i] = np.array(last)
+        self._last_known[i] = np.array(last)
         return out
 
     def _check_finite(self, poses: Array, frames: Array) -> None:

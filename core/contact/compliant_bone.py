@@ -17,7 +17,7 @@ from ..arrays import Array
 from ..errors import Finding
 from ..parameters.skin import SKIN_CONTACT
 from ..skin.model import SkinModel
-from .solver.bodies import ContactBody, ContactFrame
+from .solver.bodies import ContactBody, NodeGaps
 from .solver.notes import Notes
 from .solver.path import DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
 
@@ -106,52 +106,52 @@ class CompliantBone:
         self.solver.restore(state["solver"])
         self._retraction, self._slope, self._notes = state["retraction"], state["slope"], state["notes"].copy()
 
-    def step(self, bodies: Sequence[ContactBody], frame: float) -> BoneStep:
+    def step(self, bodies: Sequence[ContactBody], scene_frame: float) -> BoneStep:
         """Solve the next frame."""
         if np.isfinite(self.force_limit):
-            step, retraction = self._limited(bodies, frame)
+            step, retraction = self._limited(bodies, scene_frame)
         else:
-            step, retraction = self.solver.step(bodies, frame_number=frame), 0.0
-        return self._bone_step(step, retraction, frame)
+            step, retraction = self.solver.step(bodies, scene_frame=scene_frame), 0.0
+        return self._bone_step(step, retraction, scene_frame)
 
-    def retraction(self, bodies: Sequence[ContactBody], frame: float) -> float:
+    def retraction(self, bodies: Sequence[ContactBody], scene_frame: float) -> float:
         """Return how far the force limit would retract the bone in the next frame [m], without taking it."""
         if not np.isfinite(self.force_limit):
             return 0.0
         before, found = self.solver.save(), self._notes.copy()
-        _, retraction = self._limited(bodies, frame)
+        _, retraction = self._limited(bodies, scene_frame)
         self.solver.restore(before)
         self._notes = found
         return retraction
 
     def adopt(
-        self, force: Array, displacement: Array, gaps: ContactFrame, residual: float, retraction: float, frame: float
+        self, force: Array, displacement: Array, gaps: NodeGaps, residual: float, retraction: float, scene_frame: float
     ) -> BoneStep:
         """Take over a frame that was solved together with other fingers, the bone retracted by `retraction` [m]."""
-        step = self.solver.adopt(force, displacement, gaps, residual, frame_number=frame)
-        return self._bone_step(step, retraction, frame)
+        step = self.solver.adopt(force, displacement, gaps, residual, scene_frame=scene_frame)
+        return self._bone_step(step, retraction, scene_frame)
 
-    def _bone_step(self, step: PathStep, retraction: float, frame: float) -> BoneStep:
+    def _bone_step(self, step: PathStep, retraction: float, scene_frame: float) -> BoneStep:
         spring = self._spring(step)
-        depth = -float(step.frame.gap.min()) if step.frame is not None else 0.0
+        depth = -float(step.gaps.gap.min()) if step.gaps is not None else 0.0
         depth = max(depth - spring, 0.0)
         if spring > 0 and depth > DEPTH_LIMIT:
             what = "the finger sinks deeper than linear skin is trusted"
             self._notes.warn(
                 "too-deep",
                 what,
-                frame,
+                scene_frame,
                 value=f"{1e3 * depth:.2f} mm",
                 limit=f"<= {1e3 * DEPTH_LIMIT:g} mm",
                 remedy="Raise the finger, or use a softer spring",
             )
         return BoneStep(step, retraction + spring, depth)
 
-    def _limited(self, bodies: Sequence[ContactBody], frame: float) -> tuple[PathStep, float]:
+    def _limited(self, bodies: Sequence[ContactBody], scene_frame: float) -> tuple[PathStep, float]:
         """Retract the bone until the force is at its limit, or the retraction is zero."""
         before = self.solver.save()
         low, high = 0.0, np.inf  # retractions that press too much, and not enough
-        retraction, step = self._retraction, self._try(bodies, self._retraction, frame)
+        retraction, step = self._retraction, self._try(bodies, self._retraction, scene_frame)
         for _ in range(MAX_TRIALS):
             excess = self._force(step) - self.force_limit
             if abs(excess) <= LIMIT_TOLERANCE * self.force_limit or (excess < 0 and retraction == 0.0):
@@ -159,7 +159,7 @@ class CompliantBone:
             low, high = (retraction, high) if excess > 0 else (low, retraction)
             trial = self._next(retraction, excess, low, high, step)
             self.solver.restore(before)
-            following = self._try(bodies, trial, frame)
+            following = self._try(bodies, trial, scene_frame)
             if trial != retraction:
                 self._slope = (excess + self.force_limit - self._force(following)) / (trial - retraction)
             retraction, step = trial, following
@@ -168,7 +168,7 @@ class CompliantBone:
             self._notes.warn(
                 "force-limit",
                 what,
-                frame,
+                scene_frame,
                 value=f"{self._force(step):.3g} N",
                 limit=f"{self.force_limit:g} N",
                 remedy="Use smaller steps, or a softer spring",
@@ -176,17 +176,17 @@ class CompliantBone:
         self._retraction = retraction
         return step, retraction
 
-    def _try(self, bodies: Sequence[ContactBody], retraction: float, frame: float) -> PathStep:
+    def _try(self, bodies: Sequence[ContactBody], retraction: float, scene_frame: float) -> PathStep:
         if retraction > 0.0:
             down = np.array([0.0, 0.0, -retraction])  # the finger goes up, so all else goes down in its frame
             bodies = [replace(body, translation=body.translation + down) for body in bodies]
-        return self.solver.step(bodies, frame_number=frame)
+        return self.solver.step(bodies, scene_frame=scene_frame)
 
     def _next(self, retraction: float, excess: float, low: float, high: float, step: PathStep) -> float:
         """Return the next retraction: along the last slope, kept within the bracket, which is halved where it fails."""
         slope = self._slope
         if not slope > 0.0:
-            depth = -float(step.frame.gap.min()) if step.frame is not None else 0.0
+            depth = -float(step.gaps.gap.min()) if step.gaps is not None else 0.0
             slope = self._force(step) / max(depth, 1e-5)
         trial = max(retraction + excess / max(slope, 1e-6), 0.0)
         if not low < trial < high and trial != 0.0:

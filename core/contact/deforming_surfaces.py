@@ -56,7 +56,7 @@ class DeformingSurfaces:
             good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(box), axis=(1, 2))
             if not good.all():
                 self._repairs.note("not-finite surface", self._names[b], chunk.frames[~good].tolist())
-                meshes = self._held(b, meshes, good)
+                meshes = self._last_good(b, meshes, good)
                 box = np.array([box_of(mesh) for mesh in meshes])
             if good.any():
                 self._good[b] = meshes[-1]
@@ -99,7 +99,7 @@ class DeformingSurfaces:
             return None
         return (now.vertices - before.vertices) @ carry.T / (float(chunk.times[i]) - time)
 
-    def _held(self, b: int, meshes: Sequence[Mesh], good: NDArray[np.bool_]) -> tuple[Mesh, ...]:
+    def _last_good(self, b: int, meshes: Sequence[Mesh], good: NDArray[np.bool_]) -> tuple[Mesh, ...]:
         """Hold the last good surface; before the first of all, that one."""
         last = self._good.get(b, meshes[int(np.argmax(good))] if good.any() else ABSENT)
         held = []

@@ -145,7 +145,7 @@ class HeldBody:
             self._acceleration[sample],
             self._spin[sample],
             self._spin_rate[sample],
-            frame_number=frame,
+            scene_frame=frame,
             only_if_pressed=not self.keyed,
         )
 

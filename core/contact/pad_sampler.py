@@ -30,7 +30,7 @@ from .pair_record import PairRecord
 from .search_radius import SearchRadius
 from .solver.bodies import BONE
 from .stretch_rates import StretchRates
-from .surfaces import SAME_STRETCH, box_of, boxes_in_world, carried, rigid_mesh, surface_of
+from .surfaces import alike, box_of, boxes_in_world, carried, rigid_mesh, surface_of
 
 
 class PadSampler:
@@ -91,7 +91,7 @@ class PadSampler:
         self._chunks.append(Chunk(chunk.frames, chunk.times, fingers, bodies, screens, {}, chunk.animated))
         own = self._radius.over(chunk)
         chunk, boxes = self._deforming.take(chunk)
-        self._sweep(chunk, fingers, bodies, own, boxes)
+        self._broad_phase(chunk, fingers, bodies, own, boxes)
         self._count += count
         return replace(chunk, fingers=fingers, bodies=bodies, screens=screens)
 
@@ -125,7 +125,7 @@ class PadSampler:
 
     # -- broad phase ---------------------------------------------------------------------------------------------
 
-    def _sweep(
+    def _broad_phase(
         self, chunk: Chunk, fingers: Array, bodies: Array, own: Array | None, boxes: Mapping[int, Array]
     ) -> None:
         pads = fingers[:, :, :3, 3]
@@ -218,16 +218,16 @@ class PadSampler:
             last_surface = self._stretched.get(b)
             if last_surface is None:
                 first = stretch[left[0]]
-                plain = bool(_alike(first[None], np.eye(3))[0])
+                plain = bool(alike(first[None], np.eye(3))[0])
                 last_surface = (np.eye(3), surface_of(mesh)) if plain else (first, surface_of(mesh, first))
                 self._stretched[b] = last_surface
                 self._noted[b] = last_surface[1].findings(f"object '{self._scene.bodies[b].name}'")
-            same = _alike(stretch[left], last_surface[0])
+            same = alike(stretch[left], last_surface[0])
             if not same.any():  # the scale is animated: this one serves until it changes again
                 carry = stretch[left[0]]
                 last_surface = (carry, carried(mesh, carry))
                 self._stretched[b] = last_surface
-                same = _alike(stretch[left], carry)
+                same = alike(stretch[left], carry)
             yield last_surface[1], near_samples[left[same]], None
             left = left[~same]
 
@@ -292,12 +292,6 @@ class PadSampler:
                 pair.side = surface.side_of(local[k] + BONE[2] * (turn[i].T @ up))
             side[k] = pair.side
         return side
-
-
-def _alike(stretch: Array, reference: Array) -> NDArray[np.bool_]:
-    """Whether linear maps (n, 3, 3) equal another within what float32 matrices resolve, shape (n,)."""
-    off: Array = np.abs(stretch - reference).max(axis=(1, 2))
-    return off <= SAME_STRETCH * float(np.abs(reference).max())
 
 
 def _interpolated(surface: Surface, nearest: GapQuery, within_reach: NDArray[np.bool_], velocity: Array) -> Array:

@@ -15,7 +15,7 @@ from ..errors import DermisError
 from ..motion import rotations
 from ..scene.tactile_scene import Body, Chunk, Mesh
 from ..surface.gap import Surface
-from .surfaces import SAME_STRETCH, box_of, carried, rigid_mesh, surface_of
+from .surfaces import alike, box_of, carried, rigid_mesh, surface_of
 
 
 class Posed(NamedTuple):
@@ -98,12 +98,12 @@ class PosedBody:
             anew: it deforms, and is therefore made for each stretch exactly.
         """
         kept = self._kept if self._kept is not None and self._kept.mesh is mesh else None
-        if kept is not None and (np.array_equal if anew else _alike)(stretch, kept.stretch):
+        if kept is not None and (np.array_equal if anew else alike)(stretch, kept.stretch):
             return kept
         if anew:
             self._kept = _Kept(mesh, stretch, carried(mesh, stretch), None)
             return self._kept
-        plain = _alike(stretch, np.eye(3))
+        plain = alike(stretch, np.eye(3))
         stretch = np.eye(3) if plain else stretch
         # kept with the mesh only once: an animated scale has another surface at every sample
         surface = surface_of(mesh) if plain else carried(mesh, stretch) if kept else surface_of(mesh, stretch)
@@ -134,7 +134,3 @@ class PosedBody:
         if self._box is None or self._box[0] is not mesh:
             self._box = mesh, box_of(mesh)
         return self._box[1]
-
-
-def _alike(stretch: Array, reference: Array) -> bool:
-    return bool(np.abs(stretch - reference).max() <= SAME_STRETCH * np.abs(reference).max())

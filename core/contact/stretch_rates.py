@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..motion import rotations, singular
-from .surfaces import SAME_STRETCH
+from .surfaces import alike
 
 
 class StretchRates:
@@ -44,7 +44,7 @@ class StretchRates:
         start = 0
         if b not in self._stretching:
             told = stretch[:1] if stretch.strides[0] == 0 else stretch  # one matrix for all samples
-            other = np.abs(told - first).max(axis=(1, 2)) > SAME_STRETCH * np.abs(first).max()
+            other = ~alike(told, first)
             if not other.any():
                 return None
             self._stretching.add(b)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import weakref
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import DermisError
@@ -15,6 +16,12 @@ from ..surface.gap import Surface
 SAME_STRETCH = 1e-5
 
 _SURFACES: weakref.WeakKeyDictionary[Mesh, dict[bytes, Surface]] = weakref.WeakKeyDictionary()
+
+
+def alike(stretch: Array, reference: Array) -> NDArray[np.bool_]:
+    """Return whether linear maps (..., 3, 3) equal another within what float32 matrices resolve, shape (...)."""
+    off: Array = np.abs(stretch - reference).max(axis=(-2, -1))
+    return off <= SAME_STRETCH * float(np.abs(reference).max())
 
 
 def surface_of(mesh: Mesh, stretch: Array | None = None) -> Surface:

@@ -131,7 +131,7 @@ class DiscContact:
             rows = (3 * columns[:, None] + np.arange(3)).ravel()
             moved = self.compliance[rows].T @ solution.force[loaded].ravel()
             anchor += (moved.reshape(-1, 3) @ pose.rotation)[:, :2]
-        sticking = solution.nodes[(solution.status == STICK) & self.state.held[solution.nodes]]
+        sticking = solution.nodes[(solution.status == STICK) & self.state.anchored[solution.nodes]]
         anchor[sticking] = self.state.anchor[sticking]
         return FrictionState(np.ones(self.count, bool), anchor, force)
 
@@ -218,7 +218,7 @@ class DiscContact:
         arm = self._rest_positions - pose.centre
         local = arm @ pose.rotation
         out = np.zeros_like(local)
-        out[:, :2] = np.where(self._held[:, None], local[:, :2] - self._anchor, 0.0)
+        out[:, :2] = np.where(self._anchored[:, None], local[:, :2] - self._anchor, 0.0)
         out[:, 2] = local[:, 2]
         move = np.empty((len(arm), 3, 3))
         move[:, :, 0] = -arm @ _crossing(pose.spin[0])
@@ -233,7 +233,7 @@ class DiscContact:
             out[rim, 2] -= 0.5 * over * over * self.disc.rounding
             outwards = np.einsum("ij,ijk->ik", local[rim, :2], move[rim, :2]) / reach[rim, None]
             move[rim, 2] -= over[:, None] * outwards
-        move[~self._held, :2] = 0.0
+        move[~self._anchored, :2] = 0.0
         return out @ pose.rotation.T, pose.rotation @ move
 
     def _step(self, pose: DiscPose) -> Array:
@@ -260,7 +260,7 @@ class DiscContact:
 
     def _restrict(self) -> None:
         self._block = None
-        self._held, self._anchor = self.state.held[self.nodes], self.state.anchor[self.nodes]
+        self._anchored, self._anchor = self.state.anchored[self.nodes], self.state.anchor[self.nodes]
         self._held_force = self.state.force[self.nodes]
 
     def _active_block(self, active: NDArray[np.intp]) -> Array:

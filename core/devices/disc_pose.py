@@ -84,12 +84,12 @@ class FrictionState:
     """What friction remembers of the path so far.
 
     Attributes:
-        held: nodes with an anchor, shape (m,).
+        anchored: nodes with an anchor, shape (m,).
         anchor: the point of the disc that each sticks to, x and y in the disc's frame [m], shape (m, 2).
         force: on the skin at the end of the last step [N], shape (m, 3).
     """
 
-    held: NDArray[np.bool_]
+    anchored: NDArray[np.bool_]
     anchor: Array
     force: Array
 

@@ -218,7 +218,7 @@ def _quadratic_program(
     """Minimise |J d + r| subject to room + slopes d >= 0, exactly: there are at most 45 sets of limits to hold.
 
     Returns:
-        d, the limits held, their multipliers, and the norm of J'r - A'multipliers.
+        d, the working limits, their multipliers, and the norm of J'r - A'multipliers.
     """
     gram = jacobian.T @ jacobian
     gram.flat[::4] += DAMPING * max(float(gram.max()), 1e-300)
@@ -230,14 +230,14 @@ def _quadratic_program(
         step = np.asarray(np.linalg.solve(gram, -gradient), dtype=np.float64)
     if (room + slopes @ step).min() >= 0.0:  # most steps meet no limit
         return step, (), np.zeros(0), float(np.sqrt(gradient @ gradient))
-    for held in _working_sets(guess):
-        k = len(held)
-        system, right = np.zeros((3 + k, 3 + k)), np.concatenate([-gradient, -room[list(held)]])
+    for working in _working_sets(guess):
+        k = len(working)
+        system, right = np.zeros((3 + k, 3 + k)), np.concatenate([-gradient, -room[list(working)]])
         system[:3, :3] = gram
         weight = float(np.sqrt(gram.max()))
         if k:
             # rows of the constraints are scaled alike, so that the system is no worse than the Gram matrix
-            system[3:, :3] = slopes[list(held)] * weight
+            system[3:, :3] = slopes[list(working)] * weight
             system[:3, 3:] = -system[3:, :3].T
             right[3:] *= weight
         try:
@@ -248,16 +248,16 @@ def _quadratic_program(
         if (multipliers < 0.0).any():
             continue
         after = room + slopes @ step
-        after[list(held)] = 0.0
+        after[list(working)] = 0.0
         if after.min() >= -1e-12:
-            best = (step, held, multipliers)
+            best = (step, working, multipliers)
             break
     if best is None:  # only by rounding at a degenerate corner: stay where every limit holds
         best = (np.zeros(3), (), np.zeros(0))
-    step, held, multipliers = best
+    step, working, multipliers = best
     # this is minus the Gram matrix times the step: zero exactly where there is no step left to make
-    left = gradient - slopes[list(held)].T @ multipliers if held else gradient
-    return step, held, multipliers, float(np.sqrt(left @ left))
+    left = gradient - slopes[list(working)].T @ multipliers if working else gradient
+    return step, working, multipliers, float(np.sqrt(left @ left))
 
 
 def _working_sets(guess: tuple[int, ...]) -> list[tuple[int, ...]]:

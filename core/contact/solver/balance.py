@@ -51,7 +51,7 @@ def balance(
     """
     ends = np.cumsum([0] + [3 * g.near.size for g in grips])
     parts = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
-    normals = np.concatenate([g.frame.normal[g.near] for g in grips])
+    normals = np.concatenate([g.gaps.normal[g.near] for g in grips])
     mu = np.concatenate([g.friction for g in grips])
     b = np.concatenate([g.offset.reshape(-1) for g in grips])
     wrench = np.concatenate([g.wrench for g in grips], axis=1)

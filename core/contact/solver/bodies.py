@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from ...errors import DermisError
+from ...parameters.material import FRICTION
 from ...surface.gap import Surface
 from ...surface.plane import Plane
 from .cone import along
@@ -41,7 +42,7 @@ class ContactBody:
     surface: Surface | Plane
     rotation: Array = field(default_factory=lambda: np.eye(3))
     translation: Array = field(default_factory=lambda: np.zeros(3))
-    friction: float = 0.5
+    friction: float = FRICTION
     softness: float = 0.0
     deforms: bool = False
     away: bool = False
@@ -63,7 +64,7 @@ class ContactBody:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactFrame:
+class NodeGaps:
     """The gaps of a finger's nodes at one instant, in the finger's frame.
 
     Attributes:
@@ -111,7 +112,7 @@ def same_places(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> boo
     return len(one) == len(other) and all(a.same_place(b) for a, b in zip(one, other, strict=True))
 
 
-def contact_frame(points: Array, bodies: Sequence[ContactBody], search_radius: float, bone: Array) -> ContactFrame:
+def node_gaps(points: Array, bodies: Sequence[ContactBody], search_radius: float, bone: Array) -> NodeGaps:
     """Measure each node against every body and keep the closest.
 
     The gap is linear about the undeformed node, so that it depends on the pose alone and not on what came before.
@@ -122,7 +123,7 @@ def contact_frame(points: Array, bodies: Sequence[ContactBody], search_radius: f
         bone: a point inside the finger [m], shape (3,): an open surface is touched on the side where it lies.
     """
     m = points.shape[0]
-    frame = ContactFrame(
+    gaps = NodeGaps(
         tuple(bodies), np.full(m, np.inf), np.zeros((m, 3)), np.full(m, -1), np.full(m, -1), np.zeros(m), np.zeros(m)
     )
     for index, body in enumerate(bodies):
@@ -135,11 +136,11 @@ def contact_frame(points: Array, bodies: Sequence[ContactBody], search_radius: f
         if isinstance(body.surface, Surface) and not body.surface.closed:
             if body.surface.side_of((bone - body.translation) @ body.rotation) < 0:
                 answer = answer.flipped()
-        closer = np.flatnonzero((answer.triangle >= 0) & (answer.gap < frame.gap))
+        closer = np.flatnonzero((answer.triangle >= 0) & (answer.gap < gaps.gap))
         if closer.size == m:
             everything = np.full(m, index)
-            frame = ContactFrame(
-                frame.bodies,
+            gaps = NodeGaps(
+                gaps.bodies,
                 answer.gap,
                 answer.normal @ body.rotation.T,
                 everything,
@@ -148,22 +149,22 @@ def contact_frame(points: Array, bodies: Sequence[ContactBody], search_radius: f
                 np.full(m, body.softness),
             )
         elif closer.size:
-            frame.gap[closer] = answer.gap[closer]
-            frame.normal[closer] = answer.normal[closer] @ body.rotation.T
-            frame.body[closer], frame.triangle[closer] = index, answer.triangle[closer]
-            frame.friction[closer], frame.softness[closer] = body.friction, body.softness
-    return frame
+            gaps.gap[closer] = answer.gap[closer]
+            gaps.normal[closer] = answer.normal[closer] @ body.rotation.T
+            gaps.body[closer], gaps.triangle[closer] = index, answer.triangle[closer]
+            gaps.friction[closer], gaps.softness[closer] = body.friction, body.softness
+    return gaps
 
 
-def to_material(frame: ContactFrame, nodes: Indices, positions: Array) -> tuple[Array, Indices]:
+def to_material(gaps: NodeGaps, nodes: Indices, positions: Array) -> tuple[Array, Indices]:
     """Return the material coordinates on their bodies of positions [m], shape (n, 3), near the given nodes.
 
     On a rigid body they are its local coordinates; where its scale changed, those at its first scale; on one that
     deforms, two affine weights in the plane of a triangle and the height above it. Also returned: that triangle.
     """
     out = np.empty_like(positions)
-    triangle = frame.triangle[nodes]
-    for body, which in _owned(frame.bodies, frame.body[nodes]):
+    triangle = gaps.triangle[nodes]
+    for body, which in _owned(gaps.bodies, gaps.body[nodes]):
         local = (positions[which] - body.translation) @ body.rotation
         if body.deforms and isinstance(body.surface, Surface):
             a, ab, ac, normal = _plane_of(body.surface, triangle[which])

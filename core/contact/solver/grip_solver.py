@@ -18,7 +18,7 @@ from ...errors import DermisError, Finding
 from ...surface.gap import Surface
 from ...surface.plane import Plane
 from .balance import TOLERANCE, balance
-from .bodies import ContactBody, contact_frame
+from .bodies import ContactBody, node_gaps
 from .cone import STICK, along
 from .grip import Grip, GripStep, HoldContext, HoldingFinger
 from .notes import Notes
@@ -90,7 +90,7 @@ class GripSolver:
         angular_velocity: Array,
         angular_acceleration: Array,
         *,
-        frame_number: float,
+        scene_frame: float,
         only_if_pressed: bool = False,
     ) -> GripStep | None:
         """Solve the next frame of fingers that may touch other bodies too.
@@ -100,7 +100,7 @@ class GripSolver:
             contexts: of each finger; None for one that is nowhere near.
             acceleration: of the centre of mass, in world space [m/s^2].
             angular_velocity, angular_acceleration: in world space [rad/s], [rad/s^2].
-            frame_number: of the scene, for findings.
+            scene_frame: of the scene, for findings.
             only_if_pressed: return None, and change nothing, where no finger presses the object.
         """
         rotation, middle = self.placed(pose)
@@ -113,9 +113,9 @@ class GripSolver:
         if any(g.pressing for g in there):
             step = self._balanced(grips, required)
             if step is None:
-                self._note("slips", "friction cannot hold the object", frame_number)
+                self._note("slips", "friction cannot hold the object", scene_frame)
         else:
-            self._note("dropped", "nothing touches the held object", frame_number)
+            self._note("dropped", "nothing touches the held object", scene_frame)
         if step is None:
             step = self._carried(grips)
             holds = False
@@ -148,17 +148,17 @@ class GripSolver:
         finger, pose = self.fingers[index], context.pose
         body = self.body(pose, rotation, middle)
         bodies = (*context.bodies[: context.own], body, *context.bodies[context.own + 1 :])
-        frame = contact_frame(finger.points, bodies, SEARCH_RADIUS, finger.bone)
-        near = np.flatnonzero(frame.body >= 0)
-        offset = context.history.offset(frame, finger.points)[near]
+        gaps = node_gaps(finger.points, bodies, SEARCH_RADIUS, finger.bone)
+        near = np.flatnonzero(gaps.body >= 0)
+        offset = context.history.offset(gaps, finger.points)[near]
         turn = pose[:3, :3]
         arm = finger.points[near] @ turn.T + pose[:3, 3] - middle
         wrench = np.zeros((6, near.size, 3))
         wrench[:3] = turn[:, None, :]
         for axis in range(3):
             wrench[3:, :, axis] = np.cross(arm, turn[:, axis]).T
-        wrench[:, frame.body[near] != context.own] = 0.0  # what presses on another body does not carry this one
-        soft = frame.compliance(finger.areas, finger.name)[near]
+        wrench[:, gaps.body[near] != context.own] = 0.0  # what presses on another body does not carry this one
+        soft = gaps.compliance(finger.areas, finger.name)[near]
         key = near.tobytes() + soft.tobytes()
         kept = self._inverses.get(index)
         if kept is None or kept[0] != key:
@@ -166,7 +166,7 @@ class GripSolver:
             matrix = finger.compliance[rows[:, None], rows] + np.diag(np.repeat(soft, 3))
             inverse: Array = np.asarray(np.linalg.inv(matrix + self._rho * np.eye(rows.size)), dtype=np.float64)
             kept = self._inverses[index] = (key, matrix, inverse)
-        return Grip(frame, near, kept[1], kept[2], offset, wrench.reshape(6, -1), context.history, context.own)
+        return Grip(gaps, near, kept[1], kept[2], offset, wrench.reshape(6, -1), context.history, context.own)
 
     def _balanced(
         self, everybody: Sequence[Grip | None], required: Array
@@ -193,7 +193,7 @@ class GripSolver:
         for grip in grips:
             if grip is None:
                 continue
-            normals = grip.frame.normal[grip.near]
+            normals = grip.gaps.normal[grip.near]
             s = solve(grip.matrix, grip.offset, grip.friction, normals=normals, tolerance=TOLERANCE)
             forces.append(s.force)
             residual, iterations = max(residual, s.residual), iterations + s.iterations
@@ -211,7 +211,7 @@ class GripSolver:
         """Sum the forces up and move the anchors to where the nodes are now."""
         forces, _, residual, iterations = step
         on_object = np.zeros(6)
-        status, frames, slips = [], [], []
+        status, gaps, slips = [], [], []
         rotation, middle = self.placed(pose)
         rest = iter(forces)
         for i, (grip, context) in enumerate(zip(grips, contexts, strict=True)):
@@ -226,16 +226,16 @@ class GripSolver:
             on_object -= grip.wrench @ force.reshape(-1)
             w[grip.near] = (grip.matrix @ force.reshape(-1)).reshape(-1, 3) + grip.offset
             body = self.body(context.pose, rotation, middle)
-            bodies = (*grip.frame.bodies[: grip.own], body, *grip.frame.bodies[grip.own + 1 :])
-            moved = replace(grip.frame, bodies=bodies)
-            found = status_of(whole, w, grip.frame.normal, grip.frame.friction)
-            gap = along(w, grip.frame.normal)
+            bodies = (*grip.gaps.bodies[: grip.own], body, *grip.gaps.bodies[grip.own + 1 :])
+            moved = replace(grip.gaps, bodies=bodies)
+            found = status_of(whole, w, grip.gaps.normal, grip.gaps.friction)
+            gap = along(w, grip.gaps.normal)
             # on the body's surface: what is pressed into a soft one lies on it all the same
-            soft = grip.frame.compliance(finger.areas, finger.name)
+            soft = grip.gaps.compliance(finger.areas, finger.name)
             deformed = finger.points + (finger.compliance @ whole.reshape(-1)).reshape(-1, 3)
             grip.history.keep(moved, found == STICK, deformed + soft[:, None] * whole - gap[:, None] * moved.normal)
             status.append(found)
-            frames.append(moved)
+            gaps.append(moved)
             slips.append(w)
         displacement = np.concatenate([self._shift, _vector(self._turn)])
         here = tuple(self._forces[i] for i, g in enumerate(grips) if g is not None)
@@ -248,7 +248,7 @@ class GripSolver:
             holds,
             residual,
             iterations,
-            tuple(frames),
+            tuple(gaps),
             tuple(slips),
         )
 

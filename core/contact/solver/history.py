@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
-from .bodies import ContactFrame, from_material, to_material
+from .bodies import NodeGaps, from_material, to_material
 
 
 class ContactHistory:
@@ -34,36 +34,36 @@ class ContactHistory:
         other.body, other._material, other._triangle = self.body.copy(), self._material.copy(), self._triangle.copy()
         return other
 
-    def offset(self, frame: ContactFrame, points: Array) -> Array:
+    def offset(self, gaps: NodeGaps, points: Array) -> Array:
         """Return b of the contact problem: the gap along the normal, the slip since the anchor across it.
 
         Args:
-            frame: the gaps now.
+            gaps: of the nodes now.
             points: undeformed nodes [m], shape (m, 3).
 
         Returns:
             [m], shape (m, 3); the slip is zero where there is no anchor on the closest body.
         """
-        normal = frame.normal
-        held = (self.body == frame.body) & (self.body >= 0)
-        if held.all():
-            moved = points - from_material(frame.bodies, self.body, self._material, self._triangle)
+        normal = gaps.normal
+        anchored = (self.body == gaps.body) & (self.body >= 0)
+        if anchored.all():
+            moved = points - from_material(gaps.bodies, self.body, self._material, self._triangle)
         else:
             moved = np.zeros_like(points)
-            at = np.flatnonzero(held)
+            at = np.flatnonzero(anchored)
             if at.size:
-                anchors = from_material(frame.bodies, self.body[at], self._material[at], self._triangle[at])
+                anchors = from_material(gaps.bodies, self.body[at], self._material[at], self._triangle[at])
                 moved[at] = points[at] - anchors
-        gap = np.where(frame.body >= 0, frame.gap, 0.0)
+        gap = np.where(gaps.body >= 0, gaps.gap, 0.0)
         gap = gap - np.einsum("ij,ij->i", moved, normal)
         moved += gap[:, None] * normal
         return moved
 
-    def keep(self, frame: ContactFrame, sticking: NDArray[np.bool_], positions: Array) -> None:
+    def keep(self, gaps: NodeGaps, sticking: NDArray[np.bool_], positions: Array) -> None:
         """Move the anchors of all nodes that do not stick to where they are now, [m], shape (m, 3)."""
-        near = frame.body >= 0
-        renewed = near & ~(sticking & (self.body == frame.body))
+        near = gaps.body >= 0
+        renewed = near & ~(sticking & (self.body == gaps.body))
         nodes = np.flatnonzero(renewed)
         if nodes.size:
-            self._material[nodes], self._triangle[nodes] = to_material(frame, nodes, positions[nodes])
-        self.body = np.where(near, frame.body, -1)
+            self._material[nodes], self._triangle[nodes] = to_material(gaps, nodes, positions[nodes])
+        self.body = np.where(near, gaps.body, -1)

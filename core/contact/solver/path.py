@@ -15,7 +15,7 @@ import numpy as np
 from ...arrays import Array
 from ...errors import DermisError, Finding
 from .admm import State, iterate
-from .bodies import BONE, ContactBody, ContactFrame, contact_frame, same_places
+from .bodies import BONE, ContactBody, NodeGaps, node_gaps, same_places
 from .candidates import CandidateInverse
 from .compliance import Compliance, Linear, ends
 from .cone import OPEN, STICK, along, assess
@@ -146,84 +146,70 @@ class PathSolver:
         self._step = PathStep(nothing, self._zero, None, "idle", False)
         return self._step
 
-    def step(self, bodies: Sequence[ContactBody], *, frame_number: float | None = None) -> PathStep:
+    def step(self, bodies: Sequence[ContactBody], *, scene_frame: float | None = None) -> PathStep:
         """Solve the next frame.
 
         Args:
             bodies: what is near, posed in the finger's frame; the same order every frame.
-            frame_number: of the scene, for findings.
+            scene_frame: of the scene, for findings.
         """
         bodies = tuple(bodies)
         if self._at_rest and self._step is not None and same_places(bodies, self._bodies):
             self.counters["same"] += 1
             self._frames += 1
             return replace(self._step, work="same", from_rest=False)
-        frame = contact_frame(self.points, bodies, self.search_radius, self.bone)
-        if not (frame.body >= 0).any():
+        gaps = node_gaps(self.points, bodies, self.search_radius, self.bone)
+        if not (gaps.body >= 0).any():
             self._bodies = bodies
             return self.idle()
-        return self.step_frame(frame, frame_number=frame_number)
+        return self.step_gaps(gaps, scene_frame=scene_frame)
 
-    def step_frame(self, frame: ContactFrame, *, frame_number: float | None = None) -> PathStep:
+    def step_gaps(self, gaps: NodeGaps, *, scene_frame: float | None = None) -> PathStep:
         """Solve the next frame from gaps that were measured elsewhere."""
         from_rest = not (self.history.body >= 0).any()
-        b = self.history.offset(frame, self.points)
+        b = self.history.offset(gaps, self.points)
         b += self.operator.offset(self._force)
-        soft = frame.compliance(self.areas, self.name)
-        solution, y, image, work = self._solve(b, frame, soft)
-        where = self._frames if frame_number is None else frame_number
-        self._report(solution, frame, where)
-        self._remember(solution, y, image, frame, soft)
+        soft = gaps.compliance(self.areas, self.name)
+        solution, y, image, work = self._solve(b, gaps, soft)
+        where = self._frames if scene_frame is None else scene_frame
+        self._report(solution, gaps, where)
+        self._remember(solution, y, image, gaps, soft)
         self.counters[work] += 1
         self._frames += 1
         self.counters["rebuilds"], self.counters["updates"] = self._candidates.rebuilds, self._candidates.updates
-        self._step = PathStep(solution, image, frame, work, from_rest)
+        self._step = PathStep(solution, image, gaps, work, from_rest)
         return self._step
 
     def adopt(
-        self,
-        force: Array,
-        displacement: Array,
-        frame: ContactFrame,
-        residual: float,
-        *,
-        frame_number: float | None = None,
+        self, force: Array, displacement: Array, gaps: NodeGaps, residual: float, *, scene_frame: float | None = None
     ) -> PathStep:
         """Take over a frame that was solved together with other fingers, whose history is already kept.
 
         Args:
             force: on the nodes [N], shape (m, 3). displacement: relative, w [m], shape (m, 3).
-            frame: the gaps it was solved for. residual: of the contact laws.
+            gaps: that it was solved for. residual: of the contact laws.
         """
         from_rest = self._step is None or self._step.work == "idle"
-        status = status_of(force, displacement, frame.normal, frame.friction)
+        status = status_of(force, displacement, gaps.normal, gaps.friction)
         solution = Solution(
-            force,
-            displacement,
-            frame.normal,
-            frame.friction,
-            status,
-            EASY + 1,
-            residual,
-            CHECK * self.tolerance,
-            "admm",
+            force, displacement, gaps.normal, gaps.friction, status, EASY + 1, residual, CHECK * self.tolerance, "admm"
         )
-        self._report(solution, frame, self._frames if frame_number is None else frame_number)
+        self._report(solution, gaps, self._frames if scene_frame is None else scene_frame)
         self._last, self._force, self._y, self._image = None, force, displacement / -self._rho, self._apply(force)
-        self._shift = frame.opened(along(displacement, frame.normal))
-        self._bodies, self._at_rest = frame.bodies, False
+        self._shift = gaps.opened(along(displacement, gaps.normal))
+        self._bodies, self._at_rest = gaps.bodies, False
         self.counters["held"] += 1
         self._frames += 1
-        self._step = PathStep(solution, self._image, frame, "solved", from_rest)
+        self._step = PathStep(solution, self._image, gaps, "solved", from_rest)
         return self._step
 
     # -- one frame -----------------------------------------------------------------------------------------------
 
-    def _solve(self, b: Array, frame: ContactFrame, soft: Array) -> tuple[Solution, Array, Array, str]:
-        normal, mu, rho = frame.normal, frame.friction, self._rho
+    def _solve(self, b: Array, gaps: NodeGaps, soft: Array) -> tuple[Solution, Array, Array, str]:
+        normal, mu, rho = gaps.normal, gaps.friction, self._rho
         goal = CHECK * self.tolerance
         start, image = self._force, self._image
-        gone = (frame.body < 0) & start.any(axis=1)
+        gone = (gaps.body < 0) & start.any(axis=1)
         if gone.any():  # nothing is near any more: these forces vanish before anything else
             start = np.where(gone[:, None], 0.0, start)
             image = self._apply(start)
@@ -235,7 +221,7 @@ class PathSolver:
             method = "admm" if start.any() else "none"
             return Solution(start, w, normal, mu, status, 0, residual, goal, method), w / -rho, image, "unchanged"
         loaded = np.asarray(self._force.any(axis=1), dtype=np.bool_)
-        self._candidates.follow(frame.gap + self._shift, loaded, self._spacing, soft)
+        self._candidates.follow(gaps.gap + self._shift, loaded, self._spacing, soft)
         reference = start
         force, y = self._extrapolated(start, w)
         iterations = 0
@@ -243,7 +229,7 @@ class PathSolver:
             members = self._candidates.members
             z = reference[members]
             exact = (image[members] + soft[members, None] * z).reshape(-1)
-            sweep = iterate(
+            iteration = iterate(
                 self._candidates.matrix,
                 rho,
                 b[members].reshape(-1),
@@ -255,13 +241,13 @@ class PathSolver:
                 self.tolerance,
                 MAX_ITERATIONS,
             )
-            iterations += sweep.iterations
+            iterations += iteration.iterations
             force = np.zeros_like(self._zero)
-            force[members] = sweep.state.z
+            force[members] = iteration.state.z
             image = self._apply(force)
             w = image + soft[:, None] * force + b
             y = w / -rho
-            y[members] = sweep.state.y
+            y[members] = iteration.state.y
             reference = force
             residual, status = assess(force, w, normal, mu, 1.0 / rho)
             if residual <= goal:
@@ -270,20 +256,20 @@ class PathSolver:
             if missed.size:
                 self._candidates.add(missed, soft)
             elif iterations >= MAX_ITERATIONS:
-                return self._fall_back(force, b, frame, soft, iterations)
+                return self._fall_back(force, b, gaps, soft, iterations)
 
     def _fall_back(
-        self, force: Array, b: Array, frame: ContactFrame, soft: Array, iterations: int
+        self, force: Array, b: Array, gaps: NodeGaps, soft: Array, iterations: int
     ) -> tuple[Solution, Array, Array, str]:
         """Solve the frame in float64 with every method there is."""
         self.counters["fallback"] += 1
-        near = np.flatnonzero(frame.body >= 0)
+        near = np.flatnonzero(gaps.body >= 0)
         rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
         solution = solve(
             self._c[rows[:, None], rows],
             b[near],
-            frame.friction[near],
-            normals=frame.normal[near],
+            gaps.friction[near],
+            normals=gaps.normal[near],
             softness=soft[near],
             start=force[near],
             tolerance=self.tolerance,
@@ -292,12 +278,12 @@ class PathSolver:
         force[near] = solution.force
         image = self._apply(force)
         w = image + soft[:, None] * force + b
-        residual, status = assess(force, w, frame.normal, frame.friction, 1.0 / self._rho)
+        residual, status = assess(force, w, gaps.normal, gaps.friction, 1.0 / self._rho)
         found = Solution(
             force,
             w,
-            frame.normal,
-            frame.friction,
+            gaps.normal,
+            gaps.friction,
             status,
             iterations + solution.iterations,
             residual,
@@ -313,27 +299,27 @@ class PathSolver:
         last_force, last_y = self._last
         return 2.0 * force - last_force, 2.0 * self._y - last_y
 
-    def _remember(self, solution: Solution, y: Array, image: Array, frame: ContactFrame, soft: Array) -> None:
-        w, normal = solution.displacement, frame.normal
+    def _remember(self, solution: Solution, y: Array, image: Array, gaps: NodeGaps, soft: Array) -> None:
+        w, normal = solution.displacement, gaps.normal
         gap = along(w, normal)
         sticking = solution.status == STICK
         # on the body's surface; the tangential part is w itself, the very slip that the solver saw
         positions = self.points + image + soft[:, None] * solution.force - gap[:, None] * normal
-        self.history.keep(frame, sticking, positions)
+        self.history.keep(gaps, sticking, positions)
         slip = w - gap[:, None] * normal
         touching = solution.status != OPEN
         self._at_rest = bool((np.abs(slip[touching & ~sticking]) <= AT_REST).all())
         self._last = (self._force, self._y) if self._force.any() else None
         self._force, self._y, self._image = solution.force, y, image
-        self._shift = frame.opened(gap)
-        self._bodies = frame.bodies
+        self._shift = gaps.opened(gap)
+        self._bodies = gaps.bodies
 
     # -- small parts ---------------------------------------------------------------------------------------------
 
     def _apply(self, force: Array) -> Array:
         return (self._c @ force.reshape(-1)).reshape(-1, 3)
 
-    def _report(self, solution: Solution, frame: ContactFrame, where: float) -> None:
+    def _report(self, solution: Solution, gaps: NodeGaps, where: float) -> None:
         if not solution.converged:
             self.counters["unconverged"] += 1
             self._notes.warn(
@@ -344,7 +330,7 @@ class PathSolver:
                 limit=f"<= {solution.tolerance:g}",
                 remedy="Use smaller steps, or less friction",
             )
-        depth = -float(frame.gap.min())
+        depth = -float(gaps.gap.min())
         if depth > self.depth_limit:
             self.counters["deep"] += 1
             self._notes.warn(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...arrays import Array
-from .bodies import ContactFrame
+from .bodies import NodeGaps
 from .solve import Solution
 
 
@@ -16,7 +16,7 @@ class PathStep:
     Attributes:
         solution: forces and residuals of all nodes.
         displacement: of the nodes [m], shape (m, 3).
-        frame: the gaps it was solved for, or None where nothing was near.
+        gaps: that it was solved for, or None where nothing was near.
         work: 'solved', 'unchanged' (forces still obey the laws), 'same' (same pose, same history) or 'idle'
             (nothing near).
         from_rest: there was no history: the first frame, or a jump.
@@ -24,6 +24,6 @@ class PathStep:
 
     solution: Solution
     displacement: Array
-    frame: ContactFrame | None
+    gaps: NodeGaps | None
     work: str
     from_rest: bool

@@ -111,7 +111,7 @@ def test_an_object_that_appears_about_the_finger(skin, depth):
     place = np.array([0.0, 0.0, skin.positions[:, 2].min() + depth - 0.02])
     for frame in range(6):
         where = place if frame % 2 else place - [0.0, 0.0, 0.1]
-        solution = solver.step([ContactBody(surface, translation=where, friction=MU)], frame_number=frame).solution
+        solution = solver.step([ContactBody(surface, translation=where, friction=MU)], scene_frame=frame).solution
         laws(solution)
         assert np.isfinite(solution.force).all() and (solution.force.any() == bool(frame % 2))
     deep = [f for f in solver.findings if f.code == "too-deep"]
@@ -127,7 +127,7 @@ def test_frames_that_jump_and_turn_over(skin):
     for frame in range(40):
         rotation = turn(rng.normal(size=3), rng.uniform(0, np.pi))
         body = ContactBody(surface, rotation, rng.uniform(-6e-3, 6e-3, 3) - [0, 0, 0.012], MU)
-        solution = solver.step([body], frame_number=frame).solution
+        solution = solver.step([body], scene_frame=frame).solution
         assert np.isfinite(solution.force).all() and solution.normal_force.min() >= 0.0
         assert cone_residual(solution) <= 1e-9
         assert solution.converged or any(f.code == "not-converged" for f in solver.findings)

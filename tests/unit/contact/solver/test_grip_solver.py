@@ -94,7 +94,7 @@ def test_it_slips_at_the_mass_that_friction_cannot_carry(skin):
         assert s.holds and balance_residual(s) <= BALANCE
     assert not held.solver.findings
     heavy, poses = setup(skin, 1.05 * limit)
-    s = heavy.step(np.eye(4), poses, frame_number=7)
+    s = heavy.step(np.eye(4), poses, scene_frame=7)
     assert not s.holds and np.isfinite(s.forces[0]).all()
     assert [(f.code, f.frame) for f in heavy.solver.findings] == [("slips", 7)]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.contact.solver.bodies import ContactBody, ContactFrame
+from core.contact.solver.bodies import ContactBody, NodeGaps
 from core.contact.solver.cone import OPEN, STICK
 from core.contact.solver.path import PathSolver
 from core.contact.solver.solve import solve
@@ -23,7 +23,7 @@ def frame(nodes, gap, friction, shift=(0.0, 0.0)):
     """A rigid body below the half-space, given by its gap and how far it has moved sideways."""
     m = len(nodes)
     body = ContactBody(PLANE, translation=np.array([*shift, 0.0]), friction=friction)
-    return ContactFrame(
+    return NodeGaps(
         (body,), gap, np.tile(UP, (m, 1)), np.zeros(m, int), np.zeros(m, int), np.full(m, friction), np.zeros(m)
     )
 
@@ -93,8 +93,8 @@ def test_cattaneo_mindlin_force_and_stick_radius(hertz):
     for share in (0.3, 0.6):
         solver = PathSolver(c, np.column_stack([nodes, np.zeros(len(nodes))]), tolerance=1e-8)
         gap = sphere_gap(nodes, DEPTH)
-        solver.step_frame(frame(nodes, gap, mu))
-        s = solver.step_frame(frame(nodes, gap, mu, (share * full_slip, 0.0))).solution
+        solver.step_gaps(frame(nodes, gap, mu))
+        s = solver.step_gaps(frame(nodes, gap, mu, (share * full_slip, 0.0))).solution
         ratio = np.sqrt(1 - share)  # c / a
         exact = mu * exact_normal * (1 - ratio**3)
         assert s.force.sum(axis=0)[0] == pytest.approx(exact, rel=5e-3)
@@ -128,7 +128,7 @@ def test_loading_and_unloading_hysteresis(hertz):
     solver = PathSolver(c, np.column_stack([nodes, np.zeros(len(nodes))]), tolerance=1e-7)
     gap = sphere_gap(nodes, DEPTH)
     shifts = np.concatenate([np.linspace(0, 0.8, 9), np.linspace(0.7, -0.8, 16), np.linspace(-0.7, 0.8, 16)]) * full
-    force = np.array([solver.step_frame(frame(nodes, gap, mu, (x, 0))).solution.force.sum(axis=0)[0] for x in shifts])
+    force = np.array([solver.step_gaps(frame(nodes, gap, mu, (x, 0))).solution.force.sum(axis=0)[0] for x in shifts])
     out, back = force[4], force[12]
     assert shifts[4] == pytest.approx(shifts[12]) and back < 0.9 * out
 

@@ -101,7 +101,7 @@ def test_no_creep_in_ten_thousand_frames(skin, solver):
     assert (step.solution.status == SLIP).any() and (step.solution.status == STICK).any()
     first = None
     for i in range(10_000):
-        step = solver.step_frame(step.frame)  # not `step`, which would skip
+        step = solver.step_gaps(step.gaps)  # not `step`, which would skip
         if i == 1:
             first = step.solution.force
     assert np.abs(step.solution.force - first).max() < 1e-4 * np.abs(first).max()
@@ -286,8 +286,8 @@ def test_two_bodies_keep_their_own_friction(skin, solver):
     sliding = s.status == SLIP
     across = s.force - s.normal_force[:, None] * s.normals
     ratio = np.linalg.norm(across, axis=1)[sliding] / s.normal_force[sliding]
-    np.testing.assert_allclose(ratio, np.where(step.frame.body[sliding] == 0, 0.1, 0.8), rtol=1e-6)
-    assert set(step.frame.body[sliding]) == {0, 1}
+    np.testing.assert_allclose(ratio, np.where(step.gaps.body[sliding] == 0, 0.1, 0.8), rtol=1e-6)
+    assert set(step.gaps.body[sliding]) == {0, 1}
 
 
 def test_a_soft_object_yields(skin):
@@ -359,7 +359,7 @@ def test_a_frame_that_nothing_solves_is_a_finding(skin, monkeypatch):
     monkeypatch.setattr(path_module, "MAX_ITERATIONS", 1)
     monkeypatch.setattr(path_module, "CHECK", 0.0)
     solver = PathSolver(skin.compliance, skin.positions, tolerance=1e-5)
-    solver.step([plane(skin, 1e-3)], frame_number=17)
+    solver.step([plane(skin, 1e-3)], scene_frame=17)
     assert not solver._step.solution.converged
     assert [(f.code, f.frame) for f in solver.findings] == [("not-converged", 17)]
 

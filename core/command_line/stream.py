@@ -8,7 +8,7 @@ import sys
 from ..errors import DermisError
 from ..matching.screen_map import ScreenMap
 from ..presets import Library
-from ..stream import panel_command, sender
+from ..stream import sender, touch_panel_command
 from ..stream.links import serial_port
 from ..stream.protocols.wire import Wire
 from ..stream.virtual.faults import NAMES, number_of
@@ -17,7 +17,7 @@ from ..stream.virtual.program import serve
 
 def panel(options: argparse.Namespace) -> int:
     """Answer a finger on a touch screen."""
-    return panel_command.run(options, ScreenMap.load)
+    return touch_panel_command.run(options, ScreenMap.load)
 
 
 def send(options: argparse.Namespace) -> int:

@@ -10,12 +10,12 @@ from typing import Any
 from ..arrays import Array
 from ..devices.calibration import Calibration
 from .output_limiter import OutputLimiter
-from .panel_source import PanelSource, Screen
 from .protocols.wire import Wire
 from .request import StreamRequest
 from .sample_clock import SampleClock
 from .shared_state import Heartbeat
 from .source import FollowSource, Source, follow_values, goes_on, source_of
+from .touch_panel_source import PanelSource, Screen
 from .track_source import TrackSource
 
 BLEND = 0.3  # what a new calibration, or something else to play, changes is blended in over this long [s]

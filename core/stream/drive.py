@@ -14,11 +14,11 @@ from ..devices.calibration import Calibration
 from .connection import Connection
 from .drain import Drain
 from .outbox import SendResult
-from .panel_source import PanelSource
 from .protocols.packets import Reach
 from .request import StreamRequest
 from .safe_ramp import SafeRamp
 from .state import State
+from .touch_panel_source import PanelSource
 from .track_source import TrackSource
 
 ARMING = 1.0  # a device that is not armed after this long will not be [s]

@@ -14,12 +14,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ..work.child import follow_parent
-from .panel_source import Screen
 from .request import request_of
 from .shared_state import SharedState
 from .signals import Signals
 from .state import State
 from .streamer import Streamer
+from .touch_panel_source import Screen
 from .virtual.link import open_any_link
 
 STATUS_EVERY = 0.05

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import DermisError
-from .panel_source import PanelSource, Screen
 from .protocols.wire import Wire
 from .request import StreamRequest
+from .touch_panel_source import PanelSource, Screen
 from .track_source import TrackSource, read_track
 
 

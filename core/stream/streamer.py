@@ -18,12 +18,12 @@ from .device_output import DeviceOutput
 from .drive import Drive
 from .links.transport import Gone, Transport
 from .links.url import Url
-from .panel_source import PanelSource, Screen
 from .protocols import adapter as adapters
 from .protocols.wire import Wire
 from .request import StreamRequest
 from .shared_state import Heartbeat
 from .state import State
+from .touch_panel_source import PanelSource, Screen
 from .track_source import TrackSource
 
 RETRY = 1.0  # between two attempts to connect again [s]

@@ -13,10 +13,10 @@ from core.devices.spec import Channel, DeviceSpec
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
 from core.stream.output_limiter import OutputLimiter
-from core.stream.panel_source import PanelSource
 from core.stream.protocols import osc
 from core.stream.protocols.adapter import Touch
 from core.stream.protocols.wire import Wire
+from core.stream.touch_panel_source import PanelSource
 from core.stream.virtual.osc import OscDevice
 from core.track import csv
 from core.track.command_track import CommandTrack

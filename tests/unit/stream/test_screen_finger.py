@@ -13,9 +13,9 @@ from core.effects.heading import REST_RADIUS, STILL_SPEED, Heading
 from core.effects.slide import directions
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
-from core.stream.panel_source import PanelSource
 from core.stream.protocols.adapter import Touch
 from core.stream.protocols.wire import Wire
+from core.stream.touch_panel_source import PanelSource
 from tests.unit.stream import stream_lab
 from tests.unit.stream.stream_lab import Lab
 

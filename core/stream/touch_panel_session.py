@@ -8,12 +8,12 @@ import numpy as np
 
 from ..errors import DermisError
 from .local_stream import LocalStream, say
-from .panel_source import PanelSource, Screen
 from .protocols.adapter import Touch
 from .request import StreamRequest
 from .signals import Signals
 from .streamer import Streamer
 from .touch_input import TouchInput
+from .touch_panel_source import PanelSource, Screen
 from .virtual.link import open_any_link
 
 

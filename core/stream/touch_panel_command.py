@@ -10,8 +10,8 @@ from typing import Any
 
 from ..errors import DermisError
 from .device_options import request_from
-from .panel_session import PanelSession
 from .signals import Interrupted, Signals
+from .touch_panel_session import PanelSession
 from .touch_sources import touch_input
 
 TELL_TOUCHES = ("native", "osc")  # protocols whose device may have a touch panel of its own

@@ -15,6 +15,8 @@ from .triangles import TriangleTable
 
 # Bounds are compared with this relative slack, far above rounding and far below any distance that matters.
 SLACK = 1e-9
+# Of squared bounds [m^2]: those of a triangle that a point lies on are rounding, and must not rule it out.
+ON_IT = 1e-24
 # Triangles within this relative squared distance of the best are equally close; the lowest index wins.
 TIE = 1e-12
 DENSE_PAIRS = 1_500_000
@@ -82,7 +84,7 @@ def choose(table: TriangleTable, x: Array, owner: Indices, triangle: Indices, li
         upper = np.full(found.triangle.size, np.inf)
         upper[of] = table.closest(position[:, lowest], triangle[lowest])[0]
         np.minimum(upper, limit * limit, out=upper)
-        keep = np.flatnonzero(bound <= upper[owner] * (1.0 + SLACK))
+        keep = np.flatnonzero(bound <= upper[owner] * (1.0 + SLACK) + ON_IT)
         if keep.size == 0:
             return
         owner, triangle, position = owner[keep], triangle[keep], position[:, keep]

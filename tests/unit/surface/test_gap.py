@@ -12,6 +12,7 @@ import pytest
 from core.contact.surfaces import surface_of
 from core.errors import DermisError
 from core.scene.tactile_scene import Mesh
+from core.surface import shapes
 from core.surface.gap import Surface
 from core.surface.nearest import CentroidTree
 
@@ -248,6 +249,18 @@ def test_coincident_points_are_finite():
     np.testing.assert_array_equal(q.gap, 0.0)
     np.testing.assert_allclose(q.normal[:8], np.sign(CUBE_VERTICES) / np.sqrt(3), atol=1e-12)
     np.testing.assert_allclose(q.normal[8], [1, 0, 0])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_point_on_the_surface_is_never_lost(seed):
+    """Bounds of the triangle that it lies on are rounding: they must not rule that triangle out."""
+    rng = np.random.default_rng(seed)
+    vertices, triangles = shapes.sphere(5e-3, 2000) if seed % 2 else shapes.block(0.06, 0.06, 0.01)
+    vertices = vertices @ np.linalg.qr(rng.normal(size=(3, 3)))[0].T + 0.02 * rng.normal(size=3)
+    corners = vertices[triangles[rng.integers(0, len(triangles), 400)]]
+    points = np.einsum("nc,ncj->nj", rng.dirichlet(np.ones(3), 400), corners)
+    found = Surface.build(vertices, triangles).query(points, 2.5e-3)
+    assert (found.triangle >= 0).all() and np.abs(found.gap).max() < 1e-15
 
 
 def test_rotating_the_world_changes_nothing():

@@ -140,7 +140,7 @@ def test_without_touch_the_disc_hovers_and_friction_forgets(skin, device, observ
     forces = made_by_device(skin, device, [[0.1, 0.0, 0.0172]])
     assert follower.step(forces.reshape(1, -1)[0] @ observation_matrix.T).touching
     after = follower.step(np.zeros(len(observation_matrix)))
-    assert not after.touching and not follower.state.held.any()
+    assert not after.touching and not follower.state.anchored.any()
     gap = follower.contact.gap(placed(device, device.pose(after.x))).min()
     assert gap == pytest.approx(follower.hover * np.cos(after.x[0]) * np.cos(after.x[1]), rel=1e-3)
 

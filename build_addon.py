@@ -29,7 +29,7 @@ VENV = ROOT / ".venv"
 DIST = ROOT / "dist"
 TEMPLATE = ROOT / "blender_addon" / "blender_manifest.toml"
 LOCKS = ROOT / ".ci"
-API_PAGE = ROOT / "core" / "API.md"
+WHEELS = LOCKS / "wheels.txt"
 BLENDER = {(3, 11): "4.5 LTS", (3, 13): "5.2 LTS"}  # the Python that each Blender line runs on
 DEFAULT_PYTHONS = ("3.11", "3.13")
 PINNED_PYTHONS = ("3.11", "3.13", "3.14")
@@ -91,6 +91,11 @@ def this_platform() -> str:
     return f"{name}-{cpu}"
 
 
+def this_python() -> str:
+    """Return the running Python's version, as wheels name it."""
+    return f"{sys.version_info[0]}.{sys.version_info[1]}"
+
+
 def missing_libraries() -> list[str]:
     """Return the system libraries that Blender needs and the loader does not find."""
     missing = []
@@ -136,13 +141,8 @@ class Environment(NamedTuple):
 
     def variables(self, wheels: bool, **more: str) -> dict[str, str]:
         """Return the variables for a child: isolated from the user's own packages, one BLAS thread."""
-        dropped = (
-            "PYTHONPATH",
-            "PYTHONHOME",
-            "BLENDER_USER_RESOURCES",
-            "BLENDER_USER_EXTENSIONS",
-            "PYTHONDONTWRITEBYTECODE",
-        )  # Blender writes bytecode, so what is measured does too
+        bytecode = "PYTHONDONTWRITEBYTECODE"  # Blender writes it, so what is measured does too
+        dropped = ("PYTHONPATH", "PYTHONHOME", "BLENDER_USER_RESOURCES", "BLENDER_USER_EXTENSIONS", bytecode)
         kept = {k: v for k, v in os.environ.items() if k not in dropped}
         fixed = {"PYTHONNOUSERSITE": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1"}
         return {**kept, **fixed, **({"PYTHONPATH": str(self.wheels)} if wheels else {}), **more}
@@ -150,14 +150,15 @@ class Environment(NamedTuple):
 
 def environment() -> Environment:
     """Make (or keep) the environment of the running Python; both parts are pinned and hashed."""
-    tag = f"cp{sys.version_info[0]}{sys.version_info[1]}"
+    version = this_python()
+    tag = f"cp{version.replace('.', '')}"
     folder = VENV / tag
     python = folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     lock = LOCKS / f"environment-{tag}.txt"
     this_platform()
     made = fresh(folder, lock)
     missing = [] if made or can_make_environments() else ["the venv module of this Python"]
-    packages = [f"python{sys.version_info[0]}.{sys.version_info[1]}-venv"] if missing else []
+    packages = [f"python{version}-venv"] if missing else []
     missing += missing_libraries()
     packages += [NEEDED_LIBRARIES[name] for name in missing if name in NEEDED_LIBRARIES]
     if packages:
@@ -171,24 +172,10 @@ def environment() -> Environment:
             "Blender was installed but does not start",
         )
         stamp(folder, lock)
-    wheels, lock = VENV / f"{tag}-wheels", LOCKS / "wheels.txt"
-    if not fresh(wheels, lock):
-        version = f"{sys.version_info[0]}.{sys.version_info[1]}"
+    wheels = VENV / f"{tag}-wheels"
+    if not fresh(wheels, WHEELS):
         source = wheel_folder(python, this_platform(), version)
-        shutil.rmtree(wheels, ignore_errors=True)
-        pip(
-            python,
-            "install",
-            "--no-index",
-            "--find-links",
-            str(source),
-            "--no-deps",
-            "--target",
-            str(wheels),
-            "-r",
-            str(lock),
-        )
-        stamp(wheels, lock)
+        install_into(wheels, WHEELS, python, "--no-index", "--find-links", str(source))
     return Environment(python, wheels)
 
 
@@ -224,10 +211,17 @@ def pip(python: Path, verb: str, *arguments: str) -> None:
     quietly([str(python), "-m", "pip", verb, *fixed, *arguments], f"pip {verb} failed")
 
 
+def install_into(folder: Path, lock: Path, python: Path, *more: str) -> None:
+    """Install what a list pins into a folder of its own, anew."""
+    shutil.rmtree(folder, ignore_errors=True)
+    pip(python, "install", *more, "--no-deps", "--target", str(folder), "-r", str(lock))
+    stamp(folder, lock)
+
+
 def quietly(command: list[str], problem: str) -> str:
     """Run a command and return what it printed; show that only where it fails."""
     variables = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME")}
-    done = subprocess.run(command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    done = subprocess.run(command, cwd=ROOT, env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     if done.returncode:
         raise Stop(f"{problem}:\n  {' '.join(command)}\n{done.stdout[-4000:]}")
     return done.stdout
@@ -236,33 +230,20 @@ def quietly(command: list[str], problem: str) -> str:
 def wheel_folder(python: Path, target: str, version: str) -> Path:
     """Download the pinned wheels of one platform and Python once; every use checks their hashes again."""
     folder = VENV / "wheels" / f"{target}-cp{version.replace('.', '')}"
-    lock = LOCKS / "wheels.txt"
-    if not fresh(folder, lock):
+    if not fresh(folder, WHEELS):
         say(f"downloading wheels for {target}, Python {version}")
         folder.parent.mkdir(parents=True, exist_ok=True)
         part = Path(tempfile.mkdtemp(prefix="part-", dir=folder.parent))
         try:
             tags = [word for tag in PLATFORMS[target] for word in ("--platform", tag)]
-            pip(
-                python,
-                "download",
-                "--no-deps",
-                "--implementation",
-                "cp",
-                "--python-version",
-                version,
-                *tags,
-                "-d",
-                str(part),
-                "-r",
-                str(lock),
-            )
-            stamp(part, lock)
+            target_python = ("--implementation", "cp", "--python-version", version)
+            pip(python, "download", "--no-deps", *target_python, *tags, "-d", str(part), "-r", str(WHEELS))
+            stamp(part, WHEELS)
             shutil.rmtree(folder, ignore_errors=True)
             os.replace(part, folder)
         finally:
             shutil.rmtree(part, ignore_errors=True)
-    pinned = lock.read_text(encoding="utf-8")
+    pinned = WHEELS.read_text(encoding="utf-8")
     for wheel in folder.glob("*.whl"):
         if digest(wheel) not in pinned:
             raise Stop(f"{wheel} is not the pinned file: delete {folder} and try again.")
@@ -414,7 +395,7 @@ def level_passed(env: Environment, level: str, arguments: list[str], scratch: Pa
     more = {"BLENDER_USER_RESOURCES": str(scratch / f"{level}-profile")}
     if level == "extension":  # nothing of the source tree may be importable: the installed zip is on trial
         command += ["-o", "pythonpath=tests/extension"]
-        more["DERMIS_ZIP"] = str(build_zip(env, scratch, this_platform(), this_python()))
+        more["DERMIS_ZIP"] = str(build_zip(env, scratch, this_platform(), (this_python(),)))
     try:
         status = subprocess.run(
             command + arguments, cwd=ROOT, env=env.variables(level != "extension", **more), timeout=LEVEL_LIMIT
@@ -434,11 +415,6 @@ def level_passed(env: Environment, level: str, arguments: list[str], scratch: Pa
     counts["skipped"] += seen["skipped"]
     counts["passed"] += seen["tests"] - bad - seen["skipped"]
     return not bad and status in (0, 5)  # 5: none selected, which the total judges
-
-
-def this_python() -> tuple[str, ...]:
-    """Return the running Python's version, as wheels name it."""
-    return (f"{sys.version_info[0]}.{sys.version_info[1]}",)
 
 
 def demo(options: argparse.Namespace) -> int:
@@ -480,7 +456,7 @@ def bench(options: argparse.Namespace) -> int:
     """Run the benchmarks, print the table and write the JSON."""
     env = environment()
     with tempfile.TemporaryDirectory(prefix="dermis-bench-") as scratch:
-        path = build_zip(env, Path(scratch), this_platform(), this_python())
+        path = build_zip(env, Path(scratch), this_platform(), (this_python(),))
         command = [str(env.python), "-m", "tests.benchmarks", *options.names]
         if options.json:
             command += ["--json", str(options.json.resolve())]
@@ -494,15 +470,12 @@ def peers(env: Environment) -> list[Path]:
     folders = []
     for name in ("peers", "mujoco"):
         folder, lock = VENV / f"{env.python.parents[1].name}-{name}", LOCKS / f"{name}.txt"
-        if not fresh(folder, lock):
-            shutil.rmtree(folder, ignore_errors=True)
-            try:
-                pip(env.python, "install", "--no-deps", "--target", str(folder), "-r", str(lock))
-            except Stop as problem:
-                say(f"WARNING: measured without what .ci/{name}.txt lists: {problem}")
-                continue
-            stamp(folder, lock)
-        folders.append(folder)
+        try:
+            if not fresh(folder, lock):
+                install_into(folder, lock, env.python)
+            folders.append(folder)
+        except Stop as problem:
+            say(f"WARNING: measured without what .ci/{name}.txt lists: {problem}")
     return folders
 
 
@@ -537,9 +510,11 @@ def dev(options: argparse.Namespace) -> int:
 
 
 def docs(options: argparse.Namespace) -> int:
-    """Write core/API.md from the docstrings of what the engine makes public."""
-    quietly([sys.executable, str(LOCKS / "api_page.py"), str(options.out)], "The page could not be written")
-    say(f"{options.out}  {options.out.stat().st_size / 1e3:.0f} kB")
+    """Write core/API.md from the engine's docstrings and core/PARAMETERS.md from its tables of parameters."""
+    for name, maker in (("API.md", [str(LOCKS / "api_page.py")]), ("PARAMETERS.md", ["-m", "tests.parameters_page"])):
+        path = options.out.resolve() / name
+        quietly([sys.executable, *maker, str(path)], "The page could not be written")
+        say(f"{path}  {path.stat().st_size / 1e3:.0f} kB")
     return 0
 
 
@@ -606,20 +581,25 @@ def parser() -> argparse.ArgumentParser:
     new = verb(build)
     new.add_argument("--out", type=Path, default=DIST, metavar="DIR", help="where to write (dist/)")
     new.add_argument("--platform", action="append", choices=list(PLATFORMS), help="this platform only (repeatable)")
-    pythons: dict[str, Any] = {"action": "append", "choices": PINNED_PYTHONS, "default": []}
-    new.add_argument("--python", **pythons, help="wheels of this Python too, beside 3.11 and 3.13 (repeatable)")
+    more_pythons: dict[str, Any] = {
+        "action": "append",
+        "choices": PINNED_PYTHONS,
+        "default": [],
+        "help": "wheels of this Python too, beside 3.11 and 3.13 (repeatable)",
+    }
+    new.add_argument("--python", **more_pythons)
     new.add_argument("--no-wheels", action="store_true", help="one zip without wheels, for tests")
     new = verb(dev)
     where = new.add_mutually_exclusive_group()
     where.add_argument("--blender", metavar="VERSION", help="your own profile of this Blender, such as 5.2")
     where.add_argument("--profile", type=Path, metavar="DIR", help="another profile (default: .venv/dev-profile)")
-    new.add_argument("--python", **pythons, help="wheels of this Python too, beside 3.11 and 3.13 (repeatable)")
+    new.add_argument("--python", **more_pythons)
     new.add_argument("--no-wheels", action="store_true", help="do not bring scipy and the other libraries")
     new = verb(bench)
     new.add_argument("names", nargs="*", metavar="NAME", help="benchmarks to run (default: all)")
     new.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file")
     new = verb(docs)
-    new.add_argument("--out", type=Path, default=API_PAGE, metavar="FILE", help="where to write (core/API.md)")
+    new.add_argument("--out", type=Path, default=ROOT / "core", metavar="DIR", help="where to write (core/)")
     return top
 
 

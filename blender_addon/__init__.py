@@ -3,12 +3,13 @@
 from . import commands, handlers, jobs, operators, panels, preferences
 from .design import design_properties
 from .preview import skin_preview
-from .properties import scene_properties
+from .properties import object_properties, scene_properties
 from .streaming import session_events, streaming_properties
-from .viewport import overlay, pin_view, platform_view, shown, skin_view, thimble_view
+from .viewport import overlay, shown, skin_view
 
 MODULES = (
     preferences,
+    object_properties,
     scene_properties,
     design_properties,
     streaming_properties,
@@ -16,9 +17,6 @@ MODULES = (
     operators,
     panels,
     overlay,
-    pin_view,
-    thimble_view,
-    platform_view,
     skin_preview,
     shown,
     skin_view,

@@ -10,6 +10,8 @@ PACKAGE: str = __package__  # of the add-on; the three-part name in an installed
 
 if TYPE_CHECKING:
     import core.cache
+    import core.command_line.arguments
+    import core.command_line.findings
     import core.command_line.thimble
     import core.contact.posed_scene
     import core.contact.resultants
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     import core.contact.skin_stepper
     import core.contact.solver.cone
     import core.design.collect
+    import core.design.coupled_preset
     import core.design.interactions
     import core.design.picture
     import core.design.report
@@ -26,8 +29,9 @@ if TYPE_CHECKING:
     import core.devices.kinds
     import core.devices.linkage
     import core.devices.pin_array
-    import core.devices.reach
+    import core.devices.workspace
     import core.devices.safe_state
+    import core.devices.servo_limits
     import core.devices.shear_tactor
     import core.devices.spec
     import core.devices.thimble
@@ -56,6 +60,7 @@ if TYPE_CHECKING:
     import core.parameters.parameter
     import core.parameters.screen
     import core.parameters.skin
+    import core.parameters.stream
     import core.pipeline.outputs
     import core.pipeline.render
     import core.plot.stimuli
@@ -74,11 +79,13 @@ if TYPE_CHECKING:
     import core.stream.links.serial_port
     import core.stream.links.url
     import core.stream.protocols.adapter
+    import core.stream.state
     import core.surrogate.store
     import core.track.binary
     import core.track.check
     import core.track.command_track
     import core.track.export
+    import core.track.formats
     import core.track.file_names
     import core.work.executor
     import core.work.processes

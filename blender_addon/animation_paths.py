@@ -7,7 +7,7 @@ must be renumbered, or they would move what has taken its place.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import bpy
@@ -56,7 +56,7 @@ def _in_actions(owner: bpy.types.ID, animation: Any, pattern: re.Pattern[str], i
     """Edit each action and slot of an owner once, in copies where they are not its alone."""
     copies: dict[bpy.types.Action, bpy.types.Action] = {}
     done = set()
-    for holder in _holders(animation):
+    for holder in compat.action_holders(animation):
         action, slot = holder.action, holder.action_slot
         if action is None or slot is None or (action, slot.handle) in done:
             continue
@@ -74,19 +74,6 @@ def _in_actions(owner: bpy.types.ID, animation: Any, pattern: re.Pattern[str], i
                 if bag.slot_handle == handle:
                     _renumber(bag.fcurves, pattern, index)
             done.add((action, handle))
-
-
-def _holders(animation: Any) -> Iterator[Any]:
-    """Yield what refers to actions: the animation data itself, and the strips of its NLA tracks."""
-    yield animation
-    for track in animation.nla_tracks:
-        yield from _strips(track.strips)
-
-
-def _strips(strips: Iterable[Any]) -> Iterator[Any]:
-    for strip in strips:
-        yield strip
-        yield from _strips(strip.strips)  # of meta strips
 
 
 def _curves(action: bpy.types.Action, handle: int) -> Iterator[Any]:

@@ -1,8 +1,11 @@
-"""The presets that menus offer, read when a menu is opened and never while something draws."""
+"""The presets that menus offer, read when a menu is opened or a finger is first shown, and never while drawing."""
 
 from typing import Any
 
+from ._core import core
 from .preferences import library
+
+ICONS = {"screen": "DESKTOP", "pins": "LIGHTPROBE_VOLUME"}  # by how a kind of device is drawn
 
 _cache: dict[str, tuple[Any, ...]] = {}
 _kinds: dict[str, str] = {}
@@ -20,40 +23,41 @@ def refresh() -> None:
             _kinds[entry.key] = presets.device(entry.key).kind
 
 
-def devices() -> tuple[Any, ...]:
-    """Return the device presets, broken ones too; empty before the first `refresh`."""
-    return _cache.get("devices", ())
+def entries(group: str) -> tuple[Any, ...]:
+    """Return the presets of 'devices', 'materials' or 'skins', broken ones too; empty before the first `refresh`."""
+    return _cache.get(group, ())
 
 
-def materials() -> tuple[Any, ...]:
-    """Return the haptic materials, broken ones too; empty before the first `refresh`."""
-    return _cache.get("materials", ())
+def entry(group: str, key: str) -> Any:
+    """Return a preset's entry, or None."""
+    return next((entry for entry in entries(group) if entry.key == key), None)
 
 
-def skins() -> tuple[Any, ...]:
-    """Return the fingertip presets, broken ones too; empty before the first `refresh`."""
-    return _cache.get("skins", ())
+def title(group: str, key: str) -> str:
+    """Return a preset's name for people; its key where that is not known."""
+    found = entry(group, key)
+    return str(found.name) if found is not None else key
+
+
+def search(group: str, text: str) -> list[str]:
+    """Return the keys of presets in whose key or name a text stands, for fields that offer them while one types."""
+    return [entry.key for entry in entries(group) if text.lower() in f"{entry.key} {entry.name}".lower()]
 
 
 def known() -> bool:
-    """Tell whether the folders have been read."""
+    """Return whether the folders have been read."""
     return bool(_cache)
 
 
-def device_entry(key: str) -> Any:
-    """Return the entry of a device preset, or None."""
-    return next((entry for entry in devices() if entry.key == key), None)
-
-
-def device_title(key: str) -> str:
-    """Return a device's name for people; its key where that is not known."""
-    entry = device_entry(key)
-    return str(entry.name) if entry is not None else key
-
-
 def kind_of(key: str) -> str:
-    """Return 'shear_tactor', 'friction_screen' or '' where that is not known."""
+    """Return the kind of a device preset, such as 'shear_tactor'; '' where that is not known."""
     return _kinds.get(key, "")
+
+
+def icon(kind: str) -> str:
+    """Return the icon of a kind of device."""
+    row = core.devices.kinds.KINDS.get(kind)
+    return ICONS.get(row.drawn if row is not None else "", "MOD_WARP")
 
 
 def first_of_kind(kind: str) -> str:

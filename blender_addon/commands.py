@@ -1,7 +1,7 @@
 """Dermis without a window: `blender --command dermis render scene.blend --out DIR`, and `sample`.
 
-The exit status is 0 if all went well, 1 if there is a finding of severity error or the work was refused, 2 if the
-command line was not understood.
+The exit status is 0 if all went well, 1 if there is a finding of severity error, 2 if the work was refused or the
+command line was not understood: as of `python -m core`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 
 import bpy
 
-from . import jobs, preferences
+from . import baking, preferences
 from ._core import DermisError, core, worst
 from .results import export_parts, store
 from .sampling import frames, scene_sweep
@@ -39,7 +39,7 @@ def main(arguments: Sequence[str]) -> int:
         return int(options.run(options))
     except DermisError as error:
         print(f"error: {error}", file=sys.stderr)
-        return 1
+        return core.command_line.findings.REFUSED
     except Exception:
         # Blender would go on to exit with status 0.
         traceback.print_exc()
@@ -62,8 +62,7 @@ def render(options: argparse.Namespace) -> int:
 
 def _render(options: argparse.Namespace, scene: bpy.types.Scene, folder: Path) -> int:
     outputs = core.pipeline.outputs
-    made = core.steps.drain(jobs.bake(scene, _library(options), span=_span(options)), _teller(options))
-    _end_of_progress(options)
+    made = _drained(baking.bake(scene, _library(options), span=_span(options)), options)
     if options.format or options.finger or options.part != "all":
         written, found = _parts(options, scene, made, folder)
     else:
@@ -121,49 +120,60 @@ def sample(options: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
+    arguments = core.command_line.arguments
+    argument, switch, add_verb = arguments.argument, arguments.switch, arguments.add_verb
     parser = argparse.ArgumentParser(
         prog=f"blender --command {COMMAND}", description="Tactile tracks from animated scenes, without a window."
     )
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    shared = argparse.ArgumentParser(add_help=False)
-    shared.add_argument("blend", help="the .blend file")
-    shared.add_argument("--scene", default="", help="name of the scene; the file's active one if left out")
-    shared.add_argument(
-        "--range",
-        default="",
-        metavar="FIRST:LAST",
-        dest="span",
-        help="frames to bake, both included; the scene's own if left out",
+    verbs = parser.add_subparsers(required=True, metavar="COMMAND")
+    scene = (
+        argument("blend", help="the .blend file"),
+        argument("--scene", default="", help="name of the scene; the file's active one if left out"),
+        argument(
+            "--range",
+            default="",
+            metavar="FIRST:LAST",
+            dest="span",
+            help="frames to bake, both included; the scene's own if left out",
+        ),
+        arguments.QUIET,
     )
-    shared.add_argument("--quiet", action="store_true", help="no progress")
-    one = commands.add_parser("render", parents=[shared], help="write a CSV track per finger and device")
-    one.add_argument("--out", required=True, metavar="DIR", help="folder for the tracks; it is made if missing")
-    one.add_argument("--plots", action="store_true", help="write a PNG plot beside each track")
-    one.add_argument(
-        "--format",
-        action="append",
-        default=[],
-        choices=("csv", "json", "binary", "c"),
-        help="write this format instead of CSV; more than once",
+    add_verb(
+        verbs,
+        "render",
+        *scene,
+        argument("--out", required=True, metavar="DIR", help="folder for the tracks; it is made if missing"),
+        switch("--plots", "write a PNG plot beside each track"),
+        argument(
+            "--format",
+            action="append",
+            default=[],
+            choices=list(core.track.formats.FORMATS),
+            help="write this format instead of CSV; more than once",
+        ),
+        argument(
+            "--part",
+            default="all",
+            choices=("all", "preview", "markers", "action"),
+            help="the preview range, a file from each marker to the next, or the frames of an action: "
+            "the finger's, or else the active object's",
+        ),
+        argument("--finger", default="", metavar="NAME", help="this finger only"),
+        switch("--all-scenes", "every scene with a finger, a folder each"),
+        switch("--force", "write tracks with errors as they are, with a note inside"),
+        arguments.MAPS,
+        argument("--presets", metavar="DIR", type=Path, help="folder of your own presets, instead of the extension's"),
+        help="write a CSV track per finger and device",
+        run=render,
     )
-    one.add_argument(
-        "--part",
-        default="all",
-        choices=("all", "preview", "markers", "action"),
-        help="the preview range, a file from each marker to the next, or the frames of an action: "
-        "the finger's, or else the active object's",
+    add_verb(
+        verbs,
+        "sample",
+        *scene,
+        argument("--out", required=True, metavar="FILE", help="the scene file to write, such as scene.npz"),
+        help="write the sampled scene for 'python -m core render'",
+        run=sample,
     )
-    one.add_argument("--finger", default="", metavar="NAME", help="this finger only")
-    one.add_argument("--all-scenes", action="store_true", help="every scene with a finger, a folder each")
-    one.add_argument("--force", action="store_true", help="write tracks with errors as they are, with a note inside")
-    one.add_argument("--maps", action="store_true", help="also write the maps of touch screens, for real fingers")
-    one.add_argument(
-        "--presets", metavar="DIR", type=Path, help="folder of your own presets, instead of the extension's"
-    )
-    one.set_defaults(run=render)
-    two = commands.add_parser("sample", parents=[shared], help="write the sampled scene for 'python -m core render'")
-    two.add_argument("--out", required=True, metavar="FILE", help="the scene file to write, such as scene.npz")
-    two.set_defaults(run=sample)
     return parser
 
 
@@ -219,10 +229,10 @@ def _library(options: argparse.Namespace) -> Any:
     return preferences.library()
 
 
-def _teller(options: argparse.Namespace) -> Any:
-    """Print progress in place, a line at a time, and only where somebody watches."""
+def _drained(steps: Any, options: argparse.Namespace) -> Any:
+    """Run some work; print its progress in place, on one line, and only where somebody watches."""
     if options.quiet or not sys.stderr.isatty():
-        return None
+        return core.steps.drain(steps)
     shown = ""
 
     def tell(progress: Any) -> None:
@@ -232,12 +242,9 @@ def _teller(options: argparse.Namespace) -> Any:
             shown = text
             print(f"\r{text:<40}", end="", file=sys.stderr, flush=True)
 
-    return tell
-
-
-def _end_of_progress(options: argparse.Namespace) -> None:
-    if _teller(options) is not None:
-        print(file=sys.stderr)
+    made = core.steps.drain(steps, tell)
+    print(file=sys.stderr)
+    return made
 
 
 def _status(findings: Sequence[Any]) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import bpy
@@ -20,12 +20,12 @@ def channelbags(action: Any) -> Iterator[Any]:
                 yield from strip.channelbags
 
 
-def channelbag(owner: bpy.types.ID, *, action_name: str = "") -> Any:
+def channelbag(owner: bpy.types.ID) -> Any:
     """Return the channel bag that animates an ID, making action, slot, layer and strip where they are missing."""
     animation = owner.animation_data or owner.animation_data_create()
     action = animation.action
     if action is None:
-        action = animation.action = bpy.data.actions.new(action_name or f"{owner.name}Action")
+        action = animation.action = bpy.data.actions.new(f"{owner.name}Action")
     slot = animation.action_slot
     if slot is None:
         slot = action.slots.new(id_type=owner.id_type, name=owner.name)
@@ -47,8 +47,8 @@ def set_keys(
     values: Sequence[float],
     *,
     interpolation: str = "LINEAR",
-) -> Any:
-    """Replace the keys of one F-curve in one go, thousands at a time; return the F-curve.
+) -> None:
+    """Replace the keys of one F-curve in one go, thousands at a time.
 
     Args:
         path, index: data path and array index (0 for a plain property).
@@ -64,7 +64,6 @@ def set_keys(
     code = bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items[interpolation].value
     curve.keyframe_points.foreach_set("interpolation", np.full(len(frames), code, np.int32))
     curve.update()
-    return curve
 
 
 def animated_paths(owner: bpy.types.ID) -> set[str]:
@@ -76,17 +75,20 @@ def animated_paths(owner: bpy.types.ID) -> set[str]:
     if animation is None:
         return set()
     paths = {curve.data_path for curve in animation.drivers}
-    actions = [animation.action] if animation.action else []
-    for track in animation.nla_tracks:
-        actions += [a for strip in track.strips for a in _strip_actions(strip)]
-    for action in actions:
-        for bag in channelbags(action):
+    for holder in action_holders(animation):
+        for bag in channelbags(holder.action) if holder.action else ():
             paths.update(curve.data_path for curve in bag.fcurves)
     return paths
 
 
-def _strip_actions(strip: Any) -> Iterator[Any]:
-    if strip.action:
-        yield strip.action
-    for inner in strip.strips:  # meta strips
-        yield from _strip_actions(inner)
+def action_holders(animation: Any) -> Iterator[Any]:
+    """Yield what refers to actions: the animation data itself, and the strips of its NLA tracks."""
+    yield animation
+    for track in animation.nla_tracks:
+        yield from _strips(track.strips)
+
+
+def _strips(strips: Iterable[Any]) -> Iterator[Any]:
+    for strip in strips:
+        yield strip
+        yield from _strips(strip.strips)  # of meta strips

@@ -6,7 +6,7 @@ Pad and sides follow the engine's skin of the same lengths; crease, nail bed, fo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -90,40 +90,43 @@ def mesh(metres_per_unit: float = 1.0, lengths: Lengths | None = None) -> bpy.ty
     return data
 
 
-def fit(obj: bpy.types.Object, lengths: Mapping[str, float], metres_per_unit: float) -> bool:
+def fit(obj: bpy.types.Object, lengths: Mapping[str, float], metres_per_unit: float) -> None:
     """Bring a fingertip of ours to a finger's lengths; an artist's own mesh is left alone.
 
     Args:
         lengths: of the finger's skin [m], by the engine's names.
         metres_per_unit: metres in a scene unit.
-
-    Returns:
-        Whether it was brought there.
     """
     data = obj.data
     if not isinstance(data, bpy.types.Mesh) or not data.get(OURS) or data.users > 1 or data.shape_keys is not None:
-        return False
+        return
     vertices, _, _ = shape(Lengths.of(lengths))
-    if len(vertices) != len(data.vertices):
-        return False
-    data.vertices.foreach_set("co", (vertices * 1e-3 / metres_per_unit).astype(np.float32).ravel())
-    data.update()
-    return True
+    if len(vertices) == len(data.vertices):
+        data.vertices.foreach_set("co", (vertices * 1e-3 / metres_per_unit).astype(np.float32).ravel())
+        data.update()
+
+
+def coloured(name: str, colour: Sequence[float]) -> bpy.types.Material:
+    """Return a new material of a colour, for every way of drawing."""
+    made = bpy.data.materials.new(name)
+    made.diffuse_color = colour
+    if made.node_tree is None:
+        made.use_nodes = True
+    shader_of(made).inputs["Base Color"].default_value = colour
+    return made
+
+
+def shader_of(material: bpy.types.Material) -> Any:
+    """Return the shader of a material as Blender makes them."""
+    return next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
 
 
 def _material(name: str, colour: tuple[float, ...], roughness: float) -> bpy.types.Material:
     found = bpy.data.materials.get(name)
     if found is not None and found.library is None:
         return found
-    made = bpy.data.materials.new(name)
-    made.diffuse_color = colour
-    made.roughness = roughness
-    if made.node_tree is None:
-        made.use_nodes = True
-    shader = next((n for n in made.node_tree.nodes if n.type == "BSDF_PRINCIPLED"), None)
-    if shader is not None:
-        shader.inputs["Base Color"].default_value = colour
-        shader.inputs["Roughness"].default_value = roughness
+    made = coloured(name, colour)
+    made.roughness = shader_of(made).inputs["Roughness"].default_value = roughness
     return made
 
 

@@ -7,15 +7,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator
-from contextlib import nullcontext
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import bpy
 
 from . import reporting
 from ._core import DermisError, core
-from .devices import platform_devices, skin_models
 from .sampling import scene_sweep
 from .streaming import session
 
@@ -29,49 +26,10 @@ Steps = Generator[Any, None, Any]
 _running: list[Steps] = []
 
 
-def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None = None) -> Steps:
-    """Sample a scene and render it; yield progress after every sample, return the engine's `Bake`.
-
-    The generator may be closed at any moment: frame and handlers are then as they were.
-
-    Raises:
-        DermisError: the scene cannot be sampled or rendered.
-    """
-    pipeline = core.pipeline.render
-    yield pipeline.Progress("preparing", 0, 1)
-    yield from platform_devices.make_missing(scene)
-    tactile = scene_sweep.sample(scene, span=span)
-    sweep = tactile.chunks
-    skins = skin_models.wanted(tactile, library)
-    steps = pipeline.render(tactile, library, cache=skin_models.cache())
-    sampling_seconds = 0.0
-    try:
-        while True:
-            start = time.perf_counter()
-            ready = sweep.advance()
-            sampling_seconds += time.perf_counter() - start
-            if not ready:
-                yield pipeline.Progress("sampling", sweep.done, sweep.total)
-                continue
-            try:
-                with skin_models.one_thread() if skins else nullcontext():
-                    progress = next(steps)
-                yield progress
-            except StopIteration as stop:
-                made = stop.value
-                # the sweep runs ahead of the pipeline's own clock, so that the job can stop between two samples
-                seconds = dict(made.stage_seconds)
-                seconds["sampling"] = seconds.get("sampling", 0.0) + sampling_seconds
-                return replace(made, findings=(*made.findings, *sweep.findings), stage_seconds=seconds)
-    finally:
-        steps.close()
-        sweep.close()
-
-
 class Job:
     """Mixin for operators that work long: modal with Esc and progress in a window, straight through elsewhere.
 
-    An operator gives `steps` and `finished`; it may give `cancelled`. Nothing of Blender is kept between two events
+    An operator gives `steps` and `finished`. Nothing of Blender is kept between two events
     but the generator, which looks its objects up anew.
     """
 
@@ -88,9 +46,6 @@ class Job:
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Take the result; return what the operator shall return."""
         raise NotImplementedError
-
-    def cancelled(self, context: bpy.types.Context) -> None:
-        """Clean up after Esc; the generator has been closed."""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run straight through: from a script, in background, or as 'redo'."""
@@ -115,7 +70,6 @@ class Job:
             if event.shift:  # the key that stops a device, which this operator takes before anybody else hears it
                 session.stop()
             self._end(context)
-            self.cancelled(context)
             self.report({"INFO"}, f"{self.job_title} was cancelled; nothing was changed")
             return {"CANCELLED"}
         if event.type != "TIMER":
@@ -144,7 +98,6 @@ class Job:
     def cancel(self, context: bpy.types.Context) -> None:
         """Stop because Blender stops the operator, such as when a file is opened."""
         self._end(context)
-        self.cancelled(context)
 
     def _finish(self, context: bpy.types.Context, work: Callable[[], Any]) -> set[str]:
         """Take what some work returns; a refusal is reported."""

@@ -27,3 +27,9 @@ def needs(test: Callable[[bpy.types.Context], Any], message: str = "") -> Callab
         return decorated
 
     return decorate
+
+
+def active_finger(context: bpy.types.Context) -> bpy.types.Object | None:
+    """Return the active object where it is a finger."""
+    obj = context.object
+    return obj if obj is not None and obj.dermis.role == "FINGER" else None

@@ -2,13 +2,13 @@
 """Settings of the extension, and the folders that it writes to."""
 
 from pathlib import Path
-from tempfile import gettempdir
 from typing import Any
 
 import bpy
 from bpy.props import IntProperty
 
 from ._core import PACKAGE, core
+from .registration import registration
 
 
 def user_folder(name: str, *, create: bool = False) -> Path:
@@ -18,6 +18,8 @@ def user_folder(name: str, *, create: bool = False) -> Path:
     """
     if PACKAGE.startswith("bl_ext."):
         return Path(bpy.utils.extension_path_user(PACKAGE, path=name, create=create))
+    from tempfile import gettempdir
+
     folder = Path(gettempdir()) / "dermis-source-checkout" / name
     if create:
         folder.mkdir(parents=True, exist_ok=True)
@@ -74,11 +76,4 @@ def setting(name: str) -> Any:
     return DermisPreferences.bl_rna.properties[name].default
 
 
-def register() -> None:
-    """Register the preferences."""
-    bpy.utils.register_class(DermisPreferences)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(DermisPreferences)
+register, unregister = registration((DermisPreferences,))

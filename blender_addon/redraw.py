@@ -1,7 +1,7 @@
 """Drawing the views again, once what they show has been worked out.
 
-Whoever changes what is seen asks with `request`, wherever it lies; the work itself is hooked in by `handlers`, so that
-nothing down here knows what is shown. Draw callbacks read what the work has left behind, and work nothing out.
+Whoever changes what is seen asks with `request`, wherever it lies; the work itself is hooked in by `viewport/shown`,
+so that nothing down here knows what is shown. Draw callbacks read what the work has left behind, and work nothing out.
 """
 
 from __future__ import annotations

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from .scene.scene_file import save as save_scene
     from .scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene
     from .skin.model import SkinModel
+    from .skin.stimulus import Stimulus
     from .surface.gap import Surface
     from .track.command_track import CommandTrack
     from .track.csv import read as read_csv
@@ -62,6 +63,7 @@ _PUBLIC: dict[str, tuple[str, str]] = {
     "SkinModel": ("skin.model", "SkinModel"),
     "Surface": ("surface.gap", "Surface"),
     "press": ("experiment", "press"),
+    "Stimulus": ("skin.stimulus", "Stimulus"),
     "Touch": ("experiment", "Touch"),
     "match": ("experiment", "match"),
     "Match": ("experiment", "Match"),
@@ -121,6 +123,7 @@ __all__ = [
     "Progress",
     "Screen",
     "SkinModel",
+    "Stimulus",
     "Surface",
     "TactileScene",
     "Touch",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any, Literal
 
 Severity = Literal["info", "warning", "error"]
@@ -33,6 +34,9 @@ class DermisError(ValueError):
         self.what, self.where, self.value, self.limit, self.remedy = what, where, value, limit, remedy
         self.code = code
         super().__init__(sentence(what, where, value, limit, remedy))
+
+    def __reduce__(self) -> tuple[Any, ...]:  # else the whole sentence would be pickled for what is wrong
+        return partial(type(self), **self._parts()), ()
 
     def changed(self, **parts: Any) -> DermisError:
         """Return the same refusal with some parts replaced, such as `where` by what the caller knows it as."""

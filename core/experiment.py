@@ -14,20 +14,23 @@ from numpy.typing import NDArray
 
 from .arrays import Array
 from .contact.solver.bodies import ContactBody
-from .contact.solver.path import PathSolver
+from .contact.solver.path import PathSolver, PathStep
 from .devices.spec import DeviceSpec
 from .errors import DermisError, Finding
 from .parameters.material import FRICTION
 from .parameters.skin import DEFAULT_SKIN, TISSUE
 from .presets import Library
+from .skin.blas import one_thread
 from .skin.model import SkinModel, skin_from_parameters
 from .skin.stimulus import Stimulus, von_mises
 from .surface.gap import Surface
+from .track.command_track import CommandTrack
 
 STEP = 0.1e-3  # from pose to pose on the way of a press; friction remembers the way [m]
 DEEPEST = 5e-3  # of a press: beyond it linear skin says nothing [m]
 CLOSE = 1e-8  # to which first contact is found [m]
-FAR = 0.1  # a surface that has risen this far above the pad has passed beside it [m]
+FAR = 0.1  # a surface that has risen this far above the pad has passed beside it, or slid off it [m]
+METRES = "Lengths are in metres: a millimetre is 1e-3"
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +69,7 @@ class Match:
 
     Attributes:
         device: the preset. method: that matched.
-        commands: of every actuator, by channel, in the channel's unit.
+        values: of every channel of the device, in its unit, shape (channels,); a thimble's pose among them.
         error: of what the method compares: root mean square displacement [m] for DM, force [N] for FM, relative
             descriptor mismatch [1] for the thimble. optimality: KKT residual of the solution.
         rendered: what the skin feels of the device.
@@ -74,10 +77,30 @@ class Match:
 
     device: DeviceSpec
     method: str
-    commands: dict[str, float]
+    values: Array
     error: float
     optimality: float
     rendered: Stimulus
+
+    @property
+    def commands(self) -> dict[str, float]:
+        """What every actuator does, by channel, in the channel's unit."""
+        named = zip(self.device.channels, self.values.tolist(), strict=True)
+        return {channel.name: value for channel, value in named if channel.actuator}
+
+    def track(self, duration: float = 1.0) -> CommandTrack:
+        """Return a track that holds the commands, at the device's rate: `write_csv` makes a file of it to play.
+
+        It begins with them: `within_limits(start_at_rest=True)` leads there from where the device rests.
+
+        Args:
+            duration: [s].
+
+        Raises:
+            DermisError: a duration that is not above zero, or of more samples than a track can hold.
+        """
+        values, meta = np.tile(self.values, (2, 1)), {"method": self.method}
+        return CommandTrack(self.device, np.array([0.0, duration]), values, meta).resampled(self.device.rate)
 
     def __repr__(self) -> str:
         return f"Match({self.device.key}, {self.method}, error {self.error:.3g}, optimality {self.optimality:.1g})"
@@ -153,16 +176,26 @@ def press(
         DermisError: a depth out of range, friction below zero, a rotation that is none, or a surface that does not
             meet the pad.
     """
-    if not 0.0 <= depth <= DEEPEST:
-        raise DermisError("not a depth to press to", where="depth", value=depth, limit=f"0 to {DEEPEST:g} m")
-    if not (np.isfinite(friction) and friction >= 0.0):
-        raise DermisError("friction cannot be that", where="friction", value=friction, limit=">= 0")
-    along, origin = _two("slide", slide), _two("at", at)
-    rotation = np.eye(3) if turn is None else np.asarray(turn, np.float64)
-    if rotation.shape != (3, 3) or not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9):
-        raise DermisError("not a rotation", where="turn", value=rotation.shape, limit="orthonormal, shape (3, 3)")
+    _check_kind("skin", skin, SkinModel)
+    _check_kind("surface", surface, Surface)
+    depth = float(_numbers("depth", depth, (), 0.0, DEEPEST, f"0 to {DEEPEST:g} m", METRES))
+    friction = float(_numbers("friction", friction, (), 0.0, np.finfo(float).max, ">= 0"))
+    along = _numbers("slide", slide, (2,), -FAR, FAR, f"X and Y, up to {FAR:g} m", METRES)
+    origin = _numbers("at", at, (2,), -FAR, FAR, f"X and Y, up to {FAR:g} m", METRES)
+    rotation = np.eye(3) if turn is None else _numbers("turn", turn, (3, 3), -1.0, 1.0, "a rotation, shape (3, 3)")
+    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9) or np.linalg.det(rotation) < 0.0:
+        raise DermisError("not a rotation", where="turn", value=rotation.tolist(), limit="orthonormal, right-handed")
     body = ContactBody(surface, rotation, np.array([*origin, 0.0]), friction=friction)
-    start = replace(body, translation=np.array([*origin, _first_contact(skin, body)]))
+    with one_thread():
+        step, findings = _pressed(skin, body, depth, along)
+    doubtful = tuple(f for f in surface.findings("surface") if f.severity != "info")
+    solution = step.solution
+    return Touch(skin, solution.force, depth, solution.residual, solution.iterations, (*doubtful, *findings))
+
+
+def _pressed(skin: SkinModel, body: ContactBody, depth: float, along: Array) -> tuple[PathStep, list[Finding]]:
+    """Return the last step of a body's way from first contact to its depth and then along, and what was doubtful."""
+    start = replace(body, translation=np.array([*body.translation[:2], _first_contact(skin, body)]))
     solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas, name="press")
     step = solver.step([start])
     for far, way in ((depth, np.array([0.0, 0.0, 1.0])), (float(np.hypot(*along)), np.array([*along, 0.0]))):
@@ -173,8 +206,7 @@ def press(
         for part in np.linspace(0.0, far, max(int(np.ceil(far / STEP)), 1) + 1)[1:]:
             start = replace(origin_of_leg, translation=origin_of_leg.translation + part * way)
             step = solver.step([start])
-    solution = step.solution
-    return Touch(skin, solution.force, depth, solution.residual, solution.iterations, solver.findings)
+    return step, [replace(finding, frame=None) for finding in solver.findings]  # frames are of scenes
 
 
 def match(
@@ -199,11 +231,18 @@ def match(
     >>> worse.error > pins.error
     True
 
+    Held for a second, as the file that a device plays is made of (`write_csv`):
+
+    >>> pins.track(1.0)
+    CommandTrack(pin_array_128, 128 channels, 241 samples, 1 s at 240 Hz)
+
     Raises:
         DermisError: no such device or method, or a kind whose commands depend on time or on tables: those are
             rendered from a scene (`run`).
     """
+    _check_kind("touch", touch, Stimulus)
     spec = (presets or Library()).device(device) if isinstance(device, str) else device
+    _check_kind("device", spec, DeviceSpec)
     matchers: dict[str, Callable[[Stimulus, DeviceSpec, str | None], Match]] = {
         "pin_array": _match_pins,
         "thimble": _match_thimble,
@@ -216,23 +255,22 @@ def match(
             limit=", ".join(matchers),
             remedy="Render a scene with this device",
         )
-    return matchers[spec.kind](touch, spec, method)
+    with one_thread():
+        return matchers[spec.kind](touch, spec, method)
 
 
 def _match_pins(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Match:
-    from .matching.deformation import METHODS, PinSolver
-    from .matching.pins import rendered_force, setup
+    from .matching.deformation import METHODS
+    from .matching.pins import make_solver, rendered_force, setup
 
     chosen = next((m for m in METHODS if m == (method or "DM2")), None)
     if chosen is None:
         raise DermisError("unknown matching method", where=spec.key, value=method, limit=", ".join(METHODS))
     ready = setup(touch.skin, spec)
-    found = PinSolver(ready.matcher, chosen, force_limit=ready.pins.force_limit).solve(touch.force)
+    found = make_solver(ready, spec, chosen, None).solve(touch.force)
     error = found.displacement_error if chosen.startswith("DM") else found.force_error
-    commands = dict(zip((c.name for c in spec.channels), found.forces.tolist(), strict=True))
-    return Match(
-        spec, chosen, commands, error, found.optimality, Stimulus(touch.skin, rendered_force(ready, found.forces))
-    )
+    rendered = Stimulus(touch.skin, rendered_force(ready, found.forces))
+    return Match(spec, chosen, found.forces, error, found.optimality, rendered)
 
 
 def _match_thimble(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Match:
@@ -241,13 +279,17 @@ def _match_thimble(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Mat
 
     use = prepare(spec, touch.skin, {"thimble_method": method or "stress"}, f"match, {spec.key}")
     if use.findings:
-        raise DermisError(use.findings[0].what, where=spec.key, value=method, limit="stress, force, geometry")
+        raise DermisError(
+            use.findings[0].what.removeprefix("the direct method was used: "),
+            where=spec.key,
+            value=method,
+            limit="stress, force, geometry",
+        )
     found = match_touch(use, touch.force[None])
-    names = [c.name for c in spec.channels if c.actuator]
     return Match(
         spec,
         use.method,
-        dict(zip(names, found.angles[0].tolist(), strict=True)),
+        found.commands(spec)[0],
         float(found.mismatch[0]),
         float(found.kkt[0]),
         Stimulus(touch.skin, found.force[0].astype(np.float64)),
@@ -260,7 +302,8 @@ def _first_contact(skin: SkinModel, body: ContactBody) -> float:
     It rises by the smallest gap there is, which can never carry it past a node, until that is nothing.
     """
     points = skin.positions
-    top = float((body.surface.vertices @ body.rotation.T)[:, 2].max()) if isinstance(body.surface, Surface) else 0.0
+    assert isinstance(body.surface, Surface)
+    top = float((body.surface.vertices @ body.rotation.T)[:, 2].max())
     height, highest = float(points[:, 2].min()) - top - CLOSE, float(points[:, 2].max()) - top + FAR
     while height <= highest:
         place = np.array([*body.translation[:2], height])
@@ -268,11 +311,26 @@ def _first_contact(skin: SkinModel, body: ContactBody) -> float:
         if gap <= CLOSE:
             return height
         height += gap
-    raise DermisError("the surface does not meet the pad from below", where="press", value=str(body.surface))
+    raise DermisError(
+        "the surface does not meet the pad from below",
+        where="surface",
+        value=str(body.surface),
+        limit="wide enough to meet one of the pad's nodes",
+        remedy=f"Move it with 'at', or make it larger. {METRES}",
+    )
 
 
-def _two(name: str, values: Sequence[float]) -> Array:
-    pair = np.asarray(values, np.float64)
-    if pair.shape != (2,) or not np.isfinite(pair).all():
-        raise DermisError("two finite lengths are wanted", where=name, value=values, limit="X and Y [m]")
-    return pair
+def _check_kind(name: str, value: object, kind: type) -> None:
+    if not isinstance(value, kind):
+        raise DermisError("another kind of thing", where=name, value=type(value).__name__, limit=kind.__name__)
+
+
+def _numbers(
+    name: str, value: object, shape: tuple[int, ...], low: float, high: float, limit: str, remedy: str = ""
+) -> Array:
+    """Return real numbers of a shape and range; a yes or no is none."""
+    numbers = np.asarray(value)
+    if numbers.shape != shape or numbers.dtype.kind not in "iuf" or not ((numbers >= low) & (numbers <= high)).all():
+        what = "real numbers in range are wanted" if shape else "a real number in range is wanted"
+        raise DermisError(what, where=name, value=numbers.tolist(), limit=limit, remedy=remedy)
+    return numbers.astype(np.float64)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DermisError
-from .foreign import MOST_BYTES, MOST_SETTINGS, MOST_TEXT, check_size, json_of, text_of
+from .foreign import MAX_BYTES, MAX_SETTINGS, MAX_TEXT, check_size, json_of, text_of
 
 # A pipe without a writer, or a line without a carrier, would keep whoever opens it waiting.
 _NO_WAITING = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0) | getattr(os, "O_BINARY", 0)
@@ -71,7 +71,7 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 @contextmanager
-def opened(path: Path, *, most: int = MOST_BYTES, where: str = "") -> Iterator[tuple[IO[bytes], int]]:
+def opened(path: Path, *, most: int = MAX_BYTES, where: str = "") -> Iterator[tuple[IO[bytes], int]]:
     """Open a regular file for reading, and give its size [bytes] with it: devices, pipes and folders are no files.
 
     It is judged before it is opened, since opening a port alone may reset a board, and again once it is open.
@@ -109,7 +109,7 @@ def _unreadable(error: Exception, where: str, path: Path) -> DermisError:
     return DermisError("the file cannot be read", where=where, value=said, remedy=remedy)
 
 
-def read_bytes(path: Path, *, most: int = MOST_BYTES, where: str = "") -> bytes:
+def read_bytes(path: Path, *, most: int = MAX_BYTES, where: str = "") -> bytes:
     """Read a whole file.
 
     Raises:
@@ -122,7 +122,7 @@ def read_bytes(path: Path, *, most: int = MOST_BYTES, where: str = "") -> bytes:
             raise _unreadable(error, where or str(path), path) from error
 
 
-def read_text(path: Path, *, most: int = MOST_TEXT, encoding: str = "utf-8") -> str:
+def read_text(path: Path, *, most: int = MAX_TEXT, encoding: str = "utf-8") -> str:
     """Read a text.
 
     Raises:
@@ -131,7 +131,7 @@ def read_text(path: Path, *, most: int = MOST_TEXT, encoding: str = "utf-8") -> 
     return text_of(read_bytes(path, most=most), str(path), encoding)
 
 
-def read_json(path: Path, *, most: int = MOST_SETTINGS) -> Any:
+def read_json(path: Path, *, most: int = MAX_SETTINGS) -> Any:
     """Read JSON; see `foreign.json_of`.
 
     Raises:

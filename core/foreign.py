@@ -19,9 +19,9 @@ from typing import Any
 from .errors import DermisError
 
 # The limits, each with its reason.
-MOST_BYTES = 1 << 31  # of a file, and of all that an archive unpacks: a lab's hour at 1 kHz of 60 channels is 1.7 GB
-MOST_TEXT = 1 << 29  # of text, which takes ten times as much while it is read: 128 pins at 240 Hz for half an hour
-MOST_SETTINGS = 1 << 24  # of presets, calibrations, headers: people write these, and 128 pins take 30 kB
+MAX_BYTES = 1 << 31  # of a file, and of all that an archive unpacks: a lab's hour at 1 kHz of 60 channels is 1.7 GB
+MAX_TEXT = 1 << 29  # of text, which takes ten times as much while it is read: 128 pins at 240 Hz for half an hour
+MAX_SETTINGS = 1 << 24  # of presets, calibrations, headers: people write these, and 128 pins take 30 kB
 FREELY = 1 << 26  # bytes that may come out of however little: 8,192 x 8,192 flat pixels
 EXPANDS = 100  # times its packed size that anything larger may unpack to; measured data stay below 20
 LONGEST_INTEGER = 300  # digits: a longer one is no double any more
@@ -49,6 +49,13 @@ DAMAGE: tuple[type[Exception], ...] = (
 )
 
 
+def is_newer(schema: Any, known: str) -> bool:
+    """Return whether a schema, such as 'dermis-skin 2', is the known one of a later version."""
+    kind, _, number = schema.rpartition(" ") if isinstance(schema, str) else ("", "", "")
+    own, _, version = known.rpartition(" ")
+    return kind == own and number.isdecimal() and len(number) < 10 and int(number) > int(version)
+
+
 @contextmanager
 def damage_told(what: str, where: str, *, limit: str = "", remedy: str = "") -> Iterator[None]:
     """Turn whatever a parser of foreign bytes throws inside the block into one refusal, the cause chained to it.
@@ -66,7 +73,7 @@ def damage_told(what: str, where: str, *, limit: str = "", remedy: str = "") -> 
         raise DermisError(what, where=where, value=value, limit=limit, remedy=remedy) from error
 
 
-def check_size(size: int, where: str, most: int = MOST_BYTES, *, packed: int | None = None) -> None:
+def check_size(size: int, where: str, most: int = MAX_BYTES, *, packed: int | None = None) -> None:
     """Refuse more bytes than are read, or unpacked out of few.
 
     Args:
@@ -111,7 +118,7 @@ def text_of(data: bytes, where: str, encoding: str = "utf-8") -> str:
         ) from error
 
 
-def json_of(data: bytes | str, where: str, most: int = MOST_SETTINGS, *, constants: bool = False) -> Any:
+def json_of(data: bytes | str, where: str, most: int = MAX_SETTINGS, *, constants: bool = False) -> Any:
     """Read JSON: no key twice, no constants beside true, false and null, not nested without end, whole characters.
 
     Args:

@@ -12,7 +12,7 @@ from .errors import DermisError
 
 Method = Literal["linear", "pchip"]
 METHODS: tuple[Method, ...] = ("linear", "pchip")
-MOST_SAMPLES = 2**27  # of all channels of a track together: 1 GiB, or 37 hours of one channel at 1 kHz
+MAX_SAMPLES = 2**27  # of all channels of a track together: 1 GiB, or 37 hours of one channel at 1 kHz
 
 
 def grid(first: float, last: float, rate: float) -> Array:

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from .errors import DermisError
 from .files import opened
-from .foreign import MOST_BYTES, check_size, damage_told, text_of
+from .foreign import MAX_BYTES, check_size, damage_told, text_of
 
-KINDS = "biufcSU"  # numbers and texts
+DTYPES = "biufcSU"  # numbers and texts
 EMPTY_SIDE = 1 << 24  # of an array that holds nothing: what is made of its length later must be small too
-MOST_DIRECTORY = 1 << 24  # bytes of an archive's table of contents: 100,000 members; a long scene has some thousand
+MAX_DIRECTORY = 1 << 24  # bytes of an archive's table of contents: 100,000 members; a long scene has some thousand
 _METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # what numpy writes
 _AT_ONCE = 1 << 20
 
@@ -143,7 +143,7 @@ def _array(file: IO[bytes], size: int, where: str) -> NDArray[Any]:
         shape, turned, kind = header(file)
         body = size - file.tell()
     count = math.prod(shape)
-    if kind.hasobject or kind.kind not in KINDS or kind.itemsize == 0:
+    if kind.hasobject or kind.kind not in DTYPES or kind.itemsize == 0:
         raise DermisError(
             "the array cannot be read: it holds neither numbers nor texts",
             where=where,
@@ -164,7 +164,7 @@ def _array(file: IO[bytes], size: int, where: str) -> NDArray[Any]:
             value=str(shape)[:60],
             limit=f"{EMPTY_SIDE}",
         )
-    check_size(body, where, MOST_BYTES)
+    check_size(body, where, MAX_BYTES)
     with damage_told("the array is damaged", where):
         flat = np.empty(count, kind)
         raw = flat.view(np.uint8) if count else np.empty(0, np.uint8)
@@ -187,10 +187,10 @@ def _check_directory(file: IO[bytes], size: int, where: str) -> None:
     lengths = [n for n in lengths if n != 0xFFFFFFFF]
     if tail[max(end - 76, 0) : end - 72] == b"PK\6\6":  # 64 bits
         lengths.append(int.from_bytes(tail[end - 36 : end - 28], "little"))
-    if max(lengths, default=0) > MOST_DIRECTORY:
+    if max(lengths, default=0) > MAX_DIRECTORY:
         raise DermisError(
             "the archive has too many members",
             where=where,
             value=f"{max(lengths)} bytes of names",
-            limit=f"{MOST_DIRECTORY} bytes",
+            limit=f"{MAX_DIRECTORY} bytes",
         )

@@ -16,7 +16,7 @@ from .devices.preset_check import check_device
 from .devices.spec import DEVICE_SCHEMA, DeviceSpec, from_preset
 from .errors import DermisError
 from .files import read_json
-from .foreign import damage_told
+from .foreign import damage_told, is_newer
 from .parameters.material import MATERIAL
 from .parameters.parameter import Table
 from .parameters.skin import SKIN
@@ -26,14 +26,9 @@ _HERE = Path(__file__).resolve().parent
 # a wheel has them within the package, a checkout and the extension beside it
 BUILT_IN = _HERE / "built_in" if (_HERE / "built_in").is_dir() else _HERE.parent / "presets"
 
-SCHEMAS = {
-    "devices": DEVICE_SCHEMA,
-    "materials": "dermis-material 1",
-    "skins": "dermis-skin 1",
-    "screens": "dermis-screen 1",
-}
+SCHEMAS = {"devices": DEVICE_SCHEMA, "materials": "dermis-material 1", "skins": "dermis-skin 1"}
 
-# What presets of a group may set; devices are judged by their kind, screens set what they like.
+# What presets of a group may set; devices are judged by their kind.
 TABLES: Mapping[str, Table] = {"materials": MATERIAL, "skins": SKIN}
 
 
@@ -84,7 +79,7 @@ class Library:
         return f"Library({', '.join(str(folder) for folder, _ in self._folders)})"
 
     def list(self, group: str) -> tuple[PresetEntry, ...]:
-        """Return all presets of a group ('devices', 'materials', 'skins', 'screens'), broken ones too, by key.
+        """Return all presets of a group ('devices', 'materials', 'skins'), broken ones too, by key.
 
         Raises:
             DermisError: no such group.
@@ -191,9 +186,7 @@ def check(group: str, key: str, preset: Mapping[str, Any]) -> None:
     known = SCHEMAS[group]
     schema = preset.get("schema")
     if schema != known:
-        kind, _, number = known.rpartition(" ")
-        newer = isinstance(schema, str) and schema.startswith(f"{kind} ") and schema[len(kind) + 1 :].isdigit()
-        newer = newer and int(str(schema)[len(kind) + 1 :]) > int(number)
+        newer = is_newer(schema, known)
         raise DermisError(
             "made for a newer version of Dermis" if newer else "unknown schema",
             where=where,
@@ -215,13 +208,10 @@ def settings(group: str, key: str, preset: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         DermisError: an unknown parameter, or a value of another kind or unit than it has, or out of its range.
     """
-    where, table = f"{group[:-1]} preset '{key}'", TABLES.get(group)
+    where, table = f"{group[:-1]} preset '{key}'", TABLES[group]
     found: dict[str, Any] = {}
     for name, field in _parameters(preset, where).items():
         place = f"{where}, {name}"
-        if table is None:
-            found[name] = _plain(field, place)
-            continue
         if name not in table:
             raise DermisError("unknown parameter", where=where, value=name, limit=", ".join(table))
         row = table[name]
@@ -235,10 +225,3 @@ def _parameters(preset: Mapping[str, Any], where: str) -> Mapping[str, Any]:
     if not isinstance(parameters, Mapping):
         raise DermisError("'parameters' is missing or not an object", where=where, value=parameters)
     return parameters
-
-
-def _plain(field: Any, where: str) -> Any:
-    """Read a setting: texts, switches and lists of texts as they are, quantities in SI."""
-    if isinstance(field, str | bool) or (isinstance(field, list) and all(isinstance(v, str) for v in field)):
-        return field
-    return quantity(field, where=where)

@@ -97,12 +97,20 @@ def quantity(field: Mapping[str, Any] | float | int, *, where: str = "") -> Any:
     if not isinstance(field["unit"], str):
         raise DermisError("unknown unit", where=where, value=field["unit"], limit=", ".join(UNITS))
     for number in _flat(value):
-        if isinstance(number, bool) or not isinstance(number, int | float) or not _finite(number):
+        if isinstance(number, bool) or not isinstance(number, int | float) or not finite(number):
             raise DermisError("not a finite number", where=where, value=value)
     return to_si(value, field["unit"], where=where)
 
 
-def _finite(number: float) -> bool:
+def setting(field: Any, *, where: str = "") -> Any:
+    """Read a preset's setting: texts, switches and lists of texts as they are, quantities in SI; see `quantity`."""
+    if isinstance(field, str | bool) or (isinstance(field, list) and all(isinstance(v, str) for v in field)):
+        return field
+    return quantity(field, where=where)
+
+
+def finite(number: float) -> bool:
+    """Return whether a number is finite and has its place among floats."""
     try:
         return math.isfinite(number)
     except OverflowError:  # an integer of hundreds of digits

@@ -76,7 +76,7 @@ class Judged:
             return bool(self.device.state == DeviceState.SAFE)
         if self._protocol == "torque":
             return not self.told().any()
-        span = np.maximum(self.wire.high - self.wire.low, 1e-9)
+        span = np.maximum(self.wire.range_high - self.wire.range_low, 1e-9)
         return bool((np.abs(self.told() - self.wire.safe) <= QUANTUM * span).all())
 
     def _look(self, now: float) -> None:
@@ -86,7 +86,7 @@ class Judged:
             return
         self.steps += 1
         if self._protocol != "torque" and not (self._protocol == "native" and self.safe):
-            step = np.maximum(np.abs(told - self._last) - QUANTUM * (self.wire.high - self.wire.low), 0.0)
+            step = np.maximum(np.abs(told - self._last) - QUANTUM * (self.wire.range_high - self.wire.range_low), 0.0)
             self.ahead = max(self.ahead, float(np.max(step / self.wire.slew)) - (now - self._at))
         self._last, self._at = told, now
 

@@ -213,7 +213,7 @@ def by_stop(receiver: Receiver) -> None:
 def by_disconnect(receiver: Receiver) -> None:
     """Let the link go, the sender stays."""
     with sender(receiver) as client:
-        client.disconnect()
+        client.set(connect=False, arm_id=0)
         until(lambda: client.status()["state"] == "disconnected", client.heartbeat, "disconnected")
 
 

@@ -1,7 +1,8 @@
-"""The page `core/PARAMETERS.md`: every row, in words. `python -m tests.parameters_page` writes it anew."""
+"""The page `core/PARAMETERS.md`: every row, in words. `python3 build_addon.py docs` writes it anew."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from core.parameters.material import BODY
 from core.parameters.parameter import LARGEST, Parameter, Table
 from core.parameters.screen import HEIGHT, SCREEN, SEQUENCE
 from core.parameters.skin import SKIN, SKIN_CONTACT
+from core.parameters.stream import STREAM
 
 PAGE = Path(__file__).resolve().parents[1] / "core" / "PARAMETERS.md"
 _DEVICES, _SKIN = "object.dermis.finger.devices[i]", "object.dermis.finger.skin"
@@ -22,11 +24,12 @@ GROUPS: tuple[tuple[str, str, str, Table], ...] = (
     ("Device on a finger", "`DeviceUse.parameters`", _DEVICES, DEVICE),
     ("Object", "`Body.parameters`; presets in `presets/materials`, all but `held`", "object.dermis.material", BODY),
     ("Screen", "`Screen.parameters`", "object.dermis.screen", {**SCREEN, **SEQUENCE, HEIGHT.name: HEIGHT}),
+    ("Stream", "a `StreamRequest`; `python -m core stream` has options for some", "scene.dermis_stream", STREAM),
 )
 HEAD = """# Parameters
 
-Made from the rows of `core/parameters/` and `core/devices/kinds.py` by `python -m tests.parameters_page`; a test holds
-it current. Numbers stand in the unit of Blender's window; scenes and the engine take SI, presets say their unit.
+Made from the rows of `core/parameters/` and `core/devices/kinds.py` by `python3 build_addon.py docs`; a test holds it
+current. Numbers stand in the unit of Blender's window; scenes and the engine take SI, presets say their unit.
 *Default* is what something new has in the window, *absent* what the engine takes where a scene or preset says nothing.
 Ranges hold in the window, in presets and in scenes alike; where something differs, the note says so.
 """
@@ -51,7 +54,7 @@ def _line(row: Parameter) -> str:
     return _row(
         f"`{row.name}`",
         f"`{row.saved}`" if row.label else "",
-        row.shown if row.numeric else "",
+        row.window_unit if row.numeric else "",
         "-" if row.default is None else _shown(row, row.default),
         absent,
         "" if row.numeric and row.high >= LARGEST and row.low <= -LARGEST else row.allowed,
@@ -69,10 +72,15 @@ def _shown(row: Parameter, value: Any) -> str:
 
 def _kinds() -> str:
     lines = ["## Kinds of device\n", "What a preset's `parameters` may hold, in SI (what is bold it must), and which"]
-    lines += ["of the settings above the kind reads.\n", _row("kind", "preset", "settings"), _row(*3 * ["---"])]
+    lines += [
+        "of the settings above the kind reads. A finger is in each, unless it says so.\n",
+        _row("kind", "preset", "settings"),
+        _row(*3 * ["---"]),
+    ]
     for name, kind in KINDS.items():
         told = [_told(row) for row in kind.parameters.values()]
-        lines.append(_row(f"`{name}`", "; ".join(told), ", ".join(f"`{setting}`" for setting in kind.settings)))
+        cell = f"`{name}`" if kind.worn else f"`{name}`, no finger in it"
+        lines.append(_row(cell, "; ".join(told), ", ".join(f"`{setting}`" for setting in kind.settings)))
     return "\n".join(lines) + "\n"
 
 
@@ -86,4 +94,5 @@ def _row(*cells: str) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    target = Path(sys.argv[1]) if len(sys.argv) > 1 else PAGE
+    target.write_text(page(), encoding="utf-8", newline="\n")

@@ -26,10 +26,10 @@ class Solid(Plane):
     def __init__(self, distance: Callable[[Array], tuple[Array, Array]]) -> None:
         object.__setattr__(self, "distance", distance)
 
-    def query(self, points: Array, reach: float = np.inf) -> GapQuery:
+    def query(self, points: Array, search_radius: float = np.inf) -> GapQuery:
         """Return the signed gap as `Surface.query` does."""
         gap, normal = self.distance(points)  # type: ignore[attr-defined]
-        near = gap <= reach
+        near = gap <= search_radius
         n = len(gap)
         return GapQuery(
             np.where(near, gap, np.inf),

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import bpy
 import numpy as np
-from mathutils import Vector
 
-from .. import compat, fingertip_mesh
 from .._core import core
-from ..properties import scene_properties, skin_properties
-from ..quantities import metres_per_unit
-from . import demo_skin
+from . import demo_shapes, demo_stage
 
 NAME = "Dermis Pin Array Demo"
 DEVICE = "pin_array_128"
@@ -25,33 +21,10 @@ def build(depth: float = 2e-3, friction: float = 0.6, direction: float = 0.0) ->
     """
     sliding = core.scene.sliding
     fps = int(sliding.FPS)
-    scene = bpy.data.scenes.new(NAME)
-    scene.render.fps, scene.render.fps_base = fps, 1.0
-    scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", 1.0
-    scene.unit_settings.length_unit = "MILLIMETERS"
-    scene.render.engine = "BLENDER_WORKBENCH"
-    last = 1 + round((sliding.SETTLE + sliding.SLIDE) * fps)
-    scene.frame_start, scene.frame_end = 1, last
-    finger = bpy.data.objects.new("Index", fingertip_mesh.mesh(1.0))
-    scene.collection.objects.link(finger)
-    finger.dermis.role = "FINGER"
-    finger.dermis.finger.devices.add().preset = DEVICE
-    finger.dermis.finger.skin.shown = True
-    fingertip_mesh.fit(finger, skin_properties.lengths(finger.dermis.finger.skin), metres_per_unit(scene))
-    plane = bpy.data.objects.new("Plane", demo_skin.block(*SIZE))
-    scene.collection.objects.link(plane)
-    plane.dermis.role = "TOUCHABLE"
-    plane.dermis.material.friction = friction
-    frames = np.arange(1, last + 1)
+    frames = np.arange(1, 2 + round((sliding.SETTLE + sliding.SLIDE) * fps))
+    scene = demo_stage.begin(NAME, fps, int(frames[-1]))
+    demo_stage.finger_with_skin(scene, "Index", DEVICE)
+    plane = demo_stage.touchable(demo_stage.add(scene, "Plane", demo_shapes.block(*SIZE)), friction)
     places = sliding.plane_offset((frames - 1) / fps, depth, direction)
-    for axis in range(3):
-        compat.set_keys(plane, "location", axis, frames.tolist(), places[:, axis].tolist(), interpolation="LINEAR")
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    camera.data.clip_start, camera.data.lens, camera.data.display_size = 0.005, 60.0, 0.02
-    camera.location = (-0.05, 0.09, 0.05)
-    camera.rotation_euler = (Vector((0.0, 0.0, 0.004)) - camera.location).to_track_quat("-Z", "Y").to_euler()
-    scene.collection.objects.link(camera)
-    scene.camera = camera
-    scene_properties.stamp(scene)
-    scene.frame_set(1)
-    return scene
+    demo_stage.key(plane, "location", np.column_stack([frames, places]), "LINEAR")
+    return demo_stage.finish(scene, (-0.05, 0.09, 0.05), (0.0, 0.0, 0.004))

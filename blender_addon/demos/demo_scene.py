@@ -6,23 +6,25 @@ Everything has its real size; the scene's unit is the metre, shown in millimetre
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Euler, Vector
+from mathutils import Vector
 
 from .. import compat
 from .._core import DermisError
-from ..fingertip_mesh import mesh as fingertip_mesh
+from ..fingertip_mesh import coloured, shader_of
 from ..preferences import library
-from ..properties import scene_properties
+from ..properties import object_properties
+from . import demo_stage
+from .demo_shapes import RIB_PERIOD, chamfered_block, mesh, ribbed_plate
 
 FPS, LAST = 24, 97  # four seconds
 PLATE, BOX, SCREEN = Vector((-0.085, 0.0, 0.006)), Vector((0.0, 0.02, 0.02)), Vector((0.1, 0.0, 0.004))
 BOX_SIZE = (0.030, 0.030, 0.040)
 SCREEN_SIZE = (0.096, 0.060)
-RIB_PERIOD, RIB_HEIGHT = 0.004, 0.0003
 NAME = "Dermis Demo"
 
 
@@ -32,16 +34,11 @@ def build(tactor: str, friction: str) -> bpy.types.Scene:
     Args:
         tactor, friction: keys of a shear tactor's and of a friction screen's preset; '' leaves the fingers bare.
     """
-    scene = bpy.data.scenes.new(NAME)
-    scene.render.fps, scene.render.fps_base = FPS, 1.0
-    scene.frame_start, scene.frame_end = 1, LAST
-    scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", 1.0
-    scene.unit_settings.length_unit = "MILLIMETERS"
-    scene.render.engine = "BLENDER_WORKBENCH"
+    scene = demo_stage.begin(NAME, FPS, LAST)
     scene.render.resolution_x, scene.render.resolution_y = 1280, 720
-    _stage(scene)
-    plate = _link(scene, "Plate", ribbed_plate(0.090, 0.056, 0.006), PLATE, (0.42, 0.45, 0.49, 1.0))
-    box = _link(scene, "Box", _block(*BOX_SIZE), BOX, (0.16, 0.36, 0.50, 1.0))
+    _furnish(scene)
+    plate = demo_stage.add(scene, "Plate", ribbed_plate(0.090, 0.056, 0.006), PLATE, (0.42, 0.45, 0.49, 1.0))
+    box = demo_stage.add(scene, "Box", chamfered_block(*BOX_SIZE), BOX, (0.16, 0.36, 0.50, 1.0))
     screen = screen_object(SCREEN_SIZE, bumps_image(SCREEN_SIZE), 1.0)
     scene.collection.objects.link(screen)
     screen.location = SCREEN
@@ -56,37 +53,21 @@ def build(tactor: str, friction: str) -> bpy.types.Scene:
         transient_frequency=150.0,
     )
     _touchable(box, "wood", weight_on=True, weight_gravity=0.05, weight_acceleration=0.05, mass=0.08, held_mode="keyed")
-    index, thumb = (_finger(scene, name, tactor) for name in ("Index", "Thumb"))
-    reader = _finger(scene, "Reader", friction)
+    index, thumb = (demo_stage.finger(scene, name, tactor) for name in ("Index", "Thumb"))
+    reader = demo_stage.finger(scene, "Reader", friction)
     if friction:
         reader.dermis.finger.devices[0].screen = screen
     _animate_pair(index, thumb, box)
     _animate_reader(reader)
-    scene_properties.stamp(scene)
-    scene.frame_set(1)
-    return scene
+    return demo_stage.finish(scene, (0.075, -0.40, 0.29), (0.008, 0.0, 0.012), lens=50.0)
 
 
 def look(context: bpy.types.Context) -> None:
     """Make the first finger active and turn the window's 3D views to the scene."""
-    fingers = (o for o in context.scene.objects if o.dermis.role == "FINGER")  # by name: Index comes first
-    context.view_layer.objects.active = min(fingers, key=lambda o: o.name)
-    if bpy.app.background or context.window is None:
-        return
-    for area in context.window.screen.areas:
-        if area.type != "VIEW_3D":
-            continue
-        space = area.spaces.active
-        space.clip_start, space.lens = 0.002, 50.0
-        space.shading.color_type = "TEXTURE"
+    views = demo_stage.look(context, (0.044, 0.0, -0.004), (58.0, 0.0, 3.0), 0.31, lens=50.0, colours="TEXTURE")
+    for space in views:
         space.shading.show_cavity = space.shading.show_shadows = True
-        space.overlay.show_relationship_lines = space.overlay.show_cursor = False
-        space.show_region_ui = True
-        view = space.region_3d
-        view.view_perspective = "PERSP"
-        view.view_location = Vector((0.044, 0.0, -0.004))
-        view.view_rotation = Euler((math.radians(58.0), 0.0, math.radians(3.0))).to_quaternion()
-        view.view_distance = 0.31
+        space.overlay.show_cursor = False
 
 
 def bumps_image(size: tuple[float, float]) -> bpy.types.Image:
@@ -118,124 +99,40 @@ def bumps_image(size: tuple[float, float]) -> bpy.types.Image:
 def screen_object(size: tuple[float, float], image: bpy.types.Image | None, unit: float) -> bpy.types.Object:
     """Return a new touch screen, not yet in any collection: a rectangle that looks along +Z and shows its relief."""
     w, h = 0.5 * size[0] / unit, 0.5 * size[1] / unit
-    data = bpy.data.meshes.new("Touch Screen")
-    data.from_pydata([(-w, -h, 0.0), (w, -h, 0.0), (w, h, 0.0), (-w, h, 0.0)], [], [(0, 1, 2, 3)])
+    data = mesh("Touch Screen", [(-w, -h, 0.0), (w, -h, 0.0), (w, h, 0.0), (-w, h, 0.0)], [(0, 1, 2, 3)])
     layer = data.uv_layers.new(name="UVMap")
     layer.data.foreach_set("uv", [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0])
     obj = bpy.data.objects.new("Touch Screen", data)
     obj.dermis.role = "SCREEN"
     obj.dermis.screen.image = image
-    material = _material("Touch Screen", (0.10, 0.13, 0.17, 1.0))
+    material = coloured("Touch Screen", (0.10, 0.13, 0.17, 1.0))
     if image is not None:
         nodes = material.node_tree.nodes
         texture = nodes.new("ShaderNodeTexImage")
         texture.image = image
-        shader = next(n for n in nodes if n.type == "BSDF_PRINCIPLED")
-        material.node_tree.links.new(texture.outputs["Color"], shader.inputs["Base Color"])
+        material.node_tree.links.new(texture.outputs["Color"], shader_of(material).inputs["Base Color"])
         nodes.active = texture
     data.materials.append(material)
     return obj
 
 
-def ribbed_plate(width: float, depth: float, thickness: float) -> bpy.types.Mesh:
-    """Return a plate whose top carries ribs along Y; the top's crests lie at z = 0 [m]."""
-    columns = round(width / RIB_PERIOD) * 12
-    x = np.linspace(-0.5 * width, 0.5 * width, columns + 1)
-    top = 0.5 * RIB_HEIGHT * (np.cos(2.0 * np.pi * x / RIB_PERIOD) - 1.0)
-    n, d = columns + 1, 0.5 * depth
-    low = np.full(n, -thickness)
-    rows = ((-d, top), (d, top), (d, low), (-d, low))
-    vertices = np.vstack([np.column_stack([x, np.full(n, y), z]) for y, z in rows])
-    i = np.arange(columns)
-    faces = [(int(a), int(a + 1), int(a + n + 1), int(a + n)) for start in (0, n, 2 * n) for a in i + start]
-    faces += [(int(a + 3 * n), int(a + 3 * n + 1), int(a + 1), int(a)) for a in i]
-    faces += [(0, n, 2 * n, 3 * n), (columns, columns + 3 * n, columns + 2 * n, columns + n)]
-    data = bpy.data.meshes.new("Plate")
-    data.from_pydata(vertices.tolist(), [], faces)
-    data.update()
-    return data
-
-
-def _stage(scene: bpy.types.Scene) -> None:
-    _link(scene, "Desk", _block(0.36, 0.16, 0.006), Vector((0.01, 0.0, -0.003)), (0.20, 0.17, 0.15, 1.0))
-    _link(
-        scene,
-        "Screen Body",
-        _block(SCREEN_SIZE[0] + 0.010, SCREEN_SIZE[1] + 0.010, 0.0036),
-        Vector((SCREEN.x, SCREEN.y, 0.0018)),
-        (0.05, 0.055, 0.06, 1.0),
-    )
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    camera.data.lens, camera.data.clip_start = 50.0, 0.005
-    camera.data.display_size = 0.02
-    camera.location = (0.075, -0.40, 0.29)
-    camera.rotation_euler = (Vector((0.008, 0.0, 0.012)) - camera.location).to_track_quat("-Z", "Y").to_euler()
-    scene.collection.objects.link(camera)
-    scene.camera = camera
+def _furnish(scene: bpy.types.Scene) -> None:
+    desk, body = chamfered_block(0.36, 0.16, 0.006), (SCREEN_SIZE[0] + 0.010, SCREEN_SIZE[1] + 0.010, 0.0036)
+    demo_stage.add(scene, "Desk", desk, (0.01, 0.0, -0.003), (0.20, 0.17, 0.15, 1.0))
+    at = (SCREEN.x, SCREEN.y, 0.0018)
+    demo_stage.add(scene, "Screen Body", chamfered_block(*body), at, (0.05, 0.055, 0.06, 1.0))
     sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
     sun.data.energy, sun.rotation_euler = 3.0, (math.radians(40.0), math.radians(20.0), 0.0)
     scene.collection.objects.link(sun)
 
 
-def _link(scene: bpy.types.Scene, name: str, data: bpy.types.Mesh, at: Vector, colour: Any) -> bpy.types.Object:
-    obj = bpy.data.objects.new(name, data)
-    obj.location = at
-    if colour is not None:
-        data.materials.append(_material(name, colour))
-    scene.collection.objects.link(obj)
-    return obj
-
-
-def _material(name: str, colour: tuple[float, ...]) -> bpy.types.Material:
-    made = bpy.data.materials.new(name)
-    if made.node_tree is None:
-        made.use_nodes = True
-    made.diffuse_color = colour
-    shader = next(n for n in made.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
-    shader.inputs["Base Color"].default_value = colour
-    return made
-
-
-def _block(x: float, y: float, z: float) -> bpy.types.Mesh:
-    """Return a closed block around its middle, with a fine chamfer so that edges catch light."""
-    import bmesh
-
-    data = bpy.data.meshes.new("Block")
-    block = bmesh.new()
-    bmesh.ops.create_cube(block, size=1.0)
-    bmesh.ops.scale(block, vec=(x, y, z), verts=block.verts)
-    bmesh.ops.bevel(
-        block, geom=block.edges[:], offset=0.05 * min(x, y, z) + 0.0002, segments=2, profile=0.5, affect="EDGES"
-    )
-    block.to_mesh(data)
-    block.free()
-    return data
-
-
-def _finger(scene: bpy.types.Scene, name: str, device: str) -> bpy.types.Object:
-    obj = _link(scene, name, fingertip_mesh(1.0), Vector((0.0, 0.0, 0.1)), None)
-    obj.dermis.role = "FINGER"
-    if device:
-        obj.dermis.finger.devices.add().preset = device
-    return obj
-
-
 def _touchable(obj: bpy.types.Object, preset: str, **values: Any) -> None:
     """Take a material preset where there is one, and set what the demo needs whatever it says (SI)."""
     obj.dermis.role = "TOUCHABLE"
-    try:
-        scene_properties.apply_parameters(obj.dermis.material, library().material(preset))
+    with suppress(DermisError):  # removed by the user: the values below do
+        object_properties.apply_parameters(obj.dermis.material, library().material(preset))
         obj.dermis.material.preset = preset
-    except DermisError:
-        pass  # removed by the user: the values below do
-    scene_properties.apply_parameters(obj.dermis.material, values)
-
-
-def _keys(obj: bpy.types.Object, path: str, rows: list[tuple[Any, ...]], interpolation: str = "BEZIER") -> None:
-    """Key a property: rows of (frame, value ...)."""
-    frames = [row[0] for row in rows]
-    for index in range(len(rows[0]) - 1):
-        compat.set_keys(obj, path, index, frames, [row[1 + index] for row in rows], interpolation=interpolation)
+    object_properties.apply_parameters(obj.dermis.material, values)
 
 
 def _animate_pair(index: bpy.types.Object, thumb: bpy.types.Object, box: bpy.types.Object) -> None:
@@ -244,7 +141,7 @@ def _animate_pair(index: bpy.types.Object, thumb: bpy.types.Object, box: bpy.typ
     plate, side = PLATE.z + touch, 0.5 * BOX_SIZE[0] + touch
     left, right = PLATE.x - 0.030, PLATE.x + 0.030
     grip = BOX.z + 0.006
-    _keys(
+    demo_stage.key(
         index,
         "location",
         [
@@ -262,7 +159,7 @@ def _animate_pair(index: bpy.types.Object, thumb: bpy.types.Object, box: bpy.typ
             *_lifted(side, grip),
         ],
     )
-    _keys(
+    demo_stage.key(
         thumb,
         "location",
         [
@@ -275,9 +172,9 @@ def _animate_pair(index: bpy.types.Object, thumb: bpy.types.Object, box: bpy.typ
         ],
     )
     quarter = 0.5 * math.pi
-    _keys(index, "rotation_euler", [(1, 0, 0, 0), (46, 0, 0, 0), (60, 0, quarter, 0), (97, 0, quarter, 0)])
-    _keys(thumb, "rotation_euler", [(1, 0, 0, 0), (48, 0, 0, 0), (60, 0, -quarter, 0), (97, 0, -quarter, 0)])
-    _keys(
+    demo_stage.key(index, "rotation_euler", [(1, 0, 0, 0), (46, 0, 0, 0), (60, 0, quarter, 0), (97, 0, quarter, 0)])
+    demo_stage.key(thumb, "rotation_euler", [(1, 0, 0, 0), (48, 0, 0, 0), (60, 0, -quarter, 0), (97, 0, -quarter, 0)])
+    demo_stage.key(
         box,
         "location",
         [(1, *BOX), (67, *BOX), *((f, 0.0, BOX.y, z - grip + BOX.z) for f, _, _, z in _lifted(0.0, grip))],
@@ -301,4 +198,4 @@ def _animate_reader(reader: bpy.types.Object) -> None:
         rows += [(13 + 27 * i, SCREEN.x + start, SCREEN.y + y, top), (34 + 27 * i, SCREEN.x + end, SCREEN.y + y, top)]
     rows += [(97, SCREEN.x - w, SCREEN.y + h, top + 0.02)]
     rows[-2] = (88, *rows[-2][1:])
-    _keys(reader, "location", rows)
+    demo_stage.key(reader, "location", rows)

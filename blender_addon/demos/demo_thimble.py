@@ -9,15 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import bpy
 import numpy as np
 from mathutils import Euler, Matrix, Vector
 
 from .. import compat
-from ..properties import scene_properties
-from . import demo_skin
+from . import demo_shapes, demo_stage
 
 NAME = "Dermis Thimble"
 DEVICE = "thimble_3rrs"
@@ -81,25 +79,12 @@ def build(which: str) -> bpy.types.Scene:
         KeyError: there is no such scene.
     """
     what = SCENES[which]
-    scene = bpy.data.scenes.new(f"{NAME}: {what.title}")
-    scene.render.fps, scene.render.fps_base = FPS, 1.0
-    scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", 1.0
-    scene.unit_settings.length_unit = "MILLIMETERS"
-    scene.render.engine = "BLENDER_WORKBENCH"
-    scene.frame_start, scene.frame_end = 1, LAST
+    scene = demo_stage.begin(f"{NAME}: {what.title}", FPS, LAST)
     if what.thing == "block":
         _held(scene)
     else:
         _touched(scene, what)
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    camera.data.clip_start, camera.data.lens, camera.data.display_size = 0.005, 60.0, 0.02
-    camera.location = (-0.08, 0.16, 0.07)
-    camera.rotation_euler = (Vector((0.0, 0.0, 0.006)) - camera.location).to_track_quat("-Z", "Y").to_euler()
-    scene.collection.objects.link(camera)
-    scene.camera = camera
-    scene_properties.stamp(scene)
-    scene.frame_set(1)
-    return scene
+    return demo_stage.finish(scene, (-0.08, 0.16, 0.07), (0.0, 0.0, 0.006))
 
 
 def poses(what: Scene) -> np.ndarray:
@@ -118,27 +103,24 @@ def poses(what: Scene) -> np.ndarray:
 
 def _touched(scene: bpy.types.Scene, what: Scene) -> None:
     data = {
-        "ball": lambda: demo_skin.sphere(BALL),
-        "edge": lambda: demo_skin.ridge(0.03, 12e-3, 0.5 * math.pi, 0.5e-3),
-        "rod": lambda: rod(ROD, 0.034),
-        "plate": lambda: demo_skin.block(0.05, 0.05, 6e-3),
-        "cup": lambda: cup(CUP, RIM, 0.03),
+        "ball": lambda: demo_shapes.sphere(BALL),
+        "edge": lambda: demo_shapes.ridge(0.03, 12e-3, 0.5 * math.pi, 0.5e-3),
+        "rod": lambda: demo_shapes.rod(ROD, 0.034),
+        "plate": lambda: demo_shapes.block(0.05, 0.05, 6e-3),
+        "cup": lambda: demo_shapes.cup(CUP, RIM, 0.03),
     }[what.thing]()
     place = {"ball": (0.0, 0.0, -BALL)}.get(what.thing, (0.0, 0.0, 0.0))
-    colour = demo_skin.ROSE if what.soft else demo_skin.STEEL
-    obj = demo_skin._link(scene, what.title, data, place, colour)
-    demo_skin._touchable(obj, 0.6, soft=what.soft)
-    finger = _finger(scene, "Index")
-    _key(finger, poses(what))
+    colour = demo_stage.ROSE if what.soft else demo_stage.STEEL
+    demo_stage.touchable(demo_stage.add(scene, what.title, data, place, colour), 0.6, what.soft)
+    _key(_finger(scene, "Index"), poses(what))
 
 
 def _held(scene: bpy.types.Scene) -> None:
     """Two fingers take a block from both sides, their pads upright, and shake it along its height."""
     half, t = 0.5 * BLOCK, np.linspace(0.0, 1.0, LAST)
-    data = demo_skin.block(BLOCK, 0.03, 0.03)
+    data = demo_shapes.block(BLOCK, 0.03, 0.03)
     data.transform(Matrix.Translation((0.0, 0.0, 0.015)))
-    block = demo_skin._link(scene, "Block", data, (0.0, 0.0, 0.0), demo_skin.BLUE)
-    demo_skin._touchable(block, 0.8)
+    block = demo_stage.touchable(demo_stage.add(scene, "Block", data, colour=demo_stage.BLUE), 0.8)
     block.dermis.material.mass, block.dermis.material.held_mode = 0.03, "keyed"
     # held from when both fingers have a grip until they let go
     compat.set_keys(block, "dermis.material.held", 0, [1, HELD[0], HELD[1]], [0.0, 1.0, 0.0], interpolation="CONSTANT")
@@ -156,8 +138,7 @@ def _held(scene: bpy.types.Scene) -> None:
 
 
 def _finger(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
-    obj = demo_skin._finger(scene, name, "index_medium", "draft")
-    obj.dermis.finger.devices.add().preset = DEVICE
+    obj = demo_stage.finger_with_skin(scene, name, DEVICE, preset="index_medium", level="draft")
     obj.rotation_mode = "XYZ"
     return obj
 
@@ -175,46 +156,6 @@ def _key(obj: bpy.types.Object, way: np.ndarray) -> None:
                 compat.set_keys(obj, path, axis, frames, values.tolist(), interpolation="BEZIER")
             else:
                 getattr(obj, path)[axis] = float(values[0])
-
-
-def rod(radius: float, length: float, segments: int = 96) -> bpy.types.Mesh:
-    """Return a closed round rod along X whose top is the origin [m]."""
-    angle = np.arange(segments) * (2 * math.pi / segments)
-    circle = np.stack([radius * np.sin(angle), radius * (np.cos(angle) - 1.0)], axis=1)
-    ends = [np.column_stack([np.full(segments, x), circle]) for x in (-0.5 * length, 0.5 * length)]
-    n = segments
-    faces: list[tuple[int, ...]] = [(i + n, (i + 1) % n + n, (i + 1) % n, i) for i in range(n)]
-    faces += [tuple(range(n)), tuple(range(2 * n - 1, n - 1, -1))]
-    return _mesh("Rod", np.vstack(ends), faces)
-
-
-def cup(radius: float, rounding: float, height: float, segments: int = 192) -> bpy.types.Mesh:
-    """Return a cup whose rim touches the origin from below and curves away along X; its middle lies at -Y [m]."""
-    arc = np.linspace(0.0, math.pi, 17)
-    wall = np.stack([radius + rounding * np.cos(arc), rounding * (np.sin(arc) - 1.0)], axis=1)
-    profile = np.vstack([[radius + rounding, -height], wall, [radius - rounding, -height]])
-    angle = np.arange(segments) * (2 * math.pi / segments)
-    k = len(profile)
-    points = np.stack(
-        [
-            np.outer(np.cos(angle), profile[:, 0]),
-            np.outer(np.sin(angle), profile[:, 0]) - radius,
-            np.tile(profile[:, 1], (segments, 1)),
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
-    faces: list[tuple[int, ...]] = []
-    for s in range(segments):
-        a, b = s * k, (s + 1) % segments * k
-        faces += [(a + i, b + i, b + (i + 1) % k, a + (i + 1) % k) for i in range(k)]
-    return _mesh("Cup", points, faces)
-
-
-def _mesh(name: str, points: np.ndarray, faces: list[tuple[int, ...]]) -> bpy.types.Mesh:
-    data: Any = bpy.data.meshes.new(name)
-    data.from_pydata(points.tolist(), [], faces)
-    data.update()
-    return data
 
 
 def _smooth(at: np.ndarray, keys: Keys) -> np.ndarray:

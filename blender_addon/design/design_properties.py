@@ -10,13 +10,13 @@ from bpy.props import CollectionProperty, EnumProperty, FloatProperty, IntProper
 
 from .. import choices
 from ..compat import BLEND_RELATIVE
-from ..devices import platform_devices
+from ..devices import active_presets
+from ..registration import registration
 from . import design_results
 
 
 def _platforms(_self: Any, _context: Any, text: str) -> list[str]:
-    found = [e for e in choices.devices() if choices.kind_of(e.key) in platform_devices.kinds()]
-    return [e.key for e in found if text.lower() in f"{e.key} {e.name}".lower()]
+    return [k for k in choices.search("devices", text) if choices.kind_of(k) in active_presets.kinds("platform")]
 
 
 class DermisDesignTouch(bpy.types.PropertyGroup):
@@ -94,19 +94,8 @@ class DermisDesign(bpy.types.PropertyGroup):
     )
 
 
-CLASSES: tuple[type, ...] = (DermisDesignTouch, DermisDesign)
-
-
-def register() -> None:
-    """Register the groups and hang them on scenes."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-    bpy.types.Scene.dermis_design = PointerProperty(type=DermisDesign, name="How Many Motors?")
-
-
-def unregister() -> None:
-    """Undo `register`, and forget what was found."""
-    design_results.forget()
-    del bpy.types.Scene.dermis_design
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = registration(
+    (DermisDesignTouch, DermisDesign),
+    (bpy.types.Scene, "dermis_design", PointerProperty(type=DermisDesign, name="How Many Motors?")),
+    forget=design_results.forget,
+)

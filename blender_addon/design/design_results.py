@@ -12,9 +12,8 @@ import bpy
 
 from .. import choices
 from .._core import DermisError, core
-from ..devices import platform_devices, skin_models
+from ..devices import active_presets, platform_devices, skin_models
 from ..preferences import library, presets_folder, user_folder
-from ..properties import skin_properties
 from ..results import store
 
 IMAGE = "Dermis: How Many Motors?"
@@ -50,7 +49,7 @@ def find(scene: bpy.types.Scene) -> Generator[Any, None, Any]:
     """
     settings = scene.dermis_design
     task, progress = core.design.task, core.pipeline.render.Progress
-    spec = platform_devices.spec_of(settings.device)
+    spec = active_presets.spec_of(settings.device, "platform")
     if spec is None:
         raise DermisError(
             "not a platform's preset",
@@ -111,14 +110,14 @@ def make_preset(scene: bpy.types.Scene, found: Any) -> str:
     Raises:
         DermisError: more motors than the device has, or a folder that cannot be written.
     """
-    report, settings = core.design.report, scene.dermis_design
-    made = report.preset(found, settings.choice, settings.motors or None)
+    coupled_preset, settings = core.design.coupled_preset, scene.dermis_design
+    made = coupled_preset.preset(found, settings.choice, settings.motors or None)
     count = len(made["channels"])
     names = "_".join(re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") for name in found.names)[:40].strip("_")
     key = f"{found.spec.key}_{count}_motor{'s' if count > 1 else ''}_{names}"
-    report.write_preset(made, presets_folder() / "devices" / f"{key}.json")
+    coupled_preset.write_preset(made, presets_folder() / "devices" / f"{key}.json")
     library().device(key)  # what cannot be read again must be told now
-    platform_devices.forget()
+    active_presets.forget()
     choices.refresh()
     return key
 
@@ -180,8 +179,7 @@ def _baked(scene: bpy.types.Scene, settings: Any, number: int) -> tuple[dict[str
         obj = scene.objects.get(name)
         if obj is None:
             raise DermisError("the finger is gone", where=where, value=name, remedy="Bake again")
-        values = skin_properties.parameters(obj.dermis.finger.skin)
-        kept = {"skin": values["skin"], "level": values["skin_level"]}
+        kept = store.skin_of(obj)
     sensed = core.design.task.sense_touch(skins[name], noise=settings.noise, seed=number)
     title = scene.name.split(":")[-1].strip()
     return {"skin": dict(kept["skin"]), "level": str(kept["level"])}, {title: sensed}

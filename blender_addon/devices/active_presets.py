@@ -1,9 +1,8 @@
-"""Which device of a kind a finger wears; a preset is read once after each edit, however often a panel asks."""
+"""Which device of a family a finger wears; a preset is read once after each edit, however often a panel asks."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from typing import Any
+from typing import Any, Literal, get_args
 
 import bpy
 
@@ -11,11 +10,19 @@ from .. import changes
 from .._core import DermisError, core
 from ..preferences import library
 
+Family = Literal["pins", "thimble", "platform"]
+FAMILIES: tuple[Family, ...] = get_args(Family)
+
 _specs: core.recent.Recent[tuple[str, int], core.devices.spec.DeviceSpec | None] = core.recent.Recent(16)
 
 
-def spec_of(preset: str, kinds: Collection[str]) -> core.devices.spec.DeviceSpec | None:
-    """Return a preset of one of these kinds; None for others and for presets that cannot be read."""
+def kinds(family: Family) -> tuple[str, ...]:
+    """Return the kinds of device of a family: their rows say how they are drawn."""
+    return tuple(name for name, kind in core.devices.kinds.KINDS.items() if kind.drawn == family)
+
+
+def spec_of(preset: str, family: Family) -> core.devices.spec.DeviceSpec | None:
+    """Return a preset of a family; None for others and for presets that cannot be read."""
 
     def read() -> core.devices.spec.DeviceSpec | None:
         try:
@@ -24,13 +31,13 @@ def spec_of(preset: str, kinds: Collection[str]) -> core.devices.spec.DeviceSpec
             return None
 
     spec = _specs.make((preset, changes.edits()), read)
-    return spec if spec is not None and spec.kind in kinds else None
+    return spec if spec is not None and spec.kind in kinds(family) else None
 
 
-def device_of(obj: bpy.types.Object, kinds: Collection[str]) -> Any | None:
-    """Return the settings of the finger's first device of one of these kinds that is switched on, or None."""
+def device_of(obj: bpy.types.Object, family: Family) -> Any | None:
+    """Return the settings of the finger's first device of a family that is switched on, or None."""
     for device in obj.dermis.finger.devices:
-        if device.enabled and spec_of(device.preset, kinds) is not None:
+        if device.enabled and spec_of(device.preset, family) is not None:
             return device
     return None
 

@@ -1,4 +1,4 @@
-"""Which platform a finger wears, and its look-up table: whether it is at hand, and how it is made.
+"""The look-up table of a finger's platform: whether it is at hand, and how it is made.
 
 A table says what a device does to one finger's skin. It is swept once for a mechanism, a size of finger and a number of
 configurations, by child processes, and kept with the skin.
@@ -21,35 +21,20 @@ from . import active_presets, skin_models
 WORKERS = max(1, min(2, (os.cpu_count() or 2) - 1))
 
 
-def kinds() -> tuple[str, ...]:
-    """Return the kinds of device that a look-up table drives."""
-    return tuple(name for name, kind in core.devices.kinds.KINDS.items() if kind.platform)
-
-
-def device_of(obj: bpy.types.Object) -> Any | None:
-    """Return the settings of the finger's first platform that is switched on, or None."""
-    return active_presets.device_of(obj, kinds())
-
-
-def spec_of(preset: str) -> core.devices.spec.DeviceSpec | None:
-    """Return a platform's preset; None for other devices and for presets that cannot be read."""
-    return active_presets.spec_of(preset, kinds())
-
-
 def absolute(values: dict[str, Any]) -> dict[str, Any]:
     """Return a device's values with the path of its table for a process that knows no .blend."""
     table = values.get("table", "")
     return {**values, "table": bpy.path.abspath(table)} if table else values
 
 
-def model_of(obj: bpy.types.Object, *, wait: bool = False) -> core.skin.model.SkinModel | None:
+def model_of(obj: bpy.types.Object) -> core.skin.model.SkinModel | None:
     """Return a finger's skin; None while it is being made.
 
     Raises:
         DermisError: a size that leaves no room for tissue.
     """
     skin = skin_properties.parameters(obj.dermis.finger.skin)
-    return skin_models.get(skin["skin"], skin["skin_level"], where=f"finger '{obj.name}', skin", wait=wait)
+    return skin_models.get(skin["skin"], skin["skin_level"], where=f"finger '{obj.name}', skin")
 
 
 def table(obj: bpy.types.Object, device: Any) -> core.matching.table.SkinTable | None:
@@ -58,7 +43,7 @@ def table(obj: bpy.types.Object, device: Any) -> core.matching.table.SkinTable |
     Raises:
         DermisError: a file that cannot be read, a table of another device, or a skin that cannot be made.
     """
-    spec, model = spec_of(device.preset), model_of(obj)
+    spec, model = active_presets.spec_of(device.preset, "platform"), model_of(obj)
     if spec is None or model is None:
         return None
     path = bpy.path.abspath(device.table) if device.table else ""
@@ -67,17 +52,17 @@ def table(obj: bpy.types.Object, device: Any) -> core.matching.table.SkinTable |
 
 
 def missing(obj: bpy.types.Object, device: Any) -> bool:
-    """Tell whether a platform waits for its table; one that cannot be read is not missing: rendering says why."""
+    """Return whether a platform waits for its table; one that cannot be read is not missing: rendering says why."""
     try:
-        return spec_of(device.preset) is not None and table(obj, device) is None
+        return active_presets.spec_of(device.preset, "platform") is not None and table(obj, device) is None
     except DermisError:
         return False
 
 
 def waits(finger: str, preset: str) -> bool:
-    """Tell whether a finger's platform cannot be shown while scrubbing, because its table must be made first."""
+    """Return whether a finger's platform cannot be shown while scrubbing, because its table must be made first."""
     obj = bpy.context.scene.objects.get(finger)
-    devices = obj.dermis.finger.devices if obj is not None and spec_of(preset) is not None else ()
+    devices = obj.dermis.finger.devices if obj is not None else ()
     return any(d.preset == preset and missing(obj, d) for d in devices)
 
 
@@ -89,11 +74,10 @@ def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
     Raises:
         DermisError: no platform, a skin that cannot be made, or a sweep that fails.
     """
-    progress = core.pipeline.render.Progress
-    spec = spec_of(device.preset)
+    spec = active_presets.spec_of(device.preset, "platform")
     if spec is None:
         raise DermisError("the finger wears no platform", where=f"finger '{obj.name}'", remedy="Add one under Devices")
-    yield progress("skin", 0, 1)
+    yield core.pipeline.render.Progress("skin", 0, 1)
     skin, rows = skin_properties.parameters(obj.dermis.finger.skin), int(device.table_rows)
     steps = swept(spec, skin["skin"], skin["skin_level"], rows)
     model, made = yield from steps
@@ -121,7 +105,6 @@ def swept(spec: Any, skin: dict[str, Any], level: str, rows: int | None) -> Gene
     Raises:
         DermisError: a skin that cannot be made, or a sweep that fails.
     """
-    progress = core.pipeline.render.Progress
     with skin_models.one_thread():
         model = skin_models.get(skin, level, wait=True)
     material = {k: float(v) for k, v in skin.items() if k in ("young", "poisson", "alpha")}
@@ -137,14 +120,9 @@ def swept(spec: Any, skin: dict[str, Any], level: str, rows: int | None) -> Gene
                     done, total = next(steps)
             except StopIteration as stop:
                 return model, stop.value
-            yield progress("table", done, total)
+            yield core.pipeline.render.Progress("table", done, total)
 
 
 def folder() -> Path:
     """Return where parts of unfinished tables are kept."""
     return user_folder("collection", create=True)
-
-
-def forget() -> None:
-    """Read presets anew."""
-    active_presets.forget()

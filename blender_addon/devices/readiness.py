@@ -8,32 +8,30 @@ from typing import Any, NamedTuple
 import bpy
 
 from .. import changes
-from .._core import DermisError
-from . import active_presets, pin_devices, platform_devices, thimble_adaptation, thimble_devices
+from .._core import DermisError, core
+from . import active_presets, platform_devices, thimble_adaptation
 
-KINDS = ("pins", "thimble", "platform")
-Worn = Mapping[str, Mapping[str, int]]
+ActiveDevices = Mapping[str, Mapping[str, int]]
 
 
 class Ready(NamedTuple):
     """What is at hand: figures of the adaptation or the table, None for nothing; or in words why it cannot be used."""
 
-    found: Any = None
+    figures: Any = None
     trouble: str = ""
 
 
-_worn: tuple[tuple[int, int], Worn] = ((-1, -1), {})  # the scene and the edits that it was looked up for
-_kept: tuple[tuple[int, int], Mapping[str, Ready]] = ((-1, -1), {})  # the finger and the edits
+_active: core.recent.Recent[tuple[int, int], ActiveDevices] = core.recent.Recent(4)  # by scene and edits
+_ready: core.recent.Recent[tuple[int, int], Mapping[str, Ready]] = core.recent.Recent(1)  # by finger and edits
 
 
-def worn(scene: bpy.types.Scene) -> Worn:
-    """Return for each finger's name and each of `KINDS` which of its devices is the one that counts."""
-    global _worn
-    key = (scene.session_uid, changes.edits())
-    if _worn[0] != key:
-        found = {o.name: _devices(o.dermis.finger.devices) for o in scene.objects if o.dermis.role == "FINGER"}
-        _worn = (key, found)
-    return _worn[1]
+def active_devices(scene: bpy.types.Scene) -> ActiveDevices:
+    """Return for each finger's name and each family which of its devices is the one that counts."""
+
+    def look_up() -> ActiveDevices:
+        return {o.name: _devices(o.dermis.finger.devices) for o in scene.objects if o.dermis.role == "FINGER"}
+
+    return _active.make((scene.session_uid, changes.edits()), look_up)
 
 
 def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
@@ -41,39 +39,36 @@ def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
 
     What the finger does not wear is left out, and everything while its skin is being made.
     """
-    global _kept
     key = (obj.session_uid, changes.edits())
-    if _kept[0] == key:
-        return _kept[1]
+    if key in _ready:
+        return _ready[key]
     found: dict[str, Ready] = {}
-    thimble, platform = thimble_devices.device_of(obj), platform_devices.device_of(obj)
+    thimble, platform = active_presets.device_of(obj, "thimble"), active_presets.device_of(obj, "platform")
     try:
         model = platform_devices.model_of(obj) if thimble is not None or platform is not None else None
     except DermisError as error:
-        return {kind: Ready(trouble=str(error)) for kind in KINDS}
+        return {kind: Ready(trouble=str(error)) for kind in active_presets.FAMILIES}
     if model is not None and thimble is not None:
         found["thimble"] = _looked_up(thimble_adaptation.status, thimble, model)
     if model is not None and platform is not None:
         found["platform"] = _looked_up(platform_devices.table, obj, platform)
     if model is not None:
-        _kept = (key, found)
+        _ready.make(key, lambda: found)
     return found
 
 
 def forget() -> None:
     """Look everything up anew."""
-    global _worn, _kept
-    _worn, _kept = ((-1, -1), {}), ((-1, -1), {})
+    _active.clear()
+    _ready.clear()
 
 
 def _devices(devices: Any) -> dict[str, int]:
     found: dict[str, int] = {}
     for i, device in enumerate(devices):
-        for name, kinds in zip(
-            KINDS, (pin_devices.KINDS, thimble_devices.KINDS, platform_devices.kinds()), strict=True
-        ):
-            if device.enabled and name not in found and active_presets.spec_of(device.preset, kinds) is not None:
-                found[name] = i
+        for family in active_presets.FAMILIES:
+            if device.enabled and family not in found and active_presets.spec_of(device.preset, family) is not None:
+                found[family] = i
     return found
 
 

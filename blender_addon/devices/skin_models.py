@@ -39,8 +39,8 @@ def one_thread() -> AbstractContextManager[Any]:
     return core.skin.blas.one_thread()
 
 
-def wanted(tactile: core.scene.tactile_scene.TactileScene, presets: core.presets.Library) -> bool:
-    """Tell whether a sampled scene's rendering solves skins: because they are shown, or a device is driven by them."""
+def solved_in(tactile: core.scene.tactile_scene.TactileScene, presets: core.presets.Library) -> bool:
+    """Return whether a sampled scene's rendering solves skins: they are shown, or drive a device."""
     if any(f.parameters.get("skin_shown") for f in tactile.fingers):
         return True
     for key in {device.preset for f in tactile.fingers for device in f.devices}:
@@ -79,8 +79,9 @@ def get(
         if level in SLOW and not wait and not bpy.app.background and not _finished(key):
             _begin(key, skin, level)
             return None
-    make = core.skin.model.skin_from_parameters
-    model = _models.make(key, lambda: make(skin, level=level, cache=cache(), where=where))
+    model = _models.make(
+        key, lambda: core.skin.model.skin_from_parameters(skin, level=level, cache=cache(), where=where)
+    )
     young, alpha = float(skin.get("young", model.material.young)), float(skin.get("alpha", model.material.alpha))
     if (young, alpha) != (model.material.young, model.material.alpha):
         model = model.with_material(young=young, alpha=alpha)

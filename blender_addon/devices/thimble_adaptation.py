@@ -10,10 +10,10 @@ import bpy
 
 from .._core import DermisError, core
 from ..properties import skin_properties
-from . import skin_models, thimble_devices
+from . import active_presets, skin_models, thimble_devices
 
 MOVING = 600  # of the thousand steps that the engine tells; then it trains
-_told: dict[Path, tuple[float, dict[str, Any]]] = {}
+_told: core.recent.Recent[tuple[Path, float], dict[str, Any]] = core.recent.Recent(8)
 
 
 def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, Any]]:
@@ -27,11 +27,10 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
     Raises:
         DermisError: no thimble, a preset or skin that cannot be used, or what the child process says.
     """
-    device = thimble_devices.device_of(obj)
-    spec = thimble_devices.spec_of(device.preset) if device is not None else None
+    device = active_presets.device_of(obj, "thimble")
+    spec = active_presets.spec_of(device.preset, "thimble") if device is not None else None
     if device is None or spec is None:
         raise DermisError("the finger wears no thimble", where=f"finger '{obj.name}'", remedy="Add one under Devices")
-    progress = core.pipeline.render.Progress
     skin = skin_properties.parameters(obj.dermis.finger.skin)
     use = {k: v for k, v in thimble_devices.parameters_of(device).items() if k.startswith("thimble_")}
     folder = thimble_devices.folder(create=True)
@@ -45,17 +44,19 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
         **less,
     }
     where = f"finger '{obj.name}', skin"
-    yield progress("starting", 0, 1)
+    yield core.pipeline.render.Progress("starting", 0, 1)
     with skin_models.one_thread():
         model = skin_models.get(skin["skin"], skin["skin_level"], where=where, wait=True)
-        uses = core.matching.thimble_use
-        target = core.surrogate.store.place_of(folder, model, *uses.fitted(spec, model, use))
+        mechanism = core.matching.thimble_use.calibrated_mechanism(spec, model, use)
+        target = core.surrogate.store.place_of(folder, model, *mechanism)
     older, done = target.is_file(), False
     try:
         with core.work.processes.ProcessExecutor() as executor:
             job = executor.submit("adapt", {}, parameters)
             for now, total in job.follow():
-                yield progress("moving the disc" if now < MOVING else "learning", now, max(total, 1))
+                yield core.pipeline.render.Progress(
+                    "moving the disc" if now < MOVING else "learning", now, max(total, 1)
+                )
             made, done = dict(job.result()), True
             return made
     finally:
@@ -72,19 +73,16 @@ def status(device: Any, model: Any) -> dict[str, Any] | None:
     path = thimble_devices.adapted(device, model)
     if path is None:
         return None
-    changed = path.stat().st_mtime
-    known = _told.get(path)
-    if known is None or known[0] != changed:
-        npz = core.npz
-        foreign = core.foreign
-        try:
-            with npz.opened_npz(path) as archive:
-                meta = foreign.json_of(archive.array("meta").tobytes(), str(path))
-        except DermisError:  # the bake says what is wrong
-            meta = {}
-        meta = meta if isinstance(meta, dict) else {}
-        known = _told[path] = (changed, meta)
-    return known[1]
+    return _told.make((path, path.stat().st_mtime), lambda: _meta(path))
+
+
+def _meta(path: Path) -> dict[str, Any]:
+    try:
+        with core.npz.opened_npz(path) as archive:
+            meta = core.foreign.json_of(archive.array("meta").tobytes(), str(path))
+    except DermisError:  # the bake says what is wrong
+        return {}
+    return meta if isinstance(meta, dict) else {}
 
 
 def _remove(folder: Path, stem: str, *, whole: bool) -> None:

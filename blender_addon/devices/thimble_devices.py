@@ -1,4 +1,4 @@
-"""Which thimble a finger wears and how it is used: from the artist's settings to the engine's `ThimbleUse`."""
+"""How a thimble is used: from the artist's settings to the engine's `ThimbleUse`."""
 
 from __future__ import annotations
 
@@ -10,11 +10,9 @@ import bpy
 
 from .._core import DermisError, core
 from ..preferences import user_folder
-from ..properties import scene_properties
+from ..properties import object_properties
 from . import active_presets, skin_models
 
-KINDS = ("thimble",)
-LEARNED = ("network", "ridge")
 _uses: core.recent.Recent[str, Any] = core.recent.Recent(8)
 
 
@@ -23,32 +21,22 @@ def folder(*, create: bool = False) -> Path:
     return user_folder("surrogates", create=create)
 
 
-def device_of(obj: bpy.types.Object) -> Any | None:
-    """Return the settings of the finger's first thimble that is switched on, or None."""
-    return active_presets.device_of(obj, KINDS)
-
-
-def spec_of(preset: str) -> core.devices.spec.DeviceSpec | None:
-    """Return a thimble's preset; None for other devices and for presets that cannot be read."""
-    return active_presets.spec_of(preset, KINDS)
-
-
 def parameters_of(device: Any) -> dict[str, Any]:
     """Return a device's values for the engine; learned methods look for their files where adaptations are kept."""
-    values = scene_properties.parameters(device)
-    if values["thimble_method"] in LEARNED:
+    values = object_properties.parameters(device)
+    if values["thimble_method"] in core.matching.thimble_use.LEARNED:
         given = values["thimble_surrogate"]
         values["thimble_surrogate"] = bpy.path.abspath(given) if given else str(folder())
     return values
 
 
-def used(device: Any, model: Any) -> Any:
+def prepared(device: Any, model: Any) -> Any:
     """Return how a thimble is used on a skin.
 
     Raises:
         DermisError: a preset or settings that cannot be used.
     """
-    spec = spec_of(device.preset)
+    spec = active_presets.spec_of(device.preset, "thimble")
     if spec is None:
         raise DermisError("no such thimble", where="thimble", value=device.preset)
     values = {k: v for k, v in parameters_of(device).items() if k.startswith("thimble_")}
@@ -63,13 +51,13 @@ def adapted(device: Any, model: Any) -> Path | None:
     Raises:
         DermisError: a preset or settings that cannot be used.
     """
-    module, spec = core.matching.thimble_use, spec_of(device.preset)
+    module, spec = core.matching.thimble_use, active_presets.spec_of(device.preset, "thimble")
     if spec is None:
         return None
-    fitted, friction = module.fitted(spec, model, scene_properties.parameters(device))
+    calibrated, friction = module.calibrated_mechanism(spec, model, object_properties.parameters(device))
     given = device.thimble_surrogate
     values = {"thimble_surrogate": bpy.path.abspath(given) if given else str(folder(create=True))}
-    path: Path = module.surrogate_path(values, model, fitted, friction)
+    path: Path = module.surrogate_path(values, model, calibrated, friction)
     tables = path.with_suffix(".npz")
     return tables if tables.is_file() and path.with_suffix(".onnx").is_file() else None
 

@@ -1,42 +1,23 @@
 # mypy: disable-error-code="valid-type"
-"""Add > Dermis: a finger, a touch screen, the demo scene."""
-
-from collections.abc import Callable
+"""Add > Dermis: a finger, a touch screen."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 from mathutils import Euler, Matrix
 
-from .. import choices
 from ..demos import demo_scene
 from ..fingertip_mesh import mesh
 from ..polls import needs
 from ..properties import scene_properties
 from ..quantities import metres_per_unit
-
-
-def open_scene(
-    operator: bpy.types.Operator, scene: bpy.types.Scene, look: Callable[[bpy.types.Context], None], next_step: str
-) -> set[str]:
-    """Show a scene that was just built in the window, look at it and say what to do next."""
-    context = bpy.context
-    if context.window is None:
-        operator.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")
-        return {"FINISHED"}
-    context.window.scene = scene
-    look(context)
-    operator.report({"INFO"}, next_step)
-    return {"FINISHED"}
+from .work import select_only
 
 
 def _place(context: bpy.types.Context, obj: bpy.types.Object) -> None:
     """Link an object at the cursor and make it the only selected one."""
     context.collection.objects.link(obj)
     obj.matrix_world = Matrix.LocRotScale(context.scene.cursor.location, Euler((0.0, 0.0, 0.0)), None)
-    for other in context.selected_objects:
-        other.select_set(False)
-    obj.select_set(True)
-    context.view_layer.objects.active = obj
+    select_only(context, obj)
     scene_properties.stamp(context.scene)
 
 
@@ -102,18 +83,4 @@ class DERMIS_OT_add_screen(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class DERMIS_OT_demo_scene(bpy.types.Operator):
-    """Open an example in a scene of its own: fingers stroke a plate, lift a box and feel a touch screen"""
-
-    bl_idname = "dermis.demo_scene"
-    bl_label = "Demo Scene"
-    bl_options = {"REGISTER", "UNDO"}
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Build it and look at it."""
-        choices.refresh()
-        scene = demo_scene.build(choices.first_of_kind("shear_tactor"), choices.first_of_kind("friction_screen"))
-        return open_scene(self, scene, demo_scene.look, "Play the animation, then press Bake in the Dermis tab")
-
-
-CLASSES: tuple[type, ...] = (DERMIS_OT_add_finger, DERMIS_OT_add_screen, DERMIS_OT_demo_scene)
+CLASSES: tuple[type, ...] = (DERMIS_OT_add_finger, DERMIS_OT_add_screen)

@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from .. import choices, jobs, reporting
+from .. import baking, choices, jobs, reporting
 from ..polls import needs
 from ..preferences import library
 from ..preview import device_preview
@@ -23,7 +23,7 @@ class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
     def steps(self, context: bpy.types.Context) -> Any:
         """Return sampling and rendering as one generator."""
         choices.refresh()  # the list of devices shall say what this bake sees
-        return jobs.bake(context.scene, library())
+        return baking.bake(context.scene, library())
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Keep the result in memory and outside the .blend; say what it is worth."""

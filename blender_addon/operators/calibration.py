@@ -12,7 +12,8 @@ from .. import reporting
 from .._core import DermisError
 from ..preferences import user_folder
 from ..streaming import board_identity, built_devices, calibration_offers, device_calibration, session
-from .stream import File, Streaming
+from .stream import Streaming
+from .work import File
 
 
 class DERMIS_OT_stream_calibrate(Streaming, bpy.types.Operator):
@@ -147,7 +148,11 @@ class DERMIS_OT_calibration_folder(Streaming, bpy.types.Operator):
         return None
 
 
-class DERMIS_OT_calibration_save(File, bpy.types.Operator):
+class _CalibrationFile(Streaming, File):
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+
+
+class DERMIS_OT_calibration_save(_CalibrationFile, bpy.types.Operator):
     """Write zero, gain and limits to a file for another computer"""
 
     bl_idname = "dermis.calibration_save"
@@ -156,15 +161,13 @@ class DERMIS_OT_calibration_save(File, bpy.types.Operator):
     def work(self, context: bpy.types.Context) -> str | None:
         """Write the file."""
         path = self.path()
-        if not path.name:
-            raise DermisError("no name for the file", value=self.filepath)
         if path.suffix.lower() != ".json":  # appended: what follows the last dot of a name may be a part of it
             path = path.with_name(f"{path.name}.json")
         device_calibration.export(context.scene, path)
         return f"Wrote {path}"
 
 
-class DERMIS_OT_calibration_load(File, bpy.types.Operator):
+class DERMIS_OT_calibration_load(_CalibrationFile, bpy.types.Operator):
     """Read zero, gain and limits from a file; save them as those of the device afterwards"""
 
     bl_idname = "dermis.calibration_load"

@@ -1,29 +1,23 @@
 # mypy: disable-error-code="valid-type"
-"""Platforms and 'How many motors?': tables, touches, the answer, its picture and preset, the example scenes."""
+"""Platforms and 'How many motors?': tables, touches, the answer, its picture and preset."""
 
-from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import EnumProperty, IntProperty, StringProperty
+from bpy.props import EnumProperty, StringProperty
 
-from .. import changes, choices, jobs, reporting
-from .._core import DermisError
-from ..demos import demo_motors, demo_skin
+from .. import changes, jobs, reporting
 from ..design import design_results
 from ..devices import platform_devices
 from ..polls import needs
 from ..preview import device_preview, platform_preview
 from ..results import store
-from .add import open_scene
+from .work import File, Folder, Work, active_device, counted
 
 
-def _worn(context: bpy.types.Context) -> Any:
-    obj = context.object
-    return platform_devices.device_of(obj) if obj is not None and obj.dermis.role == "FINGER" else None
-
-
-@needs(lambda context: _worn(context) is not None, "Select a finger with a cable platform or a six-leg platform")
+@needs(
+    lambda context: active_device(context, "platform"), "Select a finger with a cable platform or a six-leg platform"
+)
 class DERMIS_OT_make_table(jobs.Job, bpy.types.Operator):
     """Sweep this finger's platform in simulation, so that touches can be looked up while you scrub; Esc cancels, and
     what was swept is kept"""
@@ -35,7 +29,7 @@ class DERMIS_OT_make_table(jobs.Job, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the sweep."""
-        return platform_devices.make(context.object, _worn(context))
+        return platform_devices.make(context.object, active_device(context, "platform"))
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Say how large it is."""
@@ -47,7 +41,7 @@ class DERMIS_OT_make_table(jobs.Job, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class DERMIS_OT_add_design_touch(bpy.types.Operator):
+class DERMIS_OT_add_design_touch(File, bpy.types.Operator):
     """Add a touch that the motors shall render: this scene, or a recording"""
 
     bl_idname = "dermis.add_design_touch"
@@ -62,17 +56,13 @@ class DERMIS_OT_add_design_touch(bpy.types.Operator):
             ("FILE", "Recording", "A CSV of a 20-channel sensor"),
         ),
     )
-    filepath: StringProperty(name="File", subtype="FILE_PATH")
     filter_glob: StringProperty(default="*.csv", options={"HIDDEN"})
 
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask for the file of a recording."""
-        if self.kind == "FILE":
-            context.window_manager.fileselect_add(self)
-            return {"RUNNING_MODAL"}
-        return self.execute(context)
+        return super().invoke(context, event) if self.kind == "FILE" else self.execute(context)
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def work(self, context: bpy.types.Context) -> str | None:
         """Add it."""
         settings = context.scene.dermis_design
         if self.kind == "FILE":
@@ -84,7 +74,7 @@ class DERMIS_OT_add_design_touch(bpy.types.Operator):
                 if scene not in known:
                     settings.touches.add().scene = scene
         settings.active_touch = max(len(settings.touches) - 1, 0)
-        return {"FINISHED"}
+        return None
 
 
 @needs(lambda context: context.scene.dermis_design.touches)
@@ -129,26 +119,21 @@ class DERMIS_OT_design(jobs.Job, bpy.types.Operator):
 
 
 @needs(lambda context: design_results.current(context.scene) is not None)
-class DERMIS_OT_design_preset(bpy.types.Operator):
+class DERMIS_OT_design_preset(Work, bpy.types.Operator):
     """Write the device preset anew, for other components or another number of motors"""
 
     bl_idname = "dermis.design_preset"
     bl_label = "Write Preset"
     bl_options = {"REGISTER"}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def work(self, context: bpy.types.Context) -> str | None:
         """Write it."""
-        answer = design_results.current(context.scene)
-        if answer is None:
-            return {"CANCELLED"}
-        try:
-            key = design_results.make_preset(context.scene, answer.design)
-        except DermisError as error:
-            return reporting.report_error(self, error, self.bl_label)
+        answer: Any = design_results.current(context.scene)
+        key = design_results.make_preset(context.scene, answer.design)
         design_results.keep(context.scene, answer.design, key)
         findings = design_results.preset_findings(key)
         reporting.report_findings(self, findings, self.bl_label, f"New device preset: {key}")
-        return {"FINISHED"}
+        return None
 
 
 @needs(lambda _context: design_results.IMAGE in bpy.data.images)
@@ -174,46 +159,15 @@ class DERMIS_OT_show_design(bpy.types.Operator):
 
 
 @needs(lambda context: design_results.current(context.scene) is not None)
-class DERMIS_OT_save_design(bpy.types.Operator):
+class DERMIS_OT_save_design(Folder, bpy.types.Operator):
     """Write the report as text, JSON and PNG, and the preset, into a folder"""
 
     bl_idname = "dermis.save_design"
     bl_label = "Save Report"
 
-    directory: StringProperty(name="Folder", subtype="DIR_PATH")
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Ask for the folder."""
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def work(self, context: bpy.types.Context) -> str | None:
         """Write the files."""
-        try:
-            written = design_results.save(context.scene, Path(bpy.path.abspath(self.directory)))
-        except DermisError as error:
-            return reporting.report_error(self, error, self.bl_label)
-        self.report({"INFO"}, f"Wrote {len(written)} files to {self.directory}")
-        return {"FINISHED"}
-
-
-class DERMIS_OT_demo_motors_scene(bpy.types.Operator):
-    """Open one of the paper's six interactions in a scene of its own: a flat surface, moved by a hand that wobbles,
-    touches the finger three times"""
-
-    bl_idname = "dermis.demo_motors_scene"
-    bl_label = "Demo Interaction"
-    bl_options = {"REGISTER", "UNDO"}
-
-    touch: EnumProperty(name="Touch", items=tuple((k, title, "") for k, title in demo_motors.TITLES.items()))
-    device: StringProperty(name="Device", description="Device preset", default=demo_motors.DEVICE)
-    seed: IntProperty(name="Seed", description="Of the hand's wobble", default=0, min=0, soft_max=100)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Build it and look at it."""
-        choices.refresh()
-        scene = demo_motors.build(self.touch, self.device, self.seed)
-        return open_scene(self, scene, demo_skin.look, "Bake in the Dermis tab, then ask How Many Motors? there")
+        return f"Wrote {counted(len(design_results.save(context.scene, self.folder())))} to {self.directory}"
 
 
 CLASSES: tuple[type, ...] = (
@@ -224,5 +178,4 @@ CLASSES: tuple[type, ...] = (
     DERMIS_OT_design_preset,
     DERMIS_OT_show_design,
     DERMIS_OT_save_design,
-    DERMIS_OT_demo_motors_scene,
 )

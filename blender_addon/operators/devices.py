@@ -6,12 +6,12 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from .. import animation_paths, changes, choices, reporting
+from .. import animation_paths, changes, choices
 from .._core import DermisError
 from ..polls import needs
 from ..preferences import library
 from ..properties import scene_properties
-from .roles import Chooser
+from .work import Chooser, Work
 
 
 def _finger(context: bpy.types.Context, name: str) -> Any:
@@ -34,7 +34,7 @@ class DERMIS_OT_choose_device(Chooser, bpy.types.Operator):
         return super().execute(context)
 
 
-class DERMIS_OT_add_device(bpy.types.Operator):
+class DERMIS_OT_add_device(Work, bpy.types.Operator):
     """Put this device on the finger"""
 
     bl_idname = "dermis.add_device"
@@ -44,22 +44,18 @@ class DERMIS_OT_add_device(bpy.types.Operator):
     preset: StringProperty(name="Device", description="Key of a device preset")
     finger: StringProperty(name="Finger", description="Object name; empty for the active object")
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def work(self, context: bpy.types.Context) -> str | None:
         """Add it, if its preset can be used."""
         obj = _finger(context, self.finger)
         if obj is None:
             where = f"object '{self.finger}'" if self.finger else ""
-            error = DermisError("not a finger", where=where, remedy="Select a finger")
-            return reporting.report_error(self, error)
-        try:
-            library().device(self.preset)
-        except DermisError as error:
-            return reporting.report_error(self, error, self.bl_label)
+            raise DermisError("not a finger", where=where, remedy="Select a finger")
+        library().device(self.preset)
         obj.dermis.finger.devices.add().preset = self.preset
         obj.dermis.finger.active_device = len(obj.dermis.finger.devices) - 1
         scene_properties.stamp(context.scene)
         changes.mark_dirty(obj.name)
-        return {"FINISHED"}
+        return None
 
 
 @needs(

@@ -9,6 +9,7 @@ from bpy.props import IntProperty
 from .. import reporting
 from ..preferences import presets_folder
 from ..results import store
+from .work import select_only
 
 
 class DERMIS_OT_go_to_finding(bpy.types.Operator):
@@ -33,10 +34,7 @@ class DERMIS_OT_go_to_finding(bpy.types.Operator):
         named = (context.scene.objects.get(name) for name in re.findall(r"'([^']+)'", finding.where))
         obj = next((o for o in named if o is not None), None)
         if obj is not None and obj.visible_get():
-            for other in context.selected_objects:
-                other.select_set(False)
-            obj.select_set(True)
-            context.view_layer.objects.active = obj
+            select_only(context, obj)
         return {"FINISHED"}
 
 

@@ -1,19 +1,18 @@
 # mypy: disable-error-code="valid-type"
-"""Pin arrays: the press test that gives a person's stiffness, how far each method misses, an example scene."""
+"""Pin arrays: the press test that gives a person's stiffness, how far each method misses."""
 
 from typing import Any
 
 import bpy
 from bpy.props import FloatProperty
 
-from .. import changes, reporting
-from .._core import DermisError, core
-from ..demos import demo_pins, demo_skin
-from ..devices import pin_devices, skin_models
-from ..polls import needs
+from .. import changes
+from .._core import core
+from ..devices import skin_models
+from ..polls import active_finger, needs
 from ..properties import skin_properties
 from ..results import pin_reports
-from .add import open_scene
+from .work import Work, active_device
 
 DEPTHS_MM = (0.5, 1.0, 1.5, 2.0)  # Source: [S1] section IV.D
 
@@ -31,12 +30,8 @@ def _load(depth: float) -> Any:
     )
 
 
-def _is_finger(context: bpy.types.Context) -> bool:
-    return context.object is not None and context.object.dermis.role == "FINGER"
-
-
-@needs(_is_finger, "Select a finger")
-class DERMIS_OT_press_test(bpy.types.Operator):
+@needs(active_finger, "Select a finger")
+class DERMIS_OT_press_test(Work, bpy.types.Operator):
     """Enter the loads of a press test: they give this person's stiffness, the finger's personal factor"""
 
     bl_idname = "dermis.press_test"
@@ -60,76 +55,40 @@ class DERMIS_OT_press_test(bpy.types.Operator):
         for k in range(len(DEPTHS_MM)):
             column.prop(self, f"load_{k + 1}")
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def work(self, context: bpy.types.Context) -> str | None:
         """Fit the factor and give it to the finger."""
         loads = [getattr(self, f"load_{k + 1}") for k in range(len(DEPTHS_MM))]
         read = [(1e-3 * d, f) for d, f in zip(DEPTHS_MM, loads, strict=True) if f != 0.0]
-        calibration = core.matching.press_test
         skin = context.object.dermis.finger.skin
         values = skin_properties.parameters(skin)
-        try:
-            with skin_models.one_thread():
-                model = skin_models.get({**values["skin"], "alpha": 1.0}, values["skin_level"], wait=True)
-                depths = [d for d, _ in read]
-                modelled: Any = calibration.press_loads(model, depths) if depths else []
-            fit = calibration.stiffness_factor(depths, [f for _, f in read], modelled)
-        except DermisError as error:
-            return reporting.report_error(self, error, self.bl_label)
+        with skin_models.one_thread():
+            model = skin_models.get({**values["skin"], "alpha": 1.0}, values["skin_level"], wait=True)
+            depths = [d for d, _ in read]
+            modelled: Any = core.matching.press_test.press_loads(model, depths) if depths else []
+        fit = core.matching.press_test.stiffness_factor(depths, [f for _, f in read], modelled)
         skin.alpha = fit.alpha
         changes.mark_dirty(context.object.name)
         pin_reports.calibrated[context.object.name] = fit
-        low, high = calibration.PAPER_RANGE
+        low, high = core.matching.press_test.PAPER_RANGE
         spread = f" ± {fit.standard_error:.3f}" if fit.standard_error == fit.standard_error else ""
-        self.report({"INFO"}, f"Personal factor {fit.alpha:.3f}{spread} ({low} to {high} among the paper's people)")
-        return {"FINISHED"}
+        return f"Personal factor {fit.alpha:.3f}{spread} ({low} to {high} among the paper's people)"
 
 
-@needs(
-    lambda context: _is_finger(context) and pin_devices.device_of(context.object) is not None,
-    "Select a finger with a pin array",
-)
-class DERMIS_OT_compare_pins(bpy.types.Operator):
+@needs(lambda context: active_device(context, "pins"), "Select a finger with a pin array")
+class DERMIS_OT_compare_pins(Work, bpy.types.Operator):
     """Say how far each matching method would miss for what this finger felt in the last bake"""
 
     bl_idname = "dermis.compare_pins"
     bl_label = "Compare Methods"
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def work(self, context: bpy.types.Context) -> str | None:
         """Compare."""
-        try:
-            reports = pin_reports.compare(context.scene, context.object)
-        except DermisError as error:
-            return reporting.report_error(self, error, self.bl_label)
+        reports = pin_reports.compare(context.scene, context.object)
         print(core.matching.pin_report.table(reports))
         for finding in pin_reports.doubts(context.scene, context.object):
             self.report({"WARNING"}, str(finding).removeprefix("warning: "))
         best = min((r for r in reports if not r.method.endswith("0")), key=lambda r: r.displacement_error)
-        self.report({"INFO"}, f"{best.method} misses least: {1e3 * best.displacement_error:.2f} mm")
-        return {"FINISHED"}
+        return f"{best.method} misses least: {1e3 * best.displacement_error:.2f} mm"
 
 
-class DERMIS_OT_demo_pins_scene(bpy.types.Operator):
-    """Open the paper's experiment in a scene of its own: a plane is pressed into the finger and drawn along"""
-
-    bl_idname = "dermis.demo_pins_scene"
-    bl_label = "Demo Pin Array Scene"
-    bl_options = {"REGISTER", "UNDO"}
-
-    depth: FloatProperty(name="Depth [mm]", description="How deep the plane is pressed", default=2.0, min=0.01, max=4.0)
-    friction: FloatProperty(name="Friction", default=0.6, min=0.0, max=10.0, soft_max=1.0)
-    direction: FloatProperty(
-        name="Direction",
-        description="Of the movement: from the finger's right (0) to its tip (90)",
-        default=0.0,
-        subtype="ANGLE",
-    )
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Build it and look at it."""
-        scene = demo_pins.build(1e-3 * self.depth, self.friction, self.direction)
-        return open_scene(
-            self, scene, demo_skin.look, "Bake in the Dermis tab, then play: pins, target and rendered skin"
-        )
-
-
-CLASSES: tuple[type, ...] = (DERMIS_OT_press_test, DERMIS_OT_compare_pins, DERMIS_OT_demo_pins_scene)
+CLASSES: tuple[type, ...] = (DERMIS_OT_press_test, DERMIS_OT_compare_pins)

@@ -2,36 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from .. import reporting
-from .._core import DermisError, core
+from .._core import core
 from ..layouts import words
 from ..streaming import agreed_paths, board_identity, session
+from .work import Work, counted
 
 
-class Streaming:
-    """Runs a piece of work; what is refused goes to the status bar and the findings."""
+class Streaming(Work):
+    """Work on the live link."""
 
     bl_options = {"INTERNAL"}
-
-    def work(self, context: bpy.types.Context) -> str | None:
-        """Do it; return words for the status bar."""
-        raise NotImplementedError
-
-    def execute(self: Any, context: bpy.types.Context) -> set[str]:
-        """Do it, and report."""
-        try:
-            said = self.work(context)
-        except DermisError as error:
-            return reporting.report_error(self, error, "Streaming")
-        if said:
-            self.report({"INFO"}, said)
-        return {"FINISHED"}
+    subject = "Streaming"
 
 
 class DERMIS_OT_stream_connect(Streaming, bpy.types.Operator):
@@ -152,8 +136,7 @@ class DERMIS_OT_stream_rescan(Streaming, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Look, and say how many there are."""
-        count = session.rescan()
-        return f"{count} serial port{'' if count == 1 else 's'}"
+        return counted(session.rescan(), "serial port")
 
 
 class DERMIS_OT_stream_use_port(Streaming, bpy.types.Operator):
@@ -168,20 +151,6 @@ class DERMIS_OT_stream_use_port(Streaming, bpy.types.Operator):
         """Write it into the field."""
         context.scene.dermis_stream.url = self.port
         return None
-
-
-class File(Streaming):
-    filepath: StringProperty(name="File", subtype="FILE_PATH")  # type: ignore[valid-type]
-    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})  # type: ignore[valid-type]
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Ask for the file."""
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
-
-    def path(self) -> Path:
-        """Return the file that was chosen."""
-        return Path(bpy.path.abspath(self.filepath))
 
 
 CLASSES: tuple[type, ...] = (

@@ -1,26 +1,19 @@
 # mypy: disable-error-code="valid-type"
-"""Thimbles: adapt to this finger, draw the stimulus plot, the example scenes."""
+"""Thimbles: adapt to this finger, draw the stimulus plot."""
 
-from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import EnumProperty, StringProperty
+from bpy.props import StringProperty
 
-from .. import changes, choices, jobs, reporting
-from ..demos import demo_skin, demo_thimble
+from .. import changes, jobs
 from ..devices import thimble_adaptation, thimble_devices
 from ..polls import needs
 from ..results import thimble_plot
-from .add import open_scene
+from .work import File, active_device
 
 
-def _worn(context: bpy.types.Context) -> Any:
-    obj = context.object
-    return thimble_devices.device_of(obj) if obj is not None and obj.dermis.role == "FINGER" else None
-
-
-@needs(lambda context: _worn(context) is not None, "Select a finger with a thimble")
+@needs(lambda context: active_device(context, "thimble"), "Select a finger with a thimble")
 class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
     """Learn what this finger's thimble does to its skin, for the methods Network and Polynomial; Esc cancels"""
 
@@ -46,58 +39,26 @@ class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
         return {"FINISHED"}
 
 
-@needs(lambda context: _worn(context) is not None, "Select a finger with a thimble")
-class DERMIS_OT_plot_thimble(bpy.types.Operator):
+@needs(lambda context: active_device(context, "thimble"), "Select a finger with a thimble")
+class DERMIS_OT_plot_thimble(File, bpy.types.Operator):
     """Draw what this finger felt in the last bake in three components, beside all that the thimble can do"""
 
     bl_idname = "dermis.plot_thimble"
     bl_label = "Stimulus Plot"
     bl_options = {"REGISTER"}
+    suffix = ".png"
 
     filepath: StringProperty(name="File", description="Picture to write, .png or .svg", subtype="FILE_PATH")
     filter_glob: StringProperty(default="*.png;*.svg", options={"HIDDEN"})
 
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Ask for the file."""
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Propose a name, and ask for the file."""
         self.filepath = f"{bpy.path.clean_name(context.object.name)}.stimuli.png"
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
+        return super().invoke(context, event)
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def work(self, context: bpy.types.Context) -> str | None:
         """Draw and write it."""
-        path = Path(bpy.path.abspath(self.filepath))
-        try:
-            thimble_plot.write(context.scene, context.object, path if path.suffix else path.with_suffix(".png"))
-        except ValueError as error:  # the engine's refusals among them
-            return reporting.report_error(self, error, self.bl_label)
-        self.report({"INFO"}, f"Wrote {path}")
-        return {"FINISHED"}
+        return f"Wrote {thimble_plot.write(context.scene, context.object, self.path())}"
 
 
-class DERMIS_OT_demo_thimble_scene(bpy.types.Operator):
-    """Open one of the paper's touches in a scene of its own"""
-
-    bl_idname = "dermis.demo_thimble_scene"
-    bl_label = "Demo Thimble Scene"
-    bl_options = {"REGISTER", "UNDO"}
-
-    touch: EnumProperty(name="Touch", items=tuple((k, s.title, s.text) for k, s in demo_thimble.SCENES.items()))
-
-    @classmethod
-    def description(cls, _context: bpy.types.Context, properties: Any) -> str:
-        """Return what this touch is."""
-        return demo_thimble.SCENES[properties.touch].text
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Build it and look at it."""
-        choices.refresh()
-        scene = demo_thimble.build(self.touch)
-        return open_scene(
-            self,
-            scene,
-            demo_skin.look,
-            "Play the animation: twin, target and rendered skin. Bake keeps the servo angles",
-        )
-
-
-CLASSES: tuple[type, ...] = (DERMIS_OT_adapt_thimble, DERMIS_OT_plot_thimble, DERMIS_OT_demo_thimble_scene)
+CLASSES: tuple[type, ...] = (DERMIS_OT_adapt_thimble, DERMIS_OT_plot_thimble)

@@ -13,10 +13,11 @@ from .._core import DermisError, core
 from ..preferences import library
 from ..results import export_parts, store
 from ..streaming import streamed_track
-from .stream import File
+from .stream import Streaming
+from .work import File, Folder, counted
 
 
-class DERMIS_OT_load_track(File, bpy.types.Operator):
+class DERMIS_OT_load_track(Streaming, File, bpy.types.Operator):
     """Read a command track from a file: it drives the twin, and can be streamed"""
 
     bl_idname = "dermis.load_track"
@@ -33,27 +34,22 @@ class DERMIS_OT_load_track(File, bpy.types.Operator):
         except DermisError:
             settings.track_file = before
             raise
-        check = core.track.check
-        found = (*check.preset_findings(track, library()), *check.findings_of(track))
+        found = (*core.track.check.preset_findings(track, library()), *core.track.check.findings_of(track))
         reporting.show(found, f"Track {Path(self.filepath).name}")
         return f"{track.spec.name}: {len(track.times):,} samples, {track.duration:.2f} s"
 
 
-class DERMIS_OT_export_as(bpy.types.Operator):
+class DERMIS_OT_export_as(Folder, bpy.types.Operator):
     """Write baked tracks in another format, or parts of them. Tracks with errors are refused unless forced"""
 
     bl_idname = "dermis.export_as"
     bl_label = "Export As"
     bl_options = {"REGISTER"}
+    subject = "Export"
 
     form: EnumProperty(  # type: ignore[valid-type]
         name="Format",
-        items=(
-            ("csv", "CSV", "Version 1"),
-            ("json", "JSON", "Every float exactly"),
-            ("binary", "Compact Binary", "Four bytes a value, with a check sum"),
-            ("c", "C Header", "With a player loop for a microcontroller"),
-        ),
+        items=tuple((name, form.title, form.text) for name, form in core.track.formats.FORMATS.items()),
         default="json",
     )
     span: EnumProperty(  # type: ignore[valid-type]
@@ -69,36 +65,26 @@ class DERMIS_OT_export_as(bpy.types.Operator):
     active_only: BoolProperty(name="Active Finger Only", default=False)  # type: ignore[valid-type]
     all_scenes: BoolProperty(name="All Baked Scenes", default=False)  # type: ignore[valid-type]
     force: BoolProperty(name="Force", description="Write tracks with errors as they are", default=False)  # type: ignore[valid-type]
-    directory: StringProperty(subtype="DIR_PATH")  # type: ignore[valid-type]
 
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Ask for the folder."""
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def work(self, context: bpy.types.Context) -> str | None:
         """Write the files."""
-        folder = Path(bpy.path.abspath(self.directory))
+        folder = self.folder()
         finger = (context.object.name if context.object is not None else "") if self.active_only else None
-        try:
-            parts, found = self._plan(context, folder, finger)
-            written, more = export_parts.write_parts(parts, self.form, force=self.force)
-            found += more
-            if not written:
-                raise DermisError("no track to export", remedy="Select a finger, or export all of them")
-        except DermisError as error:
-            return reporting.report_error(self, error, "Export")
-        text = f"Wrote {len(written)} file{'' if len(written) == 1 else 's'} to {folder}"
-        reporting.report_findings(self, found, "Export", f"{text}." if found else text)
-        return {"FINISHED"}
+        parts, found = self._plan(context, folder, finger)
+        written, more = export_parts.write_parts(parts, self.form, force=self.force)
+        found += more
+        if not written:
+            raise DermisError("no track to export", remedy="Select a finger, or export all of them")
+        text = f"Wrote {counted(len(written))} to {folder}"
+        reporting.report_findings(self, found, self.subject, f"{text}." if found else text)
+        return None
 
     def _plan(
         self, context: bpy.types.Context, folder: Path, finger: str | None
     ) -> tuple[list[export_parts.Part], list[Any]]:
         """Return everything that is to be written, of all scenes: no file is written before all ranges are in order."""
-        file_names = core.track.file_names
         scenes = [s for s in bpy.data.scenes if store.current(s)] if self.all_scenes else [context.scene]
-        names, prefixes = file_names.FileNames(), file_names.FileNames()
+        names, prefixes = core.track.file_names.FileNames(), core.track.file_names.FileNames()
         parts: list[export_parts.Part] = []
         found: list[Any] = []
         for scene in scenes:
@@ -114,7 +100,7 @@ class DERMIS_OT_export_as(bpy.types.Operator):
                 active=context.object,
                 finger=finger,
                 names=names,
-                prefix=prefixes.take(file_names.safe(scene.name)) if self.all_scenes else "",
+                prefix=prefixes.take(core.track.file_names.safe(scene.name)) if self.all_scenes else "",
             )
             parts += more
             found += told

@@ -3,6 +3,7 @@
 import bpy
 
 from .. import choices
+from ..registration import registration
 from . import bake, calibration, design, main, material, menus, object, pins, preview, skin, stream, thimble
 
 CLASSES: tuple[type, ...] = (
@@ -24,16 +25,16 @@ CLASSES: tuple[type, ...] = (
 )
 
 
+_add, _remove = registration(CLASSES, forget=choices.forget)
+
+
 def register() -> None:
     """Register panels and menus in the order in which they appear."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
+    _add()
     bpy.types.VIEW3D_MT_add.append(menus.draw_add)
 
 
 def unregister() -> None:
     """Undo `register`."""
     bpy.types.VIEW3D_MT_add.remove(menus.draw_add)
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
-    choices.forget()
+    _remove()

@@ -4,14 +4,14 @@ from typing import Any
 
 import bpy
 
-from .. import changes, reporting
+from .. import changes, choices, reporting
 from ..layouts import paragraph
 from ..polls import needs
 from ..results import store
 from .main import DermisPanel
 
 SEVERITY_ICONS = {"error": "CANCEL", "warning": "ERROR", "info": "INFO"}
-MOST_FINDINGS = 12
+MAX_FINDINGS = 12
 
 
 class DERMIS_PT_bake(DermisPanel, bpy.types.Panel):
@@ -73,8 +73,7 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
         for output in bake.outputs:
             box = self.layout.box().column(align=True)
             track = output.track
-            icon = "DESKTOP" if track.spec.kind == "friction_screen" else "MOD_WARP"
-            box.label(text=f"{output.finger}: {track.spec.name}", icon=icon)
+            box.label(text=f"{output.finger}: {track.spec.name}", icon=choices.icon(track.spec.kind))
             duration = float(track.times[-1] - track.times[0]) if len(track.times) else 0.0
             row = box.row()
             row.active = False
@@ -114,7 +113,7 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
             row = self.layout.row()
             row.active = False
             row.label(text=reporting.source())
-        for index, finding in numbered[:MOST_FINDINGS]:
+        for index, finding in numbered[:MAX_FINDINGS]:
             box = self.layout.box()
             row = box.row(align=True)
             text = row.column(align=True)
@@ -130,8 +129,8 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
                 paragraph(text, context, finding.remedy, "BLANK1", inset=36.0)
             if finding.frame is not None or finding.where.startswith(("finger '", "object '", "screen '")):
                 row.operator("dermis.go_to_finding", text="", icon="VIEWZOOM", emboss=False).index = index
-        if len(numbered) > MOST_FINDINGS:
-            self.layout.label(text=f"and {len(numbered) - MOST_FINDINGS} more")
+        if len(numbered) > MAX_FINDINGS:
+            self.layout.label(text=f"and {len(numbered) - MAX_FINDINGS} more")
 
 
 RESULT: tuple[type, ...] = (DERMIS_PT_result, DERMIS_PT_findings)

@@ -8,7 +8,7 @@ from ..layouts import paragraph
 from ..streaming import board_identity, built_devices, calibration_offers, device_calibration
 from .main import DermisPanel
 
-MOST_OFFERS = 4  # a file may hold any number
+MAX_OFFERS = 4  # a file may hold any number
 
 
 class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
@@ -21,13 +21,15 @@ class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
 
     def draw_header(self, context: bpy.types.Context) -> None:
         """Show in a closed panel too that something waits for a person."""
-        if calibration_offers.offers(context.scene):
+        if built_devices.at_hand() and calibration_offers.offers(context.scene):
             self.layout.label(text="", icon="INFO")
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw what was found, the buttons, and one box an actuator."""
         layout, scene = self.layout, context.scene
         settings = scene.dermis_stream
+        if not built_devices.at_hand():
+            return
         self._found(context)
         ours = calibration_offers.is_ours(settings) and len(settings.channels) > 0
         if ours:
@@ -52,15 +54,15 @@ class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
 
     def _found(self, context: bpy.types.Context) -> None:
         offers = calibration_offers.offers(context.scene)
-        for i, offer in enumerate(offers[:MOST_OFFERS]):
+        for i, offer in enumerate(offers[:MAX_OFFERS]):
             box = self.layout.box()
             whose = offer.name or "a device"
             paragraph(box, context, f"This file holds a calibration of {whose}. It drives nothing.", "INFO", inset=16.0)
             row = box.row(align=True)
             row.operator("dermis.calibration_keep_found", icon="CHECKMARK").index = i
             row.operator("dermis.calibration_drop_found", text="", icon="X").index = i
-        if len(offers) > MOST_OFFERS:
-            self.layout.label(text=f"and {len(offers) - MOST_OFFERS} more")
+        if len(offers) > MAX_OFFERS:
+            self.layout.label(text=f"and {len(offers) - MAX_OFFERS} more")
 
     def _actuator(self, channel: Any) -> None:
         box = self.layout.box().column(align=True)
@@ -84,6 +86,8 @@ class DERMIS_MT_built(bpy.types.Menu):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw those that are known."""
         layout = self.layout
+        if not built_devices.at_hand():
+            return
         layout.operator("dermis.calibration_use", text="Uncalibrated", icon="X").file = ""
         key = device_calibration.owner_shown(context.scene).rpartition(": ")[2]
         answered = board_identity.answered()

@@ -21,7 +21,7 @@ def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
         column.prop(device, "table_rows")
 
 
-@needs(lambda context: shown.worn(context.scene, context.object, "platform") is not None)
+@needs(lambda context: shown.active_device(context.scene, context.object, "platform") is not None)
 class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
     """A finger's platform: whether its table is at hand."""
 
@@ -32,12 +32,12 @@ class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the table's state, and the way to make it."""
         layout, obj = self.layout, context.object
-        device = shown.worn(context.scene, obj, "platform")
+        device = shown.active_device(context.scene, obj, "platform")
         ready = shown.ready(context.scene, obj, "platform")
         if ready is not None and ready.trouble:
             paragraph(layout, context, ready.trouble, "ERROR")
             return
-        table = ready.found if ready is not None else None
+        table = ready.figures if ready is not None else None
         if table is not None:
             touching = len(table.commands) - 1
             layout.label(text=f"Table: {touching:,} configurations that touch", icon="CHECKMARK")
@@ -111,8 +111,8 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
             self._answer(context, answer)
 
     def _answer(self, context: bpy.types.Context, answer: design_results.Answer) -> None:
-        layout, own, found = self.layout, context.scene.dermis_design, answer.design
-        reduction, n = found.by(own.choice), len(found.spec.channels)
+        layout, own, design = self.layout, context.scene.dermis_design, answer.design
+        reduction, n = design.by(own.choice), len(design.spec.channels)
         box = layout.box()
         text = f"{reduction.motors} of {n} motors" if reduction.motors < n else f"All {n} motors"
         box.label(text=text, icon="CHECKMARK")
@@ -123,7 +123,7 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
             grid.label(text=text)
         for text in ("share %", *(f"{100 * p:.1f}" for p in reduction.components.explained)):
             grid.label(text=text)
-        if not found.low_rank:
+        if not design.low_rank:
             paragraph(
                 box,
                 context,
@@ -131,7 +131,7 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
                 "INFO",
             )
         count = min(own.motors or reduction.motors, n)
-        self._couplings(box, found, reduction, count)
+        self._couplings(box, design, reduction, count)
         layout.operator("dermis.show_design", icon="IMAGE_DATA")
         properties(layout, own, "choice", "motors", keys=False)
         row = layout.row(align=True)
@@ -140,9 +140,9 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         if answer.preset:
             paragraph(layout, context, f"Preset: {answer.preset}, under Devices", "CHECKMARK")
 
-    def _couplings(self, box: Any, found: Any, reduction: Any, count: int) -> None:
+    def _couplings(self, box: Any, design: Any, reduction: Any, count: int) -> None:
         directions = reduction.components.directions[:, :count]
-        radius = found.spec.parameters.get("pulley_radius")
+        radius = design.spec.parameters.get("pulley_radius")
         pulleys = isinstance(radius, float)
         box.label(text="Pulley radii [mm], per cable" if pulleys else "Coupling, per leg")
         for j in range(count):

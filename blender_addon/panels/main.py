@@ -4,7 +4,7 @@ import bpy
 
 from ..layouts import paragraph
 from ..results import store
-from . import census
+from . import summary
 
 
 class DermisPanel:
@@ -24,21 +24,21 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the steps that are left, then the actions."""
         layout, scene = self.layout, context.scene
-        found = census.of(scene)
-        if found.newer:
+        there = summary.of(scene)
+        if there.newer:
             box = layout.box()
             paragraph(
                 box,
                 context,
-                f"This file was saved by a newer Dermis (its format {found.newer}). "
+                f"This file was saved by a newer Dermis (its format {there.newer}). "
                 "Update Dermis to bake it: newer settings are not known here.",
                 "ERROR",
             )
-        if not found.fingers and not found.touchables and not found.screens:
+        if not there.fingers and not there.touchables and not there.screens:
             self._welcome(context)
             return
-        self._steps(context, found)
-        ready = bool(found.fingers) and bool(found.touchables or found.screens) and len(found.idle) < len(found.fingers)
+        self._steps(context, there)
+        ready = bool(there.fingers) and bool(there.touchables or there.screens) and len(there.idle) < len(there.fingers)
         column = layout.column(align=True)
         column.scale_y = 1.35
         column.active = ready
@@ -65,12 +65,12 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         paragraph(layout, context, "Or look at a finished example first:")
         layout.operator("dermis.demo_scene", icon="SCENE_DATA")
 
-    def _steps(self, context: bpy.types.Context, found: census.Census) -> None:
+    def _steps(self, context: bpy.types.Context, there: summary.Summary) -> None:
         layout = self.layout
-        if not found.fingers:
+        if not there.fingers:
             paragraph(layout, context, "Next: add the finger that feels.", "RIGHTARROW")
             layout.operator("dermis.add_finger", icon="VIEW_PAN")
-        elif not found.touchables and not found.screens:
+        elif not there.touchables and not there.screens:
             paragraph(
                 layout,
                 context,
@@ -80,12 +80,12 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
             row = layout.row(align=True)
             row.operator("dermis.choose_material", text="Make Touchable", icon="MATERIAL")
             row.operator("dermis.add_screen", text="Touch Screen", icon="DESKTOP")
-        elif found.idle:
-            paragraph(layout, context, f"Next: give {_names(found.idle)} a device.", "RIGHTARROW")
+        elif there.idle:
+            paragraph(layout, context, f"Next: give {_names(there.idle)} a device.", "RIGHTARROW")
             operator = layout.operator("dermis.choose_device", icon="ADD")
-            operator.finger = found.idle[0]
+            operator.finger = there.idle[0]
         elif store.state(context.scene) == "none":
-            first = "bake" if found.moving else "animate the finger, then bake; what does not move feels little"
+            first = "bake" if there.moving else "animate the finger, then bake; what does not move feels little"
             paragraph(layout, context, f"Next: {first}.", "RIGHTARROW")
 
 

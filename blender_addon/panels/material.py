@@ -21,7 +21,7 @@ class DERMIS_PT_material(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw preset and friction."""
         material = context.object.dermis.material
-        title = next((e.name for e in choices.materials() if e.key == material.preset), material.preset)
+        title = choices.title("materials", material.preset)
         self.layout.operator("dermis.choose_material", text=title or "From Preset", icon="PRESET")
         properties(self.layout, material, "friction", "surface_stiffness_mpa_m")
 
@@ -32,7 +32,7 @@ class _Effect(DermisPanel):
     bl_parent_id = "DERMIS_PT_material"
     bl_options = {"DEFAULT_CLOSED"}
     switch = ""
-    shown: tuple[str, ...] = ()
+    property_names: tuple[str, ...] = ()
 
     def draw_header(self, context: bpy.types.Context) -> None:
         """Draw the switch."""
@@ -46,7 +46,7 @@ class _Effect(DermisPanel):
 
     def names(self, _material: Any) -> tuple[str, ...]:
         """Return the properties to show."""
-        return self.shown
+        return self.property_names
 
 
 class DERMIS_PT_transient(_Effect, bpy.types.Panel):
@@ -55,7 +55,7 @@ class DERMIS_PT_transient(_Effect, bpy.types.Panel):
     bl_idname = "DERMIS_PT_transient"
     bl_label = "Contact Transient"
     switch = "transient_on"
-    shown = ("transient_amplitude", "transient_decay", "transient_frequency")
+    property_names = ("transient_amplitude", "transient_decay", "transient_frequency")
 
 
 class DERMIS_PT_texture(_Effect, bpy.types.Panel):
@@ -64,7 +64,7 @@ class DERMIS_PT_texture(_Effect, bpy.types.Panel):
     bl_idname = "DERMIS_PT_texture"
     bl_label = "Texture"
     switch = "texture_on"
-    shown = (
+    property_names = (
         "texture_amplitude_x",
         "texture_amplitude_y",
         "texture_period_x_mm",
@@ -79,7 +79,7 @@ class DERMIS_PT_weight(_Effect, bpy.types.Panel):
     bl_idname = "DERMIS_PT_weight"
     bl_label = "Weight"
     switch = "weight_on"
-    shown = ("weight_gravity", "weight_acceleration", "mass")
+    property_names = ("weight_gravity", "weight_acceleration", "mass")
 
 
 class DERMIS_PT_content(_Effect, bpy.types.Panel):

@@ -48,14 +48,15 @@ class DERMIS_MT_devices(bpy.types.Menu):
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw one entry a preset; broken ones with their reason."""
         layout = self.layout
-        for entry in choices.devices():
+        for entry in choices.entries("devices"):
             if entry.error is None:
-                icon = "DESKTOP" if choices.kind_of(entry.key) == "friction_screen" else "MOD_WARP"
                 text = f"{entry.name}{' (yours)' if entry.user else ''}"
-                operator = layout.operator("dermis.add_device", text=text, icon=icon)
+                operator = layout.operator(
+                    "dermis.add_device", text=text, icon=choices.icon(choices.kind_of(entry.key))
+                )
                 operator.preset = entry.key
                 operator.finger = choices.target()
-        _broken(layout, [e for e in choices.devices() if e.error is not None])
+        _broken(layout, [e for e in choices.entries("devices") if e.error is not None])
 
 
 class DERMIS_MT_materials(bpy.types.Menu):
@@ -67,13 +68,13 @@ class DERMIS_MT_materials(bpy.types.Menu):
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw one entry a preset; broken ones with their reason."""
         layout = self.layout
-        for entry in choices.materials():
+        for entry in choices.entries("materials"):
             if entry.error is None:
                 text = f"{entry.name}{' (yours)' if entry.user else ''}"
                 layout.operator("dermis.make_touchable", text=text, icon="MATERIAL").preset = entry.key
         layout.separator()
         layout.operator("dermis.make_touchable", text="By Hand", icon="OPTIONS").preset = ""
-        _broken(layout, [e for e in choices.materials() if e.error is not None])
+        _broken(layout, [e for e in choices.entries("materials") if e.error is not None])
 
 
 def draw_add(self: Any, _context: bpy.types.Context) -> None:

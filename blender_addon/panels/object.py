@@ -11,7 +11,6 @@ from ..polls import needs
 from . import design, thimble
 from .main import DermisPanel
 
-DEVICE_ICONS = {"friction_screen": "DESKTOP", "pin_array": "LIGHTPROBE_VOLUME"}
 ICONS = {"FINGER": "VIEW_PAN", "TOUCHABLE": "MATERIAL", "SCREEN": "DESKTOP", "NONE": "OBJECT_DATA"}
 
 
@@ -77,12 +76,12 @@ class DERMIS_UL_devices(bpy.types.UIList):
         self, _context: Any, layout: Any, _data: Any, item: Any, _icon: int, _active: Any, _property: str, _index: int
     ) -> None:
         """Draw one device with its switch; what cannot be used says so."""
-        entry = choices.device_entry(item.preset)
+        entry = choices.entry("devices", item.preset)
         broken = choices.known() and (entry is None or entry.error is not None)
-        icon = "ERROR" if broken else DEVICE_ICONS.get(choices.kind_of(item.preset), "MOD_WARP")
+        icon = "ERROR" if broken else choices.icon(choices.kind_of(item.preset))
         row = layout.row(align=True)
         row.active = item.enabled and not broken
-        row.label(text=choices.device_title(item.preset) or "No device chosen", icon=icon)
+        row.label(text=choices.title("devices", item.preset) or "No device chosen", icon=icon)
         row.prop(item, "enabled", text="")
 
 
@@ -111,7 +110,7 @@ class DERMIS_PT_devices(DermisPanel, bpy.types.Panel):
 
     def _trouble(self, context: bpy.types.Context, device: Any) -> None:
         layout = self.layout
-        entry = choices.device_entry(device.preset)
+        entry = choices.entry("devices", device.preset)
         if choices.known() and entry is None:
             text = f"There is no preset '{device.preset}'. Choose another one, or put its file back."
             paragraph(layout, context, text, "ERROR")

@@ -9,7 +9,7 @@ from ..viewport import shown
 from .main import DermisPanel
 
 
-@needs(lambda context: shown.worn(context.scene, context.object, "pins") is not None)
+@needs(lambda context: shown.active_device(context.scene, context.object, "pins") is not None)
 class DERMIS_PT_pins(DermisPanel, bpy.types.Panel):
     """Calibration and comparison."""
 

@@ -6,11 +6,11 @@ from ..layouts import paragraph
 from ..polls import needs
 from ..quantities import quantity
 from ..viewport import shown
-from . import census
+from . import summary
 from .main import DermisPanel
 
 
-@needs(lambda context: census.of(context.scene).fingers)
+@needs(lambda context: summary.of(context.scene).fingers)
 class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
     """What the devices do now."""
 

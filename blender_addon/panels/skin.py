@@ -11,7 +11,7 @@ from ..polls import needs
 from ..preview import skin_preview
 from ..preview.skin_state import SkinState
 from ..viewport import shown, skin_cards, skin_field, skin_shown
-from . import census
+from . import summary
 from .main import DermisPanel
 
 
@@ -36,7 +36,9 @@ class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
         """Draw preset, accuracy, stiffness and touch depth."""
         layout, skin = self.layout, _finger(context).skin
         layout.active = skin.shown
-        title = next((e.name for e in choices.skins() if e.key == skin.preset), skin.preset.replace("_", " ").title())
+        title = next(
+            (e.name for e in choices.entries("skins") if e.key == skin.preset), skin.preset.replace("_", " ").title()
+        )
         layout.operator("dermis.choose_skin", text=title or "From Preset", icon="PRESET")
         if skin.mesh_file:
             properties(layout, skin, "mesh_file", keys=False)
@@ -74,7 +76,7 @@ class DERMIS_PT_skin_size(DermisPanel, bpy.types.Panel):
             properties(self.layout, skin, *names, keys=False)
 
 
-@needs(lambda context: census.of(context.scene).fingers)
+@needs(lambda context: summary.of(context.scene).fingers)
 class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
     """How the view shows skins, and what they feel now."""
 
@@ -88,7 +90,7 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw quantity and range, then each finger's figures."""
         layout, scene = self.layout, context.scene
-        if not skin_preview.any_shown(scene):
+        if not summary.of(scene).skins:
             paragraph(layout, context, "No finger shows its skin: switch Skin on in a finger's Object panel.", "INFO")
             return
         view = scene.dermis.skin_view
@@ -192,7 +194,7 @@ class DERMIS_MT_skins(bpy.types.Menu):
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw one entry a preset; broken ones with their reason."""
         layout = self.layout
-        for entry in choices.skins():
+        for entry in choices.entries("skins"):
             if entry.error is None:
                 text = f"{entry.name}{' (yours)' if entry.user else ''}"
                 layout.operator("dermis.apply_skin", text=text, icon="VIEW_PAN").preset = entry.key

@@ -4,22 +4,24 @@ from typing import Any
 
 import bpy
 
+from .._core import core
 from ..layouts import paragraph
 from ..quantities import quantity
-from ..streaming import board_identity, calibration_offers, session
+from ..streaming import board_identity, built_devices, calibration_offers, session
 from ..viewport import shown
 from .main import DermisPanel
 
+State = core.stream.state.State
 ICONS = {
-    "disconnected": "UNLINKED",
-    "connecting": "SORTTIME",
-    "ready": "LINKED",
-    "armed": "PAUSE",
-    "streaming": "PLAY",
-    "stopping": "SORTTIME",
-    "stalled": "ERROR",
-    "fault": "CANCEL",
-    "dead": "CANCEL",
+    State.DISCONNECTED: "UNLINKED",
+    State.CONNECTING: "SORTTIME",
+    State.READY: "LINKED",
+    State.ARMED: "PAUSE",
+    State.STREAMING: "PLAY",
+    State.STOPPING: "SORTTIME",
+    State.STALLED: "ERROR",
+    State.FAULT: "CANCEL",
+    State.DEAD: "CANCEL",
 }
 
 
@@ -38,7 +40,7 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
             row.alert = bool(now.get("armed"))
             row.label(text="", icon=ICONS.get(now["state"], "QUESTION"))
         elif session.leaving():
-            self.layout.label(text="", icon=ICONS["stopping"])
+            self.layout.label(text="", icon=ICONS[State.STOPPING])
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw port, buttons and state."""
@@ -51,7 +53,12 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         row.menu("DERMIS_MT_ports", text="", icon="DOWNARROW_HLT")
         row.operator("dermis.stream_rescan", text="", icon="FILE_REFRESH")
         column.prop(settings, "protocol", text="")
-        self._built(context)
+        built = board_identity.shown(context.scene) if built_devices.at_hand() else board_identity.UNREAD
+        row = layout.row(align=True)
+        row.alert = built.wrong
+        row.menu("DERMIS_MT_built", text=built.name, icon="ERROR" if built.wrong else "TOOL_SETTINGS")
+        if built.message:
+            paragraph(layout, context, built.message, "ERROR" if built.wrong else "INFO")
         layout.prop(settings, "mode", expand=True)
         if settings.mode == "panel":
             layout.prop(settings, "screen_file", text="", placeholder="Screen map, as exported")
@@ -73,11 +80,11 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         row.scale_y = 1.3
         if connected:
             row.operator("dermis.stream_disconnect", icon="UNLINKED")
-            if now["state"] in ("fault", "disconnected", "dead"):
+            if now["state"] in core.stream.state.OVER:
                 row.operator("dermis.stream_connect", text="Connect Again", icon="LINKED")
             else:
                 arm = row.row(align=True)
-                arm.enabled = now["state"] in session.READY and session.streams(context.scene)
+                arm.enabled = now["state"] in core.stream.state.WAITING and session.streams(context.scene)
                 arm.operator("dermis.stream_arm", icon="PLAY")
         else:
             row.operator("dermis.stream_connect", icon="LINKED")
@@ -86,25 +93,15 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         stop.alert = bool(now.get("armed"))
         stop.enabled = connected
         stop.operator("dermis.stream_stop", text="Stop  (Shift Esc)", icon="CANCEL")
-        self._state(context, now)
+        self._state(context, now, built.wrong)
 
-    def _built(self, context: bpy.types.Context) -> None:
-        """Draw which built device the finger wears: it decides how it is calibrated."""
-        shown = board_identity.shown(context.scene)
-        row = self.layout.row(align=True)
-        row.alert = shown.wrong
-        row.menu("DERMIS_MT_built", text=shown.name, icon="ERROR" if shown.wrong else "TOOL_SETTINGS")
-        if shown.message:
-            paragraph(self.layout, context, shown.message, "ERROR" if shown.wrong else "INFO")
-
-    def _state(self, context: bpy.types.Context, now: dict[str, Any]) -> None:
+    def _state(self, context: bpy.types.Context, now: dict[str, Any], another: bool) -> None:
         layout = self.layout
         if session.leaving():
             paragraph(layout, context, session.leaving(), "TIME")
         layout.label(text=now["state"].capitalize(), icon=ICONS.get(now["state"], "QUESTION"))
         if now.get("message"):
-            wrong = now["state"] != "ready" or board_identity.shown(context.scene).wrong
-            paragraph(layout, context, now["message"], "ERROR" if wrong else "INFO")
+            paragraph(layout, context, now["message"], "ERROR" if another or now["state"] != State.READY else "INFO")
         if caution := session.caution(context.scene.dermis_stream.protocol):
             paragraph(layout, context, caution, "ERROR")
         for key in ("notice", "not_rendered"):

@@ -4,8 +4,8 @@ from typing import Any
 
 import bpy
 
+from .._core import core
 from ..demos import demo_thimble
-from ..devices import thimble_devices
 from ..layouts import paragraph, properties
 from ..polls import needs
 from ..preview import thimble_preview
@@ -16,7 +16,7 @@ from .main import DermisPanel
 def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
     """Draw what a thimble can be told, for the panel of device settings."""
     column = properties(layout, device, "thimble_method")
-    if device.thimble_method in thimble_devices.LEARNED:
+    if device.thimble_method in core.matching.thimble_use.LEARNED:
         column.prop(device, "thimble_surrogate")
     column.prop(device, "thimble_hover_mm")
     column.prop(device, "thimble_calibrated")
@@ -27,7 +27,7 @@ def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
         paragraph(layout, context, "Turn the servos, in the Stream panel, until the disc is first felt.", "INFO")
 
 
-@needs(lambda context: shown.worn(context.scene, context.object, "thimble") is not None)
+@needs(lambda context: shown.active_device(context.scene, context.object, "thimble") is not None)
 class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
     """Method, adaptation, mismatch and what the view shows."""
 
@@ -38,7 +38,7 @@ class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the adaptation's state, the mismatch of this frame and the view's switches."""
         layout, obj = self.layout, context.object
-        device, view = shown.worn(context.scene, obj, "thimble"), context.scene.dermis.thimble_view
+        device, view = shown.active_device(context.scene, obj, "thimble"), context.scene.dermis.thimble_view
         column = layout.column()
         column.use_property_split = True
         column.prop(device, "thimble_method")
@@ -68,14 +68,14 @@ class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
         if ready is not None and ready.trouble:
             paragraph(layout, context, ready.trouble, "ERROR")
             return
-        found = ready.found if ready is not None else None
+        found = ready.figures if ready is not None else None
         if found is not None:
             words = "Adapted to this finger"
             if "network_error" in found:
                 network, ridge = 100 * found["network_error"], 100 * found["ridge_error"]
                 words += f": network {network:.0f} %, polynomial {ridge:.0f} % off"
             paragraph(layout, context, words, "CHECKMARK")
-        elif device.thimble_method in thimble_devices.LEARNED:
+        elif device.thimble_method in core.matching.thimble_use.LEARNED:
             paragraph(
                 layout,
                 context,

@@ -19,16 +19,13 @@ import numpy as np
 
 from .. import changes
 from .._core import DermisError, core
-from ..devices import pin_devices, platform_devices, skin_models, thimble_devices
+from ..devices import active_presets, platform_devices, skin_models
 from ..preferences import library, setting
 from ..results import store
 from ..sampling import scene_header, scene_sweep
-from . import pin_preview, platform_preview, thimble_preview
-from .rows import NO_PATH, Preview, Row, by_channel, row_of
+from . import pin_preview, platform_preview, skin_preview, thimble_preview
+from .rows import Preview, Row, by_channel, goes_on, row_of
 
-TactileScene = core.scene.tactile_scene.TactileScene
-
-STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
 TRAIL_SECONDS = 0.12  # how much of a tactor's path the view shows
 
 
@@ -36,11 +33,11 @@ TRAIL_SECONDS = 0.12  # how much of a tactor's path the view shows
 class _Trail:
     generation: int = -1
     scene: int = 0
-    samples: list[TactileScene] = field(default_factory=list)  # `TactileScene`s of one sample each
+    samples: list[core.scene.tactile_scene.TactileScene] = field(default_factory=list)  # of one sample each
     edits: int = -1  # of `changes`, when `scene_sweep` last forgot its surfaces and reliefs
     preview: Preview | None = None
     failure: Exception | None = None
-    taken: TactileScene | None = None  # the last sample, until `take_sample` hands it on
+    taken: core.scene.tactile_scene.TactileScene | None = None  # the last sample, until `take_sample` hands it on
 
 
 _trail = _Trail()
@@ -114,7 +111,7 @@ def _note(scene: bpy.types.Scene, text: str) -> Preview:
     return _trail.preview
 
 
-def take_sample() -> TactileScene | None:
+def take_sample() -> core.scene.tactile_scene.TactileScene | None:
     """Return the sample that this frame's preview was made from, once; None where none was taken."""
     sample, _trail.taken = _trail.taken, None
     return sample
@@ -133,24 +130,24 @@ def _trail_ends_at(scene: bpy.types.Scene, frame: float) -> bool:
     return same and shown is not None and abs(shown.frame - frame) < 1e-6
 
 
-def _continues(scene: bpy.types.Scene, sample: TactileScene, frame: float) -> bool:
+def _continues(scene: bpy.types.Scene, sample: core.scene.tactile_scene.TactileScene, frame: float) -> bool:
     if not _trail.samples or _trail.scene != scene.session_uid or _trail.generation != changes.generation():
         return False
     before = _trail.samples[-1]
     gap = (frame - _frame(before)) / float(sample.fps)
-    return 1e-9 < gap <= STEP_SECONDS and _cast(before) == _cast(sample)
+    return goes_on(gap) and _signature(before) == _signature(sample)
 
 
-def _frame(sample: TactileScene) -> float:
+def _frame(sample: core.scene.tactile_scene.TactileScene) -> float:
     return float(_chunk(sample).frames[0])
 
 
-def _chunk(sample: TactileScene) -> core.scene.tactile_scene.Chunk:
+def _chunk(sample: core.scene.tactile_scene.TactileScene) -> core.scene.tactile_scene.Chunk:
     """Return the only chunk of a sample."""
     return next(iter(sample.chunks))
 
 
-def _cast(sample: TactileScene) -> tuple[Any, ...]:
+def _signature(sample: core.scene.tactile_scene.TactileScene) -> tuple[Any, ...]:
     """Who takes part; a trail cannot go on where this changes."""
     return (
         tuple(f.name for f in sample.fingers),
@@ -170,13 +167,13 @@ def _render(frame: float) -> Preview:
     return Preview(frame, "live", note, rows)
 
 
-def _joined(samples: list[TactileScene]) -> TactileScene:
+def _joined(samples: list[core.scene.tactile_scene.TactileScene]) -> core.scene.tactile_scene.TactileScene:
     """Return the trail as a scene of its own; it starts one frame earlier, at rest in the first pose."""
     chunk = core.scene.tactile_scene.Chunk
     parts = [_chunk(s) for s in (samples[0], *samples)]
     frames = np.array([float(p.frames[0]) for p in parts])
     frames[0] -= 1.0
-    keys = set.intersection(*(set(p.channels) for p in parts))
+    keys = set.intersection(*(set(p.animated) for p in parts))
     surfaces = set.intersection(*(set(p.surfaces) for p in parts))
     joined = chunk(
         frames=frames,
@@ -185,7 +182,7 @@ def _joined(samples: list[TactileScene]) -> TactileScene:
         bodies=np.concatenate([p.bodies for p in parts], axis=1),
         screens=np.concatenate([p.screens for p in parts], axis=1),
         surfaces={i: tuple(p.surfaces[i][0] for p in parts) for i in sorted(surfaces)},
-        channels={k: np.concatenate([p.channels[k] for p in parts]) for k in sorted(keys)},
+        animated={k: np.concatenate([p.animated[k] for p in parts]) for k in sorted(keys)},
     )
     last = samples[-1]
     # Skins have a path of their own, in `skin_preview`, and so have the devices that follow one that is solved there.
@@ -198,7 +195,7 @@ def _joined(samples: list[TactileScene]) -> TactileScene:
             devices=tuple(
                 replace(d, parameters={**d.parameters, **unfaded})
                 for d in f.devices
-                if not (_solved(f) and _follows_skin(d.preset))  # see `_with_followers`
+                if not (skin_preview.solved(f) and _has_live_follower(d.preset))  # see `_with_followers`
                 and not platform_devices.waits(f.name, d.preset)
             ),
         )
@@ -208,20 +205,15 @@ def _joined(samples: list[TactileScene]) -> TactileScene:
     return replace(last, fingers=fingers, frame_range=span, rate=float(last.fps), chunks=(joined,))
 
 
-def _run(tactile: TactileScene) -> core.pipeline.bake.Bake:
+def _run(tactile: core.scene.tactile_scene.TactileScene) -> core.pipeline.bake.Bake:
     presets = library()
     steps = core.pipeline.render.render(tactile, presets, cache=skin_models.cache())
-    with skin_models.one_thread() if skin_models.wanted(tactile, presets) else nullcontext():
+    with skin_models.one_thread() if skin_models.solved_in(tactile, presets) else nullcontext():
         return core.steps.drain(steps)
 
 
-def _solved(finger: core.scene.tactile_scene.Finger) -> bool:
-    """Tell whether `skin_preview` solves a finger's skin: because it is shown, or a thimble follows it."""
-    return bool(finger.parameters.get("skin_shown")) or any(thimble_devices.spec_of(d.preset) for d in finger.devices)
-
-
-def _follows_skin(preset: str) -> bool:
-    return any(kind.spec_of(preset) is not None for kind in (pin_devices, thimble_devices, platform_devices))
+def _has_live_follower(preset: str) -> bool:
+    return any(active_presets.spec_of(preset, family) is not None for family in active_presets.FAMILIES)
 
 
 def _with_followers(scene: bpy.types.Scene, shown: Preview | None) -> Preview | None:
@@ -242,11 +234,12 @@ def baked_row(result: store.Result, output: core.pipeline.bake.Output, frame: fl
     values = store.values_at(result, output, frame)
     if values is None:  # outside the range: the device rests
         values = np.array([c.rest for c in spec.channels])
-    path = NO_PATH
-    if {"tactor_x", "tactor_y"} <= {c.name for c in spec.channels} and len(track.times):
+    contact, mismatch = (store.signal_at(result, output, name, frame) for name in ("contact", "mismatch"))
+    signals = {} if mismatch is None else {"mismatch": mismatch}
+    row = row_of(output.finger, output.device, spec, by_channel(spec, values), contact, signals=signals)
+    if row.drawn == "tactor" and len(track.times):
         now = (frame - result.first) / result.fps
         times = np.linspace(now - TRAIL_SECONDS, now, 61)
         path = np.stack([np.interp(times, track.times, track.column(n)) for n in ("tactor_x", "tactor_y")], axis=1)
-    contact, mismatch = (store.signal_at(result, output, name, frame) for name in ("contact", "mismatch"))
-    signals = {} if mismatch is None else {"mismatch": mismatch}
-    return row_of(output.finger, output.device, spec, by_channel(spec, values), contact, path=path, signals=signals)
+        row = replace(row, path=path)
+    return row

@@ -1,8 +1,8 @@
-"""Which skins the devices of a kind follow."""
+"""Which skins the devices of a family follow."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import bpy
@@ -14,11 +14,11 @@ from .skin_state import SkinState
 Follower = tuple[SkinState, bpy.types.Object, Any, "core.devices.spec.DeviceSpec"]
 
 
-def of(scene: bpy.types.Scene, skins: Iterable[SkinState], kinds: Collection[str]) -> Iterator[Follower]:
-    """Yield each skin whose finger wears a device of these kinds: the skin, the finger, the settings, the preset."""
+def wearers_of(scene: bpy.types.Scene, skins: Iterable[SkinState], family: active_presets.Family) -> Iterator[Follower]:
+    """Yield each skin whose finger wears a device of a family: the skin, the finger, the settings, the preset."""
     for skin in skins:
         obj = scene.objects.get(skin.finger)
-        device = active_presets.device_of(obj, kinds) if obj is not None and skin.model is not None else None
-        spec = active_presets.spec_of(device.preset, kinds) if device is not None else None
+        device = active_presets.device_of(obj, family) if obj is not None and skin.model is not None else None
+        spec = active_presets.spec_of(device.preset, family) if device is not None else None
         if obj is not None and device is not None and spec is not None:
             yield skin, obj, device, spec

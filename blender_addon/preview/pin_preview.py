@@ -6,7 +6,6 @@ the skin at rest, from the engine; they are computed once for a size of finger a
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -16,14 +15,12 @@ import numpy as np
 
 from .. import changes
 from .._core import Array, DermisError, core
-from ..devices import pin_devices, skin_models
+from ..devices import skin_models
 from ..preferences import library
 from ..properties import skin_properties
 from . import followers, skin_preview
 from .rows import Row, by_channel, row_of
 from .skin_state import SkinState
-
-MOST = 8
 
 
 class Pins(NamedTuple):
@@ -31,44 +28,30 @@ class Pins(NamedTuple):
 
     Attributes:
         points: [m], shape (pins, 3), NaN where a pin misses. directions: of their motion, shape (pins, 3).
-        radius: of a pin [m]. force_limit: [N]. rows, columns: of the array.
+        radius: of a pin [m]. force_limit: of each pin [N], shape (pins,). rows, columns: of the array.
     """
 
     points: Array
     directions: Array
     radius: float
-    force_limit: float
+    force_limit: Array
     rows: int
     columns: int
 
 
-_pins: dict[str, Pins | None] = {}
+_pins: core.recent.Recent[tuple[str, str], Pins] = core.recent.Recent(8)
 _states: dict[str, tuple[SkinState, tuple[Any, ...], tuple[SkinState, Array]]] = {}
 
 
 def pins_of(obj: bpy.types.Object, device: str) -> Pins | None:
-    """Return the pins of a device on a finger; None while the skin is being made or where the layout cannot be used."""
-    skin = skin_properties.parameters(obj.dermis.finger.skin)
-    key = json.dumps([skin["skin"], skin["skin_level"], device, changes.generation()], sort_keys=True)
-    if key not in _pins:
-        while len(_pins) >= MOST:
-            _pins.pop(next(iter(_pins)))
-        pin_array = core.devices.pin_array
-        try:
-            model = skin_models.get(skin["skin"], skin["skin_level"])
-            if model is None:
-                return None
-            spec = library().device(device)
-            layout = pin_array.layout(spec)
-            met = pin_array.contacts(layout, model.mesh.nodes, model.mesh.surface)
-            met = pin_array.on_pad(met, layout, model.positions)
-            points = np.where(met.hits[:, None], met.points, np.nan)
-            rows, columns = int(spec.parameters["rows"]), int(spec.parameters["columns"])
-            radius = float(spec.parameters["pin_radius"])
-            _pins[key] = Pins(points, layout.directions, radius, layout.force_limit, rows, columns)
-        except DermisError:
-            _pins[key] = None  # the bake says why
-    return _pins[key]
+    """Return the pins of a device on a finger; None while the skin is being made.
+
+    Raises:
+        DermisError: a skin or a layout that cannot be used.
+    """
+    skin, spec = skin_properties.parameters(obj.dermis.finger.skin), library().device(device)
+    model = skin_models.get(skin["skin"], skin["skin_level"])
+    return None if model is None else _pins.make((model.key, spec.hash), lambda: _pins_on(model, spec))
 
 
 def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[SkinState, ...]:
@@ -76,19 +59,17 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
 
     Fades and lead, which belong to the track, are left out: shown is the best that the method can do for the target.
     """
-    found = []
-    for target, _, device, spec in followers.of(scene, targets, pin_devices.KINDS):
-        if target.touching:
-            found.append(_matched(target, device, spec)[0])
+    followed = followers.wearers_of(scene, targets, "pins")
+    states = tuple(_matched(target, device, spec)[0] for target, _, device, spec in followed if target.touching)
     for gone in set(_states) - {t.finger for t in targets}:
         del _states[gone]
-    return tuple(found)
+    return states
 
 
 def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
     """Return what the pin arrays of fingers whose skin is solved press at the current frame, without a bake."""
     rows = []
-    for target, _, device, spec in followers.of(scene, skin_preview.own(scene), pin_devices.KINDS):
+    for target, _, device, spec in followers.wearers_of(scene, skin_preview.own(scene), "pins"):
         if target.source != "live":
             continue
         low = np.array([-np.inf if c.low is None else c.low for c in spec.channels])
@@ -105,30 +86,35 @@ def reset() -> None:
     _states.clear()
 
 
+def _pins_on(model: core.skin.model.SkinModel, spec: core.devices.spec.DeviceSpec) -> Pins:
+    layout = core.devices.pin_array.layout(spec)
+    met = core.devices.pin_array.on_pad(layout, model.mesh.nodes, model.mesh.surface, model.positions)
+    points = np.where(met.hits[:, None], met.points, np.nan)
+    rows, columns = int(spec.parameters["rows"]), int(spec.parameters["columns"])
+    return Pins(points, layout.directions, float(spec.parameters["pin_radius"]), layout.force_limit, rows, columns)
+
+
 def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Array]:
     """Return the skin as the pins render it, and the pins' forces [N]; kept while skin and settings stay."""
     key = (device.preset, device.pin_method, device.pin_nodes, device.pin_bounded, changes.generation())
-    known = _states.get(target.finger)
-    if known is not None and known[0] is target and known[1] == key:
-        return known[2]
-    pressed: Array = np.zeros(len(spec.channels))
+    kept = _states.get(target.finger)
+    if kept is not None and kept[0] is target and kept[1] == key:
+        return kept[2]
+    forces: Array = np.zeros(len(spec.channels))
     pins = core.matching.pins
-    deformation = core.matching.deformation
-    name = f"{target.finger}: {device.pin_method} pins"
     with skin_models.one_thread():
         try:
             ready = pins.setup(target.model, spec, device.pin_nodes)
-            limit = ready.pins.force_limit if device.pin_bounded else None
-            found = deformation.PinSolver(ready.matcher, device.pin_method, force_limit=limit).solve(target.force)
-            pressed = found.forces
-            force = pins.rendered_force(ready, pressed)
-            note = f"u_err {1e3 * found.displacement_error:.2f} mm"
+            solver = pins.make_solver(ready, spec, device.pin_method, None, bounded=device.pin_bounded)
+            matched = solver.solve(target.force)
+            forces, force = matched.forces, pins.rendered_force(ready, matched.forces)
+            note = f"u_err {1e3 * matched.displacement_error:.2f} mm"
         except DermisError as error:
             force, note = np.zeros_like(target.force), str(error)
     total = force.sum(axis=0)
-    made = replace(
+    state = replace(
         target,
-        finger=name,
+        finger=f"{target.finger}: {device.pin_method} pins",
         force=force,
         normal_force=float(total[2]),
         note=note,
@@ -138,5 +124,5 @@ def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Arra
         work="rendered",
         counters={},
     )
-    _states[target.finger] = (target, key, (made, pressed))
-    return made, pressed
+    _states[target.finger] = (target, key, (state, forces))
+    return state, forces

@@ -14,13 +14,13 @@ from . import followers, skin_preview
 from .rows import Row, by_channel, row_of
 from .skin_state import SkinState
 
-_found: dict[str, tuple[SkinState, tuple[Any, ...], NDArray[np.float64] | None]] = {}
+_commands: dict[str, tuple[SkinState, tuple[Any, ...], NDArray[np.float64] | None]] = {}
 
 
 def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
     """Return what the platforms of fingers whose skin is shown do at the current frame; none without a table."""
     rows = []
-    for target, obj, device, spec in followers.of(scene, skin_preview.own(scene), platform_devices.kinds()):
+    for target, obj, device, spec in followers.wearers_of(scene, skin_preview.own(scene), "platform"):
         values = commands(obj, device, spec, target) if target.source == "live" else None
         if values is not None:
             rows.append(row_of(target.finger, device.preset, spec, by_channel(spec, values), float(target.touching)))
@@ -30,9 +30,9 @@ def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
 def commands(obj: Any, device: Any, spec: Any, target: SkinState) -> NDArray[np.float64] | None:
     """Return motor commands for one frame's skin; None while the table is missing or cannot be used."""
     key = (spec.hash, device.table, device.table_rows)
-    known = _found.get(target.finger)
-    if known is not None and known[0] is target and known[1] == key and known[2] is not None:
-        return known[2]
+    kept = _commands.get(target.finger)
+    if kept is not None and kept[0] is target and kept[1] == key and kept[2] is not None:
+        return kept[2]
     lookup, values = core.matching.lookup, None
     try:
         table = platform_devices.table(obj, device)
@@ -42,10 +42,10 @@ def commands(obj: Any, device: Any, spec: Any, target: SkinState) -> NDArray[np.
                 values = lookup.commands_now(table, spec, target.model, force)
     except DermisError:
         values = None  # the panel and the bake say why
-    _found[target.finger] = (target, key, values)
+    _commands[target.finger] = (target, key, values)
     return values
 
 
 def reset() -> None:
     """Forget what was looked up."""
-    _found.clear()
+    _commands.clear()

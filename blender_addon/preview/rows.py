@@ -10,6 +10,15 @@ import numpy as np
 from .._core import Array, core
 
 NO_PATH = np.empty((0, 2))
+STEP_SECONDS = 0.25
+# Channels without which a device of some kind is drawn as its values alone.
+NEEDED = {"tactor": {"tactor_x", "tactor_y"}, "screen": {"amplitude"}, "thimble": {"servo_1"}}
+FULL_SCALE = {"m": 2e-3, "N": 0.4}  # by unit, where a preset states no limit. Source: [S3] and [S1], their devices
+
+
+def goes_on(gap: float) -> bool:
+    """Return whether a step of so many seconds goes on from what was before: playback may skip frames, but not jump."""
+    return 1e-9 < gap <= STEP_SECONDS
 
 
 @dataclass(frozen=True)
@@ -36,6 +45,21 @@ class Row:
     path: Array
     contact: float | None
     signals: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def numbers(self) -> Array:
+        """All values in the order of the channels [SI]."""
+        return np.array(list(self.values.values()))
+
+    @property
+    def drawn(self) -> core.devices.kinds.Drawn:
+        """Return how the device is drawn, as its kind's row says; '' where it lacks the channels for that."""
+        kind = core.devices.kinds.KINDS.get(self.kind)
+        return kind.drawn if kind is not None and NEEDED.get(kind.drawn, set()) <= set(self.values) else ""
+
+    def full_scale(self, name: str) -> float:
+        """Return the value of a channel at which its drawing is full [SI]."""
+        return self.high.get(name) or FULL_SCALE.get(self.units[name], 1.0)
 
 
 @dataclass(frozen=True)

@@ -17,17 +17,16 @@ import numpy as np
 
 from .. import changes, redraw
 from .._core import DermisError, core
-from ..devices import skin_models, thimble_devices
+from ..devices import active_presets, skin_models
 from ..results import store
 from ..sampling import scene_sweep
 from . import baked_skins
+from .rows import goes_on
 from .skin_state import SkinState
-
-STEP_SECONDS = 0.25  # playback may skip frames; a longer step forward is a jump
 
 
 @dataclass
-class _Track:
+class _FingerPath:
     """One finger's way through the frames."""
 
     key: tuple[Any, ...]
@@ -42,8 +41,8 @@ class _Live:
     frame: float = 0.0
     first: float = 0.0
     edits: int = -1
-    cast: tuple[Any, ...] = ()
-    tracks: dict[str, _Track] = field(default_factory=dict)
+    signature: tuple[Any, ...] = ()
+    paths: dict[str, _FingerPath] = field(default_factory=dict)
     posed: core.contact.posed_scene.PosedScene | None = None  # for all fingers
     states: tuple[SkinState, ...] = ()
     failure: str = ""
@@ -51,32 +50,27 @@ class _Live:
 
 
 _live = _Live()
-_shown: tuple[Any, ...] = ()
-_wanted: tuple[Any, ...] = ()
+_any: tuple[Any, bool] = ((), False)  # what was looked up, and whether any skin is solved
 
 
-def any_shown(scene: bpy.types.Scene) -> bool:
-    """Tell whether any finger shows its skin; looked up once after each change."""
-    global _shown
+def any_solved(scene: bpy.types.Scene) -> bool:
+    """Return whether the skin of any finger is solved; looked up once after each change."""
+    global _any
     key = (scene.session_uid, changes.edits(), len(scene.objects))
-    if not _shown or _shown[0] != key:
-        _shown = (key, any(o.dermis.role == "FINGER" and o.dermis.finger.skin.shown for o in scene.objects))
-    return bool(_shown[1])
+    if _any[0] != key:
+        fingers = (obj.dermis.finger for obj in scene.objects if obj.dermis.role == "FINGER")
+        _any = key, any(_is_solved(f.skin.shown, (d.preset for d in f.devices if d.enabled)) for f in fingers)
+    return _any[1]
 
 
-def any_needed(scene: bpy.types.Scene) -> bool:
-    """Tell whether any finger shows its skin or wears a thimble, which follows it; looked up once after each change."""
-    global _wanted
-    key = (scene.session_uid, changes.edits(), len(scene.objects))
-    if not _wanted or _wanted[0] != key:
-        fingers = (o.dermis.finger for o in scene.objects if o.dermis.role == "FINGER")
-        _wanted = (key, any(f.skin.shown or _followed(d.preset for d in f.devices if d.enabled) for f in fingers))
-    return bool(_wanted[1])
+def solved(finger: core.scene.tactile_scene.Finger) -> bool:
+    """Return whether the skin of a sampled finger is solved here."""
+    return _is_solved(bool(finger.parameters.get("skin_shown")), (device.preset for device in finger.devices))
 
 
 def own(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
     """Return the skins at the current frame as they are touched, hidden ones that a thimble follows among them."""
-    if not any_needed(scene):
+    if not any_solved(scene):
         return ()
     frame, state = float(scene.frame_current_final), store.state(scene)
     result = store.current(scene)
@@ -95,7 +89,7 @@ def failure() -> str:
 
 def on_frame(scene: bpy.types.Scene, sample: Any = None) -> None:
     """Take in the new frame; called after every frame change in the window."""
-    if scene != bpy.context.scene or not any_needed(scene) or not scene.dermis.live_preview:
+    if scene != bpy.context.scene or not any_solved(scene) or not scene.dermis.live_preview:
         return
     result = store.current(scene)
     if result is not None and result.bake.skins and store.state(scene) == "fresh":
@@ -128,21 +122,19 @@ def step(context: bpy.types.Context, sample: Any = None) -> tuple[SkinState, ...
         posed, again = _prepare(scene, sample, frame)
         with skin_models.one_thread():
             _live.states = tuple(
-                _solve(f, finger, posed, frame, again)
-                for f, finger in enumerate(sample.fingers)
-                if finger.parameters.get("skin_shown") or _followed(d.preset for d in finger.devices)
+                _solve(f, finger, posed, frame, again) for f, finger in enumerate(sample.fingers) if solved(finger)
             )
         _live.failure = ""
     except DermisError as error:
         _live.states, _live.failure = (), str(error)
-        _live.tracks.clear()
+        _live.paths.clear()
     _live.frame, _live.edits = frame, changes.edits()
     return _live.states
 
 
 def reset() -> None:
     """Forget the history: the next frame is solved from rest."""
-    _live.tracks.clear()
+    _live.paths.clear()
     _live.posed = None
     _live.states, _live.failure, _live.generation = (), "", -1
 
@@ -160,9 +152,9 @@ def refresh() -> None:
         on_frame(bpy.context.scene)
 
 
-def _followed(presets: Iterable[str]) -> bool:
-    """Tell whether a skin is solved even where it is hidden: a thimble has a path to go on, and a trail is slow."""
-    return any(thimble_devices.spec_of(preset) is not None for preset in presets)
+def _is_solved(shown: bool, presets: Iterable[str]) -> bool:
+    """Return whether a skin is solved: also where it is hidden and a thimble follows it, whose trail would be slow."""
+    return shown or any(active_presets.spec_of(preset, "thimble") is not None for preset in presets)
 
 
 def _pending() -> bool:
@@ -181,17 +173,24 @@ def _holds(scene: bpy.types.Scene, frame: float) -> bool:
 def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> tuple[core.contact.posed_scene.PosedScene, bool]:
     """Pose the scene, and decide whether the history goes on; return whether this is the frame of before, once more."""
     names = tuple(b.name for b in sample.bodies)
-    cast = (tuple(f.name for f in sample.fingers), names, sample.fps)
+    signature = (tuple(f.name for f in sample.fingers), names, sample.fps)
     gap = (frame - _live.frame) / float(sample.fps)
-    same = _live.generation == changes.generation() and _live.scene == scene.session_uid and _live.cast == cast
-    again = same and frame == _live.frame and bool(_live.tracks)
-    if not again and not (same and 1e-9 < gap <= STEP_SECONDS):
-        _live.tracks.clear()
+    same = (
+        _live.generation == changes.generation() and _live.scene == scene.session_uid and _live.signature == signature
+    )
+    again = same and frame == _live.frame and bool(_live.paths)
+    if not again and not (same and goes_on(gap)):
+        _live.paths.clear()
         _live.first = frame
     posed = _live.posed
     if posed is None or not same:
         posed = core.contact.posed_scene.PosedScene(sample.bodies, [may_deform(name) for name in names])
-    _live.generation, _live.scene, _live.cast, _live.posed = changes.generation(), scene.session_uid, cast, posed
+    _live.generation, _live.scene, _live.signature, _live.posed = (
+        changes.generation(),
+        scene.session_uid,
+        signature,
+        posed,
+    )
     posed.take(sample.chunks[0], sample.bodies)
     return posed, again
 
@@ -214,24 +213,24 @@ def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, fram
     if model is None:
         done = skin_models.progress(finger.parameters["skin"], level) or 0.0
         return SkinState(finger.name, None, np.zeros((0, 3)), note=f"making the {level} skin: {done:.0%}")
-    track = _track(f, finger, model, posed)
+    path = _path_of(f, finger, model, posed)
     if again:
-        track.stepper.restore(track.before)
-    track.before = track.stepper.save()
-    step = track.stepper.step(track.stepper.approach(), 0)
+        path.stepper.restore(path.before)
+    path.before = path.stepper.save()
+    step = path.stepper.step(path.stepper.approach(), 0)
     starts = frame == _live.first
     note = f"live, from rest at frame {_live.first:g}" + (": play or step forward" if starts else "")
-    return SkinState.of(finger.name, model, step, "live", note, _counters(track.stepper))
+    return SkinState.of(finger.name, model, step, "live", note, _counters(path.stepper))
 
 
-def _track(f: int, finger: Any, model: Any, posed: core.contact.posed_scene.PosedScene) -> _Track:
+def _path_of(f: int, finger: Any, model: Any, posed: core.contact.posed_scene.PosedScene) -> _FingerPath:
     p = finger.parameters
     key = (id(model), p["depth_mode"], p["bone_stiffness"], p["force_limit"])
-    track = _live.tracks.get(finger.name)
-    if track is None or track.key != key:
+    path = _live.paths.get(finger.name)
+    if path is None or path.key != key:
         stepper = core.contact.skin_stepper.SkinStepper(model, f, finger, posed)
-        track = _live.tracks[finger.name] = _Track(key, stepper, stepper.save())
-    return track
+        path = _live.paths[finger.name] = _FingerPath(key, stepper, stepper.save())
+    return path
 
 
 def _counters(stepper: core.contact.skin_stepper.SkinStepper) -> dict[str, int]:

@@ -14,7 +14,7 @@ class SkinState:
     """One finger's skin at one frame.
 
     Attributes:
-        finger: the object's name.
+        finger: the object's name; of a rendered skin a label, the object's name with what renders it.
         model: the skin, or None while it is being made, or where it cannot be made (`note` says why).
         force: on the pad nodes in the finger's frame [N], shape (m, 3).
         normal_force, tangential_force: totals [N]. depth, lift: [m], see the engine's `SkinContact`.

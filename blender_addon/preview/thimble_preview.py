@@ -7,26 +7,24 @@ replayed on the skin, with friction's memory, so that what is shown is what the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
 
 from .. import changes
-from .._core import Array, DermisError, core
+from .._core import DermisError, core
 from ..devices import skin_models, thimble_devices
 from ..results import store
 from . import followers, skin_preview
-from .rows import Row, row_of
+from .rows import Row, goes_on, row_of
 from .skin_state import SkinState
-
-STEP_SECONDS = 0.25  # a longer step forward is a jump, as for the skin
 
 
 @dataclass
-class _Track:
+class _FingerPath:
     """One finger's thimble on its way through the frames."""
 
     key: tuple[Any, ...]
@@ -35,23 +33,21 @@ class _Track:
     frame: float = 0.0
     target: Any = None  # the `SkinState` that was followed last
     before: Any = None  # what the last step began with
-    found: Any = None  # the engine's `ThimbleFrame`
+    rendered: Any = None  # the engine's `ThimbleFrame`
     error: str = ""
 
 
-@dataclass
-class _Played:
+class _Played(NamedTuple):
     """A baked track on a skin."""
 
     result: Any
     output: Any
     replay: Any
-    shown: dict[float, Any] = field(default_factory=dict)
 
 
-_tracks: dict[str, _Track] = {}
+_paths: dict[str, _FingerPath] = {}
 _played: dict[str, _Played] = {}
-_made: dict[str, tuple[Any, Any, SkinState]] = {}
+_states: dict[str, tuple[Any, Any, SkinState]] = {}
 
 
 def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[SkinState, ...]:
@@ -59,95 +55,89 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
     if not scene.dermis.thimble_view.split:
         return ()
     out = []
-    for target, _, device, _ in followers.of(scene, targets, thimble_devices.KINDS):
+    for target, _, device, _ in followers.wearers_of(scene, targets, "thimble"):
         if target.touching:
             state = (_live_state if target.source == "live" else _baked_state)(scene, target, device)
             out += [state] if state is not None else []
-    for gone in set(_made) - {t.finger for t in targets}:
-        del _made[gone]
+    for gone in set(_states) - {t.finger for t in targets}:
+        del _states[gone]
     return tuple(out)
 
 
 def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
     """Return what the thimbles of fingers whose skin is shown do at the current frame, without a bake."""
     rows = []
-    for target, _, device, spec in followers.of(scene, skin_preview.own(scene), thimble_devices.KINDS):
-        if target.source != "live" or (track := follow(scene, target, device)).found is None:
+    for target, _, device, spec in followers.wearers_of(scene, skin_preview.own(scene), "thimble"):
+        if target.source != "live" or (path := follow(scene, target, device)).rendered is None:
             continue
-        values, touching = values_of(track.found.angles, track.found.x), float(track.found.minimum is not None)
-        signals = {"mismatch": track.found.mismatch}
-        rows.append(row_of(target.finger, device.preset, spec, values, touching, signals=signals))
+        values = core.devices.thimble.channel_values(path.rendered.angles, path.rendered.x)
+        plain = {name: float(value) for name, value in values.items()}
+        touching, signals = float(path.rendered.minimum is not None), {"mismatch": path.rendered.mismatch}
+        rows.append(row_of(target.finger, device.preset, spec, plain, touching, signals=signals))
     return tuple(rows)
 
 
-def values_of(angles: Array, x: Array) -> Mapping[str, float]:
-    """Return channel values by name for servo angles and pitch, roll, distance."""
-    values = {f"servo_{i + 1}": float(a) for i, a in enumerate(angles)}
-    values.update(zip(("pitch", "roll", "distance"), map(float, x), strict=True))
-    return values
-
-
-def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _Track:
+def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _FingerPath:
     """Let a finger's thimble follow the skin of the current frame, once."""
     frame, fps = float(scene.frame_current_final), scene.render.fps / scene.render.fps_base
     settings = tuple(
         sorted((k, v) for k, v in thimble_devices.parameters_of(device).items() if k.startswith("thimble_"))
     )
     key = (device.preset, settings, target.model.key, repr(target.model.material), changes.generation())
-    track = _tracks.get(target.finger)
-    if track is None or track.key != key:
-        track = _tracks[target.finger] = _Track(key)
-    elif track.target is target:
-        return track
+    path = _paths.get(target.finger)
+    if path is None or path.key != key:
+        path = _paths[target.finger] = _FingerPath(key)
+    elif path.target is target:
+        return path
     with skin_models.one_thread():
         try:
-            if track.follower is None:
-                track.use = thimble_devices.used(device, target.model)
-                track.follower = core.matching.thimble.follower(track.use)
-            _step(track, target, frame, fps)
+            if path.follower is None:
+                path.use = thimble_devices.prepared(device, target.model)
+                path.follower = core.matching.thimble.follower(path.use)
+            _step(path, target, frame, fps)
         except DermisError as error:
-            track.error, track.found = str(error), None
-    track.target, track.frame = target, frame
-    return track
+            path.error, path.rendered = str(error), None
+    path.target, path.frame = target, frame
+    return path
 
 
 def failure(finger: str) -> str:
     """Return why a finger's thimble does nothing, or ''."""
-    track = _tracks.get(finger)
-    return track.error if track is not None else ""
+    path = _paths.get(finger)
+    return path.error if path is not None else ""
 
 
 def reset() -> None:
     """Forget every way through the frames."""
-    for kept in (_tracks, _played, _made):
+    for kept in (_paths, _played, _states):
         kept.clear()
 
 
-def _step(track: _Track, target: SkinState, frame: float, fps: float) -> None:
-    matching, gap = track.follower.matching, (frame - track.frame) / fps
-    again = track.before is not None and frame == track.frame
+def _step(path: _FingerPath, target: SkinState, frame: float, fps: float) -> None:
+    matching, gap = path.follower.matching, (frame - path.frame) / fps
+    again = path.before is not None and frame == path.frame
     if again:
-        matching.restore(track.before)
-    elif track.before is None or not 1e-9 < gap <= STEP_SECONDS:
+        matching.restore(path.before)
+    elif path.before is None or not goes_on(gap):
         matching.reset()
         matching.change = None  # the first frame shows where it would be, not the way there
     else:
-        matching.change = track.use.device.servo_speed * gap
-    track.before = matching.save()
-    track.found, track.error = track.follower.step(target.force), ""
+        matching.change = path.use.device.servo_speed * gap
+    path.before = matching.save()
+    path.rendered, path.error = path.follower.step(target.force), ""
 
 
 def _live_state(scene: bpy.types.Scene, target: SkinState, device: Any) -> SkinState | None:
-    track = follow(scene, target, device)
-    if track.found is None:
+    path = follow(scene, target, device)
+    rendered = path.rendered
+    if rendered is None:
         return None
-    found = track.found
-    known = _made.get(target.finger)
-    if known is None or known[0] is not found:
-        contact = track.follower.matching.contact
-        state = _state(target, track.use.method, found.solution, contact, found.mismatch)
-        known = _made[target.finger] = (found, None, state)
-    return known[2]
+    kept = _states.get(target.finger)
+    if kept is None or kept[0] is not rendered:
+        contact = path.follower.matching.contact
+        state = _state(target, path.use.method, rendered.solution, contact, rendered.mismatch)
+        kept = _states[target.finger] = (rendered, None, state)
+    return kept[2]
 
 
 def _baked_state(scene: bpy.types.Scene, target: SkinState, device: Any) -> SkinState | None:
@@ -158,9 +148,9 @@ def _baked_state(scene: bpy.types.Scene, target: SkinState, device: Any) -> Skin
     if played is None:
         return None
     frame = float(scene.frame_current_final)
-    known = _made.get(target.finger)
-    if known is not None and known[0] is played and known[1] == frame:
-        return known[2]
+    kept = _states.get(target.finger)
+    if kept is not None and kept[0] is played and kept[1] == frame:
+        return kept[2]
     track = played.output.track
     t = float(np.clip((frame - result.first) / result.fps, track.times[0], track.times[-1]))
     sample = max(int(np.searchsorted(track.times, t + 1e-9)) - 1, 0)
@@ -173,29 +163,30 @@ def _baked_state(scene: bpy.types.Scene, target: SkinState, device: Any) -> Skin
         solution = played.replay.solution(sample, ahead)
     mismatch = store.signal_at(result, played.output, "mismatch", frame) or 0.0
     state = _state(target, str(track.meta.get("method", "")), solution, played.replay.contact, mismatch)
-    _made[target.finger] = (played, frame, state)
+    _states[target.finger] = (played, frame, state)
     return state
 
 
 def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
     """Return a finger's baked track as something to play on its skin."""
-    known = _played.get(target.finger)
-    if known is not None and known.result is result:
-        return known
+    played = _played.get(target.finger)
+    if played is not None and played.result is result:
+        return played
     own = (o for o in result.bake.outputs if o.finger == target.finger)
     output = next((o for o in own if o.track.spec.kind == "thimble"), None)
     if output is None or not len(output.track.times):
         return None
-    replay = core.matching.replay
-    use = core.matching.thimble_use
+    replay, thimble_use = core.matching.replay, core.matching.thimble_use
     try:
         with skin_models.one_thread():
-            fitted, friction = use.fitted(output.track.spec, target.model, thimble_devices.parameters_of(device))
-            poses = replay.configurations(output.track, fitted)
-            made = replay.Replay(fitted, target.model, friction, poses)
+            calibrated, friction = thimble_use.calibrated_mechanism(
+                output.track.spec, target.model, thimble_devices.parameters_of(device)
+            )
+            x = replay.configurations(output.track, calibrated)
+            track_on_skin = replay.Replay(calibrated, target.model, friction, x)
     except DermisError:
         return None  # a track of other channels: the twin and its values are shown all the same
-    _played[target.finger] = _Played(result, output, made)
+    _played[target.finger] = _Played(result, output, track_on_skin)
     return _played[target.finger]
 
 

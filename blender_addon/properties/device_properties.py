@@ -17,10 +17,6 @@ def _is_screen(_self: Any, obj: bpy.types.Object) -> bool:
     return obj.dermis.role == "SCREEN"
 
 
-def _device_keys(_self: Any, _context: Any, text: str) -> list[str]:
-    return [entry.key for entry in choices.devices() if text.lower() in f"{entry.key} {entry.name}".lower()]
-
-
 @declared(core.parameters.device.DEVICE)
 class DermisDevice(bpy.types.PropertyGroup):
     """One device worn by a finger, or one screen device that it touches."""
@@ -28,7 +24,7 @@ class DermisDevice(bpy.types.PropertyGroup):
     preset: StringProperty(
         name="Device",
         description="Device preset, by its file name",
-        search=_device_keys,
+        search=lambda _self, _context, text: choices.search("devices", text),
         options=set(),
         update=touched,
         override=OVERRIDE,

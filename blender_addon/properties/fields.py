@@ -11,20 +11,23 @@ radians (Blender shows degrees).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from .. import changes
+from .. import changes, redraw
 from .._core import core
 from ..compat import BLEND_RELATIVE
 
 Update = Callable[[Any, Any], None]
 
+NO_UPDATES: Mapping[str, Update] = {}
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
 SOFT = ("soft_min", "soft_max")
 SIGNIFICANT = ".7g"  # what single precision keeps: 0.1 typed by a person is meant, not 0.10000000149
+SINGLE = 1e-6  # relative: what single precision is off by, and more
 # Units that Blender shows by itself; others stand behind the label.
 _SHOWN: dict[str, dict[str, str]] = {
     "mm": {"unit": "CAMERA"},
@@ -41,35 +44,43 @@ def touched(_self: Any, _context: Any) -> None:
     changes.mark_dirty()
 
 
-def declared(*tables: core.parameters.parameter.Table, **updates: Update) -> Callable[[type], type]:
+def redrawn(_self: Any, _context: Any) -> None:
+    """Draw the views again: how they show something has changed."""
+    redraw.request()
+
+
+def declared(
+    *tables: core.parameters.parameter.Table, updates: Mapping[str, Update] = NO_UPDATES, override: set[str] = OVERRIDE
+) -> Callable[[type], type]:
     """Return a decorator that gives a group the properties of tables, before those that it declares itself.
 
     Args:
-        updates: what is called on a change, by parameter; `touched` for the others.
+        updates: what is called on a change, by parameter; `touched` for the others. override: as Blender takes it.
     """
 
     def declare(group: type) -> type:
         rows = (row for rows in tables for row in rows.values() if row.label)
-        own = {row.saved: declare_one(row, updates.get(row.name, touched)) for row in rows}
+        own = {row.saved: declare_one(row, updates.get(row.name, touched), override) for row in rows}
         group.__annotations__ = {**own, **group.__annotations__}
         return group
 
     return declare
 
 
-def declare_one(row: core.parameters.parameter.Parameter, update: Update = touched) -> Any:
+def declare_one(
+    row: core.parameters.parameter.Parameter, update: Update = touched, override: set[str] = OVERRIDE
+) -> Any:
     """Return a parameter as a property; it can be animated where the row says so."""
-    common: dict[str, Any] = {"description": row.text, "update": update, "override": OVERRIDE}
+    common: dict[str, Any] = {"description": row.text, "update": update, "override": override}
     if row.source.startswith("["):
         common["description"] += f" ({row.source})"
     if not row.keyed:
         common["options"] = set()
-    types = core.parameters.parameter
     if row.choices:
         return EnumProperty(name=row.label, items=row.choices, default=row.default, **common)
-    if row.unit == types.SWITCH:
+    if row.unit == core.parameters.parameter.SWITCH:
         return BoolProperty(name=row.label, default=row.default, **common)
-    if row.unit == types.TEXT:
+    if row.unit == core.parameters.parameter.TEXT:
         more = {"subtype": "FILE_PATH", "options": BLEND_RELATIVE} if row.file else {}
         return StringProperty(name=row.label, default=row.default, **{**common, **more})
     low, high = row.low, row.high
@@ -77,14 +88,15 @@ def declare_one(row: core.parameters.parameter.Parameter, update: Update = touch
     ends |= {n: hard if soft is None else soft for n, hard, soft in zip(SOFT, (low, high), row.soft, strict=True)}
     if row.whole:
         return IntProperty(name=row.label, default=row.default, **{n: int(v) for n, v in ends.items()}, **common)
-    shown = _SHOWN.get(row.shown)
-    label = row.label if shown is not None else f"{row.label} [{_WRITTEN.get(row.shown, row.shown)}]"
-    if row.shown == "1" and (low, high) == (0.0, 1.0):
+    shown = _SHOWN.get(row.window_unit)
+    label = row.label if shown is not None else f"{row.label} [{_WRITTEN.get(row.window_unit, row.window_unit)}]"
+    if row.window_unit == "1" and (low, high) == (0.0, 1.0):
         shown = {"subtype": "FACTOR"}
     return FloatProperty(
         name=label,
         default=row.default / row.factor,
         precision=row.digits,
+        step=3 if row.digits else 100,
         **{n: v / row.factor for n, v in ends.items()},
         **(shown or {}),
         **common,
@@ -102,9 +114,16 @@ def values(group: Any, *tables: core.parameters.parameter.Table) -> dict[str, An
 
 
 def value_of(group: Any, row: core.parameters.parameter.Parameter) -> Any:
-    """Return one value of a group in SI."""
+    """Return one value of a group in SI.
+
+    The window's own ends are stored in single precision too, a little beyond the row's; they are meant to be these.
+    """
     value = getattr(group, row.saved)
-    return value * row.factor if row.factor != 1.0 else value
+    if not isinstance(value, float):
+        return value
+    value *= row.factor
+    beyond = row.low if value < row.low else row.high if value > row.high else value
+    return beyond if math.isclose(value, beyond, rel_tol=SINGLE) else value
 
 
 def apply(group: Any, table: core.parameters.parameter.Table, given: Mapping[str, Any]) -> list[str]:

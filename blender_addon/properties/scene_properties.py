@@ -1,68 +1,18 @@
-"""What the artist sets, and nothing else: parameters live in the .blend, results outside it.
-
-Readers do not convert by hand: `parameters(group)` gives a group's values in SI under the engine's names
-(`touch_distance_mm` -> `touch_distance` in metres), and `TABLES[type(group)]` their rows, for readers that sample
-animated values. A screen's width and height are the bounds of its mesh in its own XY.
-"""
+"""What the artist sets of a whole scene: how it is baked, and what the view shows."""
 
 # mypy: disable-error-code="valid-type"
 # No postponed annotations here: Blender reads the properties from them when a class is registered.
 
-from typing import Any
-
 import bpy
-from bpy.props import (
-    BoolProperty,
-    CollectionProperty,
-    EnumProperty,
-    FloatProperty,
-    IntProperty,
-    PointerProperty,
-    StringProperty,
-)
+from bpy.props import BoolProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
-from .._core import core
 from ..compat import BLEND_RELATIVE
-from .device_properties import DermisDevice
-from .fields import OVERRIDE, apply, declared, touched, values
-from .material_properties import DermisMaterial
-from .screen_properties import DermisScreen
-from .skin_properties import DermisSkin, DermisSkinView
+from ..registration import registration
+from .fields import touched
+from .skin_properties import DermisSkinView
 from .thimble_view_properties import DermisThimbleView
 
 FILE_VERSION = 1  # raise it when a property is renamed or means something else, and migrate older files on loading
-_rows = core.parameters
-
-
-@declared(_rows.finger.FINGER)
-class DermisFinger(bpy.types.PropertyGroup):
-    """A fingertip: origin at the pad's centre, +Y towards the tip, +Z towards the nail."""
-
-    skin: PointerProperty(type=DermisSkin, override=OVERRIDE)
-    devices: CollectionProperty(type=DermisDevice, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"})
-    active_device: IntProperty(name="Active Device", default=0, min=0, options=set(), override=OVERRIDE)
-
-
-class DermisObject(bpy.types.PropertyGroup):
-    """What an object is to Dermis."""
-
-    role: EnumProperty(
-        name="Role",
-        description="What this object is to Dermis",
-        items=(
-            ("NONE", "Nothing", "Dermis ignores this object"),
-            ("FINGER", "Finger", "A fingertip that feels"),
-            ("TOUCHABLE", "Touchable", "An object that fingers can feel"),
-            ("SCREEN", "Touch Screen", "A touch screen that renders friction"),
-        ),
-        default="NONE",
-        options=set(),
-        update=touched,
-        override=OVERRIDE,
-    )
-    finger: PointerProperty(type=DermisFinger, override=OVERRIDE)
-    material: PointerProperty(type=DermisMaterial, override=OVERRIDE)
-    screen: PointerProperty(type=DermisScreen, override=OVERRIDE)
 
 
 class DermisScene(bpy.types.PropertyGroup):
@@ -130,46 +80,12 @@ class DermisScene(bpy.types.PropertyGroup):
     active_finding: IntProperty(default=-1, options={"HIDDEN"})
 
 
-TABLES: dict[type, core.parameters.parameter.Table] = {
-    DermisDevice: _rows.device.DEVICE,
-    DermisFinger: _rows.finger.FINGER,
-    DermisMaterial: _rows.material.BODY,
-    DermisScreen: _rows.screen.SCREEN,
-}
-
-
-def parameters(group: Any) -> dict[str, Any]:
-    """Return a group's values in SI, by the engine's names: what `Body.parameters` and its like take."""
-    return values(group, TABLES[type(group)])
-
-
-def apply_parameters(group: Any, given: dict[str, Any]) -> list[str]:
-    """Set a group's properties from SI values; return the names that it does not have."""
-    return apply(group, TABLES[type(group)], given)
-
-
 def stamp(scene: bpy.types.Scene) -> None:
     """Note which version of these properties a scene was made with; a newer one that it holds stays said."""
     scene.dermis.file_version = max(scene.dermis.file_version, FILE_VERSION)
 
 
-CLASSES: tuple[type, ...] = (
-    *(DermisSkin, DermisSkinView, DermisThimbleView),
-    *(DermisDevice, DermisFinger, DermisMaterial, DermisScreen, DermisObject, DermisScene),
+register, unregister = registration(
+    (DermisSkinView, DermisThimbleView, DermisScene),
+    (bpy.types.Scene, "dermis", PointerProperty(type=DermisScene, name="Dermis")),
 )
-
-
-def register() -> None:
-    """Register the groups and hang them on objects and scenes."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-    bpy.types.Object.dermis = PointerProperty(type=DermisObject, name="Dermis", override=OVERRIDE)
-    bpy.types.Scene.dermis = PointerProperty(type=DermisScene, name="Dermis")
-
-
-def unregister() -> None:
-    """Undo `register`; the values stay in the file as plain data."""
-    del bpy.types.Scene.dermis
-    del bpy.types.Object.dermis
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)

@@ -9,13 +9,13 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from .. import changes, choices, fingertip_mesh, redraw
+from .. import changes, choices, fingertip_mesh
 from .._core import DermisError, core
 from ..quantities import metres_per_unit
-from .fields import OVERRIDE, SIGNIFICANT, apply, declared, touched, value_of
+from .fields import OVERRIDE, SIGNIFICANT, apply, declared, redrawn, touched, value_of
 
 _skin = core.parameters.skin
-_digests: dict[tuple[str, int, int], str] = {}
+_digests: core.recent.Recent[tuple[str, int, int], str] = core.recent.Recent(8)
 
 
 def _resized(self: Any, context: Any) -> None:
@@ -25,30 +25,22 @@ def _resized(self: Any, context: Any) -> None:
         fingertip_mesh.fit(obj, lengths(self), metres_per_unit(context.scene))
 
 
-def _redraw(_self: Any, _context: Any) -> None:
-    redraw.request()
-
-
 def _shown(self: Any, context: Any) -> None:
     touched(self, context)
-    _redraw(self, context)
-
-
-def _skin_keys(_self: Any, _context: Any, text: str) -> list[str]:
-    return [e.key for e in choices.skins() if text.lower() in f"{e.key} {e.name}".lower()]
+    redrawn(self, context)
 
 
 _updates = {"skin_shown": _shown} | dict.fromkeys(_skin.OUTER, _resized)
 
 
-@declared(_skin.SKIN_CONTACT, _skin.SKIN, **_updates)
+@declared(_skin.SKIN_CONTACT, _skin.SKIN, updates=_updates)
 class DermisSkin(bpy.types.PropertyGroup):
     """The soft tissue of a fingertip: its size, its stiffness, and how deep it may be pressed."""
 
     preset: StringProperty(
         name="Preset",
         description="The preset that the values below were last taken from",
-        search=_skin_keys,
+        search=lambda _self, _context, text: choices.search("skins", text),
         default=_skin.DEFAULT_SKIN,
         options=set(),
         override=OVERRIDE,
@@ -63,7 +55,7 @@ class DermisSkinView(bpy.types.PropertyGroup):
         description="Draw the skin in the view; what is not drawn is not computed",
         default=True,
         options=set(),
-        update=_redraw,
+        update=redrawn,
     )
     quantity: EnumProperty(
         name="Quantity",
@@ -83,7 +75,7 @@ class DermisSkinView(bpy.types.PropertyGroup):
         ),
         default="von_mises",
         options=set(),
-        update=_redraw,
+        update=redrawn,
     )
     range_mode: EnumProperty(
         name="Range",
@@ -95,7 +87,7 @@ class DermisSkinView(bpy.types.PropertyGroup):
         ),
         default="auto",
         options=set(),
-        update=_redraw,
+        update=redrawn,
     )
     maximum: FloatProperty(
         name="Maximum",
@@ -105,7 +97,7 @@ class DermisSkinView(bpy.types.PropertyGroup):
         max=1e12,
         soft_max=1000.0,
         options=set(),
-        update=_redraw,
+        update=redrawn,
     )
     colours: EnumProperty(
         name="Colours",
@@ -117,7 +109,7 @@ class DermisSkinView(bpy.types.PropertyGroup):
         ),
         default="inferno",
         options=set(),
-        update=_redraw,
+        update=redrawn,
     )
     xray: FloatProperty(
         name="Through Objects",
@@ -127,7 +119,7 @@ class DermisSkinView(bpy.types.PropertyGroup):
         max=1.0,
         subtype="FACTOR",
         options=set(),
-        update=_redraw,
+        update=redrawn,
     )
     fill: FloatProperty(
         name="Unstressed Skin",
@@ -137,7 +129,7 @@ class DermisSkinView(bpy.types.PropertyGroup):
         max=1.0,
         subtype="FACTOR",
         options=set(),
-        update=_redraw,
+        update=redrawn,
     )
     exaggeration: FloatProperty(
         name="Exaggeration",
@@ -149,24 +141,24 @@ class DermisSkinView(bpy.types.PropertyGroup):
         soft_max=10.0,
         precision=1,
         options=set(),
-        update=_redraw,
+        update=redrawn,
     )
     contours: BoolProperty(
-        name="Contours", description="Draw lines of equal value", default=True, options=set(), update=_redraw
+        name="Contours", description="Draw lines of equal value", default=True, options=set(), update=redrawn
     )
     legend: BoolProperty(
         name="Legend",
         description="Write scale, forces and the model's error into the view",
         default=True,
         options=set(),
-        update=_redraw,
+        update=redrawn,
     )
     maps: BoolProperty(
         name="Pad Maps",
         description="Draw each pad as seen through the nail, tip up, beside the legend",
         default=True,
         options=set(),
-        update=_redraw,
+        update=redrawn,
     )
     map_size: IntProperty(
         name="Map Size",
@@ -176,7 +168,7 @@ class DermisSkinView(bpy.types.PropertyGroup):
         max=600,
         subtype="PIXEL",
         options=set(),
-        update=_redraw,
+        update=redrawn,
     )
 
 
@@ -189,14 +181,12 @@ def own_mesh(text: str) -> dict[str, str]:
     """Return a mesh file's path and, where it can be read, its hash, worked out anew when the file changes."""
     path = Path(bpy.path.abspath(text))
     try:
-        known = path.stat()
-        key = (str(path), known.st_mtime_ns, known.st_size)
-        if key not in _digests:
-            _digests.clear()
-            _digests[key] = core.skin.own_mesh.digest(path)
+        file = path.stat()
+        key = (str(path), file.st_mtime_ns, file.st_size)
+        digest = _digests.make(key, lambda: core.skin.own_mesh.digest(path))
     except (OSError, ValueError, DermisError):
         return {"mesh": str(path)}  # rendering says why
-    return {"mesh": str(path), "mesh_hash": _digests[key]}
+    return {"mesh": str(path), "mesh_hash": digest}
 
 
 def shape_and_material(skin: Any) -> dict[str, Any]:

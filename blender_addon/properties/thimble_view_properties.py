@@ -3,16 +3,10 @@
 # mypy: disable-error-code="valid-type"
 # No postponed annotations here: Blender reads the properties from them when a class is registered.
 
-from typing import Any
-
 import bpy
 from bpy.props import BoolProperty
 
-from .. import redraw
-
-
-def _redraw(_self: Any, _context: Any) -> None:
-    redraw.request()
+from .fields import redrawn
 
 
 class DermisThimbleView(bpy.types.PropertyGroup):
@@ -24,7 +18,7 @@ class DermisThimbleView(bpy.types.PropertyGroup):
         "Needs the finger's skin to be shown",
         default=True,
         options=set(),
-        update=_redraw,
+        update=redrawn,
     )
     workspace: BoolProperty(
         name="Workspace",
@@ -32,5 +26,5 @@ class DermisThimbleView(bpy.types.PropertyGroup):
         "the largest tilt in every direction",
         default=False,
         options=set(),
-        update=_redraw,
+        update=redrawn,
     )

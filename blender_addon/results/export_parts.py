@@ -35,7 +35,7 @@ def write(
     """Write a file for each output and each range; return the files, and what there is to say about them.
 
     Args:
-        form: of `core.track.export.FORMATS`. active: whose action 'ACTION' means.
+        form: of `core.track.formats.FORMATS`. active: whose action 'ACTION' means.
         span: 'ALL', 'PREVIEW', 'MARKERS' or 'ACTION'.
         finger: this one only; None: all.
 
@@ -67,18 +67,14 @@ def plan(
     Raises:
         DermisError: no such range, one beyond the bake, or none in which a sample lies.
     """
-    formats = core.track.export
-    outputs = core.pipeline.outputs
-    file_names = core.track.file_names
-    finding = Finding
-    names = names or file_names.FileNames()
-    suffix = formats.format_of(form).suffix
-    spans, taken = ranges(scene, result, span, active), file_names.FileNames()
-    labels = [taken.take(file_names.safe(name)) if name else "" for name, _, _ in spans]
+    names = names or core.track.file_names.FileNames()
+    suffix = core.track.export.format_of(form).suffix
+    spans, taken = ranges(scene, result, span, active), core.track.file_names.FileNames()
+    labels = [taken.take(core.track.file_names.safe(name)) if name else "" for name, _, _ in spans]
     parts: list[Part] = []
     found: list[Any] = _markers_outside(scene, result) if span == "MARKERS" else []
     empty: list[Any] = []
-    for stem, output in zip(outputs.file_names(result.bake), result.bake.outputs, strict=True):
+    for stem, output in zip(core.pipeline.outputs.file_names(result.bake), result.bake.outputs, strict=True):
         if finger is not None and output.finger != finger:
             continue
         for label, (name, first, last) in zip(labels, spans, strict=True):
@@ -86,11 +82,11 @@ def plan(
             if name:
                 try:
                     start, stop = ((f - result.first) / result.fps for f in (first, last))
-                    track = formats.cut(track, start, stop, name=name)
-                except formats.EmptyRange as error:
+                    track = core.track.export.cut(track, start, stop, name=name)
+                except core.track.export.EmptyRange as error:
                     empty.append(error)
                     found.append(
-                        finding(
+                        Finding(
                             "warning",
                             "range-empty",
                             f"not written: {error.what}",
@@ -114,13 +110,12 @@ def write_parts(parts: Sequence[Part], form: str, *, force: bool = False) -> tup
     Raises:
         DermisError: every one is refused; the first one's reason.
     """
-    formats = core.track.export
     written: list[Path] = []
     found: list[Any] = []
     refused: list[Any] = []
     for part in parts:
         try:
-            found += formats.write(part.track, part.path, form, force=force)
+            found += core.track.export.write(part.track, part.path, form, force=force)
         except DermisError as error:
             refused.append(error)
             what = error.what if error.code == "track-refused" else f"not written: {error.what}"
@@ -142,17 +137,16 @@ def ranges(
     Raises:
         DermisError: the scene has no such range.
     """
-    refuse = DermisError
     if span == "ALL":
         return [("", 0.0, 0.0)]
     if span == "PREVIEW":
         if not scene.use_preview_range:
-            raise refuse("the scene has no preview range", where=scene.name, remedy="Set one in the timeline")
+            raise DermisError("the scene has no preview range", where=scene.name, remedy="Set one in the timeline")
         return [("preview", float(scene.frame_preview_start), float(scene.frame_preview_end))]
     if span == "ACTION":
         action = active.animation_data.action if active is not None and active.animation_data else None
         if action is None:
-            raise refuse("the active object has no action", where=active.name if active else scene.name)
+            raise DermisError("the active object has no action", where=active.name if active else scene.name)
         first, last = action.frame_range
         return [(action.name, float(first), float(last))]
     end = last_frame(result)
@@ -160,7 +154,7 @@ def ranges(
         (float(m.frame), m.name or f"F_{m.frame}") for m in scene.timeline_markers if result.first <= m.frame < end
     )
     if not markers:
-        raise refuse("no marker lies in the baked range", where=scene.name, remedy="Add markers with M")
+        raise DermisError("no marker lies in the baked range", where=scene.name, remedy="Add markers with M")
     ends = [frame for frame, _ in markers[1:]] + [end]
     names = core.track.file_names.numbered([name for _, name in markers])
     return [(name, first, last) for name, (first, _), last in zip(names, markers, ends, strict=True)]

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from .._core import DermisError, core
-from ..devices import pin_devices, skin_models
+from ..devices import active_presets, skin_models
 from ..preferences import library
 from . import store
 
@@ -23,7 +23,7 @@ def compare(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
     Raises:
         DermisError: no bake, none with this finger's skin, or nothing touched.
     """
-    device, result = pin_devices.device_of(obj), store.current(scene)
+    device, result = active_presets.device_of(obj, "pins"), store.current(scene)
     felt = result.bake.skins.get(obj.name) if result is not None else None
     if device is None or result is None or felt is None:
         raise DermisError(

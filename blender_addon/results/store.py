@@ -80,7 +80,7 @@ def fingerprint(scene: bpy.types.Scene) -> tuple[Any, ...]:
 def keep(scene: bpy.types.Scene, bake: core.pipeline.bake.Bake) -> Result:
     """Take over the result of a bake that has just ended: from here on changes make it out of date."""
     fps, first = float(frames_per_second(scene)), float(frame_range(scene)[0])
-    skins = {name: _skin_of(scene.objects[name]) for name in bake.skins if name in scene.objects}
+    skins = {name: skin_of(scene.objects[name]) for name in bake.skins if name in scene.objects}
     kept = Result(bake, fps, first, changes.generation(), fingerprint(scene), skins)
     _results[scene.session_uid] = kept
     changes.clear_dirty()
@@ -130,12 +130,11 @@ def cache() -> core.cache.Cache:
     return core.cache.Cache(user_folder("results", create=True), int(setting("cache_megabytes")) * 1_000_000)
 
 
-def store(scene: bpy.types.Scene, result: Result) -> Path:
+def store(scene: bpy.types.Scene, result: Result) -> None:
     """Write a result to the user folder and note its key in the scene."""
     bake = result.bake
-    path: Path = cache().put(_key(bake.content_hash), lambda target: _write(Path(target), result))
+    cache().put(_key(bake.content_hash), lambda target: _write(Path(target), result))
     scene.dermis.bake_key = bake.content_hash
-    return path
 
 
 def load(scene: bpy.types.Scene) -> Result | None:
@@ -153,7 +152,8 @@ def load(scene: bpy.types.Scene) -> Result | None:
     return result
 
 
-def _skin_of(obj: bpy.types.Object) -> dict[str, Any]:
+def skin_of(obj: bpy.types.Object) -> dict[str, Any]:
+    """Return size, material and accuracy of a finger's skin, as it is now."""
     values = skin_properties.parameters(obj.dermis.finger.skin)
     return {"skin": values["skin"], "level": values["skin_level"]}
 
@@ -201,15 +201,12 @@ def _write(path: Path, result: Result) -> None:
 
 
 def _read(path: Path) -> Result:
-    pipeline = core.pipeline.render
     from_preset, track = core.devices.spec.from_preset, core.track.command_track.CommandTrack
-    npz = core.npz
-    foreign = core.foreign
-    with foreign.damage_told("the stored result cannot be read", str(path), remedy="Bake again"):
+    with core.foreign.damage_told("the stored result cannot be read", str(path), remedy="Bake again"):
         # trusted: of a device at rest ten thousand samples become ten bytes
-        with npz.opened_npz(path, kind="a stored result", trusted=True) as archive:
+        with core.npz.opened_npz(path, kind="a stored result", trusted=True) as archive:
             file = archive.arrays(archive.names)
-            header = foreign.json_of(file["header"].tobytes(), str(path), foreign.MOST_TEXT, constants=True)
+            header = core.foreign.json_of(file["header"].tobytes(), str(path), core.foreign.MAX_TEXT, constants=True)
             if header["version"] != RESULT_VERSION:
                 raise DermisError(
                     "made by another version",
@@ -219,7 +216,7 @@ def _read(path: Path) -> Result:
                     remedy="Bake again",
                 )
             outputs = tuple(
-                pipeline.Output(
+                core.pipeline.render.Output(
                     entry["finger"],
                     entry["device"],
                     track(
@@ -235,7 +232,7 @@ def _read(path: Path) -> Result:
                 for i, entry in enumerate(header["outputs"])
             )
             skins = stored_skins.unpack(header.get("skins", []), file)
-        bake = pipeline.Bake(
+        bake = core.pipeline.render.Bake(
             outputs,
             tuple(Finding(**f) for f in header["findings"]),
             header["skipped"],

@@ -48,7 +48,6 @@ def unpack(entries: list[dict[str, Any]], file: Mapping[str, Any]) -> dict[str, 
     Raises:
         DermisError: a skin is made otherwise by this version, so that the forces do not belong to its nodes.
     """
-    touch = core.contact.skin_contact.SkinContact
     out = {}
     for entry in entries:
         i, finger = int(entry["number"]), str(entry["finger"])
@@ -61,7 +60,7 @@ def unpack(entries: list[dict[str, Any]], file: Mapping[str, Any]) -> dict[str, 
                 limit=str(model.pad_count),
                 remedy="Bake again",
             )
-        out[finger] = touch(
+        out[finger] = core.contact.skin_contact.SkinContact(
             model=model,
             contact=file[f"skin_{i}_contact"].astype(np.intp),
             force=file[f"skin_{i}_force"],
@@ -78,10 +77,9 @@ def export(bake: Any, folder: Path) -> list[Path]:
     Raises:
         DermisError: the folder cannot be written.
     """
-    file_names = core.track.file_names
-    names, written = file_names.FileNames(), []
+    names, written = core.track.file_names.FileNames(), []
     for finger, touch in bake.skins.items():
-        path = Path(folder) / names.take(file_names.safe(finger) or "finger", ".skin.csv")
+        path = Path(folder) / names.take(core.track.file_names.safe(finger) or "finger", ".skin.csv")
         meta = {"finger": finger, "content_hash": bake.content_hash}
         core.contact.resultants.write(touch, path, meta)
         written.append(path)

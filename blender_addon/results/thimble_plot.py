@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 
 from .._core import DermisError, core
-from ..devices import skin_models, thimble_devices
+from ..devices import active_presets, skin_models, thimble_devices
 from . import store
 
 
@@ -17,9 +17,9 @@ def write(scene: bpy.types.Scene, obj: bpy.types.Object, path: Path) -> Path:
     Raises:
         DermisError: no thimble, no bake with this finger's skin, nothing touched, or the file cannot be written.
     """
-    device, result = thimble_devices.device_of(obj), store.current(scene)
+    device, result = active_presets.device_of(obj, "thimble"), store.current(scene)
     felt = result.bake.skins.get(obj.name) if result is not None else None
-    spec = thimble_devices.spec_of(device.preset) if device is not None else None
+    spec = active_presets.spec_of(device.preset, "thimble") if device is not None else None
     if device is None or spec is None or result is None or felt is None:
         raise DermisError(
             "no bake of this finger's skin is at hand",
@@ -30,11 +30,9 @@ def write(scene: bpy.types.Scene, obj: bpy.types.Object, path: Path) -> Path:
         raise DermisError("the finger touches nothing in the last bake", where=f"finger '{obj.name}'")
     output = next((o for o in result.bake.outputs if o.finger == obj.name and o.track.spec.kind == "thimble"), None)
     times = felt.times if output is None else output.track.times
-    thimble = core.matching.thimble
-    command = core.command_line.thimble
     with skin_models.one_thread():
-        use = thimble_devices.used(device, felt.model)
-        forces = thimble.forces_at(felt, times)
-        found = thimble.match_touch(use, forces, use.device.servo_speed / spec.rate)
+        use = thimble_devices.prepared(device, felt.model)
+        forces = core.matching.thimble.forces_at(felt, times)
+        found = core.matching.thimble.match_touch(use, forces, use.device.servo_speed / spec.rate)
         made = core.matching.stimulus_plot.stimulus_plot(use, forces, found)
-    return core.plot.stimuli.write(path, *command.picture(made, found, obj.name))
+    return core.plot.stimuli.write(path, *core.command_line.thimble.picture(made, found, obj.name))

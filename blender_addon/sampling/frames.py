@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
 
 from .._core import Array, core
 
+if TYPE_CHECKING:
+    from fractions import Fraction
+
 
 def frames_per_second(scene: bpy.types.Scene) -> Fraction:
     """Return fps / fps_base as the simplest fraction that Blender's single precision stands for (30000/1001)."""
+    from fractions import Fraction
+
     base = scene.render.fps_base
     denominator = 1
     while True:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import DermisError, Finding, core
-from ..properties import scene_properties
+from ..properties import object_properties
 from ..properties.fields import value_of
 from . import mesh_heights, meshes
 
@@ -72,7 +72,7 @@ def build(
             heights = np.ascontiguousarray(heights[..., ::-1])
         if keep and _chosen(settings):
             _kept[obj.session_uid] = (key, (heights, height_unit, findings))
-    parameters = scene_properties.parameters(settings)
+    parameters = object_properties.parameters(settings)
     if heights.ndim == 3:
         parameters["sequence_start"] = int(settings.sequence_start)
     width, height = (float(s) * unit for s in size)
@@ -118,7 +118,7 @@ def _chosen(settings: Any) -> bool:
 
 
 def _felt_as_mesh(screen: bpy.types.Object, scene: bpy.types.Scene) -> bool:
-    """Tell whether a device reads the surfaces that lie over a screen instead of its map."""
+    """Return whether a device reads the surfaces that lie over a screen instead of its map."""
     return any(
         device.enabled and device.relief == "mesh" and device.screen in (None, screen)
         for obj in scene.objects
@@ -153,13 +153,10 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[n
     if not settings.filepath.strip():
         raise DermisError("no image file was chosen", where=where, remedy="Choose one in the Dermis tab under Screen")
     path = bpy.path.abspath(settings.filepath, library=obj.library)
-    if settings.source == "SEQUENCE":
-        images = core.images
-        made = depth_map.read(images.sequence(path), meaning=meaning, hole=hole)
-        gap = images.gap_after(path)
-        return made.heights, full_scale, made.findings + (() if gap is None else (gap,))
-    made = depth_map.read(path, meaning=meaning, hole=hole)
-    return made.heights, full_scale, made.findings
+    sequence = settings.source == "SEQUENCE"
+    made = depth_map.read(core.images.sequence(path) if sequence else path, meaning=meaning, hole=hole)
+    gap = core.images.gap_after(path) if sequence else None
+    return made.heights, full_scale, made.findings + (() if gap is None else (gap,))
 
 
 def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float32], NDArray[np.bool_], tuple[Any, ...]]:

@@ -10,7 +10,7 @@ from mathutils.bvhtree import BVHTree
 from numpy.typing import NDArray
 
 from .._core import DermisError, Finding
-from . import meshes
+from . import meshes, prepass
 from .frames import frame_range
 
 LOOKS = 9
@@ -111,28 +111,11 @@ def frozen(screen: bpy.types.Object, scene: bpy.types.Scene) -> tuple[Any, ...]:
 
 
 def _changes(screen: bpy.types.Object, target: bpy.types.Object, scene: bpy.types.Scene) -> bool:
-    first, uids = scene.frame_current, {screen.session_uid, target.session_uid}
-    moved: set[int] = set()
-    bent: set[int] = set()
-
-    def note(_scene: bpy.types.Scene, depsgraph: Any = None) -> None:
-        for update in depsgraph.updates if depsgraph is not None else ():
-            if isinstance(update.id, bpy.types.Object) and update.id.original.session_uid in uids:
-                uid = update.id.original.session_uid
-                moved.update({uid} if update.is_updated_transform else ())
-                bent.update({uid} if update.is_updated_geometry else ())
-
-    bpy.app.handlers.frame_change_post.append(note)
-    try:
-        scene.frame_set(first + 1)
-        moved.clear()  # what was edited before counts as updated the first time
-        bent.clear()
-        scene.frame_set(first)
-    finally:
-        bpy.app.handlers.frame_change_post.remove(note)
-    if target.session_uid in bent:
+    first = scene.frame_current
+    moving, deforming = prepass.time_dependent(scene, first)
+    if target.session_uid in deforming:
         return True
-    if not moved:
+    if moving.isdisjoint({screen.session_uid, target.session_uid}):
         return False
     if target.rigid_body is not None and target.rigid_body.type == "ACTIVE":
         return True  # where it will be is known only once it was simulated

@@ -16,9 +16,6 @@ from .._core import Finding, core
 SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 """Types of object that have a surface."""
 
-FAR = 1e6
-"""[m] where the surface of something absent is put."""
-
 
 @contextmanager
 def evaluated_mesh(evaluated: bpy.types.Object) -> Iterator[bpy.types.Mesh | None]:
@@ -114,13 +111,6 @@ def to_metres(raw: NDArray[Any], unit: float, mirrored: bool) -> NDArray[np.floa
     if mirrored:
         out[:, 0] *= -1.0
     return out
-
-
-def absent_mesh() -> Any:
-    """Return a surface too far away to be touched, for something that is not there at a sample."""
-    return core.scene.tactile_scene.Mesh(
-        np.array([[FAR, FAR, FAR], [FAR + 1, FAR, FAR], [FAR, FAR + 1, FAR]]), np.array([[0, 1, 2]], np.int32)
-    )
 
 
 def zero_area_finding(mesh: Any, name: str) -> Any | None:

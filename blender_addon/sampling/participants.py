@@ -1,7 +1,6 @@
 """Who takes part in a sweep: fingers, things to touch and screens, by session uid and never by pointer.
 
-A roster is made at one frame and holds for the whole sweep; the order of its entries is the order in the engine's
-header and chunks.
+They are listed at one frame, for the whole sweep; their order is the order in the engine's header and chunks.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import bpy
 
 from .. import compat
 from .._core import Finding, core
-from ..properties import scene_properties
+from ..properties import object_properties
 
 _UNUSED = 2**31 - 1  # what Blender fills unused levels of a persistent id with
 
@@ -48,11 +47,11 @@ class Entry:
     simulated: bool = False
     blinking: bool = False
     offset: tuple[float, ...] = (0.0, 0.0, 0.0)  # of a screen's middle from its origin [scene units, in its space]
-    channels: tuple[tuple[str, str, float], ...] = ()  # (channel name, path below `dermis`, factor to SI)
+    animated: tuple[tuple[str, str, float], ...] = ()  # (name, path below `dermis`, factor to SI)
 
 
 @dataclass
-class Roster:
+class Participants:
     """Everything that is swept."""
 
     scene: str
@@ -75,7 +74,7 @@ def role_of(obj: bpy.types.Object) -> str:
 
 
 def is_disabled(obj: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> bool:
-    """Tell whether Blender leaves an object out of evaluation; hiding it with the eye does not do that."""
+    """Return whether Blender leaves an object out of evaluation; hiding it with the eye does not do that."""
     if view_layer.objects.get(obj.name) != obj:
         return True
     shown = obj.visible_get(view_layer=view_layer) or obj.hide_get(view_layer=view_layer)
@@ -104,7 +103,7 @@ def taking_part(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, finding
 
 
 def has_instancers(scene: bpy.types.Scene) -> bool:
-    """Tell whether anything in the scene can make instances."""
+    """Return whether anything in the scene can make instances."""
     return any(
         o.is_instancer or len(o.particle_systems) or any(m.type == "NODES" for m in o.modifiers) for o in scene.objects
     )
@@ -143,7 +142,7 @@ def instance_name(shown: bpy.types.Object, maker: bpy.types.Object, key: Instanc
 
 
 def comes_and_goes(obj: bpy.types.Object) -> bool:
-    """Tell whether an object's visibility in the viewport is animated."""
+    """Return whether an object's visibility in the viewport is animated."""
     return "hide_viewport" in compat.animated_paths(obj)
 
 
@@ -152,10 +151,10 @@ def group_of(obj: bpy.types.Object) -> Any:
     return {"FINGER": obj.dermis.finger, "SCREEN": obj.dermis.screen}.get(role_of(obj), obj.dermis.material)
 
 
-def animated_channels(obj: bpy.types.Object) -> tuple[tuple[str, str, float], ...]:
-    """Return what of an object's parameters is animated: channel name, path below `obj.dermis`, factor to SI.
+def animated_parameters(obj: bpy.types.Object) -> tuple[tuple[str, str, float], ...]:
+    """Return what of an object's parameters is animated: name, path below `obj.dermis`, factor to SI.
 
-    A device's channel is named 'device/<device index>/<name>'.
+    One of a device is named 'device/<device index>/<name>'.
     """
     paths = {p.removeprefix("dermis.") for p in compat.animated_paths(obj) if p.startswith("dermis.")}
     if not paths:
@@ -202,11 +201,11 @@ def idle_curves(obj: bpy.types.Object) -> list[Any]:
 
 
 def _animatable(group: Any) -> list[core.parameters.parameter.Parameter]:
-    return [row for row in scene_properties.TABLES[type(group)].values() if row.keyed]
+    return [row for row in object_properties.TABLES[type(group)].values() if row.keyed]
 
 
-def channel_key(kind: str, index: int, name: str) -> str:
-    """Return a chunk's key of a channel, such as 'body/3/friction' or 'device/0/1/use_weight'."""
+def animated_key(kind: str, index: int, name: str) -> str:
+    """Return a chunk's key of an animated parameter, such as 'body/3/friction' or 'device/0/1/use_weight'."""
     if name.startswith("device/"):
         return f"device/{index}/{name.removeprefix('device/')}"
     return f"{kind}/{index}/{name}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -19,26 +19,37 @@ def depsgraph_of(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> bpy
         return bpy.context.evaluated_depsgraph_get()
 
 
-def time_dependent(scene: bpy.types.Scene, first: int) -> frozenset[int]:
-    """Return the session uids of objects whose geometry Blender evaluates anew because time went on.
+class TimeDependent(NamedTuple):
+    """Session uids of the objects that Blender moves, and of those whose geometry it evaluates, as time goes on."""
 
-    The dependency graph knows this from its relations: a mesh that is merely moved is not among them.
+    moving: frozenset[int]
+    deforming: frozenset[int]
+
+
+def time_dependent(scene: bpy.types.Scene, first: int) -> TimeDependent:
+    """Return what Blender evaluates anew because time went on; the scene is at the first frame afterwards.
+
+    The dependency graph knows this from its relations: a mesh that is merely moved is not among those that deform.
     """
-    found: set[int] = set()
+    moving: set[int] = set()
+    deforming: set[int] = set()
 
     def note(_scene: bpy.types.Scene, depsgraph: Any = None) -> None:
         for update in depsgraph.updates if depsgraph is not None else ():
-            if update.is_updated_geometry and isinstance(update.id, bpy.types.Object):
-                found.add(update.id.original.session_uid)
+            if isinstance(update.id, bpy.types.Object):
+                uid = {update.id.original.session_uid}
+                moving.update(uid if update.is_updated_transform else ())
+                deforming.update(uid if update.is_updated_geometry else ())
 
     bpy.app.handlers.frame_change_post.append(note)
     try:
         scene.frame_set(first + 1)
-        found.clear()  # what was edited before counts as updated the first time
+        moving.clear()  # what was edited before counts as updated the first time
+        deforming.clear()
         scene.frame_set(first)
     finally:
         bpy.app.handlers.frame_change_post.remove(note)
-    return frozenset(found)
+    return TimeDependent(frozenset(moving), frozenset(deforming))
 
 
 def instances(

@@ -1,4 +1,4 @@
-"""Takes the evaluated values of a roster, sample by sample, and makes chunks of them.
+"""Takes the evaluated values of all who take part, sample by sample, and makes chunks of them.
 
 The matrices of all objects come in one call into one buffer, and everything else is done once a chunk: a bare
 frame_set of a light scene costs 30 microseconds, so every microsecond spent here a sample would show.
@@ -14,22 +14,27 @@ import numpy as np
 
 from .._core import Array, DermisError, Finding, core
 from . import participants
-from .meshes import MeshReader, absent_mesh
-from .participants import Entry, InstanceKey, Roster
+from .meshes import MeshReader
+from .participants import Entry, InstanceKey, Participants
 
 SMALLEST_SCALE = 1e-6
 """What a scale of zero becomes: a matrix that cannot be inverted has no inside."""
 
 
 class Recorder:
-    """Records a roster over at most `count` samples at a time."""
+    """Records all who take part over at most `count` samples at a time."""
 
     def __init__(
-        self, roster: Roster, reader: MeshReader, count: int, presence: Mapping[InstanceKey, Any], simulated: Any = None
+        self,
+        swept: Participants,
+        reader: MeshReader,
+        count: int,
+        presence: Mapping[InstanceKey, Any],
+        simulated: Any = None,
     ) -> None:
         """Prepare buffers; `simulated` is the recording that stands in for what simulations move."""
-        self._roster, self._reader, self._simulated = roster, reader, simulated
-        self._entries = roster.entries
+        self._participants, self._reader, self._simulated = swept, reader, simulated
+        self._entries = swept.entries
         total = len(bpy.data.objects)
         self._uids, self._now = np.empty(total, np.int32), np.empty(total, np.int32)
         bpy.data.objects.foreach_get("session_uid", self._uids)
@@ -38,22 +43,22 @@ class Recorder:
         self._place = np.array([place[e.uid] for e in self._entries], np.int64)
         self._instances = {e.instance: i for i, e in enumerate(self._entries) if e.instance is not None}
         self._instance_raw = np.full((len(self._entries), count, 4, 4), np.nan)
-        self._held = {i: presence.get(key) for key, i in self._instances.items()}
+        self._last_known = {i: presence.get(key) for key, i in self._instances.items()}
         self._blinking = [
             (i, int(self._place[i])) for i, e in enumerate(self._entries) if e.blinking and e.instance is None
         ]
         self._present = np.ones((len(self._entries), count), bool)
-        first_body = len(roster.fingers)
+        first_body = len(swept.fingers)
         self._surfaced = [
             (first_body + i, i, e)
-            for i, e in enumerate(roster.bodies)
+            for i, e in enumerate(swept.bodies)
             if (e.deforming or e.blinking) and (simulated is None or not simulated.has_surface(e.name))
         ]
         self._surfaces: list[list[Any]] = [[None] * count for _ in self._surfaced]
-        self._absent = absent_mesh()
+        self._absent = core.scene.tactile_scene.ABSENT
         self._bare = np.zeros((len(self._entries), count), bool)
-        self._channels = self._channel_table()
-        self._values = {key: np.empty(count) for key, _, _, _ in self._channels}
+        self._animated = self._animated_table()
+        self._values = {key: np.empty(count) for key, _, _, _ in self._animated}
         self._checked = self._direct = False
 
     def record(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
@@ -73,7 +78,7 @@ class Recorder:
             self._record_instances(k, depsgraph)
         if self._surfaced:
             self._record_surfaces(k, depsgraph)
-        for key, place, path, factor in self._channels:
+        for key, place, path, factor in self._animated:
             value = objects[place].evaluated_get(depsgraph).dermis.path_resolve(path)
             self._values[key][k] = value * factor
 
@@ -96,10 +101,10 @@ class Recorder:
             for i, entry in enumerate(self._entries):
                 if entry.simulated:
                     poses[i] = self._simulated.poses_at(entry.name, times)
-        f, b = len(self._roster.fingers), len(self._roster.bodies)
+        f, b = len(self._participants.fingers), len(self._participants.bodies)
         surfaces = {body: tuple(self._surfaces[s][:n]) for s, (_, body, _) in enumerate(self._surfaced)}
         if self._simulated is not None:
-            for body, entry in enumerate(self._roster.bodies):
+            for body, entry in enumerate(self._participants.bodies):
                 if self._simulated.has_surface(entry.name):
                     surfaces[body] = self._simulated.surfaces_at(entry.name, times)
         for key, values in self._values.items():
@@ -107,14 +112,14 @@ class Recorder:
             if len(bad):
                 raise DermisError(
                     "an animated value is not a finite number",
-                    where=f"channel '{key}'",
+                    where=f"animated parameter '{key}'",
                     value=f"{values[bad[0]]} at frame {frames[bad[0]]:g}",
                     remedy="Look at its F-curve or driver",
                 )
         self._report_presence(frames[:n], findings, simulating)
-        channels = {key: values[:n].copy() for key, values in self._values.items()}
+        animated = {key: values[:n].copy() for key, values in self._values.items()}
         return core.scene.tactile_scene.Chunk(
-            frames, times, _rigid(poses[:f]), poses[f : f + b], poses[f + b :], surfaces, channels
+            frames, times, _rigid(poses[:f]), poses[f : f + b], poses[f + b :], surfaces, animated
         )
 
     def surfaces_of(self, k: int) -> Iterator[tuple[Entry, Any]]:
@@ -123,24 +128,24 @@ class Recorder:
             if entry.deforming:
                 yield entry, self._surfaces[s][k]
 
-    def _channel_table(self) -> list[tuple[str, int, str, float]]:
+    def _animated_table(self) -> list[tuple[str, int, str, float]]:
         table = []
         at = 0
         for kind, entries in (
-            ("finger", self._roster.fingers),
-            ("body", self._roster.bodies),
-            ("screen", self._roster.screens),
+            ("finger", self._participants.fingers),
+            ("body", self._participants.bodies),
+            ("screen", self._participants.screens),
         ):
             for index, entry in enumerate(entries):
-                for name, path, factor in entry.channels:
-                    table.append((participants.channel_key(kind, index, name), int(self._place[at]), path, factor))
+                for name, path, factor in entry.animated:
+                    table.append((participants.animated_key(kind, index, name), int(self._place[at]), path, factor))
                 at += 1
         return table
 
     def _changed(self) -> None:
         raise DermisError(
             "objects were added or removed while the scene was sampled",
-            where=f"scene '{self._roster.scene}'",
+            where=f"scene '{self._participants.scene}'",
             remedy="Bake again",
         )
 
@@ -170,7 +175,7 @@ class Recorder:
                 self._surfaces[s][k] = self._absent
                 continue
             evaluated = bpy.data.objects[int(self._place[i])].evaluated_get(depsgraph)
-            mesh = self._reader.read(evaluated, self._roster.unit, entry.mirrored)
+            mesh = self._reader.read(evaluated, self._participants.unit, entry.mirrored)
             self._bare[i, k] = len(mesh.triangles) == 0
             self._surfaces[s][k] = self._absent if self._bare[i, k] else mesh
 
@@ -185,14 +190,14 @@ class Recorder:
                 poses[i, :, :3, 3] += poses[i, :, :3, :3] @ np.array(entry.offset)
             if entry.mirrored:
                 poses[i, :, :3, 0] *= -1.0
-        poses[:, :, :3, 3] *= self._roster.unit
+        poses[:, :, :3, 3] *= self._participants.unit
         return poses
 
     def _hold(self, i: int, n: int) -> Array:
         """Return an instance's matrices, held where it is absent, so that no velocity comes of it."""
         out = self._instance_raw[i, :n].copy()
         here = self._present[i, :n]
-        last = self._held[i]
+        last = self._last_known[i]
         if last is None or (here.any() and not np.isfinite(last).all()):
             last = out[np.argmax(here)].copy() if here.any() else np.eye(4)
         for k in range(n):
@@ -200,7 +205,7 @@ class Recorder:
                 last = out[k]
             else:
                 out[k] = last
-        self._held[i] = np.array(last)
+        self._last_known[i] = np.array(last)
         return out
 
     def _check_finite(self, poses: Array, frames: Array) -> None:
@@ -219,7 +224,7 @@ class Recorder:
         norms = np.linalg.norm(linear, axis=2)
         flat = (norms < 1e-9).any(axis=2)
         turned = np.linalg.det(linear) < 0
-        turned[: len(self._roster.fingers)] = False
+        turned[: len(self._participants.fingers)] = False
         for i in np.flatnonzero(flat.any(axis=1) | turned.any(axis=1)):
             name = self._entries[i].name
             if flat[i].any():
@@ -283,7 +288,7 @@ class Recorder:
 
 
 def depsgraph_is_active(depsgraph: bpy.types.Depsgraph, objects: list[bpy.types.Object]) -> bool:
-    """Tell whether original objects hold this graph's evaluated matrices."""
+    """Return whether original objects hold this graph's evaluated matrices."""
     for obj in objects:
         evaluated = obj.evaluated_get(depsgraph)
         theirs, ours = np.array(evaluated.matrix_world), np.array(obj.matrix_world)

@@ -11,11 +11,11 @@ import numpy as np
 
 from .._core import DermisError, Finding, core
 from ..devices import platform_devices, thimble_devices
-from ..properties import scene_properties, skin_properties
+from ..properties import object_properties, scene_properties, skin_properties
 from ..quantities import metres_per_unit
 from . import height_maps, participants
 from .meshes import MeshReader, zero_area_finding
-from .participants import Entry, InstanceKey, Roster
+from .participants import Entry, InstanceKey, Participants
 from .simulated_motion import Simulations
 
 _LEFT_OUT, _SO_LEFT_OUT = "It is left out", ", so it is left out"
@@ -26,9 +26,9 @@ STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
 @dataclass(frozen=True)
 class Header:
-    """The engine's header, and the roster of those that made it in, in the same order."""
+    """The engine's header, and those that made it in, in the same order."""
 
-    roster: Roster
+    participants: Participants
     fingers: tuple[Any, ...]
     bodies: tuple[Any, ...]
     screens: tuple[Any, ...]
@@ -99,21 +99,21 @@ def gravity(scene: bpy.types.Scene, findings: list[Any]) -> tuple[float, float, 
     return (g[0] * unit, g[1] * unit, g[2] * unit)
 
 
-def roster(
+def list_participants(
     scene: bpy.types.Scene,
     depsgraph: bpy.types.Depsgraph,
     view_layer: bpy.types.ViewLayer,
     simulations: Simulations,
     deforming: frozenset[int] | None,
     presence: Mapping[InstanceKey, Any],
-) -> Roster:
+) -> Participants:
     """List who takes part, at the current frame.
 
     Args:
         deforming: session uids of objects whose surface depends on time; None if every surface may.
         presence: the instances of the range, see `prepass.instances`.
     """
-    out = Roster(scene.name_full, view_layer.name, metres_per_unit(scene))
+    out = Participants(scene.name_full, view_layer.name, metres_per_unit(scene))
     fingers, bodies, screens = [], [], []
     for obj in participants.taking_part(scene, view_layer, out.findings):
         matrix = np.array(obj.evaluated_get(depsgraph).matrix_world, np.float64)
@@ -123,7 +123,7 @@ def roster(
             mirrored=bool(np.linalg.det(matrix[:3, :3]) < 0),
             simulated=obj.session_uid in simulations.uids,
             blinking=participants.comes_and_goes(obj),
-            channels=participants.animated_channels(obj),
+            animated=participants.animated_parameters(obj),
         )
         out.findings += participants.idle_curves(obj)
         role = participants.role_of(obj)
@@ -159,19 +159,19 @@ def roster(
     return out
 
 
-def header(depsgraph: bpy.types.Depsgraph, roster: Roster, reader: MeshReader, *, live: bool = False) -> Header:
+def header(depsgraph: bpy.types.Depsgraph, swept: Participants, reader: MeshReader, *, live: bool = False) -> Header:
     """Read parameters, surfaces and reliefs at the current frame; leave out, with a finding, what cannot be used.
 
     Args:
         live: for the preview: surfaces come with the chunks, reliefs are kept, animated parameters have their defaults.
     """
-    findings = roster.findings
-    objects = participants.look_up({e.uid for e in roster.entries})
+    findings = swept.findings
+    objects = participants.look_up({e.uid for e in swept.entries})
     screens, screen_entries = [], []
-    for entry in roster.screens:
+    for entry in swept.screens:
         obj = objects[entry.uid]
         try:
-            made = height_maps.build(obj, depsgraph, roster.unit, mirrored=entry.mirrored, keep=live)
+            made = height_maps.build(obj, depsgraph, swept.unit, mirrored=entry.mirrored, keep=live)
             centre, _ = height_maps.bounds(obj, depsgraph)
         except DermisError as error:
             findings.append(_left_out(error, "screen-unusable"))
@@ -184,13 +184,13 @@ def header(depsgraph: bpy.types.Depsgraph, roster: Roster, reader: MeshReader, *
             replace(s, parameters=_defaults(s.parameters, objects[e.uid], e))
             for s, e in zip(screens, screen_entries, strict=True)
         ]
-    fingers = [_finger(objects[e.uid], names, findings) for e in roster.fingers]
+    fingers = [_finger(objects[e.uid], names, findings) for e in swept.fingers]
     if live:
-        fingers = [_live_finger(f, objects[e.uid], e) for f, e in zip(fingers, roster.fingers, strict=True)]
+        fingers = [_live_finger(f, objects[e.uid], e) for f, e in zip(fingers, swept.fingers, strict=True)]
     bodies, body_entries = [], []
-    for entry in roster.bodies:
+    for entry in swept.bodies:
         obj = objects[entry.uid]
-        mesh = reader.read(obj.evaluated_get(depsgraph), roster.unit, entry.mirrored)
+        mesh = reader.read(obj.evaluated_get(depsgraph), swept.unit, entry.mirrored)
         if live or not entry.deforming:  # what deforms may get its faces later: the chunks tell
             try:
                 core.scene.tactile_scene.check_mesh(mesh, entry.name)
@@ -199,7 +199,7 @@ def header(depsgraph: bpy.types.Depsgraph, roster: Roster, reader: MeshReader, *
                 continue
         if entry.instance is None and not live and (flaw := zero_area_finding(mesh, entry.name)):
             findings.append(flaw)
-        parameters = scene_properties.parameters(obj.dermis.material)
+        parameters = object_properties.parameters(obj.dermis.material)
         if live:
             parameters = _defaults(parameters, obj, entry)
         own = entry.deforming or entry.blinking
@@ -211,7 +211,7 @@ def header(depsgraph: bpy.types.Depsgraph, roster: Roster, reader: MeshReader, *
         _with_content(b, e, objects, {x.name for x in bodies}, findings)
         for b, e in zip(bodies, body_entries, strict=True)
     ]
-    kept = replace(roster, bodies=tuple(body_entries), screens=tuple(screen_entries))
+    kept = replace(swept, bodies=tuple(body_entries), screens=tuple(screen_entries))
     return Header(kept, tuple(fingers), tuple(bodies), tuple(screens))
 
 
@@ -262,7 +262,7 @@ def _finger(obj: bpy.types.Object, screens: set[str], findings: list[Any]) -> An
         values = platform_devices.absolute(thimble_devices.parameters_of(device))
         uses.append(core.scene.tactile_scene.DeviceUse(device.preset, values, screen))
     finger = obj.dermis.finger
-    values = {**scene_properties.parameters(finger), **skin_properties.parameters(finger.skin)}
+    values = {**object_properties.parameters(finger), **skin_properties.parameters(finger.skin)}
     return core.scene.tactile_scene.Finger(obj.name_full, tuple(uses), values)
 
 
@@ -307,7 +307,7 @@ def _instance_entries(
                 deforming=deforming is None or key.object in deforming,
                 simulated=key.object in simulations.uids or key.instancer in simulations.uids,
                 blinking=first_seen is not None,
-                channels=participants.animated_channels(shown),
+                animated=participants.animated_parameters(shown),
             )
         )
     return sorted(out, key=lambda e: e.name)
@@ -316,7 +316,7 @@ def _instance_entries(
 def _defaults(parameters: Mapping[str, Any], obj: bpy.types.Object, entry: Entry) -> dict[str, Any]:
     """Return parameters in which the animated ones have their defaults."""
     out = dict(parameters)
-    for name, path, factor in entry.channels:
+    for name, path, factor in entry.animated:
         if not name.startswith("device/"):
             out[name] = _default(obj, path) * factor
     return out
@@ -324,7 +324,7 @@ def _defaults(parameters: Mapping[str, Any], obj: bpy.types.Object, entry: Entry
 
 def _live_finger(finger: Any, obj: bpy.types.Object, entry: Entry) -> Any:
     uses = list(finger.devices)
-    for name, path, factor in entry.channels:
+    for name, path, factor in entry.animated:
         if name.startswith("device/"):
             _, number, parameter = name.split("/")
             use = uses[int(number)]

@@ -10,8 +10,7 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -22,8 +21,11 @@ from ..quantities import metres_per_unit
 from . import height_maps, participants, prepass, scene_header, simulated_motion
 from .frames import frame_range, frames_per_second, sweep_frames
 from .meshes import MeshReader
-from .participants import Entry, InstanceKey, Roster
+from .participants import Entry, InstanceKey, Participants
 from .recorder import Recorder
+
+if TYPE_CHECKING:
+    from fractions import Fraction
 
 CHUNK = 64
 """Samples in a chunk. It is fixed, because the content hash sees chunks."""
@@ -121,13 +123,13 @@ def sample(
     reader = MeshReader()
     simulations = simulated_motion.find(scene)
     with undisturbed(scene):
-        deforming = prepass.time_dependent(scene, span[0])
+        deforming = prepass.time_dependent(scene, span[0]).deforming
         presence = prepass.instances(scene, view_layer, span, simulations)
         scene.frame_set(span[0])
         depsgraph = prepass.depsgraph_of(scene, view_layer)
-        roster = scene_header.roster(scene, depsgraph, view_layer, simulations, deforming, presence)
-        header = scene_header.header(depsgraph, roster, reader)
-        roster = header.roster
+        swept = scene_header.list_participants(scene, depsgraph, view_layer, simulations, deforming, presence)
+        header = scene_header.header(depsgraph, swept, reader)
+        swept = header.participants
     made = core.scene.tactile_scene.TactileScene(
         scene.name_full,
         fps,
@@ -138,7 +140,7 @@ def sample(
         header.screens,
         (),
         gravity=scene_header.gravity(scene, findings),
-        findings=(*findings, *roster.findings),
+        findings=(*findings, *swept.findings),
     )
     try:
         made.validate()
@@ -146,8 +148,8 @@ def sample(
         raise scene_header.reason(made, error) from error
     frames, times = sweep_frames(fps, span, rate)
     noticed: list[Any] = []
-    whole = _whole_frames(roster, simulations, span)
-    steps = _steps(roster, reader, frames, times, fps, whole, presence, chunk_size, noticed)
+    whole = _whole_frames(swept, simulations, span)
+    steps = _steps(swept, reader, frames, times, fps, whole, presence, chunk_size, noticed)
     return replace(made, chunks=Sweep(steps, len(frames) + len(whole), noticed))
 
 
@@ -155,13 +157,13 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> core.s
     """Return the scene as it is evaluated now, as a `TactileScene` of one chunk with one sample; no frame changes.
 
     Every surface comes with the chunk, as the same object while it does not change, so the engine's search structures
-    last from call to call. Animated parameters are in the channels; in the header they have their defaults, so that
+    last from call to call. Animated parameters are in the chunks; in the header they have their defaults, so that
     the headers of successive frames compare equal.
 
     Raises:
         DermisError: a value that is not a finite number.
     """
-    global _live_cast
+    global _live
     fps, span = frames_per_second(scene), frame_range(scene)
     key = (
         scene.session_uid,
@@ -171,31 +173,31 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> core.s
         len(bpy.data.objects),
         metres_per_unit(scene),
     )
-    if _live_cast is None or _live_cast.key != key:
-        _live_cast = _cast(scene, depsgraph, span, key)
-    cast = _live_cast
-    recorder = Recorder(cast.header.roster, _live_reader, 1, cast.presence)
+    if _live is None or _live.key != key:
+        _live = _read_live(scene, depsgraph, span, key)
+    live = _live
+    recorder = Recorder(live.header.participants, _live_reader, 1, live.presence)
     recorder.record(0, depsgraph)
     frame = float(np.float32(scene.frame_current_final))
     time = (frame - span[0]) * fps.denominator / fps.numerator
     chunk = recorder.chunk(np.array([frame]), np.array([time]), 1, [])
-    if not cast.lasting:
-        _live_cast = None
+    if not live.lasting:
+        _live = None
     return core.scene.tactile_scene.TactileScene(
         scene.name_full,
         fps,
         span,
         float(scene.dermis.sample_rate),
-        cast.header.fingers,
-        cast.header.bodies,
-        cast.header.screens,
+        live.header.fingers,
+        live.header.bodies,
+        live.header.screens,
         (chunk,),
-        gravity=scene_header.gravity(scene, list(cast.findings)),
-        findings=(*cast.findings, *cast.header.roster.findings),
+        gravity=scene_header.gravity(scene, list(live.findings)),
+        findings=(*live.findings, *live.header.participants.findings),
     )
 
 
-class _Cast(NamedTuple):
+class _Live(NamedTuple):
     """Who takes part in the live preview, and for which state of the scene that was found out."""
 
     key: tuple[Any, ...]
@@ -205,29 +207,31 @@ class _Cast(NamedTuple):
     lasting: bool  # it holds for other frames too
 
 
-_live_cast: _Cast | None = None
+_live: _Live | None = None
 
 
-def _cast(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, span: tuple[int, int], key: tuple[Any, ...]) -> _Cast:
+def _read_live(
+    scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, span: tuple[int, int], key: tuple[Any, ...]
+) -> _Live:
     """Find out who takes part: once a change, and once a frame only where instances, reliefs or visibility vary."""
     view_layer = scene.view_layers[depsgraph.view_layer.name]
     findings = scene_header.scene_findings(scene)
     has = participants.has_instancers(scene)
     presence = {k: None for k, _, _ in participants.instances(depsgraph)} if has else {}
     none = simulated_motion.Simulations(frozenset(), span[0], ())
-    roster = scene_header.roster(scene, depsgraph, view_layer, none, None, presence)
-    header = scene_header.header(depsgraph, roster, _live_reader, live=True)
+    swept = scene_header.list_participants(scene, depsgraph, view_layer, none, None, presence)
+    header = scene_header.header(depsgraph, swept, _live_reader, live=True)
     scene_header.gravity(scene, findings)
-    varies = any(e.blinking or e.mirrored for e in header.roster.entries)
-    varies |= any(f.code == "mesh-unusable" for f in header.roster.findings)  # it may get its faces later
+    varies = any(e.blinking or e.mirrored for e in header.participants.entries)
+    varies |= any(f.code == "mesh-unusable" for f in header.participants.findings)  # it may get its faces later
     lasting = not has and not header.screens and not varies
-    return _Cast(key, header, presence, tuple(findings), lasting)
+    return _Live(key, header, presence, tuple(findings), lasting)
 
 
 def forget() -> None:
     """Drop the surfaces and reliefs kept for the live preview."""
-    global _live_cast
-    _live_cast = None
+    global _live
+    _live = None
     _live_reader.clear()
     height_maps.forget()
 
@@ -236,14 +240,14 @@ def _scene_named(name: str) -> bpy.types.Scene | None:
     return next((s for s in bpy.data.scenes if s.name_full == name), None)
 
 
-def _whole_frames(roster: Roster, simulations: Any, span: tuple[int, int]) -> range:
-    if not any(e.simulated for e in roster.entries):
+def _whole_frames(swept: Participants, simulations: Any, span: tuple[int, int]) -> range:
+    if not any(e.simulated for e in swept.entries):
         return range(0)
     return range(min(simulations.start, span[0]), span[1] + 1)
 
 
 def _steps(
-    roster: Roster,
+    swept: Participants,
     reader: MeshReader,
     frames: Array,
     times: Array,
@@ -254,33 +258,33 @@ def _steps(
     findings: list[Any],
 ) -> Generator[Any, None, None]:
     """Yield None after each sample, and each chunk when it is complete."""
-    scene = _scene_named(roster.scene)
+    scene = _scene_named(swept.scene)
     if scene is None:
-        raise DermisError("the scene was removed", where=f"scene '{roster.scene}'")
+        raise DermisError("the scene was removed", where=f"scene '{swept.scene}'")
     with undisturbed(scene):
         simulated = None
         if len(whole):
-            simulated = yield from _simulate(roster, reader, whole, frames[0], fps, presence, findings)
-        recorder = Recorder(roster, reader, chunk_size, presence, simulated)
+            simulated = yield from _simulate(swept, reader, whole, frames[0], fps, presence, findings)
+        recorder = Recorder(swept, reader, chunk_size, presence, simulated)
         for start in range(0, len(frames), chunk_size):
             part = slice(start, min(start + chunk_size, len(frames)))
             for k, frame in enumerate(frames[part].tolist()):
-                recorder.record(k, _go_to(roster, frame))
+                recorder.record(k, _go_to(swept, frame))
                 yield None
             yield recorder.chunk(frames[part], times[part], part.stop - part.start, findings)
 
 
-def _go_to(roster: Roster, frame: float) -> bpy.types.Depsgraph:
-    scene = _scene_named(roster.scene) if bpy.context.scene.name_full != roster.scene else bpy.context.scene
+def _go_to(swept: Participants, frame: float) -> bpy.types.Depsgraph:
+    scene = _scene_named(swept.scene) if bpy.context.scene.name_full != swept.scene else bpy.context.scene
     if scene is None:
-        raise DermisError("the scene was removed while it was sampled", where=f"scene '{roster.scene}'")
+        raise DermisError("the scene was removed while it was sampled", where=f"scene '{swept.scene}'")
     whole = int(np.floor(frame))
     scene.frame_set(whole, subframe=frame - whole)
-    return scene.view_layers[roster.view_layer].depsgraph
+    return scene.view_layers[swept.view_layer].depsgraph
 
 
 def _simulate(
-    roster: Roster,
+    swept: Participants,
     reader: MeshReader,
     whole: range,
     first: float,
@@ -291,13 +295,13 @@ def _simulate(
     """Run the simulations through, frame by frame from their start, and keep what they move."""
 
     def pick(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
-        return tuple(replace(e, channels=()) for e in entries if e.simulated)
+        return tuple(replace(e, animated=()) for e in entries if e.simulated)
 
-    part = replace(roster, fingers=pick(roster.fingers), bodies=pick(roster.bodies), screens=pick(roster.screens))
+    part = replace(swept, fingers=pick(swept.fingers), bodies=pick(swept.bodies), screens=pick(swept.screens))
     recorder = Recorder(part, reader, len(whole), presence)
     recording = simulated_motion.Recording((np.array(whole, np.float64) - first) * fps.denominator / fps.numerator)
     for k, frame in enumerate(whole):
-        recorder.record(k, _go_to(roster, float(frame)))
+        recorder.record(k, _go_to(swept, float(frame)))
         for entry, mesh in recorder.surfaces_of(k):
             recording.keep_surface(entry.name, mesh)
         yield None

@@ -116,7 +116,7 @@ class Recording:
         )
 
     def has_surface(self, name: str) -> bool:
-        """Tell whether a body's surface was recorded."""
+        """Return whether a body's surface was recorded."""
         return name in self._surfaces
 
     def poses_at(self, name: str, times: Array) -> Array:
@@ -153,9 +153,8 @@ class Poses:
         stretch = np.linalg.norm(matrices[:, :3, :3], axis=1)
         rigid = matrices.copy()
         rigid[:, :3, :3] /= stretch[:, None, :]
-        motion = core.motion
-        self._motion = motion.Motion(times, rigid)
-        self._stretches = motion.Spline(times, stretch)
+        self._motion = core.motion.Motion(times, rigid)
+        self._stretches = core.motion.Spline(times, stretch)
 
     def at(self, times: Array) -> Array:
         """Return matrices at other times, shape (m, 4, 4)."""

@@ -7,7 +7,6 @@ confirmed; a session remembers it.
 from __future__ import annotations
 
 import os
-import tempfile
 from typing import Any, NamedTuple
 
 import bpy
@@ -73,9 +72,11 @@ def forget() -> None:
 
 
 def _record_of(url: str) -> str:
+    from tempfile import gettempdir
+
     try:
         address = core.stream.links.url.Url(url)
     except DermisError:
         return ""  # not an address: connecting says so, and opens nothing
     path = address.options.get("file", "") if address.scheme == "spy" else ""
-    return os.path.join(tempfile.gettempdir(), path) if path else ""  # the folder in which the sender works
+    return os.path.join(gettempdir(), path) if path else ""  # the folder in which the sender works

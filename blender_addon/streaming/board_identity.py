@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from .._core import DermisError
+from .._core import DermisError, core
 from . import built_devices, calibration_offers, device_calibration
 
 _answered: tuple[str, ...] = ()  # serial numbers of the device that is connected ...
@@ -22,6 +22,9 @@ class Shown(NamedTuple):
     name: str
     message: str
     wrong: bool
+
+
+UNREAD = Shown("Built Device", "", False)  # while the folder of devices is being read
 
 
 def serials(status: Mapping[str, Any]) -> tuple[str, ...]:
@@ -83,13 +86,13 @@ def meet(scene: bpy.types.Scene, status: Mapping[str, Any]) -> str:
     global _answered, _recognised
     try:
         said = serials(status)
-        if said != _answered and status["state"] == "ready":
+        if said != _answered and status["state"] == core.stream.state.State.READY:
             _answered, _recognised = said, ""
             _recognised = _recognise(scene)
         check(scene)
     except DermisError as error:
         return str(error)
-    return _recognised if status["state"] == "ready" else ""
+    return _recognised if status["state"] == core.stream.state.State.READY else ""
 
 
 def is_another(scene: bpy.types.Scene) -> bool:

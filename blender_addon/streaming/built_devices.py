@@ -1,7 +1,7 @@
 """The built devices that this computer knows: a calibration file for each, and which finger wears which.
 
 All of it lies in the user's folder and none in a .blend, so that no file of somebody else's calibrates a device here.
-What was read is kept until `refresh`, because panels ask at every redraw.
+What was read is kept until `refresh`. Panels draw what is `at_hand`: a timer reads the folder for them.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import re
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from .. import redraw
 from .._core import DermisError, core
 from ..preferences import user_folder
 
@@ -33,26 +34,54 @@ class _Finger(NamedTuple):
     devices: dict[str, str]  # preset -> file; '' where a person chose to go without
 
 
-_known: dict[str, Built] | None = None
-_damaged: tuple[str, ...] = ()
-_fingers: dict[str, _Finger] | None = None
+class _Folder(NamedTuple):
+    """What was read: devices by file, why other files cannot be read, and fingers by identity, or why not."""
+
+    devices: dict[str, Built]
+    damaged: dict[str, DermisError]
+    fingers: dict[str, _Finger] | DermisError
+
+
+_folder: _Folder | None = None
 
 
 def refresh() -> None:
     """Forget what was read: the folder may have changed."""
-    global _known, _fingers
-    _known = _fingers = None
+    global _folder
+    _folder = None
+
+
+def at_hand() -> bool:
+    """Return whether the folder has been read; where not, ask for it. For drawing, which reads no file."""
+    if _folder is None:
+        redraw.request()
+    return _folder is not None
+
+
+def read() -> None:
+    """Read the folder, unless that was done."""
+    global _folder
+    if _folder is None:
+        devices, damaged = {}, {}
+        for path in sorted(user_folder(FOLDER).glob("*.json")):
+            try:
+                if path.name != TABLE:
+                    devices[path.name] = Built(path.name, core.devices.calibration.Calibration.load(path))
+            except DermisError as error:
+                damaged[path.name] = error
+        _folder = _Folder(devices, damaged, _read_fingers(user_folder(FOLDER) / TABLE))
 
 
 def devices(preset: str) -> list[Built]:
     """Return the built devices of a preset, by name; what cannot be read is in `damaged`."""
-    return sorted((b for b in _read().values() if b.made.device == preset), key=lambda b: b.made.name.casefold())
+    return sorted(
+        (b for b in _kept().devices.values() if b.made.device == preset), key=lambda b: b.made.name.casefold()
+    )
 
 
 def damaged() -> tuple[str, ...]:
     """Return why files of the folder cannot be read, in words."""
-    _read()
-    return _damaged
+    return tuple(map(str, _kept().damaged.values()))
 
 
 def device(file: str) -> Built:
@@ -61,12 +90,16 @@ def device(file: str) -> Built:
     Raises:
         DermisError: its file is gone or cannot be read.
     """
-    found = _read().get(file)
-    if found is None:
-        core.devices.calibration.Calibration.load(_path(file))  # says what is wrong with it
-        refresh()
-        return device(file)
-    return found
+    folder = _kept()
+    if file in folder.damaged:
+        raise folder.damaged[file].with_traceback(None)
+    if file not in folder.devices:
+        raise DermisError(
+            "the calibration cannot be read: its file is gone",
+            where=str(_path(file)),
+            remedy="Choose the device again, or bring the file back",
+        )
+    return folder.devices[file]
 
 
 def save(made: Any, file: str = "") -> Built:
@@ -111,8 +144,8 @@ def choose(finger: str, name: str, preset: str, file: str | None) -> None:
     Raises:
         DermisError: the table cannot be read or written.
     """
-    global _fingers
-    _fingers = None  # another Blender may have written meanwhile
+    global _folder
+    refresh()  # another Blender may have written meanwhile
     table = dict(_table())
     worn = dict(table[finger].devices) if finger in table else {}
     worn.pop(preset, None)
@@ -120,7 +153,7 @@ def choose(finger: str, name: str, preset: str, file: str | None) -> None:
     plain = {"schema": SCHEMA, "fingers": {key: entry._asdict() for key, entry in sorted(table.items())}}
     text = json.dumps(plain, indent=1, ensure_ascii=False) + "\n"
     core.files.write_bytes(user_folder(FOLDER, create=True) / TABLE, text.encode("utf-8"))
-    _fingers = table
+    _folder = _kept()._replace(fingers=table)
 
 
 def once_called(name: str) -> frozenset[str]:
@@ -142,28 +175,24 @@ def _new_file(made: Any) -> str:
     return next(name for name in names if not _path(name).exists())
 
 
-def _read() -> dict[str, Built]:
-    global _known, _damaged
-    if _known is None:
-        calibration = core.devices.calibration.Calibration
-        found, bad = {}, []
-        for path in sorted(user_folder(FOLDER).glob("*.json")):
-            if path.name == TABLE:
-                continue
-            try:
-                found[path.name] = Built(path.name, calibration.load(path))
-            except DermisError as error:
-                bad.append(str(error))
-        _known, _damaged = found, tuple(bad)
-    return _known
+def _kept() -> _Folder:
+    read()
+    assert _folder is not None
+    return _folder
 
 
 def _table() -> dict[str, _Finger]:
-    global _fingers
-    if _fingers is None:
-        path = user_folder(FOLDER) / TABLE
-        _fingers = _parsed(core.files.read_json(path), path) if path.exists() else {}
-    return _fingers
+    fingers = _kept().fingers
+    if isinstance(fingers, DermisError):
+        raise fingers.with_traceback(None)
+    return fingers
+
+
+def _read_fingers(path: Path) -> dict[str, _Finger] | DermisError:
+    try:
+        return _parsed(core.files.read_json(path), path) if path.exists() else {}
+    except DermisError as error:
+        return error
 
 
 def _parsed(plain: Any, path: Path) -> dict[str, _Finger]:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any, NamedTuple
-from uuid import uuid4
 
 import bpy
 
 from . import built_devices, streamed_track
 from .calibration_rows import Rows, calibrated, calibration, fill, quietly, rows_of, same
 
-_SESSION = uuid4().hex  # a list that does not say this is from a file
+_SESSION = os.urandom(16).hex()  # a list that does not say this is from a file
 
 
 class Offer(NamedTuple):

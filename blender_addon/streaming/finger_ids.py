@@ -6,9 +6,9 @@ whether the original is still around or not. Undo may take the property back: a 
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
-from uuid import uuid4
 
 import bpy
 
@@ -36,7 +36,7 @@ def give(obj: bpy.types.Object) -> str:
     own = identity(obj)
     if own or obj.library is not None:
         return own
-    own = uuid4().hex
+    own = os.urandom(16).hex()
     _given[obj.session_uid] = own
     _write(obj, own)
     return own

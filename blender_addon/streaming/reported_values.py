@@ -31,14 +31,12 @@ def preview(scene: bpy.types.Scene) -> Preview | None:
 
 
 def reported(scene: bpy.types.Scene) -> dict[str, float]:
-    """Return the values that the scene's device reports, by channel [SI]; empty where there are none to be shown."""
-    settings, status = getattr(scene, "dermis_stream", None), session.status()
+    """Return where the scene's device says it is, as commanded, by channel [SI]; empty where nothing shall be shown."""
+    settings = getattr(scene, "dermis_stream", None)
     if settings is None or not (session.streams(scene) and settings.show_received):
         return {}
-    received: dict[str, float] | None = (status.get("received") or {}).get("values")
-    if received is None and status.get("pose"):
-        received = dict(zip(status.get("names", ()), status["pose"], strict=False))
-    return received or {}
+    values: dict[str, float] = session.status().get("reported") or {}
+    return values
 
 
 def with_reported(shown: Preview | None, reported: dict[str, float], output: str) -> Preview | None:
@@ -76,9 +74,8 @@ def of_file(scene: bpy.types.Scene) -> Preview | None:
     named = track.meta.get("finger", "")
     if not fingers:
         return None
-    pipeline = core.pipeline.render
-    output = pipeline.Output(named if named in fingers else fingers[0], track.spec.key, track, {}, ())
+    output = core.pipeline.render.Output(named if named in fingers else fingers[0], track.spec.key, track, {}, ())
     first, fps = streamed_track.origin(scene)
-    result = store.Result(pipeline.Bake((output,), (), {}, ""), fps, first, -1, ())
+    result = store.Result(core.pipeline.render.Bake((output,), (), {}, ""), fps, first, -1, ())
     frame = device_preview.frame_of(scene)
     return Preview(frame, "file", "from a track file", (device_preview.baked_row(result, output, frame),))

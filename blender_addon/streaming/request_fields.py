@@ -7,11 +7,13 @@ from typing import Any
 
 import bpy
 
+from .._core import core
 from ..preview import device_preview
+from ..properties.fields import values
 from . import agreed_paths, streamed_track
 
 
-def shown(scene: bpy.types.Scene, names: Sequence[str]) -> tuple[float, tuple[float, ...]]:
+def published(scene: bpy.types.Scene, names: Sequence[str]) -> tuple[float, tuple[float, ...]]:
     """Return the track's time of the frame that is shown, and in the mode 'follow' the values."""
     first, fps = streamed_track.origin(scene)
     moment = (float(scene.frame_current_final) - first) / fps
@@ -25,7 +27,7 @@ def shown(scene: bpy.types.Scene, names: Sequence[str]) -> tuple[float, tuple[fl
 
 
 def request_fields(scene: bpy.types.Scene) -> dict[str, Any]:
-    """Return the fields of the sender's request that the settings decide.
+    """Return the fields of the sender's request that the settings decide; only connecting changes the protocol.
 
     Raises:
         DermisError: a file that nobody has confirmed, or a track that cannot be read.
@@ -33,9 +35,8 @@ def request_fields(scene: bpy.types.Scene) -> dict[str, Any]:
     agreed_paths.check(scene.dermis_stream, "track_file", "screen_file")
     s = scene.dermis_stream
     jog = {c.name: c.jog for c in s.channels} if s.mode == "jog" else {}
-    names = ("mode", "offset", "look_ahead", "ramp", "stall", "play_on", "reconnect", "rate")
     return {
-        **{name: getattr(s, name) for name in names},
+        **{name: value for name, value in values(s, core.parameters.stream.STREAM).items() if name != "protocol"},
         "jog": jog,
         "track": streamed_track.track_path(scene),
         "screen": bpy.path.abspath(s.screen_file) if s.screen_file else "",

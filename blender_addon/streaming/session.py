@@ -27,7 +27,6 @@ from . import (
 
 HEARTBEAT = 0.02  # between two signs of life [s]
 STILL = frozenset({"V", "Hz"})  # units of actuators that nothing moves
-READY = ("ready", "stalled")  # states in which a device can be armed
 REDRAW = 5  # heartbeats between two redraws of the panel
 
 _client: Any = None
@@ -55,12 +54,12 @@ def streams(scene: bpy.types.Scene) -> bool:
 @cache
 def caution(protocol: str) -> str:
     """Return what a person has to know of boards that speak a protocol, before a finger goes in; '' for nothing."""
-    return core.stream.protocols.adapter.kind(protocol).caution
+    return core.stream.protocols.adapter.adapter_of(protocol).caution
 
 
 def status() -> dict[str, Any]:
     """Return how things stood at the last heartbeat; never asks anybody."""
-    return _status or {"state": "disconnected", "message": "", "armed": False}
+    return _status or {"state": core.stream.state.State.DISCONNECTED, "message": "", "armed": False}
 
 
 def found_ports() -> list[tuple[str, str]]:
@@ -100,7 +99,7 @@ def connect(scene: bpy.types.Scene) -> None:
         close()
         raise
     _scene = scene.session_uid
-    _status = {"state": "connecting", "message": "", "armed": False}
+    _status = {"state": core.stream.state.State.CONNECTING, "message": "", "armed": False}
     heartbeat()
     _start_timer()
 
@@ -129,8 +128,7 @@ def leaving() -> str:
 def pose_unknown() -> bool:
     """Return whether arming may start with a jump: something moves, and the device has not said where it is."""
     now = status()
-    known = now.get("pose_known", now.get("pose") is not None)
-    return not known and any(unit not in STILL for unit in now.get("units", ()))
+    return not now.get("pose_known") and any(unit not in STILL for unit in now.get("units", ()))
 
 
 def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
@@ -144,13 +142,12 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
             ready; the calibration is of another one; or the first pulse may jump and nobody has said that the fingers
             are out.
     """
-    refused = DermisError
     if _client is None:
-        raise refused("not connected", remedy="Connect first")
+        raise DermisError("not connected", remedy="Connect first")
     if not streams(scene):
-        raise refused("another scene is connected", where=scene.name, remedy="Arm it there, or connect this one")
+        raise DermisError("another scene is connected", where=scene.name, remedy="Arm it there, or connect this one")
     if frame_hold.held():
-        raise refused(
+        raise DermisError(
             "nothing is armed while something steps through the frames",
             remedy="Let the bake or the render end, or cancel it",
         )
@@ -159,11 +156,12 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
         changed()
     _client.set(**request_fields.request_fields(scene))
     heartbeat()
-    if status()["state"] not in READY:
-        raise refused("the device is not ready to be armed", value=status()["state"], limit=" or ".join(READY))
+    waiting = core.stream.state.WAITING
+    if status()["state"] not in waiting:
+        raise DermisError("the device is not ready to be armed", value=status()["state"], limit=" or ".join(waiting))
     board_identity.check(scene)
     if pose_unknown() and not fingers_out:
-        raise refused(
+        raise DermisError(
             "the device does not know where its motors are", remedy="Take the finger out, and say so (fingers_out)"
         )
     _client.arm()
@@ -189,8 +187,8 @@ def changed() -> None:
         return
     try:
         device_calibration.fill_channels(scene)
-        made = device_calibration.calibration_of(scene, streamed_track.device_key(scene))
-        _client.set(**request_fields.request_fields(scene), calibration=made.dumps())
+        calibration = device_calibration.calibration_of(scene, streamed_track.device_key(scene))
+        _client.set(**request_fields.request_fields(scene), calibration=calibration.dumps())
         _note = ""
     except DermisError as error:
         _note = str(error)
@@ -218,7 +216,7 @@ def heartbeat() -> None:
         if streamed_track.outdated(scene):
             changed()  # before the time is taken: it counts from the start of the track that the sender has
         playing = any(screen.is_animation_playing for screen in bpy.data.screens)
-        _published = request_fields.shown(scene, _status.get("names", ()))
+        _published = request_fields.published(scene, _status.get("names", ()))
     _mode = scene.dermis_stream.mode
     moment, values = _published
     _client.heartbeat(playing=playing, time=moment, values=values)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -130,7 +129,9 @@ def track_path(scene: bpy.types.Scene) -> str:
         _sent = None
         return ""
     if _sent is None or _sent.output is not output or _sent.scene != scene.session_uid:
-        handle, name = tempfile.mkstemp(prefix="dermis-stream-", suffix=".dtrack")
+        from tempfile import mkstemp
+
+        handle, name = mkstemp(prefix="dermis-stream-", suffix=".dtrack")
         with open(handle, "wb") as file:
             file.write(core.track.binary.dumps(output.track))
         _files.append(Path(name))

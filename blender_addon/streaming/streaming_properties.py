@@ -6,11 +6,13 @@ from contextlib import suppress
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, FloatProperty, PointerProperty, StringProperty
 
 from .. import changes
-from .._core import DermisError
+from .._core import DermisError, core
 from ..compat import BLEND_RELATIVE
+from ..properties.fields import Update, declared
+from ..registration import registration
 from . import agreed_paths, calibration_offers, calibration_rows, device_calibration, session, streamed_track
 
 
@@ -30,31 +32,22 @@ def _moded(self: Any, context: Any) -> None:
     _changed(self, context)
 
 
-def _addressed(self: Any, context: Any) -> None:
-    _agree(self, "url")
-    _quiet(self, context)
-
-
-def _mapped(self: Any, context: Any) -> None:
-    _agree(self, "screen_file")
-    _changed(self, context)
-
-
-def _tracked(self: Any, context: Any) -> None:
-    _agree(self, "track_file")
-    _chosen(self, context)
-
-
-def _agree(settings: Any, name: str) -> None:
-    agreed_paths.confirm(agreed_paths.claims(settings, name))  # no file that is opened comes through here
-
-
 def _chosen(self: Any, context: Any) -> None:
     _quiet(self, context)
     if self.channels:  # they are one finger's: the list follows the choice, connected or not
         with suppress(DermisError):
             device_calibration.fill_channels(self.id_data)
     session.changed()
+
+
+def _agreed(name: str, then: Update) -> Update:
+    """Return what is called where a person sets a path, which they so agree to."""
+
+    def update(self: Any, context: Any) -> None:
+        agreed_paths.confirm(agreed_paths.claims(self, name))  # no file that is opened comes through here
+        then(self, context)
+
+    return update
 
 
 def _outputs(_self: Any, _context: Any, text: str) -> list[str]:
@@ -112,6 +105,11 @@ class DermisStreamCalibration(bpy.types.PropertyGroup):
     channels: CollectionProperty(type=DermisStreamChannel)
 
 
+_settings = core.parameters.stream.STREAM
+_updates = dict.fromkeys(_settings, _changed) | {"protocol": _quiet, "mode": _moded, "rate": _quiet}
+
+
+@declared(_settings, updates=_updates, override=set())
 class DermisStream(bpy.types.PropertyGroup):
     """Settings of the live link; opening a file with them connects nothing."""
 
@@ -119,34 +117,7 @@ class DermisStream(bpy.types.PropertyGroup):
         name="Port",
         description="Serial port, socket://HOST:PORT, udp://HOST:PORT, or virtual: for the simulated device",
         default="virtual:",
-        update=_addressed,
-        options=set(),
-    )
-    protocol: EnumProperty(
-        name="Protocol",
-        description="What the device speaks",
-        items=(
-            ("native", "Dermis Native", "With handshake, check sums, device time and a watchdog in the device"),
-            ("maestro", "Pololu Maestro", "Compact protocol; the board has no watchdog unless you set one"),
-            ("servo-animation", "Servo Animation", "Receivers of Blender Servo Animation; they have no watchdog"),
-            ("torque", "Torque Board", "Torques over UDP at 1 kHz, HapTip style; positions are closed here"),
-            ("osc", "OSC", "Open Sound Control over UDP; receivers need a watchdog of their own"),
-        ),
-        default="native",
-        update=_quiet,
-        options=set(),
-    )
-    mode: EnumProperty(
-        name="Mode",
-        description="What moves the device",
-        items=(
-            ("play", "Play", "The baked track, in step with Blender's playback"),
-            ("follow", "Follow", "What the preview shows, while you scrub or play"),
-            ("jog", "Jog", "Single actuators by hand, for calibration"),
-            ("panel", "Touch", "A real finger on the panel: its place asks, the relief answers"),
-        ),
-        default="play",
-        update=_moded,
+        update=_agreed("url", _quiet),
         options=set(),
     )
     output: StringProperty(
@@ -160,81 +131,15 @@ class DermisStream(bpy.types.PropertyGroup):
         name="Track File",
         description="A command track from a file, instead of the bake",
         subtype="FILE_PATH",
-        update=_tracked,
+        update=_agreed("track_file", _chosen),
         options=BLEND_RELATIVE,
     )
     screen_file: StringProperty(
         name="Screen Map",
         description="The screen's relief and law, as exported, for the mode Touch",
         subtype="FILE_PATH",
-        update=_mapped,
+        update=_agreed("screen_file", _changed),
         options=BLEND_RELATIVE,
-    )
-    offset: FloatProperty(
-        name="Start Offset",
-        description="Plays the track earlier by this much",
-        default=0.0,
-        soft_min=-1.0,
-        soft_max=1.0,
-        unit="TIME_ABSOLUTE",
-        update=_changed,
-        options=set(),
-    )
-    look_ahead: FloatProperty(
-        name="Look-Ahead",
-        description="Commands leave this much before they count; makes up for the device's delay",
-        default=0.1,
-        min=0.0,
-        max=1.0,
-        unit="TIME_ABSOLUTE",
-        update=_changed,
-        options=set(),
-    )
-    rate: FloatProperty(
-        name="Rate",
-        description="Commands a second; 0: the device's own rate. A slow link carries fewer; taken when connecting",
-        default=0.0,
-        min=0.0,
-        soft_max=1000.0,
-        max=10_000.0,
-        precision=0,
-        step=1000,
-        update=_quiet,
-        options=set(),
-    )
-    ramp: FloatProperty(
-        name="Ramp",
-        description="Time from the device's own pose to the track after arming",
-        default=1.0,
-        min=0.1,
-        max=10.0,
-        unit="TIME_ABSOLUTE",
-        update=_changed,
-        options=set(),
-    )
-    stall: FloatProperty(
-        name="Stall",
-        description="When Blender stands still for this long the device goes to its safe state",
-        default=0.5,
-        min=0.1,
-        max=5.0,
-        unit="TIME_ABSOLUTE",
-        update=_changed,
-        options=set(),
-    )
-    play_on: BoolProperty(
-        name="Play On",
-        description="A baked track goes on while Blender stands still",
-        default=False,
-        update=_changed,
-        options=set(),
-    )
-    reconnect: BoolProperty(
-        name="Reconnect",
-        description="Try again when the link is lost; it never arms by itself",
-        default=False,
-        update=_changed,
-        options=set(),
     )
     show_received: BoolProperty(
         name="Twin Shows the Device",
@@ -251,18 +156,7 @@ class DermisStream(bpy.types.PropertyGroup):
     shelf: CollectionProperty(type=DermisStreamCalibration)
 
 
-CLASSES = (DermisStreamChannel, DermisStreamCalibration, DermisStream)
-
-
-def register() -> None:
-    """Register the groups and hang them on scenes."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-    bpy.types.Scene.dermis_stream = PointerProperty(type=DermisStream, name="Dermis Streaming")
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    del bpy.types.Scene.dermis_stream
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = registration(
+    (DermisStreamChannel, DermisStreamCalibration, DermisStream),
+    (bpy.types.Scene, "dermis_stream", PointerProperty(type=DermisStream, name="Dermis Streaming")),
+)

@@ -1,8 +1,8 @@
-"""What the twins of all devices share where they are drawn: whose turn it is, their place, and solid parts."""
+"""How twins are drawn: which of them, where, and their triangles and lines."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -12,9 +12,9 @@ from mathutils import Matrix
 
 from ..preview.rows import Row
 from ..quantities import metres_per_unit
-from . import shown, tactor_twin
-
-HIDDEN = 0.45  # opacity of what an object hides: where a finger touches, one always does
+from . import paint, shown
+from .parts import Part
+from .twin import Twin
 
 
 class Handlers:
@@ -33,15 +33,15 @@ class Handlers:
             bpy.types.SpaceView3D.draw_handler_remove(*self._handles.pop())
 
 
-def rows_of(kinds: Collection[str]) -> list[tuple[Row, Any]]:
-    """Return the devices of these kinds to draw in the current view with their twins; none where those are hidden."""
-    scene, space = bpy.context.scene, bpy.context.space_data
+def twins(context: bpy.types.Context) -> list[tuple[Row, Twin]]:
+    """Return the devices to draw in the current view; none where they are hidden."""
+    scene, space = context.scene, context.space_data
     if not scene.dermis.show_twin or not getattr(space.overlay, "show_overlays", True):
         return []
     now = shown.now(scene)
     if now is None or now.devices is None:
         return []
-    return [(row, twin) for row, twin in zip(now.devices.rows, now.twins, strict=True) if row.kind in kinds]
+    return [(row, twin) for row, twin in zip(now.devices.rows, now.twins, strict=True) if twin is not None]
 
 
 def finger_matrix(scene: bpy.types.Scene, name: str) -> Matrix | None:
@@ -69,16 +69,25 @@ def in_finger(frame: Matrix) -> Iterator[None]:
             gpu.state.blend_set("NONE")
 
 
-def solid(part: tactor_twin.Part, *, mask: bool = True) -> None:
-    """Draw a part; what something hides shines through it faintly. With a mask it hides what is drawn after it."""
+def draw_twin(twin: Twin) -> None:
+    """Draw what is hidden, what is seen, and lines over both."""
+    import gpu
+
+    for part, test, covers in ((twin.hidden, "GREATER", False), (twin.solid, "LESS_EQUAL", twin.covers)):
+        gpu.state.depth_test_set(test)
+        gpu.state.depth_mask_set(covers)
+        _triangles(part)
+    gpu.state.depth_test_set("NONE")
+    gpu.state.depth_mask_set(False)
+    for line in twin.lines:
+        paint.line(*line)
+
+
+def _triangles(part: Part) -> None:
     import gpu
     from gpu_extras.batch import batch_for_shader
 
     shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-    for test, opacity, writes in (("GREATER", HIDDEN, False), ("LESS_EQUAL", 1.0, mask)):
-        gpu.state.depth_test_set(test)
-        gpu.state.depth_mask_set(writes)
-        colours = part.colours * np.array([1.0, 1.0, 1.0, opacity], np.float32)
-        batch_for_shader(
-            shader, "TRIS", {"pos": part.positions, "color": colours}, indices=np.ascontiguousarray(part.triangles)
-        ).draw(shader)
+    batch_for_shader(
+        shader, "TRIS", {"pos": part.positions, "color": part.colours}, indices=np.ascontiguousarray(part.triangles)
+    ).draw(shader)

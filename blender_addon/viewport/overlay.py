@@ -10,12 +10,13 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..devices import platform_devices
 from ..layouts import ui_scale
 from ..preview.rows import Row
-from . import paint, pin_view, platform_view, shown, tactor_twin, thimble_view
-from .drawing import Handlers, finger_matrix, in_finger, rows_of
+from . import drawing, paint, pin_card, platform_card, shown, thimble_card
+from .drawing import Handlers, draw_twin, finger_matrix, in_finger
 from .paint import BLUE, GREEN, INK, ORANGE, PANEL
+from .parts import heat
+from .twin import Twin
 
 _handlers = Handlers()
 CARD_WIDTH, DIAL, LINE, MARGIN = 260, 92, 17, 12
@@ -24,50 +25,11 @@ SOURCE_COLOURS = {"bake": GREEN, "live": BLUE, "stale": ORANGE, "earlier": ORANG
 
 
 def _draw_view() -> None:
-    scene = bpy.context.scene
-    for row, _ in rows_of(("shear_tactor", "friction_screen")):
-        frame = finger_matrix(scene, row.finger)
-        if frame is None:
-            continue
-        with in_finger(frame):
-            if "tactor_x" in row.values:
-                _tactor(row, scene.dermis.twin_exaggeration)
-            elif "amplitude" in row.values:
-                _field(row)
-
-
-def _tactor(row: Row, exaggeration: float) -> None:
-    import gpu
-
-    x, y = row.values["tactor_x"] * exaggeration, row.values["tactor_y"] * exaggeration
-    # The device sits between the pad and what it touches: what is hidden there shows through as a flat figure.
-    for test, solid in (("GREATER", False), ("LESS_EQUAL", True)):
-        gpu.state.depth_test_set(test)
-        gpu.state.depth_mask_set(solid)
-        _triangles(tactor_twin.housing() if solid else tactor_twin.plan())
-        with gpu.matrix.push_pop():
-            gpu.matrix.translate((x, y, 0.0))
-            _triangles(tactor_twin.cap() if solid else tactor_twin.dot())
-    gpu.state.depth_test_set("NONE")
-    gpu.state.depth_mask_set(False)
-    reach = row.high.get("tactor_x") or 2e-3
-    paint.line(tactor_twin.circle(reach * exaggeration, 0.3e-3), FAINT, 1.0)
-    if np.hypot(x, y) > 1e-5:
-        paint.line(np.array([[0.0, 0.0, 0.35e-3], [x, y, 0.35e-3]], np.float32), INK, 2.5)
-
-
-def _field(row: Row) -> None:
-    import gpu
-
-    level = _level(row, "amplitude")
-    gpu.state.depth_test_set("NONE")
-    gpu.state.depth_mask_set(False)
-    colour = tactor_twin.heat(level)
-    if level > 0.0:
-        _triangles(tactor_twin.glow(6e-3 + 9e-3 * level, (*colour[:3], 0.25 + 0.6 * level)))
-    paint.line(tactor_twin.circle(6e-3, 0.0), (*colour[:3], 0.9), 1.5)
-    if level > 0.0:
-        paint.line(tactor_twin.circle(6e-3 + 9e-3 * level, 0.0), (*colour[:3], 0.6), 1.0)
+    for row, twin in drawing.twins(bpy.context):
+        frame = finger_matrix(bpy.context.scene, row.finger)
+        if frame is not None:
+            with in_finger(frame):
+                draw_twin(twin)
 
 
 def _draw_pixels() -> None:
@@ -101,35 +63,38 @@ def _draw_pixels() -> None:
 
 
 def _card_height(row: Row) -> float:
-    if row.kind in platform_devices.kinds():
-        return platform_view.height(row) + 2.0 * MARGIN
-    tall = "tactor_x" in row.values or row.kind in ("pin_array", "thimble")
+    if row.drawn == "platform":
+        return platform_card.height(row) + 2.0 * MARGIN
+    tall = row.drawn in ("tactor", "pins", "thimble")
     return DIAL + 3.0 * MARGIN + LINE if tall else 3 * LINE + 2 * MARGIN
 
 
-def _card(row: Row, twin: Any, left: float, bottom: float, scale: float) -> None:
+def _card(row: Row, twin: Twin | None, left: float, bottom: float, scale: float) -> None:
     height = _card_height(row) * scale
     paint.rectangle(left, bottom, CARD_WIDTH * scale, height, PANEL)
     top = bottom + height - (MARGIN + 6) * scale
     x = left + MARGIN * scale
+    state = twin.state if twin is not None else None
     paint.text(f"{row.finger}   {row.title}", x, top, INK, scale, width=(CARD_WIDTH - 2 * MARGIN) * scale)
-    if "tactor_x" in row.values:
-        _dial(row, x, bottom + MARGIN * scale, scale)
-    elif row.kind == "pin_array":
-        pin_view.card(row, twin, x, bottom + MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, DIAL * scale, scale)
-    elif row.kind == "thimble" and "servo_1" in row.values:
-        thimble_view.card(row, twin, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
-    elif row.kind in platform_devices.kinds():
-        platform_view.card(row, twin, x, bottom + 0.7 * MARGIN * scale, (CARD_WIDTH - 2 * MARGIN) * scale, scale)
-    elif "amplitude" in row.values:
-        _bar(row, x, top - 1.6 * LINE * scale, scale)
+    width, low = (CARD_WIDTH - 2 * MARGIN) * scale, bottom + 0.7 * MARGIN * scale
+    match row.drawn:
+        case "tactor":
+            _dial(row, x, bottom + MARGIN * scale, scale)
+        case "screen":
+            _bar(row, x, top - 1.6 * LINE * scale, scale)
+        case "pins":
+            pin_card.card(row, state, x, bottom + MARGIN * scale, width, DIAL * scale, scale)
+        case "thimble":
+            thimble_card.card(row, state, x, low, width, scale)
+        case "platform":
+            platform_card.card(row, state, x, low, width, scale)
 
 
 def _dial(row: Row, left: float, bottom: float, scale: float) -> None:
     """Draw the tactor's plane as the finger's owner would see it through the nail: tip up."""
     radius = 0.5 * DIAL * scale
     centre = np.array([left + radius, bottom + radius])
-    reach = row.high.get("tactor_x") or 2e-3
+    reach = row.full_scale("tactor_x")
     angle = np.linspace(0.0, 2.0 * np.pi, 49)
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     _line2d(centre + radius * ring, FAINT, 1.0)
@@ -156,12 +121,13 @@ def _dial(row: Row, left: float, bottom: float, scale: float) -> None:
 
 
 def _bar(row: Row, left: float, bottom: float, scale: float) -> None:
-    level, width = _level(row, "amplitude"), (CARD_WIDTH - 2 * MARGIN) * scale
+    volts, width = row.values["amplitude"], (CARD_WIDTH - 2 * MARGIN) * scale
+    level = float(np.clip(volts / row.full_scale("amplitude"), 0.0, 1.0))
     paint.rectangle(left, bottom, width, 12 * scale, (*FAINT[:3], 0.12))
     if level > 0.0:
-        paint.rectangle(left, bottom, width * level, 12 * scale, tactor_twin.heat(level))
+        paint.rectangle(left, bottom, width * level, 12 * scale, heat(level))
     limit = row.high.get("amplitude")
-    text = f"{row.values['amplitude']:.0f} V"
+    text = f"{volts:.0f} V"
     if limit:
         text += f"  of {limit:.0f} V"
     if "carrier" in row.values:
@@ -176,20 +142,6 @@ def _bar(row: Row, left: float, bottom: float, scale: float) -> None:
             ORANGE if touching else FAINT,
             scale,
         )
-
-
-def _level(row: Row, name: str) -> float:
-    return float(np.clip(row.values[name] / (row.high.get(name) or 1.0), 0.0, 1.0))
-
-
-def _triangles(part: tactor_twin.Part) -> None:
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-
-    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-    batch_for_shader(
-        shader, "TRIS", {"pos": part.positions, "color": part.colours}, indices=np.ascontiguousarray(part.triangles)
-    ).draw(shader)
 
 
 def _line2d(points: np.ndarray, colour: Any, width: float) -> None:

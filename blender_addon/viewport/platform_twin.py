@@ -8,25 +8,22 @@ the stroke.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .._core import Array, core
 from ..devices import skin_models
-from . import tactor_twin
-from .tactor_twin import Colour, Part
-from .thimble_twin import BASE, DISC, DISC_HEIGHT, LINK, bar, joined, placed
+from .parts import Colour, Part, across, bar, heat, joined, lathe, placed, ribbon
+from .thimble_twin import BASE, DISC, DISC_HEIGHT, LINK
 
 CABLE, LEG, RIM, COIL = 0.45e-3, 0.9e-3, 1.0e-3, 0.25e-3  # half widths [m]
 TURNS, COIL_RADIUS, PER_TURN = 7, 2.0e-3, 10
 SPRING: Colour = (0.60, 0.64, 0.68, 0.55)
 
 
-@dataclass(frozen=True)
-class State:
+class State(NamedTuple):
     """A platform at one moment.
 
     Attributes:
@@ -76,7 +73,7 @@ def parts(at: State) -> Part:
     """Return the whole twin."""
     pieces = [_rim(at.base), _rim(at.joints), placed(_disc(at.radius), at.pose)]
     for start, end, share in zip(at.base, at.joints, at.share.tolist(), strict=True):
-        pieces.append(bar(start, end, CABLE if at.tension is not None else LEG, tactor_twin.heat(share), sides=4))
+        pieces.append(bar(start, end, CABLE if at.tension is not None else LEG, heat(share), sides=4))
         if at.tension is not None:
             pieces.append(_spring(start, end))
         pieces.append(bar(end, at.pose[:3, 3] + 0.55 * (end - at.pose[:3, 3]), RIM, LINK, sides=4))
@@ -87,18 +84,13 @@ def _spring(start: Array, end: Array) -> Part:
     """Return a coil around a cable, as flat ribbons."""
     along = end - start
     length = max(float(np.linalg.norm(along)), 1e-12)
-    side = np.cross(along / length, [0.0, 1.0, 0.0] if abs(along[1]) < 0.9 * length else [1.0, 0.0, 0.0])
-    side /= np.linalg.norm(side)
-    up = np.cross(along / length, side)
+    side, up = across(along / length)
     t = np.linspace(0.0, 1.0, TURNS * PER_TURN + 1)
     angle = 2.0 * np.pi * TURNS * t
     out = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up
     middle = start + t[:, None] * along + COIL_RADIUS * out
     wide = COIL * along / length
-    positions = np.vstack([middle - wide, middle + wide]).astype(np.float32)
-    n, i = len(t), np.arange(len(t) - 1)
-    triangles = np.vstack([np.stack([i, i + 1, n + i + 1], axis=1), np.stack([i, n + i + 1, n + i], axis=1)])
-    return Part(positions, np.tile(np.array(SPRING, np.float32), (2 * n, 1)), triangles.astype(np.int32))
+    return ribbon(middle - wide, middle + wide, np.tile(SPRING, (len(t), 1)))
 
 
 def _rim(points: Array) -> Part:
@@ -111,4 +103,4 @@ def _rim(points: Array) -> Part:
 
 @cache
 def _disc(radius: float) -> Part:
-    return tactor_twin._lathe([(0.0, -DISC_HEIGHT), (radius, -DISC_HEIGHT), (radius, 0.0), (0.0, 0.0)], DISC)
+    return lathe([(0.0, -DISC_HEIGHT), (radius, -DISC_HEIGHT), (radius, 0.0), (0.0, 0.0)], DISC)

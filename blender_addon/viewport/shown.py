@@ -8,38 +8,37 @@ be done anew.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 
-from .. import changes, redraw
+from .. import changes, choices, redraw
 from ..devices import readiness, thimble_devices
 from ..preview import device_preview, pin_preview, platform_preview, skin_preview, thimble_preview
 from ..preview.rows import Preview
 from ..preview.skin_state import SkinState
 from ..results import store
-from ..streaming import reported_values, streamed_track
+from ..streaming import built_devices, reported_values, streamed_track
 from . import skin_shown, twins
+from .twin import Twin
 
 
-@dataclass(frozen=True, eq=False)
-class Frame:
+class Frame(NamedTuple):
     """Everything that is shown of a scene at one frame.
 
     Attributes:
-        devices: what the devices do; None where nothing is known. twins: where each row's parts are.
+        devices: what the devices do; None where nothing is known. twins: of each row, finished for drawing.
         skins: with their values, and the range of the colours.
-        worn: which device of each kind the fingers wear.
+        active_devices: which device of each family counts on each finger.
         active, ready: a finger's name, and what its devices need, see `readiness`.
         doubts: where the track that would be streamed and its preset disagree, in words.
     """
 
     frame: float
     devices: Preview | None
-    twins: tuple[twins.Twin | None, ...]
+    twins: tuple[Twin | None, ...]
     skins: skin_shown.Shown
-    worn: readiness.Worn
+    active_devices: readiness.ActiveDevices
     active: str
     ready: Mapping[str, readiness.Ready]
     doubts: str
@@ -70,32 +69,33 @@ def renew(scene: bpy.types.Scene) -> Frame:
     _frames.pop(uid, None)
     shown = devices(scene)
     ready = readiness.of(active) if active is not None and active.dermis.role == "FINGER" else {}
-    frame = Frame(
+    if active is not None and active.dermis.role == "FINGER" and not choices.known():
+        choices.refresh()  # panels call its devices by their names
+    _frames[uid] = Frame(
         device_preview.frame_of(scene),
         shown,
         tuple(twins.twin_of(scene, row) for row in shown.rows) if shown is not None else (),
         skin_shown.shown(scene, skins(scene)),
-        readiness.worn(scene),
+        readiness.active_devices(scene),
         active.name if active is not None else "",
         ready,
         streamed_track.doubts(scene),
     )
-    _frames[uid] = frame
-    return frame
+    return _frames[uid]
 
 
 def now(scene: bpy.types.Scene) -> Frame | None:
     """Return what is shown at the current frame, None where it has not been worked out. Reads; for drawing."""
-    found = _read(scene)
-    return found if found is not None and found.frame == device_preview.frame_of(scene) else None
+    kept = _read(scene)
+    return kept if kept is not None and kept.frame == device_preview.frame_of(scene) else None
 
 
-def worn(scene: bpy.types.Scene, obj: bpy.types.Object | None, kind: str) -> Any | None:
-    """Return the settings of the device of a kind that a finger wears, see `readiness.KINDS`. Reads; for drawing."""
+def active_device(scene: bpy.types.Scene, obj: bpy.types.Object | None, family: str) -> Any | None:
+    """Return the settings of the device of a family that counts on a finger, or None. Reads; for drawing."""
     kept = _read(scene)  # at whatever frame: panels shall not come and go while a bake sweeps
     if kept is None or obj is None or obj.dermis.role != "FINGER":
         return None
-    index = kept.worn.get(obj.name, {}).get(kind, -1)
+    index = kept.active_devices.get(obj.name, {}).get(family, -1)
     return obj.dermis.finger.devices[index] if 0 <= index < len(obj.dermis.finger.devices) else None
 
 
@@ -115,6 +115,7 @@ def work() -> None:
     """Work out what every window shows."""
     if changes.sweeping():
         return
+    built_devices.read()
     skin_preview.refresh()
     scenes = {window.scene.session_uid: window.scene for window in bpy.context.window_manager.windows}
     for gone in set(_keys) - set(scenes):
@@ -168,6 +169,7 @@ def _key(scene: bpy.types.Scene) -> tuple[Any, ...]:
         id(store.current(scene)),
         changes.edits(),
         settings.live_preview,
+        settings.twin_exaggeration,
         active.name if active is not None else "",
         (view.show, view.quantity, view.exaggeration, view.range_mode, view.maximum),
         (thimble.split, thimble.workspace),

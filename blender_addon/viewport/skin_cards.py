@@ -57,25 +57,21 @@ def _from_the_left(context: bpy.types.Context, states: tuple[SkinState, ...]) ->
 
 def _pad_map(state: SkinState, drawn: Drawn, now: Shown, view: Any, at: np.ndarray, size: float, scale: float) -> None:
     """Draw a pad as seen through the nail, tip up: the finger's X to the right, its Y upwards."""
-    longest = max(float(np.ptp(d.surface.rest[:, 1])) for d in now.drawn if d is not None)
+    longest = max(d.surface.length for d in now.drawn if d is not None)
     zoom = size / (1.05 * longest)  # one scale for all
-    rest = drawn.surface.rest
-    middle = 0.5 * (rest.min(axis=0) + rest.max(axis=0))
-    shift = Matrix.Translation((at[0] - zoom * middle[0], at[1] - zoom * middle[1], 0.0))
+    origin = at - zoom * drawn.surface.middle
+    shift = Matrix.Translation((*origin, 0.0))
     flat = Matrix.Diagonal((zoom, zoom, 0.0, 1.0))
     flat[2][2] = 1e-6 * zoom  # flat, and can still be inverted
     pad = skin_shader.on_card(state, drawn).pad
     skin_shader.draw(pad, shift @ flat, now, view, opacity=1.0, fill=1.0, bias=0.0, light=0.35, contours=0.12)
     if not state.touching:
         return
-    push = np.maximum(-np.einsum("ij,ij->i", state.force, state.model.normals), 0.0)
-    centre = push @ state.model.positions[:, :2] / max(float(push.sum()), 1e-30)
-    start = at + zoom * (centre - middle[:2])
+    start = origin + zoom * drawn.centre
     paint.disc(start, 2.6 * scale, paint.INK)
-    across = state.force.sum(axis=0)[:2]
-    share = float(np.hypot(*across)) / max(state.normal_force, 1e-12)
+    share = float(np.hypot(*drawn.shear))
     if share > 0.02:
-        end = start + 0.34 * size * min(share, 1.0) * across / np.hypot(*across)
+        end = start + 0.34 * size * min(share, 1.0) / share * drawn.shear
         paint.arrow(start, end, paint.INK, 2.0, scale)
 
 

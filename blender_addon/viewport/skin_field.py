@@ -39,14 +39,14 @@ QUANTITIES = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Drawn:
+class Drawn(NamedTuple):
     """One skin, ready to be drawn, in the finger's frame.
 
     Attributes:
         surface: what it is drawn on.
         positions: deformed vertices [m], shape (d, 3). normals: unit, shape (d, 3). values: SI, shape (d,).
         low, high: least and greatest value at the skin's own nodes.
+        centre: of pressure, in X and Y [m], shape (2,). shear: force in X and Y by the normal force, shape (2,).
     """
 
     surface: DisplaySurface
@@ -55,6 +55,8 @@ class Drawn:
     values: Array
     low: float
     high: float
+    centre: Array
+    shear: Array
 
 
 @dataclass(eq=False)
@@ -79,12 +81,12 @@ _kits: weakref.WeakKeyDictionary[Any, _Kit] = weakref.WeakKeyDictionary()
 
 def kit(mesh: Any) -> _Kit:
     """Return what belongs to a mesh, made when it is first asked for."""
-    found = _kits.get(mesh)
-    if found is None:
+    own = _kits.get(mesh)
+    if own is None:
         surface = DisplaySurface.of(mesh)
         pad_rows = np.searchsorted(surface.nodes, mesh.pad)
-        found = _kits[mesh] = _Kit(surface, mesh.nodes[surface.nodes], mesh.averaging[surface.nodes], pad_rows)
-    return found
+        own = _kits[mesh] = _Kit(surface, mesh.nodes[surface.nodes], mesh.averaging[surface.nodes], pad_rows)
+    return own
 
 
 def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn:
@@ -94,7 +96,7 @@ def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn
     if not state.force.any():
         zero = np.zeros(len(surface.rest))
         lifted = surface.rest + (0.0, 0.0, state.lift)
-        return Drawn(surface, lifted, surface.at_rest, zero, 0.0, 0.0)
+        return Drawn(surface, lifted, surface.at_rest, zero, 0.0, 0.0, surface.middle, np.zeros(2))
     stimulus = core.skin.stimulus.Stimulus(state.model, state.force)
     if state.model.pad_count <= SMALL and quantity != "energy":
         moved, stress = _by_shortcut(own, state.model, state.force)
@@ -105,7 +107,10 @@ def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn
     nodal = _nodal(own, stimulus, quantity, moved, stress)
     positions, normals, values = surface.deformed(own.points, exaggeration * moved, nodal)
     positions[:, 2] += state.lift
-    return Drawn(surface, positions, normals, values, float(nodal.min()), float(nodal.max()))
+    push = np.maximum(-np.einsum("ij,ij->i", state.force, state.model.normals), 0.0)
+    centre = push @ state.model.positions[:, :2] / max(float(push.sum()), 1e-30)
+    shear = state.force.sum(axis=0)[:2] / max(state.normal_force, 1e-12)
+    return Drawn(surface, positions, normals, values, float(nodal.min()), float(nodal.max()), centre, shear)
 
 
 def _by_shortcut(own: _Kit, model: Any, force: Array) -> tuple[Array, Array]:
@@ -118,8 +123,8 @@ def _by_shortcut(own: _Kit, model: Any, force: Array) -> tuple[Array, Array]:
     if table is None:
         table = own.shortcuts[model.key] = _shortcut(own, model)
     scale = float(np.abs(force).max())
-    found = ((force.reshape(-1) / scale).astype(np.float32) @ table).astype(np.float64).reshape(-1, 9)
-    return found[:, :3] * (scale / model.material.modulus), found[:, 3:] * scale
+    nodal = ((force.reshape(-1) / scale).astype(np.float32) @ table).astype(np.float64).reshape(-1, 9)
+    return nodal[:, :3] * (scale / model.material.modulus), nodal[:, 3:] * scale
 
 
 def _shortcut(own: _Kit, model: Any) -> NDArray[np.float32]:

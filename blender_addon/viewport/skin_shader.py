@@ -57,9 +57,9 @@ _ready: dict[str, Ready] = {}
 
 def on_card(state: SkinState, drawn: Drawn) -> Ready:
     """Return a skin's batches, made anew where its values are others."""
-    known = _ready.get(state.finger)
-    if known is not None and known.drawn is drawn:
-        return known
+    ready = _ready.get(state.finger)
+    if ready is not None and ready.drawn is drawn:
+        return ready
     from gpu_extras.batch import batch_for_shader
 
     shader, surface = _shader(), drawn.surface
@@ -69,13 +69,12 @@ def on_card(state: SkinState, drawn: Drawn) -> Ready:
         "value": drawn.values.astype(np.float32),
     }
     palmar = np.ascontiguousarray(surface.triangles[surface.palmar])
-    made = Ready(
+    ready = _ready[state.finger] = Ready(
         drawn,
         batch_for_shader(shader, "TRIS", arrays, indices=surface.triangles),
         batch_for_shader(shader, "TRIS", arrays, indices=palmar),
     )
-    _ready[state.finger] = made
-    return made
+    return ready
 
 
 def draw(

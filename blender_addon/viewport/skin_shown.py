@@ -51,19 +51,19 @@ def forget_range() -> None:
 
 
 def _values(state: SkinState, quantity: str, exaggeration: float) -> Drawn:
-    known = _drawn.get(state.finger)
+    kept = _drawn.get(state.finger)
     key = (quantity, round(float(exaggeration), 4))
-    if known is not None and known[1] == key:
-        before = known[0]
+    if kept is not None and kept[1] == key:
+        before = kept[0]
         if before is state or (
             before.model is state.model and before.lift == state.lift and np.array_equal(before.force, state.force)
         ):
-            return known[2]
+            return kept[2]
     _stresses["computed" if state.touching else "skipped"] += 1
     with skin_models.one_thread():
-        made = skin_field.draw_of(state, quantity, key[1])
-    _drawn[state.finger] = (state, key, made)
-    return made
+        drawn = skin_field.draw_of(state, quantity, key[1])
+    _drawn[state.finger] = (state, key, drawn)
+    return drawn
 
 
 def _range(scene: bpy.types.Scene, drawn: list[Drawn]) -> tuple[float, float]:

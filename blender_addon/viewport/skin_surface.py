@@ -7,8 +7,7 @@ values all go through the same matrix, made once for a mesh.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +15,10 @@ from numpy.typing import NDArray
 from .._core import Array, Indices32
 
 TRIANGLES = 3000  # a surface is refined until it has about as many
-MOST_LEVELS = 2
+MAX_LEVELS = 2
 
 
-@dataclass(frozen=True, eq=False)
-class DisplaySurface:
+class DisplaySurface(NamedTuple):
     """A skin's surface for drawing.
 
     Attributes:
@@ -32,6 +30,7 @@ class DisplaySurface:
         coarse: the triangles between `nodes`, shape (c, 3).
         scatter: from those to the nodes, sparse (s, c), for normals.
         at_rest: normals of the drawn vertices without deformation, shape (d, 3).
+        middle: of the box around `rest` in X and Y [m], shape (2,). length: of that box along Y [m].
     """
 
     nodes: Indices32
@@ -42,6 +41,8 @@ class DisplaySurface:
     coarse: Indices32
     scatter: Any
     at_rest: Array
+    middle: Array
+    length: float
 
     @classmethod
     def of(cls, mesh: Any) -> DisplaySurface:
@@ -56,7 +57,7 @@ class DisplaySurface:
         rest = points = mesh.nodes[nodes]
         coarse = triangles
         refine = identity(len(nodes), format="csr")
-        for _ in range(MOST_LEVELS):
+        for _ in range(MAX_LEVELS):
             if len(triangles) * 4 > 2 * TRIANGLES and len(triangles) > TRIANGLES / 2:
                 break
             matrix, triangles = _refined(rest, triangles)
@@ -68,7 +69,9 @@ class DisplaySurface:
         ).tocsr()
         palmar = _crosses(rest, triangles)[2] < 0.0
         at_rest = _unit(refine @ _unit(scatter @ np.stack(_crosses(points, coarse), axis=1)))
-        return cls(nodes.astype(np.int32), refine, rest, triangles, palmar, coarse, scatter, at_rest)
+        low, high = rest[:, :2].min(axis=0), rest[:, :2].max(axis=0)
+        box = (0.5 * (low + high), float(high[1] - low[1]))
+        return cls(nodes.astype(np.int32), refine, rest, triangles, palmar, coarse, scatter, at_rest, *box)
 
     def deformed(self, points: Array, displacement: Array, nodal: Array) -> tuple[Array, Array, Array]:
         """Return vertices [m], unit normals and values of the drawn surface, shapes (d, 3), (d, 3) and (d,).

@@ -5,16 +5,14 @@ Every part is placed by the servos' angles: the platform by forward kinematics, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .._core import Array, core
 from ..preview.rows import Row
-from . import tactor_twin
-from .tactor_twin import Colour, Part
+from .parts import Colour, Part, bar, joined, lathe, placed
 
 BASE: Colour = (0.24, 0.27, 0.31, 0.55)
 LINK: Colour = (0.62, 0.66, 0.70, 0.95)
@@ -24,11 +22,9 @@ WARNING: Colour = (1.0, 0.52, 0.10, 1.0)
 CRANK, ROD = 1.0e-3, 0.7e-3  # half widths [m]
 DISC_HEIGHT, RING = 1.2e-3, 1.2e-3
 POINTER = 8e-3  # [m] below the disc
-_LIGHT = np.array([0.35, -0.45, 0.82]) / np.linalg.norm([0.35, -0.45, 0.82])
 
 
-@dataclass(frozen=True)
-class Joints:
+class Joints(NamedTuple):
     """Where a thimble's joints are, in the finger's frame [m].
 
     Attributes:
@@ -54,7 +50,7 @@ def joints(device: Any, angles: Array, start: Array) -> Joints:
         DermisError: no pose of the platform has these angles.
     """
     absolute = np.asarray(angles, np.float64) + device.servo_zero
-    x = device.forward(absolute, start)
+    x = device.forward(angles, start)
     pose = device.in_finger(device.pose(x))
     out = core.devices.linkage.LEG_DIRECTIONS
     servo = device.base_radius * out
@@ -87,46 +83,37 @@ def loops(device: Any, around: float) -> list[Array]:
     Raises:
         DermisError: the level platform does not reach `around`.
     """
-    found = core.devices.reach.reach(device, around)
+    reach = core.devices.workspace.workspace(device, around)
     out = []
-    for level in range(len(found.distance)):
-        tips = np.array([pointer(device.in_finger(device.pose(x)))[1] for x in found.configurations(level)])
+    for level in range(len(reach.distance)):
+        tips = np.array([pointer(device.in_finger(device.pose(x)))[1] for x in reach.configurations(level)])
         out.append(np.vstack([tips, tips[:1]]))
     return out
 
 
 def servo_angles(row: Row) -> Array:
     """Return a row's servo angles from neutral [rad], shape (3,)."""
-    return np.array([row.values[f"servo_{i}"] for i in (1, 2, 3)])
+    return np.array([row.values[name] for name in core.devices.servo_limits.SERVOS])
 
 
 def shares(row: Row) -> Array:
     """Return how much of its range each servo uses, 0 to 1, shape (3,)."""
-    angles, out = servo_angles(row), []
-    for i, angle in enumerate(angles.tolist()):
-        limit = row.high.get(f"servo_{i + 1}") if angle >= 0 else row.low.get(f"servo_{i + 1}")
-        out.append(abs(angle / limit) if limit else 0.0)
-    return np.array(out)
-
-
-def joined(pieces: list[Part]) -> Part:
-    """Return several parts as one."""
-    starts = np.cumsum([0, *(len(p.positions) for p in pieces[:-1])])
-    return Part(
-        np.vstack([p.positions for p in pieces]),
-        np.vstack([p.colours for p in pieces]),
-        np.vstack([p.triangles + start for p, start in zip(pieces, starts.tolist(), strict=True)]).astype(np.int32),
-    )
+    used = []
+    for name in core.devices.servo_limits.SERVOS:
+        angle = row.values[name]
+        limit = (row.high if angle >= 0 else row.low).get(name)
+        used.append(abs(angle / limit) if limit else 0.0)
+    return np.array(used)
 
 
 @cache
 def _disc(radius: float) -> Part:
-    return tactor_twin._lathe([(0.0, 0.0), (radius, 0.0), (radius, DISC_HEIGHT), (0.0, DISC_HEIGHT)], DISC)
+    return lathe([(0.0, 0.0), (radius, 0.0), (radius, DISC_HEIGHT), (0.0, DISC_HEIGHT)], DISC)
 
 
 @cache
 def _ring(radius: float) -> Part:
-    return tactor_twin._lathe(
+    return lathe(
         [
             (radius - RING, -RING),
             (radius + RING, -RING),
@@ -135,28 +122,4 @@ def _ring(radius: float) -> Part:
             (radius - RING, -RING),
         ],
         BASE,
-    )
-
-
-def placed(part: Part, pose: Array) -> Part:
-    """Return a part at a pose, shape (4, 4)."""
-    return part._replace(positions=(part.positions @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32))
-
-
-def bar(start: Array, end: Array, half: float, colour: Colour, sides: int = 6) -> Part:
-    """Return a bar of a half width between two points [m], lit by the twin's fixed light."""
-    along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-12)
-    side = np.cross(along, [0.0, 1.0, 0.0] if abs(along[1]) < 0.9 else [1.0, 0.0, 0.0])
-    side /= np.linalg.norm(side)
-    up = np.cross(along, side)
-    angle = np.arange(sides + 1) * (2.0 * np.pi / sides)
-    normals = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up
-    shade = 0.55 + 0.45 * np.abs(normals @ _LIGHT)
-    lit = np.column_stack([shade[:, None] * np.array(colour[:3]), np.full(sides + 1, colour[3])])
-    i = np.arange(sides)
-    quads = np.stack([i, i + 1, i + sides + 2, i + sides + 1], axis=1)
-    return Part(
-        np.vstack([start + half * normals, end + half * normals]).astype(np.float32),
-        np.vstack([lit, lit]).astype(np.float32),
-        np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32),
     )

@@ -1,88 +1,79 @@
-"""Where the parts of each device's twin are, worked out for a row of the preview and kept while nothing changes."""
+"""The twin of each device, worked out for a row of the preview; what takes long is kept while nothing changes."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import bpy
 import numpy as np
 
 from .._core import Array, DermisError, core
-from ..devices import pin_devices, platform_devices, thimble_devices
+from ..devices import active_presets, platform_devices, thimble_devices
 from ..preview import pin_preview
 from ..preview.rows import Row
-from . import platform_twin, thimble_twin
+from . import paint, pin_twin, platform_twin, tactor_twin, thimble_twin
+from .parts import Line, Part, faint, heat
+from .twin import Twin
 
-MOST = 8
-_mechanisms: dict[tuple[Any, ...], core.devices.thimble.Thimble] = {}
-_loops: dict[str, list[Array]] = {}
-_platforms: dict[str, tuple[tuple[Any, ...], platform_twin.State]] = {}
-
-
-class ThimbleTwin(NamedTuple):
-    """A thimble as it sits on its finger.
-
-    Attributes:
-        device: the mechanism. joints: where they are. loops: of the workspace, where that is shown.
-    """
-
-    device: core.devices.thimble.Thimble
-    joints: thimble_twin.Joints
-    loops: list[Array]
-
-
-Twin = pin_preview.Pins | ThimbleTwin | platform_twin.State
+HIDDEN = 0.45  # opacity of what an object hides: where a finger touches, one always does
+_mechanisms: core.recent.Recent[tuple[Any, ...], core.devices.thimble.Thimble] = core.recent.Recent(8)
+_loops: core.recent.Recent[str, list[Array]] = core.recent.Recent(8)
+_platforms: core.recent.Recent[tuple[Any, ...], Twin] = core.recent.Recent(8)
 
 
 def twin_of(scene: bpy.types.Scene, row: Row) -> Twin | None:
-    """Return where a row's parts are; None for other devices, and where a preset or values give no place."""
+    """Return a row's twin; None for other devices, and where a preset or values give no place."""
     obj = scene.objects.get(row.finger)
     if obj is None:
         return None
     try:
-        if row.kind in pin_devices.KINDS:
-            return pin_preview.pins_of(obj, row.device)
-        if row.kind in thimble_devices.KINDS:
-            return _thimble(obj, row, workspace=scene.dermis.thimble_view.workspace)
-        if row.kind in platform_devices.kinds():
-            return _platform(obj, row)
+        match row.drawn:
+            case "tactor":
+                return tactor_twin.tactor(row, scene.dermis.twin_exaggeration)
+            case "screen":
+                return tactor_twin.screen(row)
+            case "pins":
+                return _pins(obj, row)
+            case "thimble":
+                return _thimble(obj, row, workspace=scene.dermis.thimble_view.workspace)
+            case "platform":
+                return _platform(obj, row)
     except DermisError:
         pass  # the bake says why
     return None
 
 
-def mechanism_of(obj: bpy.types.Object, preset: str) -> tuple[core.devices.thimble.Thimble, float] | None:
+def mounted_mechanism(obj: bpy.types.Object, preset: str) -> tuple[core.devices.thimble.Thimble, float] | None:
     """Return a thimble as it sits on a finger, and its reference distance [m]; None while it is unknown.
 
     Raises:
         DermisError: a preset or settings that cannot be used.
     """
-    spec = thimble_devices.spec_of(preset)
+    spec = active_presets.spec_of(preset, "thimble")
     settings = next((d for d in obj.dermis.finger.devices if d.preset == preset), None)
     if spec is None:
         return None
-    key: tuple[Any, ...] = (spec.hash,)
     if settings is None or not settings.thimble_calibrated:
-        device = _mechanisms.get(key) or core.devices.thimble.mechanism(spec)
+        device = _mechanisms.make((spec.hash,), lambda: core.devices.thimble.mechanism(spec))
     else:
         values, model = thimble_devices.parameters_of(settings), platform_devices.model_of(obj)
         if model is None:
             return None
         key = (spec.hash, model.key, tuple(values[f"thimble_felt_{i}"] for i in (1, 2, 3)))
-        device = _mechanisms.get(key) or core.matching.thimble_use.fitted(spec, model, values)[0]
-    _keep(_mechanisms, key, device)
-    return device, float(spec.parameters.get("reference_distance", device.mount[2, 3]))
+        device = _mechanisms.make(key, lambda: core.matching.thimble_use.calibrated_mechanism(spec, model, values)[0])
+    return device, core.devices.thimble.reference_distance(spec, device)
 
 
 def workspace_of(device: core.devices.thimble.Thimble, reference: float) -> list[Array]:
-    """Return the loops of a mechanism's workspace, worked out once."""
-    key = core.surrogate.store.device_key(device)
-    if key not in _loops:
+    """Return the loops of a mechanism's workspace, worked out once; none where the level platform cannot go there."""
+
+    def loops() -> list[Array]:
         try:
-            _keep(_loops, key, thimble_twin.loops(device, reference))
+            return thimble_twin.loops(device, reference)
         except DermisError:
-            _keep(_loops, key, [])
-    return _loops[key]
+            return []
+
+    return _loops.make(core.surrogate.store.device_key(device), loops)
 
 
 def forget() -> None:
@@ -91,32 +82,44 @@ def forget() -> None:
         kept.clear()
 
 
-def _thimble(obj: bpy.types.Object, row: Row, *, workspace: bool) -> ThimbleTwin | None:
-    found = mechanism_of(obj, row.device)
-    if found is None or "servo_1" not in row.values:
+def _of_one_part(part: Part, state: Any, *, covers: bool = True, lines: tuple[Line, ...] = ()) -> Twin:
+    return Twin(part, faint(part, HIDDEN), covers, lines, state)
+
+
+def _pins(obj: bpy.types.Object, row: Row) -> Twin | None:
+    pins = pin_preview.pins_of(obj, row.device)
+    if pins is None or len(pins.points) != len(row.values):
         return None
-    device, reference = found
+    return _of_one_part(pin_twin.discs(pins, row.numbers), pins, covers=False)
+
+
+def _thimble(obj: bpy.types.Object, row: Row, *, workspace: bool) -> Twin | None:
+    mounted = mounted_mechanism(obj, row.device)
+    if mounted is None:
+        return None
+    device, reference = mounted
     start = np.array([row.values.get("pitch", 0.0), row.values.get("roll", 0.0), row.values.get("distance", reference)])
     joints = thimble_twin.joints(device, thimble_twin.servo_angles(row), start)
-    return ThimbleTwin(device, joints, workspace_of(device, reference) if workspace else [])
+    lines = _workspace(workspace_of(device, reference), joints) if workspace else ()
+    return _of_one_part(thimble_twin.parts(device, joints, thimble_twin.shares(row)), joints, lines=lines)
 
 
-def _platform(obj: bpy.types.Object, row: Row) -> platform_twin.State | None:
-    spec = platform_devices.spec_of(row.device)
+def _workspace(loops: list[Array], joints: thimble_twin.Joints) -> tuple[Line, ...]:
+    colours = [heat(i / max(len(loops) - 1, 1)) for i in range(len(loops))]
+    around = (Line(loop, (*colour[:3], 0.75), 1.3) for loop, colour in zip(loops, colours, strict=True))
+    return (*around, Line(thimble_twin.pointer(joints.pose), paint.INK, 2.0))
+
+
+def _platform(obj: bpy.types.Object, row: Row) -> Twin | None:
+    spec = active_presets.spec_of(row.device, "platform")
     if spec is None or len(row.values) != len(spec.channels):
         return None
     touching = row.contact is None or row.contact > 0.5
     skin = platform_devices.model_of(obj) if touching else None
+
+    def build() -> Twin:
+        state = platform_twin.state(spec, row.numbers, skin, touching)
+        return _of_one_part(platform_twin.parts(state), state)
+
     key = (spec.hash, tuple(row.values.values()), touching, None if skin is None else (skin.key, skin.material))
-    known = _platforms.get(row.finger)
-    if known is None or known[0] != key:
-        state = platform_twin.state(spec, np.array(list(row.values.values())), skin, touching)
-        known = _platforms[row.finger] = (key, state)
-    return known[1]
-
-
-def _keep(kept: dict[Any, Any], key: Any, value: Any) -> None:
-    kept.pop(key, None)  # the one used last goes to the end
-    while len(kept) >= MOST:
-        kept.pop(next(iter(kept)))
-    kept[key] = value
+    return _platforms.make(key, build)

@@ -1,1 +1,1 @@
-"""The verbs of `python -m core` that are larger than a few lines, one file each."""
+"""The command line: `verbs.py` says what may be typed; what verbs do stands in one file for what each takes."""

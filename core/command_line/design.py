@@ -7,67 +7,31 @@ import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any
 
-from ..design.interactions import NAMES, NOISE, interaction
+from ..design import task
+from ..design.interactions import NAMES, interaction
+from ..design.report import as_json, as_text
+from ..design.synergies import CHOICES
+from ..design.trial import exceptions, trial
+from ..devices.coupling import refuse_coupled
+from ..devices.safe_state import safe_findings
+from ..devices.spec import from_preset
 from ..errors import DermisError
 from ..parameters.skin import DEFAULT_SKIN, TISSUE
+from ..presets import Library, read
+from ..scene import scene_file
+from ..scene.tactile_scene import TactileScene
+from ..skin.model import skin_from_parameters
+from ..skin.shape import shape_from_parameters
+from ..steps import in_words
+from ..work.executor import InlineExecutor
+from ..work.processes import ProcessExecutor
 from .progress import drain_shown
-
-if TYPE_CHECKING:
-    from ..scene.tactile_scene import TactileScene
-
-T = TypeVar("T")
-
-
-def add_parser(commands: Any) -> None:
-    """Add the verb to the command line."""
-    text = (
-        "Find the fewest motors, and their coupling, with which a platform device renders given touches: sampled "
-        "scenes (.npz), recordings of a 20-channel sensor (.csv), or the six interactions of [S2]."
-    )
-    one = commands.add_parser("design", help="how many motors a device needs for given touches", description=text)
-    one.add_argument(
-        "touches", nargs="*", metavar="TOUCH", help=f"sampled scene, recording, or one of: {', '.join(NAMES)}"
-    )
-    one.add_argument("--device", default="cable_platform", metavar="PRESET", help="the device preset")
-    one.add_argument("--table", type=Path, metavar="FILE", help="a collected table (.npz) or a recorded one (.csv)")
-    one.add_argument("--rows", type=int, metavar="N", help="size of the table to collect; 0 for the preset's own")
-    one.add_argument("--save-table", type=Path, metavar="FILE", help="keep the collected table")
-    one.add_argument("--workers", type=int, default=0, metavar="N", help="child processes for the collection")
-    one.add_argument("--skin", metavar="PRESET", help="the skin preset; as in the scene if left out")
-    one.add_argument("--level", default="draft", choices=("draft", "standard"), help="accuracy of the skin")
-    one.add_argument("--noise", type=float, default=NOISE, metavar="COUNTS", help="of the virtual sensor")
-    one.add_argument("--seed", type=int, default=0, help="of noise and of the six interactions' wobble")
-    one.add_argument("--finger", type=int, default=0, metavar="I", help="which finger of a scene")
-    one.add_argument("--choice", choices=("variance", "rendered"), help="components of the preset")
-    one.add_argument("--motors", type=int, metavar="K", help="of the preset; as the rule says if left out")
-    one.add_argument("--out", type=Path, metavar="DIR", help="write text, JSON, picture and preset there")
-    one.add_argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
-    one.add_argument("--json", action="store_true", help="print the report as JSON")
-    one.add_argument(
-        "--trial",
-        type=int,
-        metavar="SEEDS",
-        help="judge the six interactions for so many seeds, and list every exception",
-    )
-    one.add_argument("--quiet", action="store_true", help="no progress")
-    one.set_defaults(run=run, writes={"out": True, "save_table": False})
 
 
 def run(options: argparse.Namespace) -> int:
     """Collect or read the table, sense the touches, and report."""
-    from ..design import task
-    from ..design.report import as_json, as_text
-    from ..devices.coupling import refuse_coupled
-    from ..devices.safe_state import safe_findings
-    from ..devices.spec import from_preset
-    from ..presets import Library, read
-    from ..skin.model import skin_from_parameters
-    from ..skin.shape import shape_from_parameters
-    from ..work.executor import InlineExecutor
-    from ..work.processes import ProcessExecutor
-
     library = Library(options.presets)
     spec = library.device(options.device)
     refuse_coupled(spec)
@@ -111,8 +75,6 @@ def run(options: argparse.Namespace) -> int:
         assert skin is not None
         scene = scenes[touch] if touch in scenes else interaction(touch, skin.positions, seed=options.seed)
         name = Path(touch).stem if touch in scenes else touch
-        if name in sensed:
-            raise DermisError("two touches have one name", where="design", value=name)
         seed = 100 * options.seed + i
         reading = task.sense_scene(scene, skin, options.finger, noise=options.noise, seed=seed)
         sensed[name] = drain_shown(reading, quiet=options.quiet)
@@ -158,9 +120,6 @@ def _refuse_nonsense(options: argparse.Namespace, motors: int) -> None:
 
 def _read(options: argparse.Namespace) -> tuple[dict[str, dict[str, Any]], dict[str, TactileScene]]:
     """Read the touches that are files, by what the command line calls them: recordings and scenes."""
-    from ..design import task
-    from ..scene import scene_file
-
     recordings: dict[str, dict[str, Any]] = {}
     scenes: dict[str, TactileScene] = {}
     for touch in options.touches:
@@ -204,13 +163,8 @@ def _skin(options: argparse.Namespace, library: Any, scenes: Mapping[str, Tactil
 
 def _trial(options: argparse.Namespace, table: Any, skin: Any) -> int:
     """Judge the six interactions over seeds; print every exception."""
-    from ..design.synergies import CHOICES
-    from ..design.task import Step
-    from ..design.trial import exceptions, trial
-    from ..steps import in_words
-
     steps = trial([table], skin, range(options.trial))
-    (verdicts,) = drain_shown(in_words(steps, lambda step: Step("trial", *step)), quiet=options.quiet)
+    (verdicts,) = drain_shown(in_words(steps, lambda step: task.Step("trial", *step)), quiet=options.quiet)
     for name in NAMES:
         own = [v for v in verdicts if v.name == name]
         for i, choice in enumerate(CHOICES):

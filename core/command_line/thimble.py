@@ -5,76 +5,39 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ..contact.skin_contact import SkinContact
+from ..contact.skin_sampler import skin_contacts
+from ..devices.spec import DeviceSpec
+from ..devices.thimble import Thimble, mechanism, reference_distance
+from ..devices.workspace import workspace
 from ..errors import DermisError, Finding
+from ..matching.adapt import adapt_job
+from ..matching.recorded import RecordedMatcher, check_recording
+from ..matching.stimulus_plot import stimulus_plot
+from ..matching.stress import StressMatcher
+from ..matching.thimble import findings_of, forces_at, match_stimuli, match_touch, matcher
+from ..matching.thimble_use import ThimbleUse, calibrated_mechanism, prepare
 from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT
-
-if TYPE_CHECKING:
-    from ..contact.skin_contact import SkinContact
-    from ..devices.spec import DeviceSpec
-    from ..devices.thimble import Thimble
-    from ..matching.stress import StressMatcher
-    from ..matching.thimble_use import ThimbleUse
-    from ..presets import Library
-    from ..scene.tactile_scene import TactileScene
-    from ..skin.model import SkinModel
-
-
-def add_parser(commands: Any) -> None:
-    """Add the verb to the command line."""
-    text = "Adapt a thimble to a finger, render a recorded sequence of stimuli, draw the stimulus plot, tell the reach."
-    verbs = commands.add_parser(
-        "thimble", help="adapt, render recordings, plot and measure a thimble", description=text
-    ).add_subparsers(required=True, metavar="WHAT")
-    shared = argparse.ArgumentParser(add_help=False)
-    shared.add_argument("--device", default="thimble_3rrs", metavar="PRESET", help="the device preset")
-    shared.add_argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
-    finger = argparse.ArgumentParser(add_help=False)
-    finger.add_argument("--skin", default=DEFAULT_SKIN, metavar="PRESET", help="the skin preset")
-    finger.add_argument("--level", default="draft", choices=("draft", "standard"), help="accuracy of the skin")
-
-    one = verbs.add_parser("adapt", parents=[shared, finger], help="learn network and polynomial for a finger")
-    one.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the surrogate's two files")
-    one.add_argument("--movements", type=int, metavar="N", help="random movements to learn from; 2400 if left out")
-    one.add_argument("--quiet", action="store_true", help="no progress")
-    one.set_defaults(run=adapt, writes={"out": True})
-
-    one = verbs.add_parser("follow", parents=[shared, finger], help="render a recorded sequence of sensor readings")
-    one.add_argument("stimuli", type=Path, metavar="FILE", help="times and channels: .csv, or .npz (times, stimuli)")
-    one.add_argument(
-        "--table",
-        type=Path,
-        metavar="FILE",
-        help="recorded x (pitch, roll [rad], distance [m]) and channels to learn from, in any unit of their own: .npz, "
-        "or .csv with x in the first three columns; the virtual 19 electrodes if left out",
-    )
-    one.add_argument(
-        "--noise",
-        type=float,
-        metavar="SIGMA",
-        help="standard deviation of one channel's noise, in the recording's unit; measured on it if left out",
-    )
-    one.add_argument("--out", type=Path, required=True, metavar="FILE.csv", help="the command track to write")
-    one.set_defaults(run=follow, writes={"out": False})
-
-    one = verbs.add_parser("plot", parents=[shared], help="draw a sampled scene's stimuli in three components")
-    one.add_argument("scene", type=Path, metavar="FILE", help="a scene sampled to a file (.npz)")
-    one.add_argument("--finger", type=int, default=0, metavar="I", help="which finger")
-    one.add_argument("--out", type=Path, required=True, metavar="FILE", help="the picture, .png or .svg")
-    one.set_defaults(run=plot, writes={"out": False})
-
-    one = verbs.add_parser("reach", parents=[shared], help="tell where the platform can go")
-    one.set_defaults(run=reach)
+from ..plot import stimuli as plot_stimuli
+from ..presets import Library
+from ..scene import scene_file
+from ..scene.tactile_scene import TactileScene, sample_count
+from ..skin.model import SkinModel, skin_from_parameters
+from ..skin.sensor import electrode_sensor, noise_floor_of, noise_of, read_stimuli
+from ..surrogate.learned import LearnedModel
+from ..surrogate.ridge import fit_ridge
+from ..surrogate.store import contact_of
+from ..surrogate.table import read_table, relative_rms
+from ..track import csv
+from ..track.command_track import CommandTrack
 
 
 def adapt(options: argparse.Namespace) -> int:
     """Learn a surrogate and write it."""
-    from ..matching.adapt import adapt_job
-    from ..presets import Library
-
     library, shown = Library(options.presets), -1
 
     def tell(done: int, total: int) -> None:
@@ -106,20 +69,12 @@ def adapt(options: argparse.Namespace) -> int:
 
 def follow(options: argparse.Namespace) -> int:
     """Render a recorded sequence of readings and write the track."""
-    from ..matching.thimble import findings_of, match_stimuli
-    from ..matching.thimble_use import fitted
-    from ..presets import Library
-    from ..skin.model import skin_from_parameters
-    from ..skin.sensor import hush_of, noise_of, read_stimuli
-    from ..track import csv
-    from ..track.command_track import CommandTrack
-
     if options.noise is not None and not 0.0 <= options.noise < float("inf"):
         raise DermisError("noise is a standard deviation", where="--noise", value=options.noise, limit=">= 0")
     library = Library(options.presets)
     spec = _thimble(library, options.device)
     skin = skin_from_parameters(library.skin(options.skin), level=options.level)
-    device, friction = fitted(spec, skin, {})
+    device, friction = calibrated_mechanism(spec, skin, {})
     change = device.servo_speed / spec.rate
     made = (
         _virtual(skin, device, friction, change)
@@ -129,42 +84,32 @@ def follow(options: argparse.Namespace) -> int:
     channels = made.model.size
     recorded, stimuli = read_stimuli(options.stimuli, channels)
     noise = noise_of(stimuli) if options.noise is None else options.noise
-    made.hush = hush_of(noise, channels)
+    made.noise_floor = noise_floor_of(noise, channels)
     times = np.arange(int(np.floor((recorded[-1] - recorded[0]) * spec.rate + 1e-9)) + 1) / spec.rate
     wanted = np.stack([np.interp(times, recorded - recorded[0], column) for column in stimuli.T], axis=1)
     found = match_stimuli(made, wanted)
-    columns = {f"servo_{i + 1}": found.angles[:, i] for i in range(3)}
-    columns.update(zip(("pitch", "roll", "distance"), found.x.T, strict=True))
-    values = np.stack([columns[c.name] for c in spec.channels], axis=1)
-    track = CommandTrack(spec, times, values, {"method": "electrodes", "stimuli": options.stimuli.name}).within_limits()
+    track = CommandTrack(
+        spec, times, found.commands(spec), {"method": "electrodes", "stimuli": options.stimuli.name}
+    ).within_limits()
     csv.write(track, options.out)
     for finding in (*findings_of(found, str(options.stimuli)), *_beyond(made, str(options.stimuli)), *track.check()):
         print(finding, file=sys.stderr)
-    touched = found.wanted
+    touched = found.touched
     off = float(np.median(found.mismatch[touched])) if touched.any() else 0.0
     print(
         f"{options.out}: {len(times)} samples, {int(touched.sum())} touched, median mismatch {100 * off:.1f} %; "
-        f"noise {noise:.3g} a channel, readings up to {made.hush:.3g} are no touch"
+        f"noise {noise:.3g} a channel, readings up to {made.noise_floor:.3g} are no touch"
     )
     return 0
 
 
 def _virtual(skin: SkinModel, device: Thimble, friction: float, change: float) -> StressMatcher:
     """Return what follows readings of the virtual electrodes."""
-    from ..matching.thimble import matcher
-    from ..skin.sensor import electrode_sensor
-
-    return matcher(device, skin, friction=friction, readout=electrode_sensor(skin).matrix, change=change)
+    return matcher(device, skin, friction=friction, observation_matrix=electrode_sensor(skin).matrix, change=change)
 
 
 def _recorded(path: Path, skin: SkinModel, device: Thimble, friction: float, change: float) -> StressMatcher:
     """Return what follows readings of the sensor that a table was recorded with."""
-    from ..matching.recorded import RecordedMatcher, check_recording
-    from ..surrogate.learned import LearnedModel
-    from ..surrogate.ridge import fit_ridge
-    from ..surrogate.store import contact_of
-    from ..surrogate.table import read_table, relative_rms
-
     table = read_table(path).without_memory()
     check_recording(table, device, str(path))
     fit = fit_ridge(table)
@@ -189,14 +134,6 @@ def _beyond(made: StressMatcher, where: str) -> list[Finding]:
 
 def plot(options: argparse.Namespace) -> int:
     """Draw the three-component plot of one finger of a scene."""
-    from ..matching.stimulus_plot import stimulus_plot
-    from ..matching.thimble import forces_at, match_touch
-    from ..matching.thimble_use import prepare
-    from ..plot import stimuli as plot_stimuli
-    from ..presets import Library
-    from ..scene import scene_file
-    from ..scene.tactile_scene import sample_count
-
     scene, library = scene_file.load(options.scene), Library(options.presets)
     if not 0 <= options.finger < len(scene.fingers):
         raise DermisError(
@@ -221,7 +158,7 @@ def plot(options: argparse.Namespace) -> int:
 def picture(made: Any, found: Any, finger: str) -> tuple[Any, ...]:
     """Return what `stimuli.draw` takes, for a plot and the sequence that it shows."""
     lines = {"target": made.target, "predicted": made.predicted, "rendered": made.rendered}
-    off = float(np.median(found.mismatch[found.wanted])) if found.wanted.any() else 0.0
+    off = float(np.median(found.mismatch[found.touched])) if found.touched.any() else 0.0
     words = (
         f"simulated; method {found.method}; median mismatch {100 * off:.0f} %; three components leave "
         f"{100 * made.left:.0f} % of what the device can make felt"
@@ -232,14 +169,9 @@ def picture(made: Any, found: Any, finger: str) -> tuple[Any, ...]:
 
 def reach(options: argparse.Namespace) -> int:
     """Print where the platform can go."""
-    from ..devices.reach import reach as measured
-    from ..devices.thimble import mechanism
-    from ..matching.replay import reference_of
-    from ..presets import Library
-
     spec = _thimble(Library(options.presets), options.device)
     device = mechanism(spec)
-    found = measured(device, reference_of(spec, device))
+    found = workspace(device, reference_distance(spec, device))
     low, high = (np.degrees(end) for end in device.servo_limits)
     alike = np.ptp(low) == np.ptp(high) == 0.0 and -low[0] == high[0]
     ends = (
@@ -262,14 +194,7 @@ def _thimble(library: Library, key: str) -> DeviceSpec:
 
 
 def _felt(scene: TactileScene, library: Library, finger: int) -> SkinContact:
-    from ..contact.pad_sampler import PadSampler
-    from ..contact.skin_sampler import SkinSampler
-    from ..skin.model import skin_from_parameters
-
     p = scene.fingers[finger].parameters
     parameters = p.get("skin") or library.skin(DEFAULT_SKIN)
     skin = skin_from_parameters(parameters, level=SKIN_CONTACT["skin_level"].of(p))
-    touch, sampler = PadSampler(scene), SkinSampler(scene, {finger: skin})
-    for chunk in scene.chunks:
-        sampler.add(touch.add(chunk))
-    return sampler.finish(touch.finish())[finger]
+    return skin_contacts(scene, {finger: skin})[finger]

@@ -14,13 +14,10 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import DermisError, Finding
-from ..scene.tactile_scene import Chunk, Mesh
+from ..scene.tactile_scene import ABSENT, Chunk, Mesh
 from ..surface.gap import Surface
 from ..surface.repairs import Repairs
 from .surfaces import box_of
-
-# What stands for an object whose vertices have not been numbers yet: too far away to be touched.
-AWAY = Mesh(np.array([[1e6, 1e6, 1e6], [1e6 + 1.0, 1e6, 1e6], [1e6, 1e6 + 1.0, 1e6]]), np.array([[0, 1, 2]], np.int32))
 
 
 class DeformingSurfaces:
@@ -59,7 +56,7 @@ class DeformingSurfaces:
             good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(box), axis=(1, 2))
             if not good.all():
                 self._repairs.note("not-finite surface", self._names[b], chunk.frames[~good].tolist())
-                meshes = self._held(b, meshes, good)
+                meshes = self._last_good(b, meshes, good)
                 box = np.array([box_of(mesh) for mesh in meshes])
             if good.any():
                 self._good[b] = meshes[-1]
@@ -72,7 +69,7 @@ class DeformingSurfaces:
             self._previous[b] = (float(chunk.times[-1]), meshes[-1])
 
     def look(self, b: int, mesh: Mesh, surface: Surface) -> None:
-        """Note what is doubtful about a surface whose triangles are new; each kind is told once."""
+        """Record what is doubtful about a surface whose triangles are new; each kind is told once."""
         if self._looked_at.get(b) is mesh.triangles:
             return
         self._looked_at[b] = mesh.triangles
@@ -102,9 +99,9 @@ class DeformingSurfaces:
             return None
         return (now.vertices - before.vertices) @ carry.T / (float(chunk.times[i]) - time)
 
-    def _held(self, b: int, meshes: Sequence[Mesh], good: NDArray[np.bool_]) -> tuple[Mesh, ...]:
+    def _last_good(self, b: int, meshes: Sequence[Mesh], good: NDArray[np.bool_]) -> tuple[Mesh, ...]:
         """Hold the last good surface; before the first of all, that one."""
-        last = self._good.get(b, meshes[int(np.argmax(good))] if good.any() else AWAY)
+        last = self._good.get(b, meshes[int(np.argmax(good))] if good.any() else ABSENT)
         held = []
         for mesh, fine in zip(meshes, good.tolist(), strict=True):
             last = mesh if fine else last

@@ -32,17 +32,17 @@ class Encounter:
     """When a pad touches a body, where, and how it moves over it.
 
     Args:
-        touch: the sampled touch.
+        pad_contact: of the whole range.
         finger, body: indices of a pair that came within reach.
         times: the device's times [s], shape (m,).
         distance: the pad touches at or below this gap [m], one number or shape (m,).
     """
 
-    def __init__(self, touch: PadContact, finger: int, body: int, times: Array, distance: float | Array) -> None:
+    def __init__(self, pad_contact: PadContact, finger: int, body: int, times: Array, distance: float | Array) -> None:
         self.times = times
         self.finger, self.body, self.distance = finger, body, distance
-        self._touch = touch
-        self._pair: PairContact = touch.pairs[finger, body]
+        self._pad_contact = pad_contact
+        self._pair: PairContact = pad_contact.pairs[finger, body]
 
     @cached_property
     def gap(self) -> Array:
@@ -84,8 +84,8 @@ class Encounter:
         """Velocity of the pad relative to the body at each onset, in world axes [m/s], shape (e, 3)."""
         if self.onsets.size == 0:
             return np.zeros((0, 3))
-        finger = self._touch.finger_motion(self.finger).at(self.onsets)
-        body = self._touch.body_motion(self.body).at(self.onsets)
+        finger = self._pad_contact.finger_motion(self.finger).at(self.onsets)
+        body = self._pad_contact.body_motion(self.body).at(self.onsets)
         relative = _relative_velocity(finger, body)
         moving = self._pair.surface_velocity
         if moving is not None:
@@ -96,8 +96,8 @@ class Encounter:
     @cached_property
     def velocity(self) -> Array:
         """Velocity of the pad over the body at the touching samples, in carried space [m/s], shape (k, 3)."""
-        finger = self._touch.finger_at(self.finger, self.times)
-        body = self._touch.body_at(self.body, self.times)
+        finger = self._pad_contact.finger_at(self.finger, self.times)
+        body = self._pad_contact.body_at(self.body, self.times)
         local = turned_back(body, self.which, _relative_velocity(finger, body, self.which))
         moving = self._pair.surface_velocity
         return local if moving is None else local - self.between(moving)
@@ -114,8 +114,8 @@ class Encounter:
 
         The pad's own path is followed at the device's rate; only the short way from it to the surface is interpolated.
         """
-        finger = self._touch.finger_at(self.finger, self.times)
-        body = self._touch.body_at(self.body, self.times)
+        finger = self._pad_contact.finger_at(self.finger, self.times)
+        body = self._pad_contact.body_at(self.body, self.times)
         offset = finger.position[self.which] - body.position[self.which]
         return turned_back(body, self.which, offset) + self.between(self._to_surface)
 
@@ -123,8 +123,8 @@ class Encounter:
 
     @cached_property
     def _at_samples(self) -> tuple[MotionSamples, MotionSamples]:
-        touch = self._touch
-        return touch.finger_at(self.finger, touch.times), touch.body_at(self.body, touch.times)
+        pad_contact = self._pad_contact
+        return pad_contact.finger_at(self.finger, pad_contact.times), pad_contact.body_at(self.body, pad_contact.times)
 
     @cached_property
     def _carried_normal(self) -> Array:
@@ -143,10 +143,10 @@ class Encounter:
         return rate if moving is None else rate - dot(self._carried_normal, moving)
 
     def _gap_at(self, t: Array) -> Array:
-        times, gap = self._touch.times, self._pair.gap
+        times, gap = self._pad_contact.times, self._pair.gap
         if len(times) == 1:
             return np.full(len(t), gap[0])
-        index, since = self._touch.finger_motion(self.finger).positions.piece(t)
+        index, since = self._pad_contact.finger_motion(self.finger).positions.piece(t)
         start, end = gap[index], gap[index + 1]
         known = np.isfinite(start) & np.isfinite(end)
         if known.all():
@@ -157,7 +157,7 @@ class Encounter:
         return out
 
     def _hermite(self, index: NDArray[np.intp], since: Array) -> Array:
-        times, gap, slope = self._touch.times, self._pair.gap, self._slope
+        times, gap, slope = self._pad_contact.times, self._pair.gap, self._slope
         step = times[index + 1] - times[index]
         u = since / step
         start, rise = gap[index], gap[index + 1] - gap[index]
@@ -186,19 +186,19 @@ class Encounter:
     def _nearest(self, t: Array) -> NDArray[np.intp]:
         """The sample nearest to each time at which the gap is known."""
         known = np.flatnonzero(np.isfinite(self._pair.gap))
-        after = np.clip(np.searchsorted(self._touch.times[known], t), 1, max(len(known) - 1, 1))
+        after = np.clip(np.searchsorted(self._pad_contact.times[known], t), 1, max(len(known) - 1, 1))
         if len(known) == 1:
             return np.full(len(t), known[0])
         earlier, later = known[after - 1], known[after]
-        nearer = t - self._touch.times[earlier] <= self._touch.times[later] - t
+        nearer = t - self._pad_contact.times[earlier] <= self._pad_contact.times[later] - t
         return np.where(nearer, earlier, later)
 
     @cached_property
     def _weights(self) -> tuple[NDArray[np.intp], Array]:
-        index, since = self._touch.finger_motion(self.finger).positions.piece(self.times[self.which])
-        if len(self._touch.times) == 1:
+        index, since = self._pad_contact.finger_motion(self.finger).positions.piece(self.times[self.which])
+        if len(self._pad_contact.times) == 1:
             return index, np.zeros(len(index))
-        u = since / (self._touch.times[index + 1] - self._touch.times[index])
+        u = since / (self._pad_contact.times[index + 1] - self._pad_contact.times[index])
         # Where only one of the two samples is known, that one holds.
         known = np.isfinite(self._pair.gap)
         u = np.where(known[index + 1], np.where(known[index], u, 1.0), 0.0)
@@ -218,12 +218,14 @@ class Encounter:
         return rise.T
 
 
-def encounter(touch: PadContact, finger: int, body: int, times: Array, distance: float | Array) -> Encounter | None:
+def encounter(
+    pad_contact: PadContact, finger: int, body: int, times: Array, distance: float | Array
+) -> Encounter | None:
     """Return the encounter of a pair, computed once per set of times, or None if they never touch."""
-    if (finger, body) not in touch.pairs:
+    if (finger, body) not in pad_contact.pairs:
         return None
-    made: Encounter = touch.keep(
-        ("encounter", finger, body, len(times)), lambda: Encounter(touch, finger, body, times, distance), times
+    made: Encounter = pad_contact.keep(
+        ("encounter", finger, body, len(times)), lambda: Encounter(pad_contact, finger, body, times, distance), times
     )
     return made if made.any else None
 

@@ -22,7 +22,7 @@ class HeldBodies:
     """The bodies of a scene that may be held.
 
     Args:
-        touch: of the whole range: it knows when a body is held, and how it is accelerated.
+        pad_contact: of the whole range: it knows when a body is held, and how it is accelerated.
         candidates: their indices.
         posed: the scene, at the chunk of each window.
         steppers: of the fingers that are solved.
@@ -31,14 +31,14 @@ class HeldBodies:
     def __init__(
         self,
         scene: TactileScene,
-        touch: PadContact,
+        pad_contact: PadContact,
         candidates: Iterable[int],
         posed: PosedScene,
         steppers: Mapping[int, SkinStepper],
     ) -> None:
         self._posed, self._steppers = posed, steppers
         skins = {f: _holding_finger(stepper) for f, stepper in steppers.items()}
-        self._held = [HeldBody(scene, touch, b, skins) for b in sorted(candidates)]
+        self._held = [HeldBody(scene, pad_contact, b, skins) for b in sorted(candidates)]
 
     @property
     def findings(self) -> tuple[Finding, ...]:

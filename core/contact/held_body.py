@@ -27,13 +27,13 @@ SHARE = 1e-3
 
 
 def may_be_held(scene: TactileScene, b: int, chunk: Chunk) -> bool:
-    """Tell from the header and one chunk whether a body could be held there: it has a mass and a way to be held."""
+    """Return, from the header and one chunk, whether a body could be held there: it has a mass and a way to be held."""
     given = scene.bodies[b].parameters
     if not _mass(given) > 0.0:
         return False
     mode = BODY["held_mode"].of(given, f"object '{scene.bodies[b].name}'")
     if mode == "keyed":
-        switch = chunk.channels.get(f"body/{b}/held")
+        switch = chunk.animated.get(f"body/{b}/held")
         return bool(given.get("held", BODY["held"].absent) if switch is None else (switch > 0.5).any())
     return mode == "auto" and len(scene.fingers) > 1
 
@@ -42,12 +42,14 @@ class HeldBody:
     """One body that is held at some sample.
 
     Args:
-        touch: of the whole range.
+        pad_contact: of the whole range.
         b: the body's index.
         skins: finger index -> what is known of its skin, for the fingers that are simulated.
     """
 
-    def __init__(self, scene: TactileScene, touch: PadContact, b: int, skins: Mapping[int, HoldingFinger]) -> None:
+    def __init__(
+        self, scene: TactileScene, pad_contact: PadContact, b: int, skins: Mapping[int, HoldingFinger]
+    ) -> None:
         self.index = b
         self._body: Body = scene.bodies[b]
         self._gravity = np.asarray(scene.gravity, dtype=np.float64)
@@ -55,23 +57,23 @@ class HeldBody:
         self._fingers = [skins[f] for f in self.order]
         self._object: GripSolver | None = None
         self._shared: tuple[float, int] | None = None
-        times = touch.times
+        times = pad_contact.times
         nobody = np.zeros(len(times), dtype=bool)
         whole, unseen = nobody.copy(), nobody.copy()
         for f in range(len(scene.fingers)):
-            holds = holding_times(touch, scene, f, b, times)
+            holds = holding_times(pad_contact, scene, f, b, times)
             if holds is not None:
                 whole |= holds
                 unseen |= holds & (f not in skins)
         self.keyed = BODY["held_mode"].of(self._body.parameters) == "keyed"
         self.held: NDArray[np.bool_] = whole & ~unseen
         self._unseen = int(unseen.sum())
-        self._first_unseen = float(touch.frames[np.argmax(unseen)])
+        self._first_unseen = float(pad_contact.frames[np.argmax(unseen)])
         if not self.held.any():
             return
-        centre = touch.centre(b, self._body.mesh)
+        centre = pad_contact.centre(b, self._body.mesh)
         self._centre, self._acceleration = centre.at(times), centre.at(times, 2)
-        motion = touch.body_motion(b)
+        motion = pad_contact.body_motion(b)
         self._spin = motion.at(times).angular_velocity
         self._spin_rate = np.zeros_like(self._spin)
         if len(times) > 2:
@@ -109,7 +111,7 @@ class HeldBody:
         return (*found, unseen)
 
     def shared(self, frame: float) -> None:
-        """Note a sample in which a finger that holds it already balances another object."""
+        """Record a sample in which a finger that holds it already balances another object."""
         self._shared = (self._shared[0], self._shared[1] + 1) if self._shared else (frame, 1)
 
     def let_go(self) -> None:
@@ -143,7 +145,7 @@ class HeldBody:
             self._acceleration[sample],
             self._spin[sample],
             self._spin_rate[sample],
-            frame_number=frame,
+            scene_frame=frame,
             only_if_pressed=not self.keyed,
         )
 

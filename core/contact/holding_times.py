@@ -23,17 +23,17 @@ from .pad_contact import PadContact
 OPPOSED = -0.5
 
 
-def meet(touch: PadContact, scene: TactileScene, finger: int, body: int, times: Array) -> Encounter | None:
+def meet(pad_contact: PadContact, scene: TactileScene, finger: int, body: int, times: Array) -> Encounter | None:
     """Return the encounter of a finger and a body at the finger's touch distance, or None if they never touch."""
-    if (finger, body) not in touch.pairs:
+    if (finger, body) not in pad_contact.pairs:
         return None
     given = scene.fingers[finger].parameters
-    distance = touch.series(f"finger/{finger}", FINGER["touch_distance"], given, times)
-    return encounter(touch, finger, body, times, distance)
+    distance = pad_contact.series(f"finger/{finger}", FINGER["touch_distance"], given, times)
+    return encounter(pad_contact, finger, body, times, distance)
 
 
 def holding_times(
-    touch: PadContact, scene: TactileScene, finger: int, body: int, times: Array
+    pad_contact: PadContact, scene: TactileScene, finger: int, body: int, times: Array
 ) -> NDArray[np.bool_] | None:
     """Return when a finger holds a body, shape (m,), or None if it never does.
 
@@ -47,34 +47,34 @@ def holding_times(
     mode = BODY["held_mode"].of(parameters, f"object '{scene.bodies[body].name}'")
     if mode == "never":
         return None
-    own = meet(touch, scene, finger, body, times)
+    own = meet(pad_contact, scene, finger, body, times)
     if own is None:
         return None
     if mode == "keyed":
-        switch = touch.series(f"body/{body}", BODY["held"], parameters, times)
+        switch = pad_contact.series(f"body/{body}", BODY["held"], parameters, times)
         holds = own.touching & (np.asarray(switch) > 0.5)
     else:
         holds = np.zeros(len(times), dtype=bool)
         for other in range(len(scene.fingers)):
-            theirs = None if other == finger else meet(touch, scene, other, body, times)
+            theirs = None if other == finger else meet(pad_contact, scene, other, body, times)
             if theirs is not None:
-                holds |= own.touching & theirs.touching & _opposed(touch, finger, other, body, times)
+                holds |= own.touching & theirs.touching & _opposed(pad_contact, finger, other, body, times)
     return holds if holds.any() else None
 
 
-def _opposed(touch: PadContact, finger: int, other: int, body: int, times: Array) -> NDArray[np.bool_]:
+def _opposed(pad_contact: PadContact, finger: int, other: int, body: int, times: Array) -> NDArray[np.bool_]:
     """Whether two fingers' normals oppose, from the nearest sample of the sweep, shape (m,)."""
     first, second = sorted((finger, other))
 
     def at_times() -> NDArray[np.bool_]:
-        a, b = touch.pairs[first, body].normal, touch.pairs[second, body].normal
+        a, b = pad_contact.pairs[first, body].normal, pad_contact.pairs[second, body].normal
         samples = np.einsum("ij,ij->i", a, b) <= OPPOSED
         if samples.all() or not samples.any():
             return np.full(len(times), bool(samples[0]))
-        middles = (touch.times[1:] + touch.times[:-1]) / 2.0
+        middles = (pad_contact.times[1:] + pad_contact.times[:-1]) / 2.0
         return samples[np.searchsorted(middles, times)]
 
-    known: tuple[Array, NDArray[np.bool_]] | None = touch.kept.get(("opposed", first, second, body, len(times)))
+    known: tuple[Array, NDArray[np.bool_]] | None = pad_contact.kept.get(("opposed", first, second, body, len(times)))
     if known is None or not np.array_equal(known[0], times):
-        known = touch.kept["opposed", first, second, body, len(times)] = (times, at_times())
+        known = pad_contact.kept["opposed", first, second, body, len(times)] = (times, at_times())
     return known[1]

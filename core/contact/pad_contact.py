@@ -26,22 +26,22 @@ class PairContact:
         normal: outward normal of the body in world axes, zero beyond reach, shape (n, 3).
         point: closest point in the body's carried space (scaled, not rotated) [m], zero beyond reach, shape (n, 3).
         surface_velocity: of the closest point of a deforming body in its carried space [m/s], or None if rigid.
-        relief: normal of the curved surface that the faces stand for, in world axes, zero beyond reach, shape (n, 3);
-            None where no device of the finger asks for it.
+        smooth_normal: that of the curved surface for which the faces stand, in world axes, zero beyond reach, shape
+            (n, 3); None where no device of the finger asks for it.
     """
 
     gap: Array
     normal: Array
     point: Array
     surface_velocity: Array | None = None
-    relief: Array | None = None
+    smooth_normal: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class PadContact:
     """The contact of all pads over a whole range.
 
-    Only pairs that ever come within reach are kept, in `pairs`; `gap`, `normal` and `local_point` spread them over
+    Only pairs that ever come within reach are kept, in `pairs`; `gap` and `normal` spread them over
     all fingers and bodies for those who want dense arrays.
 
     Attributes:
@@ -49,7 +49,7 @@ class PadContact:
         fingers, bodies, screens: object-to-world matrices, shape (count, n, 4, 4).
         pairs: by finger and body index.
         centres: centre of gravity of deforming bodies in their object space, shape (n, 3).
-        channels: animated parameters over the whole range, shape (n,).
+        animated: animated parameters over the whole range, shape (n,).
         skipped: how much work the scene did not need, by name.
         findings: what was repaired or refused.
         kept: what was derived from all this once, so that several devices share it.
@@ -62,7 +62,7 @@ class PadContact:
     screens: Array
     pairs: Mapping[tuple[int, int], PairContact] = field(default_factory=dict)
     centres: Mapping[int, Array] = field(default_factory=dict)
-    channels: Mapping[str, Array] = field(default_factory=dict)
+    animated: Mapping[str, Array] = field(default_factory=dict)
     skipped: Mapping[str, int] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     kept: dict[Any, Any] = field(default_factory=dict, repr=False)
@@ -81,14 +81,6 @@ class PadContact:
         dense = np.zeros((len(self.fingers), len(self.bodies), len(self.times), 3))
         for (f, b), pair in self.pairs.items():
             dense[f, b] = pair.normal
-        return dense
-
-    @cached_property
-    def local_point(self) -> Array:
-        """Closest points in the bodies' carried space [m], zero beyond reach, shape (F, B, n, 3)."""
-        dense = np.zeros((len(self.fingers), len(self.bodies), len(self.times), 3))
-        for (f, b), pair in self.pairs.items():
-            dense[f, b] = pair.point
         return dense
 
     def finger_motion(self, finger: int) -> Motion:
@@ -130,7 +122,7 @@ class PadContact:
             owner: such as 'body/3'. row: of the parameter. constants: the parameters of the owner.
             times: [s], shape (m,).
         """
-        values = self.channels.get(f"{owner}/{row.name}")
+        values = self.animated.get(f"{owner}/{row.name}")
         if values is None:
             return float(constants.get(row.name, row.absent))
         if (values == values[0]).all():

@@ -1,9 +1,9 @@
 """PadSampler: from chunks of poses to the gap between every pad and every body, sample by sample.
 
-The broad phase compares boxes over a whole chunk, then per sample; what is farther apart than the reach costs nothing
-more and is counted. The narrow phase asks a body's `Surface` for its gap to the pads' centres, in the body's *carried*
-space: its object space after scale and shear, before rotation and translation, so that lengths are metres. Bodies
-whose scale changes, and bodies that deform, get a surface per sample, but only where a pad is near.
+The broad phase compares boxes over a whole chunk, then per sample; what is farther apart than the search radius costs
+nothing more and is counted. The narrow phase asks a body's `Surface` for its gap to the pads' centres, in the body's
+*carried* space: its object space after scale and shear, before rotation and translation, so that lengths are metres.
+Bodies whose scale changes, and bodies that deform, get a surface per sample, but only where a pad is near.
 """
 
 from __future__ import annotations
@@ -26,10 +26,11 @@ from ..surface.gap import GapQuery, Surface
 from ..surface.repairs import Repairs
 from .deforming_surfaces import DeformingSurfaces
 from .pad_contact import PadContact
-from .pair_record import BONE_HEIGHT, PairRecord
+from .pair_record import PairRecord
 from .search_radius import SearchRadius
+from .solver.bodies import BONE
 from .stretch_rates import StretchRates
-from .surfaces import SAME_STRETCH, box_of, carried, surface_of
+from .surfaces import alike, box_of, boxes_in_world, carried, rigid_mesh, surface_of
 
 
 class PadSampler:
@@ -87,10 +88,10 @@ class PadSampler:
                     where=f"finger '{name}'",
                     remedy="Give the finger a scale other than 0",
                 )
-        self._chunks.append(Chunk(chunk.frames, chunk.times, fingers, bodies, screens, {}, chunk.channels))
+        self._chunks.append(Chunk(chunk.frames, chunk.times, fingers, bodies, screens, {}, chunk.animated))
         own = self._radius.over(chunk)
         chunk, boxes = self._deforming.take(chunk)
-        self._sweep(chunk, fingers, bodies, own, boxes)
+        self._broad_phase(chunk, fingers, bodies, own, boxes)
         self._count += count
         return replace(chunk, fingers=fingers, bodies=bodies, screens=screens)
 
@@ -98,7 +99,7 @@ class PadSampler:
         """Return everything that was taken in.
 
         Raises:
-            DermisError: there was no sample, times do not rise, or a channel is missing from some chunks.
+            DermisError: there was no sample, times do not rise, or an animated parameter is missing from some chunks.
         """
         if self._count == 0:
             raise DermisError("no samples", where=f"scene '{self._scene.name}'", remedy="Check the frame range")
@@ -106,7 +107,7 @@ class PadSampler:
         if not (np.diff(times) > 0.0).all():
             raise DermisError("the samples' times do not rise", where=f"scene '{self._scene.name}'")
         frames = np.concatenate([c.frames for c in self._chunks])
-        channels = self._repairs.channels(self._chunks, frames)
+        animated = self._repairs.animated(self._chunks, frames)
         pairs = {key: pair.assembled(self._count) for key, pair in sorted(self._pairs.items()) if pair.start}
         noted = {**self._noted, **self._deforming.noted}
         return PadContact(
@@ -117,14 +118,14 @@ class PadSampler:
             screens=np.concatenate([c.screens for c in self._chunks], axis=1),
             pairs=pairs,
             centres={b: np.concatenate(parts) for b, parts in self._centres.items()},
-            channels=channels,
+            animated=animated,
             skipped={k: v for k, v in self._skipped.items() if v},
             findings=(*self._repairs.findings(), *(f for b in sorted(noted) for f in noted[b])),
         )
 
     # -- broad phase ---------------------------------------------------------------------------------------------
 
-    def _sweep(
+    def _broad_phase(
         self, chunk: Chunk, fingers: Array, bodies: Array, own: Array | None, boxes: Mapping[int, Array]
     ) -> None:
         pads = fingers[:, :, :3, 3]
@@ -152,21 +153,9 @@ class PadSampler:
                 boxes = deforming[b]
                 if any(body.parameters.get(name, BODY[name].absent) for name in ("weight_on", "content_on")):
                     self._centres.setdefault(b, []).append(np.array([centre_of(m) for m in chunk.surfaces[b]]))
-            elif body.mesh is not None:
-                boxes = box_of(body.mesh)[None]
             else:
-                raise DermisError(
-                    "a deforming object has no surface",
-                    where=f"object '{body.name}'",
-                    remedy="Give it faces, or stop it being touchable",
-                )
-            middle, half = boxes.mean(axis=1), (boxes[:, 1] - boxes[:, 0]) / 2.0
-            linear = bodies[b, :, :3, :3]
-            yield (
-                b,
-                np.einsum("nij,nj->ni", linear, np.broadcast_to(middle, (len(linear), 3))) + bodies[b, :, :3, 3],
-                np.einsum("nij,nj->ni", np.abs(linear), np.broadcast_to(half, (len(linear), 3))),
-            )
+                boxes = box_of(rigid_mesh(body))[None]
+            yield b, *boxes_in_world(bodies[b], boxes)
 
     # -- narrow phase --------------------------------------------------------------------------------------------
 
@@ -180,31 +169,31 @@ class PadSampler:
         own: Array | None,
     ) -> None:
         """Measure the gaps between one body and the pads that are near it."""
-        wanted = np.unique(np.concatenate([index for _, index in near]))
-        linear = poses[wanted, :3, :3]
+        near_samples = np.unique(np.concatenate([index for _, index in near]))
+        linear = poses[near_samples, :3, :3]
         flat = singular(linear)
         if flat.any():
-            self._repairs.note("zero-scale", self._scene.bodies[b].name, chunk.frames[wanted[flat]].tolist())
-            wanted, linear = wanted[~flat], linear[~flat]
-            near = [(f, index[np.isin(index, wanted)]) for f, index in near]
+            self._repairs.note("zero-scale", self._scene.bodies[b].name, chunk.frames[near_samples[flat]].tolist())
+            near_samples, linear = near_samples[~flat], linear[~flat]
+            near = [(f, index[np.isin(index, near_samples)]) for f, index in near]
             near = [(f, index) for f, index in near if index.size]
         if not near:
             return
         turn = np.zeros((len(chunk.times), 3, 3))
         if (linear == linear[0]).all():
             one = rotations(linear[:1])[0]
-            turn[wanted] = one
+            turn[near_samples] = one
             stretch = np.broadcast_to(one.T @ linear[0], linear.shape)
         else:
             rotation = rotations(linear)
-            turn[wanted] = rotation
+            turn[near_samples] = rotation
             stretch = np.stack([turn_back(rotation, linear[:, :, j]) for j in range(3)], axis=-1)
         local = {f: turn_back(turn[i], fingers[f, i, :3, 3] - poses[i, :3, 3]) for f, i in near}
         last = self._chunks[-2] if len(self._chunks) > 1 else None
         before = None if last is None else (float(last.times[-1]), last.bodies[b, -1])
-        rates = self._rates.of(b, chunk.times, poses, wanted, stretch, before)
-        for surface, group, velocity in self._surfaces(b, chunk, wanted, stretch):
-            if group.size == wanted.size:
+        rates = self._rates.of(b, chunk.times, poses, near_samples, stretch, before)
+        for surface, group, velocity in self._surfaces(b, chunk, near_samples, stretch):
+            if group.size == near_samples.size:
                 self._measure(b, surface, near, local, turn, fingers, velocity, own, rates)
                 continue
             chosen = {f: np.isin(index, group) for f, index in near}
@@ -213,33 +202,33 @@ class PadSampler:
             self._measure(b, surface, some, points, turn, fingers, velocity, own, rates)
 
     def _surfaces(
-        self, b: int, chunk: Chunk, wanted: NDArray[np.intp], stretch: Array
+        self, b: int, chunk: Chunk, near_samples: NDArray[np.intp], stretch: Array
     ) -> Iterator[tuple[Surface, NDArray[np.intp], Array | None]]:
         """Yield each surface of a body with the samples it holds for and, if it deforms, its vertices' velocities."""
         mesh = self._scene.bodies[b].mesh
         if b in chunk.surfaces:
-            for i, carry in zip(wanted, stretch, strict=True):
+            for i, carry in zip(near_samples, stretch, strict=True):
                 surface = carried(chunk.surfaces[b][i], carry)
                 self._deforming.look(b, chunk.surfaces[b][i], surface)
                 yield surface, np.array([i]), self._deforming.velocity(b, chunk, int(i), carry)
             return
         assert mesh is not None
-        left = np.arange(len(wanted))
+        left = np.arange(len(near_samples))
         while left.size:
-            known = self._stretched.get(b)
-            if known is None:
+            last_surface = self._stretched.get(b)
+            if last_surface is None:
                 first = stretch[left[0]]
-                plain = bool(_alike(first[None], np.eye(3))[0])
-                known = (np.eye(3), surface_of(mesh)) if plain else (first, surface_of(mesh, first))
-                self._stretched[b] = known
-                self._noted[b] = known[1].findings(f"object '{self._scene.bodies[b].name}'")
-            same = _alike(stretch[left], known[0])
+                plain = bool(alike(first[None], np.eye(3))[0])
+                last_surface = (np.eye(3), surface_of(mesh)) if plain else (first, surface_of(mesh, first))
+                self._stretched[b] = last_surface
+                self._noted[b] = last_surface[1].findings(f"object '{self._scene.bodies[b].name}'")
+            same = alike(stretch[left], last_surface[0])
             if not same.any():  # the scale is animated: this one serves until it changes again
                 carry = stretch[left[0]]
-                known = (carry, carried(mesh, carry))
-                self._stretched[b] = known
-                same = _alike(stretch[left], carry)
-            yield known[1], wanted[left[same]], None
+                last_surface = (carry, carried(mesh, carry))
+                self._stretched[b] = last_surface
+                same = alike(stretch[left], carry)
+            yield last_surface[1], near_samples[left[same]], None
             left = left[~same]
 
     def _measure(
@@ -264,52 +253,52 @@ class PadSampler:
         if not inside.any():
             return
         points, samples, who = points[inside], samples[inside], who[inside]
-        found = surface.query(points, self._radius.longest)
+        nearest = surface.query(points, self._radius.longest)
         if surface.closed:
             for f in np.unique(who).tolist():
-                which = np.flatnonzero(np.isfinite(found.gap) & (who == f))
+                which = np.flatnonzero(np.isfinite(nearest.gap) & (who == f))
                 if which.size:
                     self._keep_side(
                         self._pairs.setdefault((f, b), PairRecord()),
                         surface,
-                        found,
+                        nearest,
                         which,
                         points,
                         samples,
                         turn,
                         fingers[f],
                     )
-        known = np.isfinite(found.gap)
+        within_reach = np.isfinite(nearest.gap)
         if own_radius is not None:  # a chunk's longest radius must not lend others what they would not know alone
-            known &= (found.gap if surface.closed else np.abs(found.gap)) <= own_radius[who, samples]
+            within_reach &= (nearest.gap if surface.closed else np.abs(nearest.gap)) <= own_radius[who, samples]
         moving = np.zeros((len(points), 3))
-        if velocity is not None and known.any():
-            moving[known] = _interpolated(surface, found, known, velocity)
-        if rates is not None and known.any():
-            moving[known] += turned(rates[samples[known]], found.point[known])
-        for f in np.unique(who[known]).tolist():
-            own = np.flatnonzero(known & (who == f))
-            index, gap, normal = samples[own], found.gap[own], found.normal[own]
-            smooth_normal = surface.smooth_normals(found.triangle[own], found.weights[own]) if f in self._smooth else None
+        if velocity is not None and within_reach.any():
+            moving[within_reach] = _interpolated(surface, nearest, within_reach, velocity)
+        if rates is not None and within_reach.any():
+            moving[within_reach] += turned(rates[samples[within_reach]], nearest.point[within_reach])
+        for f in np.unique(who[within_reach]).tolist():
+            own = np.flatnonzero(within_reach & (who == f))
+            index, gap, normal = samples[own], nearest.gap[own], nearest.normal[own]
+            smooth = surface.smooth_normals(nearest.triangle[own], nearest.weights[own]) if f in self._smooth else None
             pair = self._pairs.setdefault((f, b), PairRecord())
             if not surface.closed:
                 side = self._sides(pair, surface, index, points[own], turn, fingers[f])
                 gap, normal = gap * side, normal * side[:, None]
-                smooth_normal = None if smooth_normal is None else smooth_normal * side[:, None]
+                smooth = None if smooth is None else smooth * side[:, None]
             pair.last = self._count + int(index[-1])
             pair.start.append(self._count + index)
             pair.gap.append(gap)
             pair.normal.append(turned(turn[index], normal))
-            pair.point.append(found.point[own])
+            pair.point.append(nearest.point[own])
             pair.surface_velocity.append(moving[own])
-            if smooth_normal is not None:
-                pair.smooth_normal.append(turned(turn[index], smooth_normal))
+            if smooth is not None:
+                pair.smooth_normal.append(turned(turn[index], smooth))
 
     def _keep_side(
         self,
         pair: PairRecord,
         surface: Surface,
-        found: GapQuery,
+        nearest: GapQuery,
         which: Indices,
         points: Array,
         samples: Indices,
@@ -325,12 +314,12 @@ class PadSampler:
             if pair.seen + 1 != self._count + samples[part[0]]:
                 i = samples[part[0]]
                 up = finger[i, :3, 2] / np.sqrt(finger[i, :3, 2] @ finger[i, :3, 2])
-                pair.proxy.start(surface, found, int(part[0]), points[part[0]], turn[i].T @ up)
+                pair.proxy.start(surface, nearest, int(part[0]), points[part[0]], turn[i].T @ up)
                 rest = part[1:]
             else:
                 rest = part
             if rest.size:
-                pair.proxy.follow(surface, found, rest, points)
+                pair.proxy.follow(surface, nearest, rest, points)
             pair.seen = self._count + int(samples[part[-1]])
 
     def _sides(
@@ -339,21 +328,15 @@ class PadSampler:
         """Which side of an open surface the finger came from, +1 or -1: decided once, when it comes within reach."""
         side = np.empty(index.size)
         follows = self._count + index == np.concatenate([[pair.last], self._count + index[:-1]]) + 1
-        for k, (i, known) in enumerate(zip(index, follows, strict=True)):
-            if not known:
+        for k, (i, followed) in enumerate(zip(index, follows, strict=True)):
+            if not followed:
                 up = finger[i, :3, 2] / np.sqrt(finger[i, :3, 2] @ finger[i, :3, 2])
-                pair.side = surface.side_of(local[k] + BONE_HEIGHT * (turn[i].T @ up))
+                pair.side = surface.side_of(local[k] + BONE[2] * (turn[i].T @ up))
             side[k] = pair.side
         return side
 
 
-def _alike(stretch: Array, reference: Array) -> NDArray[np.bool_]:
-    """Whether linear maps (n, 3, 3) equal another within what float32 matrices resolve, shape (n,)."""
-    off: Array = np.abs(stretch - reference).max(axis=(1, 2))
-    return off <= SAME_STRETCH * float(np.abs(reference).max())
-
-
-def _interpolated(surface: Surface, found: GapQuery, known: NDArray[np.bool_], velocity: Array) -> Array:
+def _interpolated(surface: Surface, nearest: GapQuery, within_reach: NDArray[np.bool_], velocity: Array) -> Array:
     """A vertex quantity at the closest points, shape (n, 3)."""
-    corners = np.asarray(surface.triangles)[found.triangle[known]]
-    return np.einsum("nc,ncj->nj", found.weights[known], velocity[corners])
+    corners = np.asarray(surface.triangles)[nearest.triangle[within_reach]]
+    return np.einsum("nc,ncj->nj", nearest.weights[within_reach], velocity[corners])

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from .pad_contact import PairContact
 from .pad_proxy import PadProxy
-
-# Where a finger's bone is, from the pad along +Z [m]: on that side of an open surface the finger is outside.
-BONE_HEIGHT = 0.006
+from .solver.bodies import BONE
 
 
 @dataclass
@@ -21,7 +19,7 @@ class PairRecord:
 
     Attributes:
         start: samples at which the gap is known, rising.
-        gap, normal, point, surface_velocity, relief: there, as in `PairContact`; relief only where a device asks.
+        gap, normal, point, surface_velocity, smooth_normal: there, as in `PairContact`; the last where a device asks.
         last: the last such sample. seen: the last that `proxy` took in.
         side: of an open surface, on which the finger is, +1 or -1.
         proxy: of a closed surface: which of its sides the finger came from.
@@ -36,7 +34,7 @@ class PairRecord:
     last: int = -2
     seen: int = -2
     side: int = 1
-    proxy: PadProxy = field(default_factory=lambda: PadProxy(BONE_HEIGHT))
+    proxy: PadProxy = field(default_factory=lambda: PadProxy(float(BONE[2])))
 
     def assembled(self, count: int) -> PairContact:
         """Spread what is known over all samples, `count` of them."""

@@ -15,7 +15,7 @@ from ..errors import DermisError
 from ..motion import rotations
 from ..scene.tactile_scene import Body, Chunk, Mesh
 from ..surface.gap import Surface
-from .surfaces import SAME_STRETCH, box_of, carried, surface_of
+from .surfaces import alike, box_of, carried, rigid_mesh, surface_of
 
 
 class Posed(NamedTuple):
@@ -60,7 +60,7 @@ class PosedBody:
         self._kept: _Kept | None = None
         self._first: Array | None = None  # its stretch when it was first asked for
         self._turned: tuple[Array, Array] | None = None  # linear maps, and their rotations
-        self._known = False  # that those are this chunk's
+        self._turned_here = False  # whether those are this chunk's
         self._box: tuple[Mesh, Array] | None = None  # of a mesh, in its object's space
         self._previous: tuple[Array, Mesh | None] | None = None  # pose and mesh of the sample before the chunk
 
@@ -68,7 +68,7 @@ class PosedBody:
         """Go on to a chunk, in which it is body `b`; `again` where it stands for the last one once more."""
         if not again and len(self._poses):
             self._previous = self._poses[-1], None if self._meshes is None else self._meshes[-1]
-        self._poses, self._meshes, self._known = chunk.bodies[b], chunk.surfaces.get(b), False
+        self._poses, self._meshes, self._turned_here = chunk.bodies[b], chunk.surfaces.get(b), False
 
     def cut(self) -> None:
         """Forget the sample before the chunk: what follows does not come from there."""
@@ -82,13 +82,7 @@ class PosedBody:
         """
         if self._meshes is not None:
             return np.array([self._box_of(mesh) for mesh in self._meshes])
-        if self._body.mesh is None:
-            raise DermisError(
-                "a deforming object has no surface",
-                where=f"object '{self._body.name}'",
-                remedy="Give it faces, or stop it being touchable",
-            )
-        return self._box_of(self._body.mesh)[None]
+        return self._box_of(rigid_mesh(self._body))[None]
 
     def at(self, i: int) -> Posed:
         """Return the body at a sample.
@@ -129,12 +123,12 @@ class PosedBody:
             anew: it deforms, and is therefore made for each stretch exactly.
         """
         kept = self._kept if self._kept is not None and self._kept.mesh is mesh else None
-        if kept is not None and (np.array_equal if anew else _alike)(stretch, kept.stretch):
+        if kept is not None and (np.array_equal if anew else alike)(stretch, kept.stretch):
             return kept
         if anew:
             self._kept = _Kept(mesh, stretch, carried(mesh, stretch), None)
             return self._kept
-        plain = _alike(stretch, np.eye(3))
+        plain = alike(stretch, np.eye(3))
         stretch = np.eye(3) if plain else stretch
         # kept with the mesh only once: an animated scale has another surface at every sample
         surface = surface_of(mesh) if plain else carried(mesh, stretch) if kept else surface_of(mesh, stretch)
@@ -148,9 +142,9 @@ class PosedBody:
     def _turns(self) -> Array:
         """Return the rotations of all samples, shape (n, 3, 3); most objects stand still from chunk to chunk."""
         linear = self._poses[:, :3, :3]
-        if self._turned is None or not (self._known or np.array_equal(linear, self._turned[0])):
+        if self._turned is None or not (self._turned_here or np.array_equal(linear, self._turned[0])):
             self._turned = linear.copy(), self._rotations(linear)
-        self._known = True
+        self._turned_here = True
         return self._turned[1]
 
     def _rotations(self, linear: Array) -> Array:
@@ -166,7 +160,3 @@ class PosedBody:
         if self._box is None or self._box[0] is not mesh:
             self._box = mesh, box_of(mesh)
         return self._box[1]
-
-
-def _alike(stretch: Array, reference: Array) -> bool:
-    return bool(np.abs(stretch - reference).max() <= SAME_STRETCH * np.abs(reference).max())

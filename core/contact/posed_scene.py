@@ -14,6 +14,7 @@ from ..scene.tactile_scene import Body, Chunk, Mesh
 from .posed_body import Posed, PosedBody
 from .proximity import RelativePoses
 from .solver.bodies import ContactBody
+from .surfaces import boxes_in_world
 
 
 class PosedScene:
@@ -76,10 +77,7 @@ class PosedScene:
             boxes = np.zeros((*self.chunk.bodies.shape[:2], 2, 3))
             for b, body in enumerate(self._bodies):
                 boxes[b] = body.boxes()
-            linear = self.chunk.bodies[:, :, :3, :3]
-            centre, size = (boxes[:, :, 0] + boxes[:, :, 1]) / 2, (boxes[:, :, 1] - boxes[:, :, 0]) / 2
-            middle = (linear @ centre[..., None])[..., 0] + self.chunk.bodies[:, :, :3, 3]
-            self._boxes = middle, (np.abs(linear) @ size[..., None])[..., 0]
+            self._boxes = boxes_in_world(self.chunk.bodies, boxes)
         return self._boxes
 
     def at(self, b: int, i: int) -> Posed:
@@ -131,8 +129,8 @@ class PosedScene:
 
     def _value(self, b: int, i: int, name: str) -> float:
         """Return a body's parameter at a sample: animated, constant, or what holds where nobody says."""
-        channel = self.chunk.channels.get(f"body/{b}/{name}")
-        return float(self._headers[b].parameters.get(name, BODY[name].absent) if channel is None else channel[i])
+        series = self.chunk.animated.get(f"body/{b}/{name}")
+        return float(self._headers[b].parameters.get(name, BODY[name].absent) if series is None else series[i])
 
 
 def _seen(posed: Posed, turn: Array, place: Array) -> ContactBody:

@@ -64,7 +64,9 @@ class Proximity:
             moved = self._moved[b] = poses, self._travel(known, poses)
         return known.gap - float(moved[1][i])
 
-    def measure(self, b: int, i: int, poses: RelativePoses, mesh: Mesh, body: ContactBody, search_radius: float) -> float:
+    def measure(
+        self, b: int, i: int, poses: RelativePoses, mesh: Mesh, body: ContactBody, search_radius: float
+    ) -> float:
         """Ask a body itself, and return a lower bound of the gap [m] that is exact below `search_radius`."""
         gap = float((self._ask(self._centres, body, np.inf) - self._radii).min())
         if gap <= search_radius:

@@ -30,11 +30,11 @@ class SearchRadius:
     def over(self, chunk: Chunk) -> Array | None:
         """Return each finger's radius at each sample [m], shape (F, n), or None where no touch distance is animated."""
         keys = [f"finger/{f}/touch_distance" for f in range(len(self._distances))]
-        if not any(key in chunk.channels for key in keys):
+        if not any(key in chunk.animated for key in keys):
             return None
         own = np.empty((len(keys), len(chunk.times)))
         for f, key in enumerate(keys):
-            own[f] = chunk.channels.get(key, self._distances[f])
+            own[f] = chunk.animated.get(key, self._distances[f])
         # What is no number is held later, at a value that this chunk or an earlier one has.
         radius = np.where(np.isfinite(own), own + self._margin, self.longest)
         self.longest = max(self.longest, float(radius.max()))

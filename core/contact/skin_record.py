@@ -36,7 +36,7 @@ class SkinRecord:
             (step.normal_force, step.tangential_force, step.depth, step.lift, step.sticking, step.slipping)
         )
 
-    def touch(
+    def finished(
         self, model: SkinModel, times: Array, frames: Array, findings: tuple[Finding, ...], skipped: Mapping[str, int]
     ) -> SkinContact:
         """Return the whole, at the sweep's times [s] and frames, shape (n,)."""

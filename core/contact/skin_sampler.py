@@ -23,12 +23,12 @@ from ..skin.model import SkinModel
 from .held_bodies import HeldBodies
 from .held_body import may_be_held
 from .pad_contact import PadContact
+from .pad_sampler import PadSampler
 from .posed_scene import PosedScene
 from .sample_window import SampleWindow
 from .skin_contact import SkinContact
 from .skin_record import SkinRecord
 from .skin_stepper import SkinStepper
-from .solver.path import PathSolver
 
 __all__ = ["SkinSampler", "SkinContact"]
 
@@ -58,10 +58,6 @@ class SkinSampler:
         self._kept: list[SampleWindow] = []
         self._held_findings: tuple[Finding, ...] = ()
 
-    def solver(self, finger: int) -> PathSolver:
-        """Return the path solver of a finger, for what it counted and remembers."""
-        return self._steppers[finger].bone.solver
-
     def add(self, chunk: Chunk) -> None:
         """Take in the next samples."""
         if not len(chunk.times):
@@ -82,17 +78,17 @@ class SkinSampler:
             for i in range(len(chunk.times)):
                 self._records[f].keep(self._steppers[f].step(approach, i))
 
-    def solve_held(self, touch: PadContact) -> Iterator[int]:
+    def solve_held(self, pad_contact: PadContact) -> Iterator[int]:
         """Solve the samples that were kept because something may be held in them; yield their number now and then.
 
         Args:
-            touch: of the whole range: it knows when a body is held, and how it is accelerated.
+            pad_contact: of the whole range: it knows when a body is held, and how it is accelerated.
         """
         done = sum(len(t) for t in self._times) - sum(len(s.chunk.times) for s in self._kept)
         scene = self._scene
         every = range(len(scene.bodies))
         candidates = {b for s in self._kept for b in every if may_be_held(scene, b, s.chunk)}
-        held = HeldBodies(scene, touch, candidates, self._posed, self._steppers)
+        held = HeldBodies(scene, pad_contact, candidates, self._posed, self._steppers)
         while self._kept:
             window = self._kept.pop(0)
             self._posed.take(window.chunk)
@@ -106,32 +102,32 @@ class SkinSampler:
         self._held_findings = held.findings
         self._waits = False
 
-    def finish(self, touch: PadContact | None = None) -> dict[int, SkinContact]:
+    def finish(self, pad_contact: PadContact | None = None) -> dict[int, SkinContact]:
         """Return what every finger felt.
 
         Args:
-            touch: needed where something may be held and `solve_held` was not drained.
+            pad_contact: needed where something may be held and `solve_held` was not drained.
 
         Raises:
-            DermisError: something may be held, and there is no touch to tell whether it is.
+            DermisError: something may be held, and no contact of the pads tells whether it is.
         """
         if self._kept:
-            if touch is None:
+            if pad_contact is None:
                 raise DermisError(
                     "what is held can only be balanced with the touch of the whole range",
                     where=f"scene '{self._scene.name}'",
                 )
-            for _ in self.solve_held(touch):
+            for _ in self.solve_held(pad_contact):
                 pass
         times = np.concatenate(self._times) if self._times else np.zeros(0)
         frames = np.concatenate(self._frames) if self._frames else np.zeros(0)
-        return {f: self._touch(f, times, frames) for f in self._steppers}
+        return {f: self._finished(f, times, frames) for f in self._steppers}
 
     def _near_what_may_be_held(self, window: SampleWindow) -> bool:
         close = {b for approach in window.fingers.values() for b in approach.near}
         return any(may_be_held(self._scene, b, window.chunk) for b in close)
 
-    def _touch(self, f: int, times: Array, frames: Array) -> SkinContact:
+    def _finished(self, f: int, times: Array, frames: Array) -> SkinContact:
         stepper, counters = self._steppers[f], self._steppers[f].counters
         skipped = {
             "skin_pairs_far": stepper.far,
@@ -141,4 +137,16 @@ class SkinSampler:
         findings = stepper.findings
         if f == min(self._steppers):  # what is said of a held object is said once
             findings += self._held_findings
-        return self._records[f].touch(stepper.skin, times, frames, findings, skipped)
+        return self._records[f].finished(stepper.skin, times, frames, findings, skipped)
+
+
+def skin_contacts(scene: TactileScene, skins: Mapping[int, SkinModel]) -> dict[int, SkinContact]:
+    """Return what skins feel over a whole scene; the pads' touch tells what is held, and how it is accelerated.
+
+    Args:
+        skins: by finger index.
+    """
+    pads, sampler = PadSampler(scene), SkinSampler(scene, skins)
+    for chunk in scene.chunks:
+        sampler.add(pads.add(chunk))
+    return sampler.finish(pads.finish())

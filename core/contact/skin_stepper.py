@@ -126,14 +126,14 @@ class SkinStepper:
         """Return which of the bodies `around` the finger is body `b`."""
         return self._order.index(b)
 
-    def adopt(self, held: GripStep, k: int, retraction: float, frame: float) -> SkinStep:
+    def adopt(self, held: GripStep, k: int, retraction: float, scene_frame: float) -> SkinStep:
         """Take over a sample that was solved together with other fingers.
 
         Args:
             held: the answer, in which this finger is number `k`. retraction: of its bone [m].
         """
         return _skin_step(
-            self.bone.adopt(held.forces[k], held.slips[k], held.frames[k], held.residual, retraction, frame)
+            self.bone.adopt(held.forces[k], held.slips[k], held.gaps[k], held.residual, retraction, scene_frame)
         )
 
     def save(self) -> Mapping[str, Any]:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..motion import rotations, singular
-from .surfaces import SAME_STRETCH
+from .surfaces import alike
 
 
 class StretchRates:
@@ -26,7 +26,7 @@ class StretchRates:
         b: int,
         times: Array,
         poses: Array,
-        wanted: NDArray[np.intp],
+        samples: NDArray[np.intp],
         stretch: Array,
         before: tuple[float, Array] | None,
     ) -> Array | None:
@@ -37,19 +37,19 @@ class StretchRates:
 
         Args:
             times: of the chunk's samples [s], shape (n,). poses: object-to-world, shape (n, 4, 4).
-            wanted: the samples it is needed at, rising, shape (k,). stretch: there, shape (k, 3, 3).
+            samples: those it is needed at, rising, shape (k,). stretch: there, shape (k, 3, 3).
             before: time [s] and pose of the last sample before the chunk.
         """
         first = self._first.setdefault(b, np.array(stretch[0]))
         start = 0
         if b not in self._stretching:
             told = stretch[:1] if stretch.strides[0] == 0 else stretch  # one matrix for all samples
-            other = np.abs(told - first).max(axis=(1, 2)) > SAME_STRETCH * np.abs(first).max()
+            other = ~alike(told, first)
             if not other.any():
                 return None
             self._stretching.add(b)
             start = int(np.argmax(other))
-        moving, now = wanted[start:], stretch[start:]
+        moving, now = samples[start:], stretch[start:]
         earlier, since = poses[moving - 1, :3, :3].copy(), times[moving] - times[moving - 1]
         known = moving > 0
         if not known[0] and before is not None:

@@ -5,15 +5,23 @@ from __future__ import annotations
 import weakref
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array
-from ..scene.tactile_scene import Mesh
+from ..errors import DermisError
+from ..scene.tactile_scene import Body, Mesh
 from ..surface.gap import Surface
 
 # A surface is used again as long as its scale stays within this fraction (Blender's matrices are float32).
 SAME_STRETCH = 1e-5
 
 _SURFACES: weakref.WeakKeyDictionary[Mesh, dict[bytes, Surface]] = weakref.WeakKeyDictionary()
+
+
+def alike(stretch: Array, reference: Array) -> NDArray[np.bool_]:
+    """Return whether linear maps (..., 3, 3) equal another within what float32 matrices resolve, shape (...)."""
+    off: Array = np.abs(stretch - reference).max(axis=(-2, -1))
+    return off <= SAME_STRETCH * float(np.abs(reference).max())
 
 
 def surface_of(mesh: Mesh, stretch: Array | None = None) -> Surface:
@@ -44,3 +52,28 @@ def carried(mesh: Mesh, stretch: Array) -> Surface:
 def box_of(mesh: Mesh) -> Array:
     """Return the lower and upper corner of a mesh [m], shape (2, 3)."""
     return np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
+
+
+def rigid_mesh(body: Body) -> Mesh:
+    """Return the surface of a body that came without one in the chunk.
+
+    Raises:
+        DermisError: it deforms, and no chunk has its surface.
+    """
+    if body.mesh is None:
+        raise DermisError(
+            "a deforming object has no surface",
+            where=f"object '{body.name}'",
+            remedy="Give it faces, or stop it being touchable",
+        )
+    return body.mesh
+
+
+def boxes_in_world(poses: Array, boxes: Array) -> tuple[Array, Array]:
+    """Return middle and half size of upright boxes about boxes in their objects' spaces [m], shape (..., 3) each.
+
+    Args:
+        poses: of the objects, shape (..., 4, 4). boxes: lower and upper corners, shape (..., 2, 3).
+    """
+    linear, middle, half = poses[..., :3, :3], boxes.mean(axis=-2), (boxes[..., 1, :] - boxes[..., 0, :]) / 2
+    return (linear @ middle[..., None])[..., 0] + poses[..., :3, 3], (np.abs(linear) @ half[..., None])[..., 0]

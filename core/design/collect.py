@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -172,8 +172,6 @@ def _joined(spec: DeviceSpec, skin: SkinModel, paths: list[Path], asked: int, le
 
 def _deeper(spec: DeviceSpec) -> DeviceSpec:
     """Return the same device whose sweep is one step deeper."""
-    from dataclasses import replace
-
     low, high = spec.parameters["sweep_press"]
     step = (high - low) / 54.0
     return replace(spec, parameters={**spec.parameters, "sweep_press": [low + step, high + step]})

@@ -1,32 +1,27 @@
-"""The answer to 'how many motors?': as text, as JSON, as a picture, and as a new device preset.
+"""The answer to 'how many motors?': found, as text and as JSON.
 
 Source: [S2] IV and V
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..arrays import Array
 from ..devices.coupling import refuse_coupled
-from ..devices.spec import DEVICE_SCHEMA, DeviceSpec, from_preset
+from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
-from ..files import write_bytes
 from ..matching.lookup import commands_of
 from ..matching.readings import FULL_SCALE, SATURATED
 from ..matching.table import SkinTable
-from .letting_go import coupled_safe, safe_commands
 from .synergies import CHOICES, Choice, Reduction, reduce
 
 POOR = 0.3  # of what a touch changes in the readings: if all motors leave more, the table does not hold this touch
 LOW_RANK = 0.9  # share of the variance that fewer motors must explain to be called a low rank
-MARGIN = 0.05  # of a new motor's range, left beyond what the interactions need on either side
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +103,7 @@ def design(spec: DeviceSpec, table: SkinTable, sensed: Mapping[str, Array]) -> D
                 limit=f"{100 * SATURATED:.0f} %",
                 remedy="Touch less deeply",
             )
-        if (table.from_rest(values) <= max(table.hush, 0.0)).all():
+        if (table.from_rest(values) <= max(table.noise_floor, 0.0)).all():
             raise DermisError(
                 "nothing is ever touched",
                 where=f"interaction '{name}'",
@@ -146,7 +141,7 @@ def _doubts(table: SkinTable, targets: Mapping[str, Array], found: Reduction) ->
     doubts = []
     for (name, values), error in zip(targets.items(), found.error[:, -1], strict=True):
         away = table.from_rest(values)
-        signal = float(np.sqrt((away[away > table.hush] ** 2).mean()))
+        signal = float(np.sqrt((away[away > table.noise_floor] ** 2).mean()))
         if error > POOR * signal:
             doubts.append(
                 Finding(
@@ -160,88 +155,6 @@ def _doubts(table: SkinTable, targets: Mapping[str, Array], found: Reduction) ->
                 )
             )
     return tuple(doubts)
-
-
-def preset(found: Design, choice: Choice = "variance", motors: int | None = None, name: str = "") -> dict[str, Any]:
-    """Return a device preset with fewer motors and the couplings found, as JSON values.
-
-    A new motor's command runs from 0 to 1 over what the interactions and letting go need, with a margin. Each original
-    command is the coupling times the new commands plus an offset, so that the pulley radius of motor j on cable i is
-    the original pulley's times `coupling[i][j]` over the new motor's travel. `safe` is missing where motors so coupled
-    cannot let a finger go; `safe_findings` says so of what was written.
-
-    Raises:
-        DermisError: more motors than the device has, or fewer than one.
-    """
-    spec, reduction = found.spec, found.by(choice)
-    parts, n = reduction.components, len(reduction.components.mean)
-    k = reduction.motors if motors is None else motors
-    if not 1 <= k <= n:
-        raise DermisError("as many motors as the device has", where="design", value=k, limit=f"1 to {n}")
-    needed = found.amounts[choice][:, :k]
-    safe = safe_commands(spec)
-    if safe is not None:
-        needed = np.vstack([needed, parts.amounts(safe[None], k)])
-    low, high = needed.min(axis=0), needed.max(axis=0)
-    span = np.maximum(high - low, 1e-9)
-    low, span = low - MARGIN * span, (1.0 + 2.0 * MARGIN) * span
-    matrix = parts.scale[:, None] * parts.directions[:, :k] * span
-    offset = parts.mean + parts.scale * (parts.directions[:, :k] @ low)
-
-    def nearest(original: Array) -> Array:
-        """Return the new command that comes nearest to an original one."""
-        found = np.linalg.lstsq(matrix / parts.scale[:, None], (original - offset) / parts.scale, rcond=None)[0]
-        return np.clip(found, 0.0, 1.0)
-
-    rest = nearest(np.array([c.rest for c in spec.channels]))
-    unit = spec.channels[0].unit
-    # each new motor crosses its range in one time, so short that no original motor goes faster than it could
-    slews = [(i, c.slew) for i, c in enumerate(spec.channels) if c.slew]
-    slew = min((s / max(float(np.abs(matrix[i]).sum()), 1e-12) for i, s in slews), default=None)
-    why = f"design: {', '.join(found.names)}; components by {choice}"
-    source = {key: value for key, value in spec.source.items() if key not in ("channels", "parameters", "name", "safe")}
-    own = f"the original motor's range [{unit}]"
-    channels = []
-    for j in range(k):
-        channel: dict[str, Any] = {
-            "name": f"motor_{j + 1}",
-            "unit": "1",
-            "actuator": f"motor_{j + 1}",
-            "low": {"value": 0.0, "unit": "1", "source": why},
-            "high": {"value": 1.0, "unit": "1", "source": why},
-            "rest": {"value": float(rest[j]), "unit": "1", "source": "nearest to the original device at rest"},
-        }
-        channels.append(channel)
-        if slew is not None:
-            why_slow = "so that no original motor goes faster than it could, all moving"
-            channel["slew"] = {"value": float(slew), "unit": "1/s", "source": why_slow}
-    made = {
-        **source,
-        "schema": DEVICE_SCHEMA,
-        "name": name or f"{_plain(spec.name)}, {k} motor{'s' if k > 1 else ''} for {', '.join(found.names)}"[:80],
-        "channels": channels,
-        "parameters": {
-            **dict(spec.source["parameters"]),
-            "coupling": {"value": matrix.tolist(), "unit": "1", "source": f"{why}; original command [{unit}] a unit"},
-            "coupling_offset": {"value": offset.tolist(), "unit": "1", "source": f"{why}; [{unit}]"},
-            "coupling_low": {"value": [c.low for c in spec.channels], "unit": "1", "source": own},
-            "coupling_high": {"value": [c.high for c in spec.channels], "unit": "1", "source": own},
-            "coupling_unit": unit,
-        },
-    }
-    spec_made = from_preset("design", made)  # a preset that cannot be read must not be written
-    letting_go = None if safe is None else coupled_safe(spec_made, spec, nearest(safe))
-    return made if letting_go is None else {**made, "safe": letting_go}
-
-
-def _plain(name: str) -> str:
-    """Return a device's name without what stands in brackets: how many motors it has."""
-    return name.partition(" (")[0]
-
-
-def write_preset(made: Mapping[str, Any], path: Path) -> None:
-    """Write a preset as JSON, whole or not at all."""
-    write_bytes(Path(path), (json.dumps(made, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode())
 
 
 def as_json(found: Design) -> dict[str, Any]:

@@ -36,14 +36,14 @@ class Components:
     Attributes:
         mean: of the commands, SI, shape (n,). scale: range of each motor, shape (n,).
         directions: columns E, of scaled commands, shape (n, n).
-        readout: rows that give each component's amount of centred, scaled commands, shape (n, n).
+        projection: rows that give each component's amount of centred, scaled commands, shape (n, n).
         variance: of the scaled commands along each component, shape (n,).
     """
 
     mean: Array
     scale: Array
     directions: Array
-    readout: Array
+    projection: Array
     variance: Array
 
     @property
@@ -54,7 +54,7 @@ class Components:
 
     def amounts(self, commands: Array, k: int) -> Array:
         """Return the reduced commands, shape (q, k). Source: [S2] eq. 5."""
-        return ((commands - self.mean) / self.scale) @ self.readout[:k].T
+        return ((commands - self.mean) / self.scale) @ self.projection[:k].T
 
     def reconstructed(self, commands: Array, k: int) -> Array:
         """Return the commands that k components make of the given ones, shape (q, n). Source: [S2] eq. 7."""
@@ -71,7 +71,6 @@ class Reduction:
         percent: error over that of all motors, minus 1, in percent, (i, n). Where all motors leave less than whole
             counts can tell, over that. Source: [S2] eq. 12.
         motors: the fewest within the knee, for the mean of the percentages.
-        motors_each: the same for each interaction by itself, with the components of all.
     """
 
     choice: Choice
@@ -79,7 +78,6 @@ class Reduction:
     error: Array
     percent: Array
     motors: int
-    motors_each: tuple[int, ...]
 
     @property
     def mean_percent(self) -> Array:
@@ -112,11 +110,11 @@ def components(commands: Array, scale: Array, metric: Array | None = None) -> Co
     root = np.eye(n) if metric is None else _root(metric)
     _, _, vectors = np.linalg.svd(scaled @ root, full_matrices=True)
     vectors = vectors * np.where(vectors.sum(axis=1) < 0.0, -1.0, 1.0)[:, None]  # together is forwards
-    directions, readout = np.linalg.solve(root, vectors.T), vectors @ root
+    directions, projection = np.linalg.solve(root, vectors.T), vectors @ root
     length = np.linalg.norm(directions, axis=0)
-    directions, readout = directions / length, readout * length[:, None]
-    variance = (scaled @ readout.T).var(axis=0)
-    return Components(mean, scale, directions, readout, variance)
+    directions, projection = directions / length, projection * length[:, None]
+    variance = (scaled @ projection.T).var(axis=0)
+    return Components(mean, scale, directions, projection, variance)
 
 
 def sensed_metric(commands: Array, readings: Array, scale: Array) -> Array:
@@ -164,7 +162,7 @@ def reduce(
     given = [commands_of(table, s) for s in sensed] if commands is None else list(commands)
     every = np.vstack(given)
     n = every.shape[1]
-    heard = table.from_rest(np.vstack(list(sensed))) > table.hush
+    heard = table.from_rest(np.vstack(list(sensed))) > table.noise_floor
     found = []
     for choice in CHOICES:
         if choice == "rendered" and np.count_nonzero(heard) > n:
@@ -184,8 +182,7 @@ def reduce(
         )
         best = error[:, -1:]
         percent = 100.0 * (error - best) / np.maximum(best, np.sqrt(ROUNDED * table.readings.shape[1]))
-        each = tuple(knee(row, limit) for row in percent)
-        found.append(Reduction(choice, parts, error, percent, knee(percent.mean(axis=0), limit), each))
+        found.append(Reduction(choice, parts, error, percent, knee(percent.mean(axis=0), limit)))
     return tuple(found)
 
 

@@ -25,10 +25,11 @@ from ..skin.shape import FingertipShape
 from ..steps import in_words
 from ..work.executor import JobExecutor
 from .collect import collect, reversed_spread
+from .coupled_preset import preset, write_preset
 from .interactions import NOISE, RATE
 from .picture import write_picture
 from .recordings import Recording, read_recording, read_table, same_channels
-from .report import Design, as_json, as_text, design, preset, write_preset
+from .report import Design, as_json, as_text, design
 from .synergies import Choice
 from .trial import sense
 

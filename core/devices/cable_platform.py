@@ -116,19 +116,6 @@ class CablePlatform:
         arms = poses.centre[:, None] + self.joints @ poses.rotation.transpose(0, 2, 1) - self.base
         return self.cable * np.maximum(np.linalg.norm(arms, axis=2) - self.lengths(commands), 0.0)
 
-    def imbalance(self, poses: Poses, commands: Array, load: Array) -> Array:
-        """Return what is left of forces [N] and moments [N m] on the platform, shape (n, 6)."""
-        return self._balance(poses, self.lengths(commands))[0] + load
-
-    def energy(self, poses: Poses, commands: Array) -> Array:
-        """Return the energy of springs and cables [J], shape (n,); its derivative is the force, for tests."""
-        arms = poses.centre[:, None] + self.joints @ poses.rotation.transpose(0, 2, 1) - self.base
-        length = np.linalg.norm(arms, axis=2)
-        aside = (arms - self._arms_at_rest)[:, :, :2]
-        stretch = np.maximum(length - self.lengths(commands), 0.0)
-        each = self.spring * (length - self.free_length) ** 2 + self.cable * stretch**2
-        return 0.5 * (each.sum(axis=1) + self.bending * (aside**2).sum(axis=(1, 2)))
-
     def _balance(self, poses: Poses, lengths: Array, *, taut: bool = False) -> tuple[Array, Array]:
         """Return force and moment of springs and cables about the finger's origin, (n, 6), and their stiffness."""
         at = poses.centre[:, None] + self.joints @ poses.rotation.transpose(0, 2, 1)

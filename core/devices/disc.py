@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..contact.solver.cone import OPEN, SLIP, STICK
 from ..contact.solver.solve import solve as solve_contact
-from ..errors import DermisError
 from .disc_pose import FALLBACK_TOLERANCE, TOLERANCE, Disc, DiscPose, DiscSolution, FrictionState
 
 MAX_STEPS = 10
@@ -52,17 +51,10 @@ class DiscContact:
 
     Attributes:
         solved, fallbacks: how many poses were solved, and for how many Newton's method was not enough.
-
-    Raises:
-        DermisError: shapes that do not fit, or negative friction.
     """
 
     def __init__(self, compliance: Array, positions: Array, disc: Disc, friction: float) -> None:
         count = len(positions)
-        if compliance.shape != (3 * count, 3 * count):
-            raise DermisError("the compliance does not fit the nodes", where="disc", value=compliance.shape)
-        if not (np.isfinite(friction) and friction >= 0):
-            raise DermisError("friction cannot be negative", where="disc", value=friction, limit=">= 0")
         self.compliance, self.positions, self.disc, self.friction = compliance, positions, disc, float(friction)
         self.count = count
         # weighs displacement against force: between the softest and the stiffest node, as in the iteration
@@ -139,7 +131,7 @@ class DiscContact:
             rows = (3 * columns[:, None] + np.arange(3)).ravel()
             moved = self.compliance[rows].T @ solution.force[loaded].ravel()
             anchor += (moved.reshape(-1, 3) @ pose.rotation)[:, :2]
-        sticking = solution.nodes[(solution.status == STICK) & self.state.held[solution.nodes]]
+        sticking = solution.nodes[(solution.status == STICK) & self.state.anchored[solution.nodes]]
         anchor[sticking] = self.state.anchor[sticking]
         return FrictionState(np.ones(self.count, bool), anchor, force)
 
@@ -226,7 +218,7 @@ class DiscContact:
         arm = self._rest_positions - pose.centre
         local = arm @ pose.rotation
         out = np.zeros_like(local)
-        out[:, :2] = np.where(self._held[:, None], local[:, :2] - self._anchor, 0.0)
+        out[:, :2] = np.where(self._anchored[:, None], local[:, :2] - self._anchor, 0.0)
         out[:, 2] = local[:, 2]
         move = np.empty((len(arm), 3, 3))
         move[:, :, 0] = -arm @ _crossing(pose.spin[0])
@@ -241,7 +233,7 @@ class DiscContact:
             out[rim, 2] -= 0.5 * over * over * self.disc.rounding
             outwards = np.einsum("ij,ijk->ik", local[rim, :2], move[rim, :2]) / reach[rim, None]
             move[rim, 2] -= over[:, None] * outwards
-        move[~self._held, :2] = 0.0
+        move[~self._anchored, :2] = 0.0
         return out @ pose.rotation.T, pose.rotation @ move
 
     def _step(self, pose: DiscPose) -> Array:
@@ -268,7 +260,7 @@ class DiscContact:
 
     def _restrict(self) -> None:
         self._block = None
-        self._held, self._anchor = self.state.held[self.nodes], self.state.anchor[self.nodes]
+        self._anchored, self._anchor = self.state.anchored[self.nodes], self.state.anchor[self.nodes]
         self._held_force = self.state.force[self.nodes]
 
     def _active_block(self, active: NDArray[np.intp]) -> Array:

@@ -63,12 +63,12 @@ class Disc(Plane):
     radius: float = 8.0e-3
     rounding: float = ROUNDING
 
-    def query(self, points: Array, reach: float = np.inf) -> GapQuery:
+    def query(self, points: Array, search_radius: float = np.inf) -> GapQuery:
         """Return gap, closest point and normal of each point; the normal of the rim is that of the face."""
         over = np.maximum(np.hypot(points[:, 0], points[:, 1]) - self.radius, 0.0)
         gap = -points[:, 2] + over**2 / (2 * self.rounding)
         n = len(gap)
-        near = gap <= reach
+        near = gap <= search_radius
         normal = np.where(near[:, None], self.normal, 0.0)
         point = np.where(near[:, None], points - gap[:, None] * self.normal, np.nan)
         triangle = np.where(near, 0, -1)
@@ -84,12 +84,12 @@ class FrictionState:
     """What friction remembers of the path so far.
 
     Attributes:
-        held: nodes with an anchor, shape (m,).
+        anchored: nodes with an anchor, shape (m,).
         anchor: the point of the disc that each sticks to, x and y in the disc's frame [m], shape (m, 2).
         force: on the skin at the end of the last step [N], shape (m, 3).
     """
 
-    held: NDArray[np.bool_]
+    anchored: NDArray[np.bool_]
     anchor: Array
     force: Array
 

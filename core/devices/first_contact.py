@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from ..arrays import Array
 from .disc import DiscContact
 from .disc_pose import placed
@@ -36,7 +34,7 @@ def calibrated(device: Thimble, contact: DiscContact, felt: Array) -> Thimble:
     Source: [S0] 7.2, 'the angles and normal distance of first contact with each subject's finger pad'
     """
     neutral = (0.0, 0.0, first_contact(device, contact))
-    pitch, roll, distance = device.forward(np.asarray(felt, dtype=np.float64) + device.servo_zero, neutral).tolist()
+    pitch, roll, distance = device.forward(felt, neutral).tolist()
     mount = device.mount.copy()
     mount[:3, 3] -= mount[:3, 2] * (distance - first_contact(device, contact, pitch, roll))
     return replace(device, mount=mount)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array
 from ..errors import DermisError
-from .firmness import posture
+from .inverse_kinematics import inverse_kinematics
 from .linkage import Linkage
 
 TOLERANCE = 1e-13  # [rad] of the servo angles
@@ -52,7 +52,7 @@ def _newton(linkage: Linkage, wanted: Array, x: Array) -> Array | None:
         share = min(1.0, LONGEST / float(np.abs(step).max()))
         while share > SHORTEST:
             trial = x + share * scale * step
-            if (linkage.reach(trial) > 0).all() and posture(linkage, *trial.tolist())[1] > 0.0:
+            if (linkage.leg_margins(trial) > 0).all() and inverse_kinematics(linkage, *trial.tolist())[1] > 0.0:
                 left = wanted - linkage.servo_angles(trial)[0]
                 if left @ left < miss @ miss:
                     break

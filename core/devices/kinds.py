@@ -9,9 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 from ..parameters.material import FRICTION
 from ..parameters.parameter import NAMES, TEXT, Parameter, Table, table
+
+Drawn = Literal["", "tactor", "screen", "pins", "thimble", "platform"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +30,7 @@ class Kind:
         worn: a finger is in it, and must be let go: a preset states a safe pose.
         follows_skin: `render` takes what the finger's whole skin feels, besides the touch of its pad.
         platform: its motors have ranges, may be coupled, and a look-up table says what they do.
+        drawn: as what Blender shows it; as its name and values alone where empty.
     """
 
     mechanism: str
@@ -38,6 +42,7 @@ class Kind:
     worn: bool = True
     follows_skin: bool = False
     platform: bool = False
+    drawn: Drawn = ""
 
 
 def _size(name: str, unit: str) -> Parameter:
@@ -83,6 +88,7 @@ KINDS: Mapping[str, Kind] = {
     "shear_tactor": Kind(
         mechanism="shear_tactor.ShearTactor.from_spec",
         renderer="shear_tactor",
+        drawn="tactor",
         channels={"tactor_x": "m", "tactor_y": "m", "pulley_1": "rad", "pulley_2": "rad"},
         settings=(
             *(f"use_{effect}" for effect in ("transient", "texture", "weight", "content", "pattern")),
@@ -112,6 +118,7 @@ KINDS: Mapping[str, Kind] = {
     "friction_screen": Kind(
         mechanism="friction_screen.FrictionScreen.of",
         renderer="friction_screen",
+        drawn="screen",
         worn=False,
         settings=(
             *("relief", "relief_formula", "profile", "downhill", "direction_window", "threshold"),
@@ -131,6 +138,7 @@ KINDS: Mapping[str, Kind] = {
     "pin_array": Kind(
         mechanism="pin_array.layout",
         renderer="pins",
+        drawn="pins",
         count=("rows", "columns"),
         follows_skin=True,
         settings=("pin_method", "pin_nodes", "pin_bounded", "pin_lead", "pin_fade_in", "pin_fade_out"),
@@ -153,6 +161,7 @@ KINDS: Mapping[str, Kind] = {
     "thimble": Kind(
         mechanism="thimble.mechanism",
         renderer="thimble",
+        drawn="thimble",
         channels={**{f"servo_{servo}": "rad" for servo in (1, 2, 3)}, "pitch": "rad", "roll": "rad", "distance": "m"},
         follows_skin=True,
         settings=(
@@ -190,6 +199,7 @@ KINDS: Mapping[str, Kind] = {
         count=3,
         follows_skin=True,
         platform=True,
+        drawn="platform",
         settings=("table", "table_rows"),
         parameters=table(
             *_PLATFORM,
@@ -209,6 +219,7 @@ KINDS: Mapping[str, Kind] = {
         count=6,
         follows_skin=True,
         platform=True,
+        drawn="platform",
         settings=("table", "table_rows"),
         parameters=table(
             *_PLATFORM,

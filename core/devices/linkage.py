@@ -5,7 +5,8 @@ joint on the platform, and stays in its own vertical plane. That constraint make
 tilts; both are part of its pose here.
 
 The base frame has its origin at the base's centre and +Z from the base to the platform. A configuration is
-x = (psi, theta, z): pitch about X, roll about Y, distance of the platform from the base.
+x = (pitch, roll, distance): pitch about X, roll about Y, distance of the platform from the base. The pose is what that
+gives: a rotation and a centre.
 
 Source: [S0] 3.1 with the kinematics of the project's corrections (closed form of the 3-RRS).
 """
@@ -28,7 +29,7 @@ LEGS = tuple((math.cos(a), math.sin(a)) for a in (0.0, 2 * math.pi / 3, 4 * math
 
 @dataclass(frozen=True)
 class PlatformPose:
-    """Pose of the platform in the base frame, with its derivatives by (psi, theta, z).
+    """Pose of the platform in the base frame, with its derivatives by (pitch, roll, distance).
 
     Attributes:
         rotation: shape (3, 3). centre: [m], shape (3,).
@@ -49,7 +50,7 @@ class Linkage:
         platform_radius, base_radius: of the joints' circles [m].
         crank, rod: L1 and L2 [m].
         servo_zero: servo angle at neutral [rad].
-        knee: +1 where the crank points outwards, -1 inwards.
+        bend: +1 where the legs' knees point outwards, -1 inwards.
         side: +1 where the level platform hangs on its rods, -1 where it stands on them: the sign of the determinant.
     """
 
@@ -58,27 +59,27 @@ class Linkage:
     crank: float
     rod: float
     servo_zero: float
-    knee: float
+    bend: float
     side: float = field(default=1.0, kw_only=True)
 
     def pose(self, x: ArrayLike) -> PlatformPose:
-        """Return the platform's pose at x = (psi, theta, z), with parasitic shift and yaw."""
+        """Return the platform's pose at x = (pitch, roll, distance), with parasitic shift and yaw."""
         # plain floats: arrays of three elements cost more than the arithmetic on them
-        psi, theta, z = np.asarray(x, dtype=np.float64).tolist()
-        cp, sp, ct, st = math.cos(psi), math.sin(psi), math.cos(theta), math.sin(theta)
-        n, d = -sp * st, cp + ct
-        phi = math.atan2(n, d)
+        pitch, roll, distance = np.asarray(x, dtype=np.float64).tolist()
+        cp, sp, cr, sr = math.cos(pitch), math.sin(pitch), math.cos(roll), math.sin(roll)
+        n, d = -sp * sr, cp + cr
+        yaw = math.atan2(n, d)
         scale = 1.0 / (n * n + d * d)
-        phi_psi = (d * -cp * st + n * sp) * scale
-        phi_theta = (d * -sp * ct + n * st) * scale
-        c, s = math.cos(phi), math.sin(phi)
-        axis = (st, -sp * ct, cp * ct)  # the platform's normal, which yaw turns about
-        first, second = (ct, sp * st, -cp * st), (0.0, cp, sp)
+        yaw_pitch = (d * -cp * sr + n * sp) * scale
+        yaw_roll = (d * -sp * cr + n * sr) * scale
+        c, s = math.cos(yaw), math.sin(yaw)
+        axis = (sr, -sp * cr, cp * cr)  # the platform's normal, which yaw turns about
+        first, second = (cr, sp * sr, -cp * sr), (0.0, cp, sp)
         u = [c * a + s * b for a, b in zip(first, second, strict=True)]
         v = [c * b - s * a for a, b in zip(first, second, strict=True)]
         spin = (
-            (1.0 + phi_psi * axis[0], phi_psi * axis[1], phi_psi * axis[2]),
-            (phi_theta * axis[0], cp + phi_theta * axis[1], sp + phi_theta * axis[2]),
+            (1.0 + yaw_pitch * axis[0], yaw_pitch * axis[1], yaw_pitch * axis[2]),
+            (yaw_roll * axis[0], cp + yaw_roll * axis[1], sp + yaw_roll * axis[2]),
             (0.0, 0.0, 0.0),
         )
         r = self.platform_radius
@@ -88,12 +89,12 @@ class Linkage:
             shift_y.append(-r * (wz * u[0] - wx * u[2]))
         return PlatformPose(
             np.array([[u[0], v[0], axis[0]], [u[1], v[1], axis[1]], [u[2], v[2], axis[2]]]),
-            np.array([r / 2 * (u[0] - v[1]), -r * u[1], z]),
+            np.array([r / 2 * (u[0] - v[1]), -r * u[1], distance]),
             np.array(spin),
             np.array([shift_x, shift_y, [0.0, 0.0, 1.0]]),
         )
 
-    def reach(self, x: ArrayLike) -> Array:
+    def leg_margins(self, x: ArrayLike) -> Array:
         """Return per leg how far it is from being stretched or folded: >= 0 where it closes, shape (3,)."""
         legs = self._leg_planes(self.pose(x))
         distance = np.array([math.hypot(r, h) for r, h, _, _ in legs])
@@ -105,10 +106,10 @@ class Linkage:
         Raises:
             DermisError: a leg cannot reach.
         """
-        turns, slopes = self.servo_turns(self.pose(x))
-        return np.array(turns) + self.servo_zero, np.array(slopes)
+        angles, slopes = self.angles_from_neutral(self.pose(x))
+        return np.array(angles) + self.servo_zero, np.array(slopes)
 
-    def servo_turns(self, pose: PlatformPose) -> tuple[list[float], list[list[float]]]:
+    def angles_from_neutral(self, pose: PlatformPose) -> tuple[list[float], list[list[float]]]:
         """Return the servos' angles from neutral [rad] at a pose, and their derivatives, as plain numbers."""
         angles, slopes = [], []
         crank, rod = self.crank, self.rod
@@ -124,11 +125,11 @@ class Linkage:
                     limit=f"{1e3 * abs(rod - crank):.2f} to {1e3 * (rod + crank):.2f} mm",
                     remedy="Use longer links or a smaller movement",
                 )
-            angles.append(math.atan2(h, r) - self.knee * math.acos(cosine) - self.servo_zero)
-            bend = self.knee * (squared - crank * crank + rod * rod) / (2 * crank * squared)
-            bend /= distance * math.sqrt(1.0 - cosine * cosine)
+            angles.append(math.atan2(h, r) - self.bend * math.acos(cosine) - self.servo_zero)
+            slope = self.bend * (squared - crank * crank + rod * rod) / (2 * crank * squared)
+            slope /= distance * math.sqrt(1.0 - cosine * cosine)
             # d atan2 = (r dh - h dr) / d^2, and the knee bends with the distance, d' = (r dr + h dh) / d
-            by_r, by_h = bend * r - h / squared, bend * h + r / squared
+            by_r, by_h = slope * r - h / squared, slope * h + r / squared
             slopes.append([by_r * a + by_h * b for a, b in zip(dr, dh, strict=True)])
         return angles, slopes
 

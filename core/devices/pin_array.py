@@ -18,7 +18,7 @@ from ..arrays import Array
 from ..errors import DermisError, Finding
 from .spec import DeviceSpec
 
-SPREAD_REACH = 3.0  # of sigma: nodes farther from a pin's point of action get none of its force
+SPREAD_CUTOFF = 3.0  # of sigma: nodes farther from a pin's point of action get none of its force
 
 
 @dataclass(frozen=True)
@@ -28,14 +28,14 @@ class PinLayout:
     Attributes:
         tips: points on each pin's line, on the cylinder at mid stroke [m], shape (pins, 3).
         directions: unit vectors of the pins' motion, into the finger, shape (pins, 3).
-        force_limit: largest force of a pin [N]. stroke: its travel [m].
+        force_limit: largest force of each pin [N], shape (pins,). stroke: its travel [m].
         spread: standard deviation of the Gaussian that spreads a pin's force [m].
         delay: time from command to force [s].
     """
 
     tips: Array
     directions: Array
-    force_limit: float
+    force_limit: Array
     stroke: float
     spread: float
     delay: float
@@ -63,11 +63,11 @@ class PinContacts:
 
 
 def layout(spec: DeviceSpec) -> PinLayout:
-    """Place the pins of a preset in the finger's frame.
+    """Place the pins of a preset in the finger's frame; a channel's 'high' bounds its pin below 'force_limit'.
 
     Raises:
-        DermisError: no pins, a pitch, radius, stroke, spread or force limit that is not above zero, pins that
-            overlap, or columns that wrap more than half of the cylinder.
+        DermisError: no pins, another number of channels, a pitch, radius, stroke, spread or force limit that is not
+            above zero, pins that overlap, or columns that wrap more than half of the cylinder.
     """
     where = f"device preset '{spec.key}'"
     rows, columns = int(spec.value("rows")), int(spec.value("columns"))
@@ -92,7 +92,25 @@ def layout(spec: DeviceSpec) -> PinLayout:
     turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
     tips, directions = tips @ turn.T, directions @ turn.T
     _refuse_overlap(tips, spec.value("pin_radius"), where)
-    return PinLayout(tips, directions, limit, stroke, spread, delay)
+    return PinLayout(tips, directions, _force_limits(spec, len(tips), limit), stroke, spread, delay)
+
+
+def _force_limits(spec: DeviceSpec, pins: int, limit: float) -> Array:
+    """Return the smaller one of the parameter and the channel's 'high', for each pin [N]."""
+    where = f"device preset '{spec.key}'"
+    if pins != len(spec.channels):
+        raise DermisError(
+            "the layout and the channels differ in number",
+            where=where,
+            value=f"{pins} pins, {len(spec.channels)} channels",
+        )
+    limits = np.array([limit if c.high is None else min(limit, c.high) for c in spec.channels])
+    if not (limits > 0).all():
+        weak = spec.channels[int(np.argmin(limits))]
+        raise DermisError(
+            "a pin has no force to press with", where=f"{where}, {weak.name}", value=weak.high, limit="> 0 N"
+        )
+    return limits
 
 
 def contacts(pins: PinLayout, vertices: Array, triangles: NDArray[np.integer]) -> PinContacts:
@@ -143,18 +161,22 @@ def contacts(pins: PinLayout, vertices: Array, triangles: NDArray[np.integer]) -
     return PinContacts(points, hits, travel, tuple(findings))
 
 
-def on_pad(where: PinContacts, pins: PinLayout, nodes: Array) -> PinContacts:
-    """Switch off the pins that meet the skin too far from any node that may carry force [m], shape (n, 3).
+def on_pad(pins: PinLayout, vertices: Array, triangles: NDArray[np.integer], nodes: Array) -> PinContacts:
+    """Meet every pin's line with the skin, see `contacts`, without those too far from any node that may carry force.
+
+    Args:
+        nodes: those that may carry force [m], shape (n, 3).
 
     Raises:
         DermisError: no pin is left.
     """
+    met = contacts(pins, vertices, triangles)
     far = np.zeros(pins.count, dtype=bool)
-    for pin in np.flatnonzero(where.hits):
-        far[pin] = ((nodes - where.points[pin]) ** 2).sum(axis=1).min() > (SPREAD_REACH * pins.spread) ** 2
+    for pin in np.flatnonzero(met.hits):
+        far[pin] = ((nodes - met.points[pin]) ** 2).sum(axis=1).min() > (SPREAD_CUTOFF * pins.spread) ** 2
     if not far.any():
-        return where
-    if not (where.hits & ~far).any():
+        return met
+    if not (met.hits & ~far).any():
         raise DermisError(
             "no pin of the layout meets the pad",
             where="pin array",
@@ -168,10 +190,10 @@ def on_pad(where: PinContacts, pins: PinLayout, nodes: Array) -> PinContacts:
         value=_names(np.flatnonzero(far)),
         count=int(far.sum()),
     )
-    return replace(where, hits=where.hits & ~far, findings=(*where.findings, finding))
+    return replace(met, hits=met.hits & ~far, findings=(*met.findings, finding))
 
 
-def distribution(pins: PinLayout, where: PinContacts, nodes: Array) -> Array:
+def distribution(pins: PinLayout, met: PinContacts, nodes: Array) -> Array:
     """Return A = A_d A_p, nodal forces for unit pin forces, shape (3 nodes, pins).
 
     Weights fall off as a Gaussian of the distance from the point of action and sum to one, so the nodes together
@@ -183,9 +205,9 @@ def distribution(pins: PinLayout, where: PinContacts, nodes: Array) -> Array:
     Source: [S1] eq. 4 and IV.B.
     """
     a = np.zeros((len(nodes), 3, pins.count))
-    for pin in np.flatnonzero(where.hits):
-        squared = ((nodes - where.points[pin]) ** 2).sum(axis=1)
-        near = squared <= max((SPREAD_REACH * pins.spread) ** 2, squared.min())  # always at least the nearest node
+    for pin in np.flatnonzero(met.hits):
+        squared = ((nodes - met.points[pin]) ** 2).sum(axis=1)
+        near = squared <= max((SPREAD_CUTOFF * pins.spread) ** 2, squared.min())  # always at least the nearest node
         exponent = squared[near] / (2 * pins.spread**2)
         weights = np.exp(exponent.min() - exponent)
         weights /= weights.sum()

@@ -7,7 +7,8 @@ listed, not in the middle of a bake.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -21,17 +22,22 @@ from .spec import DeviceSpec
 
 # What may be stated of single channels, as 'bandwidth.motor_1': judged before a track leaves.
 OF_CHANNELS = ("acceleration", "bandwidth", "resolution")
+FIELDS = "schema name kind rate channels parameters safe wire description sources display".split()
+CHANNEL_FIELDS = "name unit actuator low high slew rest repeat description source".split()
 
 
 def check_device(spec: DeviceSpec) -> None:
     """Refuse a device preset that its kind cannot be made from.
 
     Raises:
-        DermisError: an unknown kind or parameter, one that is missing, of another form, unit or sign, or channels, a
-            safe state or quantities that the kind's own reading refuses.
+        DermisError: an unknown kind, field or parameter, one that is missing, of another form, unit or sign, or
+            channels, a safe state or quantities that the kind's own reading refuses.
     """
     where = f"device preset '{spec.key}'"
     kind = kind_of(spec)
+    _check_fields(spec.source, FIELDS, where)
+    for entry in spec.source["channels"]:
+        _check_fields(entry, CHANNEL_FIELDS, f"{where}, channel '{entry['name']}'")
     table = kind.parameters
     for name, row in table.items():
         if row.required:
@@ -59,6 +65,13 @@ def check_device(spec: DeviceSpec) -> None:
             coupling_of(spec)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         raise DermisError("its quantities fit no mechanism", where=where, value=str(error)) from error
+
+
+def _check_fields(given: Mapping[str, Any], known: Sequence[str], where: str) -> None:
+    """Refuse a field that nobody reads: a 'saef' would leave a device without its safe state."""
+    unknown = sorted(set(given) - set(known))
+    if unknown:
+        raise DermisError("unknown field", where=where, value=", ".join(unknown), limit=", ".join(known))
 
 
 def _check_channels(spec: DeviceSpec, kind: Kind, where: str) -> None:

@@ -64,15 +64,11 @@ class PressProblem:
         gram: J' (C + rho I)^-1 J, shape (6, 6).
 
     Raises:
-        DermisError: shapes that do not fit, negative friction, or a compliance that is not positive definite.
+        DermisError: a compliance that is not positive definite.
     """
 
     def __init__(self, compliance: Array, positions: Array, carrier: Carrier, friction: float) -> None:
         m = len(positions)
-        if compliance.shape != (3 * m, 3 * m):
-            raise DermisError("the compliance does not fit the nodes", where="platform", value=compliance.shape)
-        if not (np.isfinite(friction) and friction >= 0.0):
-            raise DermisError("friction cannot be negative", where="platform", value=friction, limit=">= 0")
         self.positions, self.carrier, self.friction, self.count = positions, carrier, float(friction), m
         # by component, so that each component of a batch is one block of columns
         order = np.arange(3 * m).reshape(m, 3).T.ravel()

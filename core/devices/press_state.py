@@ -1,6 +1,7 @@
 """A batch of platforms on their way into the skin: poses, forces, and the points of the platform that nodes stick to.
 
-The contact of all rows is iterated side by side by the alternating method of `contact.admm`, in single precision.
+The contact of all rows is iterated side by side by the alternating method of `contact.solver.admm`, in single
+precision.
 """
 
 from __future__ import annotations

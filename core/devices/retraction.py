@@ -5,8 +5,8 @@ The rules were set before any pose was looked at:
 * CLEAR: in the safe pose the platform stands at least this far below the pad of the thickest finger among the skins
   that ship. Devices sit on the nail, so a finger thicker than the one that a preset was made for hangs lower by the
   difference.
-* DEEPENING: on the way there, all channels together, the platform never presses deeper than where it started by more
-  than this.
+* On the way there, all channels together, the platform never presses deeper than where it started, by more than
+  0.05 mm.
 
 A servo's end of range is not used up: a horn fits every 15 degrees (a spline of 24 teeth), so a calibration moves a
 pose by up to 7.5, and the safe pose with it.
@@ -19,30 +19,11 @@ import numpy as np
 from ..arrays import Array
 from . import cable_platform, hexapod, thimble
 from .coupling import coupling_of
-from .poses import Poses
 from .spec import DeviceSpec
 
 FITTED = 13.0e-3  # [m] thickness of the finger that the platforms' presets were made for, nail to pad
 THICKEST = 18.0e-3  # [m] of the skins that ship: a large thumb
 CLEAR = 2.0e-3  # [m]
-DEEPENING = 0.05e-3  # [m]
-SPARED = float(np.radians(8.0))  # [rad] of a servo's range, left to calibration
-DROP = 15.0e-3  # [m] below the pad: how far six legs let the platform down
-
-
-def retracted(spec: DeviceSpec) -> Array:
-    """Return the safe pose of a device that ships: a value for every channel with an actuator [SI].
-
-    A thimble's servos turn away from the finger, all alike; cables are let out; six legs stand level, DROP below the
-    pad. A tactor returns to its middle, which stretches the skin least, and pins give no force.
-    """
-    if spec.kind == "thimble":
-        return np.asarray(thimble.mechanism(spec).servo_limits[1] - SPARED)
-    if spec.kind == "cable_platform":
-        return cable_platform.mechanism(spec).rest + SPARED
-    if spec.kind == "hexapod":
-        return hexapod.mechanism(spec).commands(Poses(np.eye(3)[None], np.array([[0.0, 0.0, -DROP]])))[0]
-    return np.zeros(sum(bool(c.actuator) for c in spec.channels))
 
 
 def clearance(spec: DeviceSpec, commands: Array) -> float:
@@ -56,7 +37,7 @@ def clearance(spec: DeviceSpec, commands: Array) -> float:
     """
     if spec.kind == "thimble":
         device = thimble.mechanism(spec)
-        x = device.forward(commands + device.servo_zero, (0.0, 0.0, float(spec.parameters["reference_distance"])))
+        x = device.forward(commands, (0.0, 0.0, thimble.reference_distance(spec, device)))
         place = device.in_finger(device.pose(x))
         return _below(place[:3, 2], place[:3, 3], device.disc_radius)
     if spec.kind not in ("cable_platform", "hexapod"):

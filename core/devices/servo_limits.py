@@ -11,13 +11,13 @@ from .spec import DeviceSpec
 SERVOS = ("servo_1", "servo_2", "servo_3")
 
 
-def servo_bounds(spec: DeviceSpec, reach: float) -> Array | None:
+def servo_bounds(spec: DeviceSpec, servo_range: float) -> Array | None:
     """Return the lowest and highest angle of every servo from neutral [rad], shape (2, 3).
 
     A pose is three angles at once: one that is cut off later, channel by channel, leaves another pose.
 
     Args:
-        reach: of the mechanism's servos to either side [rad].
+        servo_range: of the mechanism, to either side of neutral [rad].
 
     Returns:
         None where no channel is narrower than that.
@@ -25,20 +25,20 @@ def servo_bounds(spec: DeviceSpec, reach: float) -> Array | None:
     Raises:
         DermisError: a channel that leaves its servo no range.
     """
-    low, high = np.full(3, -reach), np.full(3, reach)
+    low, high = np.full(3, -servo_range), np.full(3, servo_range)
     for channel in spec.channels:
         if channel.name in SERVOS:
             i = SERVOS.index(channel.name)
-            low[i] = max(low[i], -reach if channel.low is None else channel.low)
-            high[i] = min(high[i], reach if channel.high is None else channel.high)
+            low[i] = max(low[i], -servo_range if channel.low is None else channel.low)
+            high[i] = min(high[i], servo_range if channel.high is None else channel.high)
             if not low[i] < high[i]:
                 raise DermisError(
                     "the channel leaves its servo no range",
                     where=f"device preset '{spec.key}', {channel.name}",
                     value=f"{np.degrees(low[i]):.3g} to {np.degrees(high[i]):.3g} deg",
-                    limit=f"within +-{np.degrees(reach):.3g} deg of neutral",
+                    limit=f"within +-{np.degrees(servo_range):.3g} deg of neutral",
                 )
-    narrower = (low > -reach * (1 - 1e-12)).any() or (high < reach * (1 - 1e-12)).any()
+    narrower = (low > -servo_range * (1 - 1e-12)).any() or (high < servo_range * (1 - 1e-12)).any()
     return np.stack([low, high]) if narrower else None
 
 

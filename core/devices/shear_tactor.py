@@ -92,46 +92,6 @@ class ShearTactor:
         q = self._absolute(angles)
         return self.link * np.stack([np.cos(q).sum(axis=-1), np.sin(q).sum(axis=-1)], axis=-1) + self.axis
 
-    def jacobian(self, angles: Array) -> Array:
-        """Return d position / d angles [m/rad], shape (..., 2, 2)."""
-        q = self._absolute(angles)
-        return self.link * np.stack([-np.sin(q), np.cos(q)], axis=-2)
-
-    def torques(self, angles: Array, force: Array) -> Array:
-        """Return the pulley torques [N m] that press the cap against the skin with a force [N], shapes (..., 2)."""
-        return np.einsum("...ij,...i->...j", self.jacobian(angles), force)
-
-    def force(self, angles: Array, torques: Array) -> Array:
-        """Return the force of the cap [N] that pulley torques [N m] give, shapes (..., 2)."""
-        transposed = np.swapaxes(self.jacobian(angles), -1, -2)
-        forces: Array = np.linalg.solve(transposed, np.asarray(torques, dtype=np.float64)[..., None]).astype(np.float64)
-        return forces[..., 0]
-
-    def weakest_force(self, angles: Array, rule: str = "per motor") -> Array:
-        """Return the force [N] that the cap has in its weakest direction, shape (...).
-
-        Args:
-            angles: [rad], shape (..., 2).
-            rule: 'per motor': each torque is limited by itself; this gives torque / l in every pose, 3.4 N for HapTip.
-                'root sum of squares': the root of the torques' squared sum is limited; the same in the reference
-                pose, and least, 2.65 N, on the workspace's rim: the paper's 'more than 2.7 N in any point'.
-
-        Raises:
-            DermisError: an unknown rule.
-        """
-        columns = self.jacobian(angles)
-        if rule == "per motor":
-            return self.torque / np.sqrt((columns**2).sum(axis=-2)).max(axis=-1)
-        if rule == "root sum of squares":
-            sizes: Array = np.linalg.svd(columns, compute_uv=False).astype(np.float64)
-            return self.torque / sizes[..., 0]
-        raise DermisError("unknown rule for the torques", value=rule, limit="per motor, root sum of squares")
-
-    def rim(self, count: int = 720) -> Array:
-        """Return cap positions around the workspace's rim [m], shape (count, 2)."""
-        angle = 2.0 * math.pi * np.arange(count) / count
-        return self.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-
     def _absolute(self, angles: Array) -> Array:
         """Angles of the two rods from the pad's +X [rad]."""
         return np.asarray(angles) + np.array([self.heading - math.pi / 4.0, self.heading + math.pi / 4.0])

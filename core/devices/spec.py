@@ -11,12 +11,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..errors import DermisError
-from ..units import UNITS, quantity
+from ..parameters.stream import STREAM
+from ..units import UNITS, quantity, setting
 from .kinds import KINDS
 
 DEVICE_SCHEMA = "dermis-device 1"
 MAX_REPEAT = 4096  # channels that one entry may stand for
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")  # what stands in file headers as it is
+CHANNEL = ("name", "unit", "actuator", "low", "high", "slew", "rest", "repeat", "description", "source")
 WIRE = ("bandwidth", "bits_per_sample", "bits_per_channel")
 
 
@@ -53,8 +55,8 @@ class DeviceSpec:
         channels: in the order of the track's columns.
         parameters: the mechanism's quantities in SI and its plain settings. Two channels that share a round range
             are named by `range_disc` (a list of two) and `range_disc_radius`, in the channels' unit.
-        wire: `bandwidth` of the link [bit/s] (0 or absent: unknown), `bits_per_sample` that every sample costs
-            (address, check, time) and `bits_per_channel` that each channel with an actuator adds.
+        link_budget: `bandwidth` of the link [bit/s] (0 or absent: unknown), `bits_per_sample` that every sample costs
+            (address, check, time) and `bits_per_channel` that each channel with an actuator adds; 'wire' in files.
         source: the preset as read, for its hash and its sources.
         stated_hash: the hash that a track file states, where the preset itself is not at hand.
 
@@ -70,7 +72,7 @@ class DeviceSpec:
     rate: float
     channels: tuple[Channel, ...]
     parameters: Mapping[str, Any] = field(default_factory=dict)
-    wire: Mapping[str, float] = field(default_factory=dict)
+    link_budget: Mapping[str, float] = field(default_factory=dict)
     source: Mapping[str, Any] = field(default_factory=dict)
     stated_hash: str = ""
 
@@ -122,8 +124,8 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
     Quantities are `{"value", "unit", "source"}`; strings, booleans and lists of strings pass as they are.
 
     Raises:
-        DermisError: another schema, a missing field, an unknown unit, two channels of one name, limits that
-            leave no value, a rest outside of them, a range disc of channels that do not exist.
+        DermisError: another schema, a missing field, an unknown unit, a channel's field that is unknown, two channels
+            of one name, limits that leave no value, a rest outside of them, a range disc of channels that do not exist.
     """
     where = f"device preset '{key}'"
     if not isinstance(preset, Mapping):
@@ -147,14 +149,22 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
         key=key,
         name=preset["name"],
         kind=preset["kind"],
-        rate=positive(_number(preset["rate"], f"{where}, rate"), f"{where}, rate"),
+        rate=_rate(preset["rate"], f"{where}, rate"),
         channels=channels,
-        parameters={k: _parameter(v, f"{where}, {k}") for k, v in _group(preset, "parameters", where).items()},
-        wire=_wire(_group(preset, "wire", where), where),
+        parameters={k: setting(v, where=f"{where}, {k}") for k, v in _group(preset, "parameters", where).items()},
+        link_budget=_link_budget(_group(preset, "wire", where), where),
         source=preset,
     )
     range_disc(spec)
     return spec
+
+
+def _rate(entry: Any, where: str) -> float:
+    """Return the commands a second [Hz]: no more of them than a stream sends, for a track has a sample for each."""
+    rate, most = positive(_number(entry, where), where), STREAM["rate"].high
+    if most is not None and rate > most:
+        raise DermisError("more commands a second than are sent", where=where, value=rate, limit=f"<= {most:g} Hz")
+    return rate
 
 
 def repeated_names(spec: DeviceSpec) -> dict[str, tuple[str, ...]]:
@@ -204,24 +214,18 @@ def _number(field: Any, where: str) -> float:
     return float(value)
 
 
-def _wire(entries: Mapping[str, Any], where: str) -> dict[str, float]:
-    wire = {}
+def _link_budget(entries: Mapping[str, Any], where: str) -> dict[str, float]:
+    budget = {}
     for name, entry in entries.items():
         place = f"{where}, wire {name}"
         if name not in WIRE:
             raise DermisError("unknown field", where=place, limit=", ".join(WIRE))
-        wire[name] = _number(entry, place)
-        if wire[name] < 0:
-            raise DermisError("must not be below zero", where=place, value=wire[name], limit=">= 0")
-    if wire.get("bandwidth") and not (wire.get("bits_per_sample") or wire.get("bits_per_channel")):
+        budget[name] = _number(entry, place)
+        if budget[name] < 0:
+            raise DermisError("must not be below zero", where=place, value=budget[name], limit=">= 0")
+    if budget.get("bandwidth") and not (budget.get("bits_per_sample") or budget.get("bits_per_channel")):
         raise DermisError("a bandwidth needs the cost of a sample", where=f"{where}, wire", limit=", ".join(WIRE[1:]))
-    return wire
-
-
-def _parameter(value: Any, where: str) -> Any:
-    if isinstance(value, str | bool) or (isinstance(value, list) and all(isinstance(v, str) for v in value)):
-        return value
-    return quantity(value, where=where)
+    return budget
 
 
 def _repeated(entry: Mapping[str, Any], where: str) -> list[Mapping[str, Any]]:
@@ -256,6 +260,9 @@ def _channel(entry: Mapping[str, Any], where: str) -> Channel:
     if entry["unit"] not in UNITS or UNITS[entry["unit"]][0] != entry["unit"]:
         units = ", ".join(dict.fromkeys(si for si, _ in UNITS.values()))
         raise DermisError("a channel's unit must be SI", where=place, value=entry["unit"], limit=units)
+    unknown = sorted(set(entry) - set(CHANNEL))
+    if unknown:  # a limit that is misspelt would be none
+        raise DermisError("unknown field", where=place, value=", ".join(unknown), limit=", ".join(CHANNEL))
     given = {k: entry[k] for k in ("low", "high", "slew", "rest") if entry.get(k) is not None}
     limits = {k: _in_unit(field, entry["unit"], f"{place}, {k}") for k, field in given.items()}
     low, high = limits.get("low", -math.inf), limits.get("high", math.inf)

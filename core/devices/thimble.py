@@ -12,17 +12,18 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..arrays import Array
 from ..errors import DermisError
-from .firmness import firmness, posture
 from .forward_kinematics import configuration
+from .inverse_kinematics import inverse_kinematics
 from .linkage import Linkage, PlatformPose
-from .servo_limits import servo_bounds, servo_speed
+from .servo_limits import SERVOS, servo_bounds, servo_speed
+from .singularity import singularity_margin
 from .spec import DeviceSpec
 
-FIRM = 0.03  # least firmness: there a servo's error turns the platform some 15 times as far, and beyond it gives way
+MIN_MARGIN = 0.03  # of singularity: there a servo's error turns the platform 15 times as far, beyond it gives way
 
 
 @dataclass(frozen=True)
@@ -53,59 +54,41 @@ class Thimble(Linkage):
             return np.full(3, -self.servo_range), np.full(3, self.servo_range)
         return self.bounds[0], self.bounds[1]
 
-    def turns(self, psi: float, theta: float, z: float) -> list[float]:
-        """Return the servos' angles from neutral [rad] as plain numbers, for those who try many configurations.
-
-        Raises:
-            DermisError: a leg cannot reach.
-        """
-        return posture(self, psi, theta, z)[0]
-
-    def constraints(self, x: ArrayLike) -> tuple[Array, Array]:
-        """Return c(x) >= 0, shape (7,), and dc/dx, shape (7, 3).
+    def constraints(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
+        """Return c(x) >= 0, shape (7,), and dc/dx, shape (7, 3), within limits of the servos [rad], shape (3,) each.
 
         The first six are the room left of each servo to either side [rad], the last how far the platform is from the
-        least firmness.
+        least singularity margin.
 
         Raises:
             DermisError: a leg cannot reach.
         """
-        return self.constraints_within(x, *self.servo_limits)
-
-    def constraints_within(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return `constraints` for other limits of the servos' angles from neutral [rad], shape (3,) each."""
         at = np.asarray(x, dtype=np.float64)
-        turned, slopes = self.servo_turns(self.pose(at))
-        firm, softer = firmness(self, *at.tolist())
-        angles, by_x = np.array(turned), np.array(slopes)
-        return np.concatenate([high - angles, angles - low, [firm - FIRM]]), np.vstack([-by_x, by_x, softer])
+        angles, by_x = (np.array(rows) for rows in self.angles_from_neutral(self.pose(at)))
+        margin, softer = singularity_margin(self, *at.tolist())
+        return np.concatenate([high - angles, angles - low, [margin - MIN_MARGIN]]), np.vstack([-by_x, by_x, softer])
 
     def feasible(self, x: ArrayLike) -> bool:
-        """Tell whether the legs reach, the servos stay within their range, and hold the platform firmly."""
+        """Return whether the legs reach, the servos stay within their range, and hold the platform firmly."""
         low, high = self.servo_limits
-        psi, theta, z = np.asarray(x, dtype=np.float64).tolist()
-        return self.within(psi, theta, z, low.tolist(), high.tolist())
+        pitch, roll, distance = np.asarray(x, dtype=np.float64).tolist()
+        return self.within(pitch, roll, distance, low.tolist(), high.tolist())
 
-    def within(self, psi: float, theta: float, z: float, low: list[float], high: list[float]) -> bool:
-        """Tell the same for limits of the servos' angles from neutral [rad]."""
+    def within(self, pitch: float, roll: float, distance: float, low: list[float], high: list[float]) -> bool:
+        """Return the same for limits of the servos' angles from neutral [rad]."""
         try:
-            turned, firm = posture(self, psi, theta, z)
+            angles, margin = inverse_kinematics(self, pitch, roll, distance)
         except DermisError:
             return False
-        return firm >= FIRM and all(a <= t <= b for a, t, b in zip(low, turned, high, strict=True))
-
-    def workspace(self, pitch: ArrayLike, roll: ArrayLike, distance: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which of a grid of pitches, rolls [rad] and distances [m] are feasible, shape (a, b, c)."""
-        grid = [np.asarray(values, dtype=np.float64).tolist() for values in (pitch, roll, distance)]
-        return np.array([[[self.feasible((p, r, z)) for z in grid[2]] for r in grid[1]] for p in grid[0]])
+        return margin >= MIN_MARGIN and all(a <= t <= b for a, t, b in zip(low, angles, high, strict=True))
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
-        """Return the configuration that servo angles [rad] hold the platform in; see `configuration`.
+        """Return the configuration that servo angles from neutral [rad] hold the platform in; see `configuration`.
 
         Raises:
             DermisError: no such configuration was found.
         """
-        return configuration(self, angles, start)
+        return configuration(self, np.asarray(angles, dtype=np.float64) + self.servo_zero, start)
 
     def pulse_width(self, angles: ArrayLike) -> Array:
         """Return the servos' pulse widths [s] for angles [rad]."""
@@ -116,6 +99,15 @@ class Thimble(Linkage):
         local = np.eye(4)
         local[:3, :3], local[:3, 3] = pose.rotation, pose.centre
         return self.mount @ local
+
+
+def channel_values(angles: Array, x: Array) -> dict[str, Array]:
+    """Return what each channel of a thimble holds, by name.
+
+    Args:
+        angles: of the servos from neutral [rad], shape (..., 3). x: pitch, roll [rad] and distance [m], shape (..., 3).
+    """
+    return dict(zip((*SERVOS, "pitch", "roll", "distance"), (*angles.T, *x.T), strict=True))
 
 
 def mechanism(spec: DeviceSpec) -> Thimble:
@@ -132,28 +124,33 @@ def mechanism(spec: DeviceSpec) -> Thimble:
     # the base sits above the nail and looks down: its +Z is the finger's -Z, its +Y stays the finger's
     mount = np.diag([-1.0, 1.0, -1.0, 1.0])
     mount[:3, 3] = spec.value("mount_position") or (0.0, 0.0, reference)
-    knee = -1.0 if spec.value("knee") == "inwards" else 1.0
+    bend = -1.0 if spec.value("knee") == "inwards" else 1.0
     device = Thimble(
         **sizes,
         servo_zero=0.0,
-        knee=knee,
+        bend=bend,
         mount=mount,
         pulse_neutral=spec.value("pulse_neutral"),
         pulse_gain=spec.value("pulse_gain"),
     )
     try:
         zero = float(device.servo_angles([0.0, 0.0, reference])[0][0])
-        firm = posture(device, 0.0, 0.0, reference)[1]
+        margin = inverse_kinematics(device, 0.0, 0.0, reference)[1]
     except DermisError as error:
         raise DermisError("the links cannot close at the reference distance", where=where, value=str(error)) from error
-    if abs(firm) < FIRM:
+    if abs(margin) < MIN_MARGIN:
         raise DermisError(
             "the rods lie too flat to hold the platform at the reference distance",
             where=where,
-            value=f"firmness {abs(firm):.3g}",
-            limit=f">= {FIRM:g}",
+            value=f"singularity margin {abs(margin):.3g}",
+            limit=f">= {MIN_MARGIN:g}",
             remedy="Use other link lengths or another distance",
         )
     sizes["servo_speed"] = servo_speed(spec, sizes["servo_speed"])
     bounds = servo_bounds(spec, sizes["servo_range"])
-    return replace(device, **sizes, servo_zero=zero, side=math.copysign(1.0, firm), bounds=bounds)
+    return replace(device, **sizes, servo_zero=zero, side=math.copysign(1.0, margin), bounds=bounds)
+
+
+def reference_distance(spec: DeviceSpec, device: Thimble) -> float:
+    """Return the platform's distance from the base with all servos in their middle [m], as a start for poses."""
+    return float(spec.parameters.get("reference_distance", device.mount[2, 3]))

@@ -17,7 +17,7 @@ from ..arrays import Array
 from ..errors import DermisError
 
 # Bounces within one step; a body that would bounce more often lies still until the next.
-MOST_BOUNCES = 8
+MAX_BOUNCES = 8
 
 
 def displacement(offset: Array, amplitude: float | Array) -> Array:
@@ -182,9 +182,9 @@ def loose(
     _room(size)
     step = _step(times)
     restitution = 1.0 - damping
-    felt = np.einsum("nji,nj->ni", rotation, gravity - acceleration)
+    specific_force = np.einsum("nji,nj->ni", rotation, gravity - acceleration)
     turn = np.einsum("nji,nj->ni", rotation, angular_velocity)
-    mean = (felt[1:] + felt[:-1]) / 2.0
+    mean = (specific_force[1:] + specific_force[:-1]) / 2.0
     turns, half = bool(turn.any()), 0.5 * step
     spins = ((turn[1:] + turn[:-1]) / 2.0).tolist() if turns else []
     changes = (np.diff(turn, axis=0) / step).tolist() if turns else []
@@ -193,10 +193,10 @@ def loose(
     for k, push in enumerate(mean.tolist()):
         if turns:
             w, dw = spins[k], changes[k]
-            x, y, z = _felt(push, w, dw, place, speed)
+            x, y, z = _turning(push, w, dw, place, speed)
             halfway = [speed[0] + half * x, speed[1] + half * y, speed[2] + half * z]
             between = [place[0] + half * speed[0], place[1] + half * speed[1], place[2] + half * speed[2]]
-            push = _felt(push, w, dw, between, halfway)  # midpoint rule: second order
+            push = _turning(push, w, dw, between, halfway)  # midpoint rule: second order
         for i in range(3):
             x, v, a = place[i], speed[i], push[i]
             end = x + step * (v + 0.5 * step * a)
@@ -214,7 +214,7 @@ def bounce(x: float, v: float, a: float, step: float, size: float, restitution: 
 
     It rests against a wall that it is pushed to when it cannot leave it for as long as a step.
     """
-    for _ in range(MOST_BOUNCES):
+    for _ in range(MAX_BOUNCES):
         wall = math.copysign(size, x)
         if abs(x) >= size and v * wall <= 0.0 and a * wall > 0.0 and 2.0 * abs(v) < abs(a) * step and restitution < 1.0:
             return wall, 0.0
@@ -246,7 +246,7 @@ def _next_wall(x: float, v: float, a: float, size: float) -> tuple[float, float]
     return first, where
 
 
-def _felt(push: list[float], w: list[float], dw: list[float], r: list[float], v: list[float]) -> list[float]:
+def _turning(push: list[float], w: list[float], dw: list[float], r: list[float], v: list[float]) -> list[float]:
     """Add the centrifugal, Coriolis and Euler forces of a turning frame, per mass."""
     (wx, wy, wz), (dx, dy, dz), (x, y, z), (vx, vy, vz) = w, dw, r, v
     wr, ww = wx * x + wy * y + wz * z, wx * wx + wy * wy + wz * wz

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .. import images
 from ..errors import DermisError, Finding, Severity
-from .repair import FEWEST_LEVELS, MOST_LEVELS, filled, holes_in, smoothed, staircase
+from .repair import FEWEST_LEVELS, MAX_LEVELS, filled, holes_in, smoothed, staircase
 
 Meaning = Literal["height", "depth"]
 Steps = Literal["smooth", "keep"]
@@ -167,7 +167,7 @@ class _Repair:
         heights = np.where(known, self._sign * np.where(known, heights, 0.0), 0.0)
         # Looked for before holes are filled, because the filling adds levels of its own; and only where the format
         # has few levels: what floating point or a mesh climbs in steps was meant so.
-        coarse = 0 < levels <= MOST_LEVELS
+        coarse = 0 < levels <= MAX_LEVELS
         found = staircase(np.where(known, heights, heights[known].min())) if coarse else None
         heights = filled(heights, gaps)
         if found is not None and found.found:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,49 +12,6 @@ from ..errors import DermisError
 CHUNK = 16384
 # Pixels a run of the gradient (2 MB): long enough to pay for numpy's calls, short enough for the last cache.
 RUN = 524288
-
-
-@dataclass(frozen=True, eq=False)
-class GradientField:
-    """Slopes of a height map on a screen.
-
-    Attributes:
-        slopes: dF/dx and dF/dy [m/m], row 0 at the bottom, float32, shape (2, rows, columns).
-        size: width and height of the screen [m].
-    """
-
-    slopes: Floats32
-    size: tuple[float, float]
-
-    def at(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Return dF/dx and dF/dy [m/m] at points [m] from the screen's centre, each shape (n,)."""
-        both = bilinear(self.slopes, self.size, x, y)
-        return both[0].astype(np.float64), both[1].astype(np.float64)
-
-    def steepest(self) -> float:
-        """Return the largest slope [m/m] of any pixel; bilinear reading never exceeds it."""
-        return steepest(self.slopes)
-
-
-def field(heights: NDArray[np.floating], size: tuple[float, float], height_unit: float) -> GradientField:
-    """Return the gradient field of heights over a screen.
-
-    Args:
-        heights: F towards the viewer, row 0 at the bottom, shape (rows, columns).
-        size: width and height of the screen [m]; pixels need not be square.
-        height_unit: metres that one unit of the map stands for. With 0 the map has no physical unit, and one unit
-            counts as the width of the screen.
-
-    Raises:
-        DermisError: no pixels, a size or a unit that is not positive and finite, heights that are not finite.
-
-    Source: [S4] eq. 3
-    """
-    check_map(heights, size, height_unit)
-    rows, columns = heights.shape
-    slopes = np.empty((2, rows, columns), np.float32)
-    gradient(heights, (size[0] / columns, size[1] / rows), scale=metres_of(size, height_unit), out=slopes)
-    return GradientField(slopes, size)
 
 
 def metres_of(size: tuple[float, float], height_unit: float) -> float:
@@ -171,7 +126,7 @@ def check_map(heights: NDArray[np.floating], size: tuple[float, float], height_u
     """Refuse a map that has no gradient.
 
     Raises:
-        DermisError: see `field`.
+        DermisError: no pixels, a size or a unit that is not positive and finite, heights that are not finite.
     """
     where = where or "depth map"
     if heights.ndim not in (2, 3) or heights.size == 0:

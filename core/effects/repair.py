@@ -11,7 +11,7 @@ from ..arrays import Array
 
 # A background at infinity is written as 1e10 by Blender's depth pass; no height or depth in use is as large.
 FAR = 1e9
-FEWEST_LEVELS, MOST_LEVELS = 16, 256
+FEWEST_LEVELS, MAX_LEVELS = 16, 256
 _RELAXATIONS = 12
 _RADII = (64, 32, 16, 8, 4, 2, 1)
 _PASSES = 2
@@ -82,8 +82,8 @@ def staircase(values: NDArray[np.floating]) -> Staircase:
     step, and more than a quarter of all changes between neighbours by exactly one step.
     """
     levels = np.unique(_few(values))
-    if len(levels) > MOST_LEVELS or len(levels) < 2:
-        return Staircase(0 if len(levels) > MOST_LEVELS else len(levels), 0.0, False)
+    if len(levels) > MAX_LEVELS or len(levels) < 2:
+        return Staircase(0 if len(levels) > MAX_LEVELS else len(levels), 0.0, False)
     step = float(np.diff(levels).min())
     multiples = (levels.astype(np.float64) - float(levels[0])) / step
     regular = bool(np.abs(multiples - np.rint(multiples)).max() < 0.02)
@@ -116,7 +116,7 @@ def smoothed(values: Array, step: float) -> Array:
 def _few(values: NDArray[np.floating]) -> NDArray[np.floating]:
     """Return the values, or only a sample that already shows too many levels: sorting a large map is slow."""
     sample = values.ravel()[:: max(1, values.size // 65536)]
-    return sample if len(np.unique(sample)) > MOST_LEVELS else values.ravel()
+    return sample if len(np.unique(sample)) > MAX_LEVELS else values.ravel()
 
 
 def _halved(values: Array) -> Array:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,8 +10,8 @@ from ..errors import DermisError
 from ..parameters.device import DEVICE
 from .heading import Heading
 
-FULL = 100.0  # the strongest friction of [S4]'s scale of 0 to 100
-LEAST = 1.0  # the weakest that Table 1 renders
+MAX_FRICTION = 100.0  # the strongest friction of [S4]'s scale of 0 to 100
+MIN_FRICTION = 1.0  # the weakest that Table 1 renders
 STEEPEST_NORMAL = 0.05  # n_z below this (steeper than 87 degrees) is limited
 
 
@@ -105,53 +103,7 @@ def without_downhill(friction: Array, way: str) -> Array:
     if way == "rectify":
         return np.maximum(friction, 0.0)
     if way == "offset":
-        return np.maximum(0.5 * (FULL + friction), 0.0)
+        return np.maximum(0.5 * (MAX_FRICTION + friction), 0.0)
     if way == "absolute":
         return np.abs(friction)
     raise DermisError("unknown downhill", value=way, limit=DEVICE["downhill"].allowed)
-
-
-def bump_height(x: Array, height: float, centre: float, width: float) -> Array:
-    """Return the Gaussian bump A exp(-(x - m)^2 / (2 sigma^2)).
-
-    Source: [S4] Table 1
-    """
-    return np.asarray(height * np.exp(-0.5 * ((x - centre) / width) ** 2))
-
-
-def bump_friction(
-    x: Array,
-    profile: str,
-    height: float,
-    centre: float,
-    width: float,
-    *,
-    full_height: float = 1.0,
-    threshold: float = 0.5,
-    downhill: str = "rectify",
-) -> Array:
-    """Return the friction over a Gaussian bump for a finger moving towards +x, from 1 to 100.
-
-    height: 1 + 99 F / A_full. slope: F' is largest at m - sigma, where it is A / (sigma sqrt(e)); divided by that
-    of the full height it gives g = (A / A_full) (m - x) / sigma exp(1/2 - (x - m)^2 / (2 sigma^2)), within +-1,
-    and 1 + 99 g uphill ('rectify'), 1 + 99 (1 + g) / 2 ('offset') or 1 + 99 |g| ('absolute'). rectangle: 100 where
-    F is at least `threshold` of its own height, else 1. Table 1 prints no constants: the normalisation is ours.
-
-    Args:
-        full_height: the height that reaches 100, so that a lower bump is felt as lower.
-
-    Raises:
-        DermisError: another profile or way downhill.
-
-    Source: [S4] Table 1
-    """
-    span = FULL - LEAST
-    surface = bump_height(x, height, centre, width)
-    if profile == "height":
-        return LEAST + span * surface / full_height
-    if profile == "slope":
-        relative = math.sqrt(math.e) * (centre - x) / width * surface / full_height
-        return LEAST + span * without_downhill(FULL * relative, downhill) / FULL
-    if profile == "rectangle":
-        return np.where(surface >= threshold * height, FULL, LEAST)
-    raise DermisError("unknown profile", value=profile, limit=DEVICE["profile"].allowed)

@@ -13,7 +13,7 @@ from ..foreign import check_size
 
 # Rec. 709 weights: what Blender, and the eye, take for the brightness of a colour.
 LUMINANCE = (0.2126, 0.7152, 0.0722)
-MOST_PIXELS = 100_000_000  # 20 um apart on a screen of 20 cm, finer than a fingertip tells apart
+MAX_PIXELS = 100_000_000  # 20 um apart on a screen of 20 cm, finer than a fingertip tells apart
 _AT_ONCE = 1 << 20  # numbers in double precision
 
 
@@ -42,16 +42,16 @@ def checked_size(columns: int, rows: int, where: str, *, packed: int | None = No
         packed: bytes that its pixels are unpacked from, where they are.
 
     Raises:
-        DermisError: 0 x 0, more than `MOST_PIXELS`, or a large one out of nearly nothing.
+        DermisError: 0 x 0, more than `MAX_PIXELS`, or a large one out of nearly nothing.
     """
     if columns <= 0 or rows <= 0:
         raise DermisError("the image has no pixels", where=where, value=f"{columns} x {rows}", limit="at least 1 x 1")
-    if columns * rows > MOST_PIXELS:
+    if columns * rows > MAX_PIXELS:
         raise DermisError(
             "the image is too large",
             where=where,
             value=f"{columns} x {rows}",
-            limit=f"{MOST_PIXELS} pixels",
+            limit=f"{MAX_PIXELS} pixels",
             remedy="Scale it down",
         )
     check_size(columns * rows * np.dtype(np.float32).itemsize, where, packed=packed)

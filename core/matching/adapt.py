@@ -13,7 +13,7 @@ from ..devices.spec import from_preset
 from ..skin.model import skin_from_parameters
 from ..steps import drain
 from ..surrogate.store import adapt, place_of, save
-from .thimble_use import fitted
+from .thimble_use import calibrated_mechanism
 
 SHARES = {"dataset": (0, 600), "descriptors": (600, 620), "training": (620, 1000)}  # of the time, in thousandths
 
@@ -25,7 +25,7 @@ def adapt_job(
 
     Args:
         parameters: 'device' (preset as read), 'device_key', 'skin' (parameters in SI), 'level', 'folder', and
-            optionally 'use' (calibration to the person, see `fitted`), 'trajectories', 'iterations'.
+            optionally 'use' (calibration to the person, see `calibrated_mechanism`), 'trajectories', 'iterations'.
 
     Returns:
         'errors': test errors of ridge and network, shape (2,); 'samples': how many there were.
@@ -36,7 +36,7 @@ def adapt_job(
     spec = from_preset(str(parameters.get("device_key", "thimble")), parameters["device"])
     # what is learned is proportional to stiffness: one surrogate serves a finger whatever its personal factor
     skin = skin_from_parameters(parameters["skin"], level=str(parameters.get("level", "standard")))
-    device, friction = fitted(spec, skin, parameters.get("use", {}))
+    device, friction = calibrated_mechanism(spec, skin, parameters.get("use", {}))
     wanted = {n: int(parameters[n]) for n in ("trajectories", "iterations") if n in parameters}
 
     def tell(stage: str, done: int, total: int) -> None:

@@ -23,7 +23,7 @@ HOLD = 1e-2  # weight of staying where the platform was, relative to the contact
 
 
 def total_force(count: int) -> Array:
-    """Return the readout that sums the forces on `count` pad nodes, shape (3, 3 count)."""
+    """Return the observation matrix that sums the forces on `count` pad nodes, shape (3, 3 count)."""
     return np.tile(np.eye(3), (1, count))
 
 

@@ -22,7 +22,7 @@ from ..recent import Recent
 from .bounded_input import WHERE, bounds_of, statuses_of
 from .bounded_solution import BoundedSolution
 
-__all__ = ["BoundedLeastSquares", "BoundedSolution", "bounded_least_squares"]
+__all__ = ["BoundedLeastSquares", "BoundedSolution"]
 
 
 SIGN_TOLERANCE = 1e-13  # of the largest gradient or bound: below it a sign counts as right
@@ -278,11 +278,3 @@ class BoundedLeastSquares:
 
 
 _EMPTY = np.zeros(0)
-
-
-def bounded_least_squares(gram: Array, c: Array, low: Any, high: Any) -> BoundedSolution:
-    """Minimise 1/2 x'Hx - c'x with low <= x <= high once.
-
-    Args and errors: as `BoundedLeastSquares` and its `solve`.
-    """
-    return BoundedLeastSquares(gram, low, high).solve(c)

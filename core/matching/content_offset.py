@@ -13,7 +13,7 @@ from ..scene.tactile_scene import TactileScene
 
 
 def content_offset(
-    touch: PadContact, scene: TactileScene, b: int, times: Array, acceleration: Array
+    pad_contact: PadContact, scene: TactileScene, b: int, times: Array, acceleration: Array
 ) -> tuple[Array, tuple[Finding, ...]]:
     """Return oc of body b, from its centre of gravity to its content's, in world axes [m], shape (n, 3), and findings.
 
@@ -28,9 +28,9 @@ def content_offset(
     body = scene.bodies[b]
     kind = BODY["content_kind"].of(body.parameters, f"object '{body.name}'")
     if kind == "child":
-        return _of_children(touch, scene, b, times)
+        return _of_children(pad_contact, scene, b, times)
     names = ("content_length", "content_damping", "content_size")
-    length, damping, size = (_constant(touch, scene, b, name, times) for name in names)
+    length, damping, size = (_constant(pad_contact, scene, b, name, times) for name in names)
     gravity = np.asarray(scene.gravity)
     try:
         if kind == "pendulum":
@@ -38,14 +38,16 @@ def content_offset(
         if kind == "slosh":
             offset, limited = content.slosh(times, acceleration, gravity, length, damping, size)
             return offset, _walls(body.name, limited)
-        there = touch.body_at(b, times)
+        there = pad_contact.body_at(b, times)
         turning = there.rotation, there.angular_velocity
         return content.loose(times, *turning, acceleration, gravity, damping, size), ()
     except DermisError as error:
         raise error.changed(where=f"object '{body.name}'") from error
 
 
-def _of_children(touch: PadContact, scene: TactileScene, b: int, times: Array) -> tuple[Array, tuple[Finding, ...]]:
+def _of_children(
+    pad_contact: PadContact, scene: TactileScene, b: int, times: Array
+) -> tuple[Array, tuple[Finding, ...]]:
     """From the body's centre of gravity to that of its contents, weighted by their masses."""
     body = scene.bodies[b]
     names = [other.name for other in scene.bodies]
@@ -61,12 +63,12 @@ def _of_children(touch: PadContact, scene: TactileScene, b: int, times: Array) -
             remedy="Parent a touchable object to it, or choose another content",
         )
         return np.zeros((len(times), 3)), (nothing,)
-    masses = np.array([_constant(touch, scene, c, "mass", times) for c in children])
+    masses = np.array([_constant(pad_contact, scene, c, "mass", times) for c in children])
     if not masses.sum() > 0.0:
         masses = np.ones(len(children))
-    paths = [touch.centre(c, scene.bodies[c].mesh).at(times) for c in children]
+    paths = [pad_contact.centre(c, scene.bodies[c].mesh).at(times) for c in children]
     middle = sum((m * p for m, p in zip(masses / masses.sum(), paths, strict=True)), np.zeros((1, 3)))
-    return middle - touch.centre(b, body.mesh).at(times), ()
+    return middle - pad_contact.centre(b, body.mesh).at(times), ()
 
 
 def _walls(name: str, limited: int) -> tuple[Finding, ...]:
@@ -84,6 +86,6 @@ def _walls(name: str, limited: int) -> tuple[Finding, ...]:
     )
 
 
-def _constant(touch: PadContact, scene: TactileScene, b: int, name: str, times: Array) -> float:
+def _constant(pad_contact: PadContact, scene: TactileScene, b: int, name: str, times: Array) -> float:
     """A quantity that must not change while something is integrated: its first value."""
-    return float(np.ravel(touch.series(f"body/{b}", BODY[name], scene.bodies[b].parameters, times))[0])
+    return float(np.ravel(pad_contact.series(f"body/{b}", BODY[name], scene.bodies[b].parameters, times))[0])

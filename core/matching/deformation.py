@@ -2,8 +2,8 @@
 
 Everything that does not change from frame to frame is folded into small matrices, so that a frame needs the contact
 forces f of the target and nothing else: with L = K^-1 A and u = G f, the right-hand side is (L'WG) f and the squared
-error f'(G'WG) f - 2 c'x + x'Hx. Forces are those of skin with its nominal stiffness; the personal factor alpha
-scales them last, so a bound on what a pin can do is a bound of `force_limit / alpha` here.
+error f'(G'WG) f - 2 c'x + x'Hx. The paper's personal factor alpha is the skin's (`SkinModel.with_material`): it is in K
+and in the target's forces, so pin forces come out as this person needs them.
 
 Source: [S1] eq. 5-18 with the corrections: eq. 18 has A'f, and pins are bounded from above as well.
 """
@@ -30,13 +30,12 @@ class PinStep(NamedTuple):
     """What the pins shall do at one instant, as it comes from the solver.
 
     Attributes:
-        x: forces of the active pins before alpha [N], shape (active pins,).
-        optimality, clipped, converged: as in `PinForces`.
+        x: forces of the active pins [N], shape (active pins,).
+        optimality, converged: as in `PinForces`.
     """
 
     x: Array
     optimality: float
-    clipped: int
     converged: bool
 
 
@@ -45,12 +44,11 @@ class PinForces:
     """What the pins shall do at one instant.
 
     Attributes:
-        forces: after alpha [N], shape (pins,).
+        forces: [N], shape (pins,).
         displacement_error: u_err of the rendered skin against the target [m] (eq. 20).
-        force_error: f_err after alpha [N] (eq. 21).
+        force_error: f_err [N] (eq. 21).
         optimality: KKT residual, relative; 0 for the methods that only clamp.
         at_limit: pins at their upper bound.
-        clipped: pins whose unconstrained value DM1 and FM1 moved into the bounds.
     """
 
     forces: Array
@@ -58,7 +56,6 @@ class PinForces:
     force_error: float
     optimality: float
     at_limit: int
-    clipped: int
     converged: bool = True
 
 
@@ -66,7 +63,7 @@ class Matcher:
     """The matrices of one skin and one pin array.
 
     Args:
-        spread: A, nodal forces on the pad for unit pin forces, shape (3m, pins).
+        distribution: A, nodal forces on the pad for unit pin forces, shape (3m, pins).
         influence: G, displacements of the compared nodes for unit forces on the pad [m/N], shape (3n, 3m).
         weights: W, one per compared node (ones as in the paper), shape (n,).
         active: pins that meet the skin, shape (pins,); the others stay at zero.
@@ -74,7 +71,7 @@ class Matcher:
             are not controllable: DM0, DM1, FM0 and FM1 do without them.
 
     Attributes:
-        seen: how many patterns of pins are controllable.
+        controllable_patterns: how many patterns of pins are controllable.
 
     Raises:
         DermisError: shapes that do not fit, negative weights, or no active pin.
@@ -82,22 +79,22 @@ class Matcher:
 
     def __init__(
         self,
-        spread: Array,
+        distribution: Array,
         influence: Array,
         weights: Array | None = None,
         active: NDArray[np.bool_] | None = None,
         *,
         tolerance: float = RANK_TOLERANCE,
     ) -> None:
-        pins = spread.shape[1]
+        pins = distribution.shape[1]
         active = np.ones(pins, dtype=bool) if active is None else np.asarray(active, dtype=bool)
         nodes = len(influence) // 3
         weights = np.ones(nodes) if weights is None else np.asarray(weights, dtype=np.float64)
-        if influence.shape[1] != len(spread) or len(weights) != nodes or len(active) != pins:
+        if influence.shape[1] != len(distribution) or len(weights) != nodes or len(active) != pins:
             raise DermisError(
-                "the pins' spread, the skin's influence and the weights do not fit",
+                "the pins' force distribution, the skin's influence and the weights do not fit",
                 where="pin matching",
-                value=f"{spread.shape}, {influence.shape}, {weights.shape}",
+                value=f"{distribution.shape}, {influence.shape}, {weights.shape}",
             )
         if not active.any():
             raise DermisError("no pin meets the skin", where="pin matching")
@@ -107,8 +104,8 @@ class Matcher:
 
         self._gemv = dgemv
         self.pins, self.active, self.nodes = pins, np.flatnonzero(active), nodes
-        self.loaded = len(spread) // 3
-        a = np.ascontiguousarray(spread[:, self.active])
+        self.loaded = len(distribution) // 3
+        a = np.ascontiguousarray(distribution[:, self.active])
         # large: not copied where nothing is weighted
         plain = bool((weights == 1.0).all())
         weighted = influence if plain else np.sqrt(np.repeat(weights, 3))[:, None] * influence
@@ -121,10 +118,10 @@ class Matcher:
         self.force_rhs = np.asfortranarray(a.T)
         left, gains, right = np.linalg.svd(a, full_matrices=False)
         seen = gains > tolerance * gains[0]
-        self.seen = int(seen.sum())
+        self.controllable_patterns = int(seen.sum())
         patterns = right[seen].T
         self.force_inverse = (patterns / gains[seen]) @ left[:, seen].T
-        if self.seen == a.shape[1]:
+        if self.controllable_patterns == a.shape[1]:
             self.deformation_inverse = np.linalg.pinv(rendered, rcond=RANK_TOLERANCE) @ weighted
         else:  # the least squares among what is left
             self.deformation_inverse = patterns @ (np.linalg.pinv(rendered @ patterns, rcond=RANK_TOLERANCE) @ weighted)
@@ -163,12 +160,12 @@ class PinSolver:
     Args:
         matcher: the matrices.
         method: DM0, FM0 unconstrained as printed; DM1, FM1 clamped; DM2, FM2 optimal within the bounds.
-        force_limit: what a pin can do [N], after alpha; None for the paper's unbounded form (only f >= 0).
-        alpha: the person's stiffness relative to the model's.
-        slew: largest change of a pin's force between two calls [N], after alpha; None for no limit.
+        force_limit: what a pin can do [N], one number or shape (pins,); None for the paper's unbounded form (only
+            f >= 0).
+        slew: largest change of a pin's force between two calls [N]; None for no limit.
 
     Raises:
-        DermisError: an unknown method, or a limit, alpha or slew that is not above zero.
+        DermisError: an unknown method.
     """
 
     # an 'unbounded' pin still needs a finite number; far above any finger's forces
@@ -179,23 +176,19 @@ class PinSolver:
         matcher: Matcher,
         method: Method = "DM2",
         *,
-        force_limit: float | None = 0.4,
-        alpha: float = 1.0,
+        force_limit: float | Array | None = 0.4,
         slew: float | None = None,
     ) -> None:
         if method not in METHODS:
             raise DermisError("unknown matching method", where="pin matching", value=method, limit=", ".join(METHODS))
-        for name, value in (("force limit", force_limit), ("alpha", alpha), ("slew limit", slew)):
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise DermisError(f"the {name} must be above zero", where="pin matching", value=value, limit="> 0")
-        self.matcher, self.method, self.alpha = matcher, method, float(alpha)
-        self.high = (self.UNBOUNDED if force_limit is None else float(force_limit)) / self.alpha
-        self.slew = None if slew is None else float(slew) / self.alpha
+        self.matcher, self.method, self.slew = matcher, method, slew
+        most = self.UNBOUNDED if force_limit is None else force_limit
+        self.high = np.broadcast_to(np.asarray(most, np.float64), (matcher.pins,))[matcher.active]
         self._last = np.zeros(len(matcher.active))
         self._quadratic = BoundedLeastSquares(matcher.gram(method), 0.0, self.high) if method.endswith("2") else None
 
     def solve(self, force: Array) -> PinForces:
-        """Match target pad forces of nominal skin [N], shape (3m,) or (m, 3), and say how far off the skin is.
+        """Match target pad forces [N], shape (3m,) or (m, 3), and say how far off the skin is.
 
         Raises:
             DermisError: forces of another size, or not finite.
@@ -203,19 +196,18 @@ class PinSolver:
         matcher, force = self.matcher, np.asarray(force, dtype=np.float64).ravel()
         step = self.step(force)
         result = np.zeros(matcher.pins)
-        result[matcher.active] = self.alpha * step.x
+        result[matcher.active] = step.x
         return PinForces(
             result,
             float(matcher.displacement_error(force, step.x)[0]),
-            self.alpha * float(matcher.force_error(force, step.x)[0]),
+            float(matcher.force_error(force, step.x)[0]),
             step.optimality,
             self.at_limit(step.x),
-            step.clipped,
             step.converged,
         )
 
     def step(self, force: Array) -> PinStep:
-        """Match target pad forces of nominal skin [N], shape (3m,), and nothing else: what a frame costs live.
+        """Match target pad forces [N], shape (3m,), and nothing else: what a frame costs live.
 
         Raises:
             DermisError: forces of another size, or not finite.
@@ -244,16 +236,14 @@ class PinSolver:
         if self._quadratic is not None:
             solution = self._bounded(matcher.rhs(self.method, force))
             optimality = solution.optimality(self._quadratic.low, self._quadratic.high)
-            return PinStep(solution.x, optimality, 0, solution.converged)
+            return PinStep(solution.x, optimality, solution.converged)
         inverse = matcher.deformation_inverse if self.method.startswith("DM") else matcher.force_inverse
         x = inverse @ force
         if not np.isfinite(x).all():
             raise DermisError("the target's forces are not finite", where="pin matching")
         if self.method.endswith("0"):
-            return PinStep(x, 0.0, 0, True)
-        low, high = self._bounds()
-        clamped = np.clip(x, low, high)
-        return PinStep(clamped, 0.0, int((clamped != x).sum()), True)
+            return PinStep(x, 0.0, True)
+        return PinStep(np.clip(x, *self._bounds()), 0.0, True)
 
     def _bounded(self, c: Array) -> BoundedSolution:
         assert self._quadratic is not None
@@ -263,7 +253,7 @@ class PinSolver:
         return self._quadratic.solve(c, low=low, high=high)
 
     def _bounds(self) -> tuple[Array, Array]:
-        low, high = np.zeros_like(self._last), np.full_like(self._last, self.high)
+        low, high = np.zeros_like(self._last), self.high
         if self.slew is not None:
             low, high = np.maximum(low, self._last - self.slew), np.minimum(high, self._last + self.slew)
         return low, high

@@ -15,9 +15,8 @@ from operator import sub
 import numpy as np
 
 from ..arrays import Array
-from ..devices.firmness import posture
-from ..devices.thimble import FIRM, Thimble
-from ..errors import DermisError
+from ..devices.inverse_kinematics import inverse_kinematics
+from ..devices.thimble import MIN_MARGIN, Thimble
 from .gauss_newton import (
     ARMIJO,
     DAMPING,
@@ -43,24 +42,17 @@ def descend(
     """Return the configuration whose stimulus is nearest to the target; see `minimise`.
 
     Raises:
-        DermisError: a target that is not finite or of another size, or a start outside the limits.
+        DermisError: a start outside the limits.
     """
     limits = limits or ServoLimits.of(device)
     low, high = limits.low.tolist(), limits.high.tolist()
     size, radius = len(target), device.platform_radius
-    psi, theta, z = start.tolist()
-    if not device.within(psi, theta, z, low, high):
+    pitch, roll, distance = start.tolist()
+    if not device.within(pitch, roll, distance, low, high):
         return minimise(evaluate, target, start, device, limits)  # which says what is wrong, or holds the limit
     both = np.empty((size, 4))
     x = np.array(start, np.float64)
     stimulus, jacobian = evaluate(x)
-    if stimulus.shape != target.shape or not math.isfinite(float(target.sum())):
-        raise DermisError(
-            "the target does not fit the model or is not finite",
-            where="thimble",
-            value=target.shape,
-            limit=f"{stimulus.shape}, finite",
-        )
     gram = _gram(both, stimulus, jacobian, target, radius)
     cost = start_cost = 0.5 * gram[3][3]
     exact = EXACT**2 * float(target @ target)
@@ -69,21 +61,23 @@ def descend(
         gradient, weight = gram[3][:3], (gram[0][0] + gram[1][1] + gram[2][2]) * gram[3][3]
         left = math.sqrt(gradient[0] ** 2 + gradient[1] ** 2 + gradient[2] ** 2)
         kkt = left / math.sqrt(weight) if weight > 0.0 else 0.0
-        if 2.0 * cost <= exact or kkt <= OPTIMAL:
-            why = "exact" if 2.0 * cost <= exact else "optimal"
+        if 2.0 * cost <= exact:
+            break
+        if kkt <= OPTIMAL:
+            why = "optimal"
             break
         if iterations >= MAX_ITERATIONS or evaluations >= MAX_EVALUATIONS:
             break
         step = _step(gram)
         if step is None:
             break
-        reach = math.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
-        if reach > LONGEST:
-            step = [s * (LONGEST / reach) for s in step]
+        step_length = math.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
+        if step_length > LONGEST:
+            step = [s * (LONGEST / step_length) for s in step]
         descent = -(gradient[0] * step[0] + gradient[1] * step[1] + gradient[2] * step[2])
         share, found = 1.0, False
         while share >= SHORTEST:
-            at = (psi + share * step[0], theta + share * step[1], z + share * radius * step[2])
+            at = (pitch + share * step[0], roll + share * step[1], distance + share * radius * step[2])
             if not device.within(*at, low, high):
                 more = minimise(evaluate, target, x, device, limits)
                 return _after(more, start_cost, iterations, evaluations)
@@ -97,20 +91,22 @@ def descend(
             if new_cost <= cost - share * ARMIJO * max(descent, 0.0) and new_cost < cost and slope > 0.0:
                 found = True
                 break
-            if share * reach < SMALL_STEP or evaluations >= MAX_EVALUATIONS:
+            if share * step_length < SMALL_STEP or evaluations >= MAX_EVALUATIONS:
                 break
             share *= shorter(share, cost, new_cost, descent)
         iterations += 1
         if not found:
-            why = "step" if reach <= SMALL_STEP else "limit" if evaluations >= MAX_EVALUATIONS else "stalled"
+            why = "step" if step_length <= SMALL_STEP else "limit" if evaluations >= MAX_EVALUATIONS else "stalled"
             break
-        moved, gained = share * min(reach, LONGEST), 1.0 - new_cost / cost
-        (psi, theta, z), x, stimulus, gram, cost = at, trial, new_stimulus, new_gram, new_cost
+        moved, gained = share * min(step_length, LONGEST), 1.0 - new_cost / cost
+        (pitch, roll, distance), x, stimulus, gram, cost = at, trial, new_stimulus, new_gram, new_cost
         if moved <= SMALL_STEP or gained <= SMALL_GAIN:
             why = "step" if moved <= SMALL_STEP else "gain"
             break
-    angles, firm = posture(device, psi, theta, z)
-    room = np.array([*map(sub, high, angles), *map(sub, angles, low), firm - FIRM])
+    if 2.0 * cost <= exact:
+        why, kkt = "exact", EXACT * math.sqrt(2.0 * cost / exact) if exact > 0.0 else 0.0
+    angles, margin = inverse_kinematics(device, pitch, roll, distance)
+    room = np.array([*map(sub, high, angles), *map(sub, angles, low), margin - MIN_MARGIN])
     return Minimum(
         x, stimulus, stimulus - target, start_cost, cost, kkt, (), np.zeros(0), room, iterations, evaluations, why
     )

@@ -19,7 +19,6 @@ from ..arrays import Array
 from ..contact.encounter import Encounter, turned, turned_back
 from ..contact.holding_times import holding_times, meet
 from ..contact.pad_contact import PadContact
-from ..devices.shear_tactor import ShearTactor
 from ..effects import content, patterns, texture, transient, weight
 from ..errors import Finding
 from ..parameters.device import DEVICE
@@ -36,15 +35,16 @@ class EffectSum:
     """The displacement of one finger's tactor, effect by effect.
 
     Attributes:
+        tap_axis: in the pad's plane, to which the normal part of a tap turns.
         sum: in the finger's frame, as fractions of the range, shape (n, 3); None while nothing was added.
         contact, held: whether the finger touches, and holds, something, shape (n,).
     """
 
-    touch: PadContact
+    pad_contact: PadContact
     scene: TactileScene
     finger: int
     use: DeviceUse
-    tactor: ShearTactor
+    tap_axis: tuple[float, float]
     times: Array
     findings: list[Finding] = field(default_factory=list)
     skipped: dict[str, int] = field(default_factory=dict)
@@ -58,15 +58,15 @@ class EffectSum:
         self.contact = np.zeros(count, dtype=bool)
         self.held = np.zeros(count, dtype=bool)
 
-    def body(self, b: int) -> None:
+    def add_body(self, b: int) -> None:
         """Add what the finger feels of one body."""
-        met = meet(self.touch, self.scene, self.finger, b, self.times)
+        met = meet(self.pad_contact, self.scene, self.finger, b, self.times)
         if met is None:
             self._skip("bodies_never_touched")
             return
         self.contact |= met.touching
-        self._transient(met, b)
-        self._texture(met, b)
+        self._add_transient(met, b)
+        self._add_texture(met, b)
         wants_weight, wants_content = self._wants_weight(b), self._wants_content(b)
         if not wants_weight:
             self._skip("effects_off")
@@ -74,7 +74,7 @@ class EffectSum:
             self._skip("effects_off")
         if not (wants_weight or wants_content):
             return
-        holds = holding_times(self.touch, self.scene, self.finger, b, self.times)
+        holds = holding_times(self.pad_contact, self.scene, self.finger, b, self.times)
         if holds is None:
             self._skip("bodies_never_held")
             return
@@ -85,7 +85,7 @@ class EffectSum:
         if wants_content:
             self._add_world(index, self._content(b, index))
 
-    def pattern(self) -> None:
+    def add_pattern(self) -> None:
         """Add the finger's own pattern."""
         own = self.scene.fingers[self.finger].parameters
         kind = FINGER["pattern"].of(own, self._where)
@@ -93,7 +93,7 @@ class EffectSum:
         if kind == "none" or not np.any(on):
             self._skip("effects_off")
             return
-        at = (self.touch.series(f"finger/{self.finger}", FINGER[name], own, self.times) for name in PLAYED)
+        at = (self.pad_contact.series(f"finger/{self.finger}", FINGER[name], own, self.times) for name in PLAYED)
         shape = patterns.played(kind, self.times, *at, repeat=bool(FINGER["pattern_repeat"].of(own)))
         if np.ndim(on):  # a pattern goes on unheard while its switch is off
             shape *= on[:, None]
@@ -102,8 +102,8 @@ class EffectSum:
 
     # -- effects -------------------------------------------------------------------------------------------------
 
-    def _transient(self, met: Encounter, b: int) -> None:
-        amplitude = self._body(b, "transient_amplitude")
+    def _add_transient(self, met: Encounter, b: int) -> None:
+        amplitude = self._parameter(b, "transient_amplitude")
         on = self._switch(b, "transient")
         if on is None or not np.any(amplitude):
             self._skip("effects_off")
@@ -114,15 +114,15 @@ class EffectSum:
         at = np.clip(np.searchsorted(self.times, onsets), 0, len(self.times) - 1)
         alpha, decay, hertz, live = (
             np.broadcast_to(v, self.times.shape)[at]
-            for v in (amplitude, self._body(b, "transient_decay"), self._body(b, "transient_frequency"), on)
+            for v in (amplitude, self._parameter(b, "transient_decay"), self._parameter(b, "transient_frequency"), on)
         )
         self._audible(b, float(np.max(hertz)))
         velocities = met.onset_velocities
         if self.axis == "tilted":
             # Fixed in the pad from the impact on: the axis belongs to the finger.
-            there = self.touch.finger_motion(self.finger).at(onsets)
+            there = self.pad_contact.finger_motion(self.finger).at(onsets)
             local = turned_back(there, slice(None), velocities)
-            velocities = transient.tilted(local, np.asarray(self.tactor.tap_axis))
+            velocities = transient.tilted(local, np.asarray(self.tap_axis))
         shape = transient.displacement(self.times, onsets, velocities, alpha * live, decay, hertz)
         if self.axis == "tilted":
             self._total[:] += shape
@@ -130,8 +130,8 @@ class EffectSum:
             index = np.flatnonzero(shape.any(axis=1))
             self._add_world(index, shape[index])
 
-    def _texture(self, met: Encounter, b: int) -> None:
-        amplitudes = self._body(b, "texture_amplitude_x"), self._body(b, "texture_amplitude_y")
+    def _add_texture(self, met: Encounter, b: int) -> None:
+        amplitudes = self._parameter(b, "texture_amplitude_x"), self._parameter(b, "texture_amplitude_y")
         on = self._switch(b, "texture")
         if on is None or not (np.any(amplitudes[0]) or np.any(amplitudes[1])):
             self._skip("effects_off")
@@ -140,24 +140,27 @@ class EffectSum:
         normal = met.normal
         place = texture.coordinates(met.point, normal)
         velocity = texture.tangential(met.velocity, normal)
-        direction = texture.held_direction(velocity, self._at(self._body(b, "texture_speed_threshold"), which))
-        friction = self._at(self._body(b, "friction"), which) * self._at(on, which)
+        direction = texture.held_direction(velocity, self._at(self._parameter(b, "texture_speed_threshold"), which))
+        friction = self._at(self._parameter(b, "friction"), which) * self._at(on, which)
         shape = texture.displacement(
             place,
             direction,
             friction,
             (self._at(amplitudes[0], which), self._at(amplitudes[1], which)),
-            (self._at(self._body(b, "texture_period_x"), which), self._at(self._body(b, "texture_period_y"), which)),
+            (
+                self._at(self._parameter(b, "texture_period_x"), which),
+                self._at(self._parameter(b, "texture_period_y"), which),
+            ),
         )
-        self._add_world(which, turned(self.touch.body_at(b, self.times), which, shape))
+        self._add_world(which, turned(self.pad_contact.body_at(b, self.times), which, shape))
 
     def _wants_weight(self, b: int) -> bool:
         return self._switch(b, "weight") is not None and bool(
-            np.any(self._body(b, "weight_acceleration")) or np.any(self._body(b, "weight_gravity"))
+            np.any(self._parameter(b, "weight_acceleration")) or np.any(self._parameter(b, "weight_gravity"))
         )
 
     def _wants_content(self, b: int) -> bool:
-        return self._switch(b, "content") is not None and bool(np.any(self._body(b, "content_amplitude")))
+        return self._switch(b, "content") is not None and bool(np.any(self._parameter(b, "content_amplitude")))
 
     def _weight(self, b: int, index: NDArray[np.intp]) -> Array:
         """Weight of a held body in world axes, shape (k, 3)."""
@@ -167,8 +170,8 @@ class EffectSum:
         return weight.displacement(
             self._acceleration(b)[index],
             np.asarray(self.scene.gravity),
-            self._at(self._body(b, "weight_acceleration"), index) * live,
-            self._at(self._body(b, "weight_gravity"), index) * live,
+            self._at(self._parameter(b, "weight_acceleration"), index) * live,
+            self._at(self._parameter(b, "weight_gravity"), index) * live,
             self.sign,
         )
 
@@ -177,9 +180,9 @@ class EffectSum:
         if not DEVICE["auto_range"].of(self.use.parameters):
             return 1.0
         key = ("weight factor", self.use.preset, len(self.times))
-        known: float | None = self.touch.kept.get(key)
+        known: float | None = self.pad_contact.kept.get(key)
         if known is None:
-            known = self.touch.kept[key] = weight.fitting(self._strongest_weight())
+            known = self.pad_contact.kept[key] = weight.fitting(self._strongest_weight())
         if known < 1.0 and not any(f.code == "auto-range" for f in self.findings):
             self.findings.append(
                 Finding(
@@ -199,14 +202,14 @@ class EffectSum:
             for use in finger.devices:
                 if use.preset != self.use.preset or not DEVICE["auto_range"].of(use.parameters):
                     continue
-                other = EffectSum(self.touch, self.scene, f, use, self.tactor, self.times)
+                other = EffectSum(self.pad_contact, self.scene, f, use, self.tap_axis, self.times)
                 for b in range(len(self.scene.bodies)):
                     if not other._wants_weight(b):
                         continue
-                    holds = holding_times(self.touch, self.scene, f, b, self.times)
+                    holds = holding_times(self.pad_contact, self.scene, f, b, self.times)
                     if holds is not None:
                         index = np.flatnonzero(holds)
-                        there = self.touch.finger_at(f, self.times)
+                        there = self.pad_contact.finger_at(f, self.times)
                         flat = turned_back(there, index, other._weight(b, index))[:, :2]
                         peak = max(peak, math.sqrt(float((flat**2).sum(axis=1).max())))
         return peak
@@ -215,12 +218,12 @@ class EffectSum:
         """Content of a held body in world axes, shape (k, 3)."""
         on = self._switch(b, "content")
         assert on is not None
-        offset, findings = self.touch.keep(
+        offset, findings = self.pad_contact.keep(
             ("content", b, len(self.times)),
-            lambda: content_offset(self.touch, self.scene, b, self.times, self._acceleration(b)),
+            lambda: content_offset(self.pad_contact, self.scene, b, self.times, self._acceleration(b)),
         )
         self.findings += findings
-        amplitude = self._at(self._body(b, "content_amplitude"), index) * self._at(on, index)
+        amplitude = self._at(self._parameter(b, "content_amplitude"), index) * self._at(on, index)
         return content.displacement(offset[index], amplitude)
 
     # -- parts ---------------------------------------------------------------------------------------------------
@@ -237,27 +240,27 @@ class EffectSum:
 
     def _add_world(self, index: slice | NDArray[np.intp], displacement: Array) -> None:
         """Add a displacement in world axes at some samples, turned into the finger's frame."""
-        self._total[index] += turned_back(self.touch.finger_at(self.finger, self.times), index, displacement)
+        self._total[index] += turned_back(self.pad_contact.finger_at(self.finger, self.times), index, displacement)
 
     def _acceleration(self, b: int) -> Array:
         """Acceleration of a body's centre of gravity [m/s^2], shape (n, 3)."""
-        return self.touch.keep(
+        return self.pad_contact.keep(
             ("acceleration", b, len(self.times)),
-            lambda: self.touch.centre(b, self.scene.bodies[b].mesh).at(self.times, 2),
+            lambda: self.pad_contact.centre(b, self.scene.bodies[b].mesh).at(self.times, 2),
         )
 
-    def _body(self, b: int, name: str) -> Any:
-        return self.touch.series(f"body/{b}", BODY[name], self.scene.bodies[b].parameters, self.times)
+    def _parameter(self, b: int, name: str) -> Any:
+        return self.pad_contact.series(f"body/{b}", BODY[name], self.scene.bodies[b].parameters, self.times)
 
     def _switch(self, b: int, effect: str) -> Any:
         """1 where an effect is on, or None where it never is, on this device or this body."""
-        on = (np.asarray(self._body(b, f"{effect}_on")) > 0.5) & self._used(effect)
+        on = (np.asarray(self._parameter(b, f"{effect}_on")) > 0.5) & self._used(effect)
         return on.astype(np.float64) if on.any() else None
 
     def _used(self, effect: str) -> Any:
         """Whether this device renders an effect: all the time, or at each time, shape (n,)."""
         owner, row = f"device/{self.finger}/{self._device}", DEVICE[f"use_{effect}"]
-        return np.asarray(self.touch.series(owner, row, self.use.parameters, self.times)) > 0.5
+        return np.asarray(self.pad_contact.series(owner, row, self.use.parameters, self.times)) > 0.5
 
     @property
     def _device(self) -> int:

@@ -16,7 +16,7 @@ from ..arrays import Array
 from ..devices.friction_screen import FrictionScreen
 from ..devices.spec import DeviceSpec
 from ..effects.gradient import check_map, metres_of
-from ..effects.slide import FULL, LEAST, directions
+from ..effects.slide import MAX_FRICTION, MIN_FRICTION, directions
 from ..errors import DermisError, Finding
 from ..parameters.device import DEVICE
 from ..parameters.screen import SEQUENCE
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
 
 
-def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
+def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
     """Return the voltage of a friction screen along a finger's path.
 
     `DeviceUse.screen` names the screen; empty, the finger feels every screen, at each moment the one it is nearest
@@ -48,20 +48,22 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
     if DEVICE["relief"].of(use.parameters, where) == "mesh":
         from . import mesh_relief
 
-        return mesh_relief.render(touch, scene, finger, use, spec)
-    settings = Settings(touch, scene, finger, use, spec.rate, where)
+        return mesh_relief.render(pad_contact, scene, finger, use, spec)
+    settings = Settings(pad_contact, scene, finger, use, spec.rate, where)
     findings: list[Finding] = []
     relevant = screens_of(scene, use)
     scale = settings.series("scale") if settings.constant("scale_mode") == "manual" else None
     if scale is not None and scale.any():  # keyed, it may begin at zero
         largest = float(scale[np.argmax(np.abs(scale))])
-        maps = screen_maps(scene, touch.screens, replace(use, parameters={**use.parameters, "scale": largest}), spec)
+        maps = screen_maps(
+            scene, pad_contact.screens, replace(use, parameters={**use.parameters, "scale": largest}), spec
+        )
     else:
-        maps = screen_maps(scene, touch.screens, use, spec)
+        maps = screen_maps(scene, pad_contact.screens, use, spec)
     for index in maps:
-        findings += scale_findings(touch.screens[index], scene.screens[index].name)
+        findings += scale_findings(pad_contact.screens[index], scene.screens[index].name)
 
-    paths = [screen_path(touch, scene, finger, index, settings) for index in relevant]
+    paths = [screen_path(pad_contact, scene, finger, index, settings) for index in relevant]
     # Of several screens under one finger the nearest counts; the earlier in the scene's order where they tie.
     distance = np.array([np.where(p.touching, np.abs(p.z), np.inf) for p in paths])
     chosen = np.argmin(distance, axis=0)
@@ -78,17 +80,17 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
         mine = chosen == place
         for name, values in (("x", path.x), ("y", path.y), ("distance", path.z)):
             signals[name][mine] = values[mine]
-        felt = mine & contact
-        if not felt.any():
+        touching = mine & contact
+        if not touching.any():
             continue
-        direction = directions(path.x, path.y, felt, spec.rate, window, path.resting)[felt]
+        direction = directions(path.x, path.y, touching, spec.rate, window, path.resting)[touching]
         relief = maps[index].relief(
-            path.x[felt],
-            path.y[felt],
+            path.x[touching],
+            path.y[touching],
             direction,
-            settings.times[felt],
-            scale=None if scale is None else scale[felt],
-            threshold=None if threshold is None else threshold[felt],
+            settings.times[touching],
+            scale=None if scale is None else scale[touching],
+            threshold=None if threshold is None else threshold[touching],
         )
         for name, values in (
             ("direction_x", direction[:, 0]),
@@ -98,7 +100,7 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
             ("height", relief.height),
             ("friction", relief.friction),
         ):
-            signals[name][felt] = values
+            signals[name][touching] = values
     values, driven = driven_values(signals["friction"], settings, device, spec, where)
     signals = {
         "contact": contact.astype(np.float64),
@@ -150,10 +152,10 @@ def screen_maps(scene: TactileScene, matrices: Array, use: DeviceUse, spec: Devi
     ranges = {index: height_range(heights) for index, (heights, _, _) in screens.items()}
     if mode == "auto" and profile == "slope":
         steepest = max(steepest_of_all(*entry) for entry in screens.values())
-        scale = FULL / steepest if steepest > 0 else 0.0
+        scale = MAX_FRICTION / steepest if steepest > 0 else 0.0
     elif mode == "auto" and profile == "height":
         tallest = max((ranges[i][1] - ranges[i][0]) * metres_of(size, unit) for i, (_, size, unit) in screens.items())
-        scale, offset = ((FULL - LEAST) / tallest if tallest > 0 else 0.0), LEAST
+        scale, offset = ((MAX_FRICTION - MIN_FRICTION) / tallest if tallest > 0 else 0.0), MIN_FRICTION
     result = {}
     for index, (heights, size, unit) in screens.items():
         parameters = scene.screens[index].parameters

@@ -9,6 +9,7 @@ Source: [S0] 5.2
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
@@ -33,7 +34,7 @@ ARMIJO = 1e-4
 DAMPING = 1e-9  # of the largest diagonal: keeps a step unique where a single node touches
 ON_LIMIT = 1e-9  # rad
 RESTORING = 4
-GIVES_WAY = 6  # the constraint that keeps the platform firm
+GIVES_WAY = 6  # the constraint that keeps the platform from giving way
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,8 @@ class Minimum:
         stimulus: there, shape (k,). residual: stimulus minus target.
         start_cost, cost: half the squared mismatch at the start and at the end.
         kkt: |S (J'r - A'multipliers)| / (|J S| |r|), with the multipliers of the step that would come next: 0 at
-            an exact minimum. S scales distance to tilt.
-        active: limits that hold it back, indices into the seven constraints; `GIVES_WAY` is firmness.
+            an exact minimum. S scales distance to tilt. Of an 'exact' one r is rounding, and this is |r| / |target|.
+        active: limits that hold it back, indices into the seven constraints; `GIVES_WAY` is the singularity margin.
         multipliers: of them, >= 0.
         room: c(x) of the seven constraints, >= 0.
         iterations, evaluations: steps, and calls of the forward model.
@@ -76,7 +77,7 @@ class Minimum:
 
 @dataclass(frozen=True)
 class ServoLimits:
-    """Bounds of the three servo angles from neutral [rad], shape (3,) each; with firmness, seven constraints c >= 0."""
+    """Bounds of the three servo angles from neutral [rad], shape (3,) each; c >= 0 has seven with the margin."""
 
     low: Array
     high: Array
@@ -96,7 +97,7 @@ class ServoLimits:
         Raises:
             DermisError: a leg cannot reach.
         """
-        return device.constraints_within(x, self.low, self.high)
+        return device.constraints(x, self.low, self.high)
 
 
 def minimise(
@@ -118,7 +119,7 @@ def minimise(
         limits: of the servos; their whole range where None.
 
     Raises:
-        DermisError: a target that is not finite or of another size, or a start outside the limits.
+        DermisError: a start outside the limits.
     """
     limits = limits or ServoLimits.of(device)
     x = np.array(start, dtype=np.float64)
@@ -131,13 +132,6 @@ def minimise(
             limit=">= 0",
         )
     stimulus, jacobian = evaluate(x)
-    if target.shape != stimulus.shape or not np.isfinite(target).all():
-        raise DermisError(
-            "the target does not fit the model or is not finite",
-            where="thimble",
-            value=target.shape,
-            limit=f"{stimulus.shape}, finite",
-        )
     scale = np.array([1.0, 1.0, device.platform_radius])
     size = max(float(np.sqrt(target @ target)), 1e-300)
     residual = stimulus - target
@@ -151,16 +145,15 @@ def minimise(
         weight = float(np.sqrt(np.vdot(scaled, scaled)) * length)
         kkt = gradient_left / weight if weight > 0 else 0.0
         if length <= EXACT * size:
-            why = "exact"
             break
         if kkt <= tolerance:
             why = "optimal"
             break
         if iterations >= max_iterations or evaluations >= max_evaluations:
             break
-        reach = float(np.sqrt(step @ step))
-        if reach > LONGEST:
-            step = step * (LONGEST / reach)
+        step_length = float(np.sqrt(step @ step))
+        if step_length > LONGEST:
+            step = step * (LONGEST / step_length)
         wanted = ARMIJO * float(-(residual @ (scaled @ step)))
         share, found = 1.0, False
         while share >= SHORTEST:
@@ -174,12 +167,12 @@ def minimise(
                 if new_cost <= cost - share * max(wanted, 0.0) and new_cost < cost and new_jacobian.any():
                     found = True
                     break
-            if share * reach < SMALL_STEP or evaluations >= max_evaluations:
+            if share * step_length < SMALL_STEP or evaluations >= max_evaluations:
                 break
             share *= 0.5 if trial is None else shorter(share, cost, new_cost, wanted / ARMIJO)
         iterations += 1
         if not found or trial is None:
-            why = "step" if reach <= SMALL_STEP else "limit" if evaluations >= max_evaluations else "stalled"
+            why = "step" if step_length <= SMALL_STEP else "limit" if evaluations >= max_evaluations else "stalled"
             break
         moved = float(np.sqrt((((trial[0] - x) / scale) ** 2).sum()))
         gained = 1.0 - new_cost / cost
@@ -191,6 +184,8 @@ def minimise(
         if gained <= SMALL_GAIN:
             why = "gain"
             break
+    if (left := math.sqrt(2.0 * cost) / size) <= EXACT:
+        why, kkt = "exact", left
     return Minimum(
         x, stimulus, residual, start_cost, cost, float(kkt), guess, multipliers, room, iterations, evaluations, why
     )
@@ -223,7 +218,7 @@ def _quadratic_program(
     """Minimise |J d + r| subject to room + slopes d >= 0, exactly: there are at most 45 sets of limits to hold.
 
     Returns:
-        d, the limits held, their multipliers, and the norm of J'r - A'multipliers.
+        d, the working limits, their multipliers, and the norm of J'r - A'multipliers.
     """
     gram = jacobian.T @ jacobian
     gram.flat[::4] += DAMPING * max(float(gram.max()), 1e-300)
@@ -235,14 +230,14 @@ def _quadratic_program(
         step = np.asarray(np.linalg.solve(gram, -gradient), dtype=np.float64)
     if (room + slopes @ step).min() >= 0.0:  # most steps meet no limit
         return step, (), np.zeros(0), float(np.sqrt(gradient @ gradient))
-    for held in _working_sets(guess):
-        k = len(held)
-        system, right = np.zeros((3 + k, 3 + k)), np.concatenate([-gradient, -room[list(held)]])
+    for working in _working_sets(guess):
+        k = len(working)
+        system, right = np.zeros((3 + k, 3 + k)), np.concatenate([-gradient, -room[list(working)]])
         system[:3, :3] = gram
         weight = float(np.sqrt(gram.max()))
         if k:
             # rows of the constraints are scaled alike, so that the system is no worse than the Gram matrix
-            system[3:, :3] = slopes[list(held)] * weight
+            system[3:, :3] = slopes[list(working)] * weight
             system[:3, 3:] = -system[3:, :3].T
             right[3:] *= weight
         try:
@@ -253,16 +248,16 @@ def _quadratic_program(
         if (multipliers < 0.0).any():
             continue
         after = room + slopes @ step
-        after[list(held)] = 0.0
+        after[list(working)] = 0.0
         if after.min() >= -1e-12:
-            best = (step, held, multipliers)
+            best = (step, working, multipliers)
             break
     if best is None:  # only by rounding at a degenerate corner: stay where every limit holds
         best = (np.zeros(3), (), np.zeros(0))
-    step, held, multipliers = best
+    step, working, multipliers = best
     # this is minus the Gram matrix times the step: zero exactly where there is no step left to make
-    left = gradient - slopes[list(held)].T @ multipliers if held else gradient
-    return step, held, multipliers, float(np.sqrt(left @ left))
+    left = gradient - slopes[list(working)].T @ multipliers if working else gradient
+    return step, working, multipliers, float(np.sqrt(left @ left))
 
 
 def _working_sets(guess: tuple[int, ...]) -> list[tuple[int, ...]]:

@@ -26,7 +26,7 @@ from ..errors import DermisError, Finding
 from ..interpolate import interpolate
 from ..parameters.device import DEVICE
 from ..recent import Recent
-from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
+from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
 from ..skin.model import SkinModel
 from ..track.command_track import CommandTrack
 from .nearest import NEIGHBOURS
@@ -61,9 +61,9 @@ def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = N
     readings = np.asarray(readings, np.float64)
     values, rest = table.heard_commands, table.commands[table.rest]
     loud = np.ones(len(readings), bool)
-    if table.hush > 0.0 and readings.shape[1:] == table.readings.shape[1:]:
+    if table.noise_floor > 0.0 and readings.shape[1:] == table.readings.shape[1:]:
         # what cannot be told from rest is rest, and needs no search; what is no number is left to the search to refuse
-        loud = ~(table.from_rest(readings) <= table.hush)
+        loud = ~(table.from_rest(readings) <= table.noise_floor)
         if not loud.any():
             return np.repeat(rest[None], len(readings), axis=0)
     found = table.by_reading.query(readings[loud], NEIGHBOURS)
@@ -93,7 +93,7 @@ def readings_for(table: SkinTable, commands: Array) -> Array:
     Source: [S2] eq. 8-10
     """
     found = table.by_command.query(np.asarray(commands, np.float64) / table.scale, NEIGHBOURS)
-    return _mean(found, table.felt)
+    return _mean(found, table.exact_readings)
 
 
 def _mean(found: Neighbours, values: Array) -> Array:
@@ -118,7 +118,7 @@ def _weighted(squared: Array, values: Array) -> Array:
 
 
 def render(
-    touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
+    pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
 ) -> Rendered:
     """Render one finger's platform: what the virtual sensor reads at every sample, looked up.
 
@@ -195,7 +195,7 @@ def render(
         series["sensed_error"][touched] = np.linalg.norm(expected - sensed, axis=1)
     if coupling is not None:
         findings += _overdriven(coupling, driven, spec, skin.frames)
-    times = np.arange(sample_count(scene.fps, scene.frame_range, spec.rate)) / spec.rate
+    times = device_times(scene, spec.rate)
     if count > 1:
         at = np.minimum(times, skin.times[-1])
         limited = interpolate(skin.times, limited, at)

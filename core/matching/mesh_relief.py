@@ -21,7 +21,7 @@ from ..contact.holding_times import meet
 from ..devices.friction_screen import FrictionScreen
 from ..devices.spec import DeviceSpec
 from ..effects.slide import (
-    FULL,
+    MAX_FRICTION,
     STEEPEST_NORMAL,
     directions,
     friction_of_normal,
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
 
 
-def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
+def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
     """Return the voltage of a friction screen from the normals under a finger's path.
 
     The pad touches an object at the finger's `touch_distance`; with screens in the scene it must be over one of them
@@ -52,10 +52,10 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
     """
     device = FrictionScreen.of(spec)
     where = f"finger '{scene.fingers[finger].name}', {spec.name}"
-    settings = Settings(touch, scene, finger, use, spec.rate, where)
+    settings = Settings(pad_contact, scene, finger, use, spec.rate, where)
     mode, downhill, formula = _checked(settings, where)
     times, n = settings.times, len(settings.times)
-    met = [(b, m) for b in range(len(scene.bodies)) if (m := meet(touch, scene, finger, b, times)) is not None]
+    met = [(b, m) for b in range(len(scene.bodies)) if (m := meet(pad_contact, scene, finger, b, times)) is not None]
     gaps = np.array([np.where(m.touching, m.gap, np.inf) for _, m in met]).reshape(len(met), n)
     contact: NDArray[np.bool_] = np.isfinite(gaps).any(axis=0)
     chosen = gaps.argmin(axis=0) if met else np.zeros(n, dtype=np.intp)
@@ -68,7 +68,7 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
     resting: NDArray[np.bool_] | None = None
     if scene.screens:
         relevant = screens_of(scene, use)
-        paths = [screen_path(touch, scene, finger, s, settings) for s in relevant]
+        paths = [screen_path(pad_contact, scene, finger, s, settings) for s in relevant]
         over = np.array([np.where(p.inside, np.abs(p.z), np.inf) for p in paths])
         nearest = np.argmin(over, axis=0)
         contact &= np.isfinite(over).any(axis=0)
@@ -77,18 +77,19 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
             mine = nearest == place
             signals["x"][mine], signals["y"][mine], resting[mine] = path.x[mine], path.y[mine], path.resting[mine]
             screen[mine & contact] = s
-            findings += scale_findings(touch.screens[s], scene.screens[s].name)
-            axes = touch.screens[s][:, :3, :3] / np.linalg.norm(touch.screens[s][:, :3, :3], axis=1)[:, None, :]
+            findings += scale_findings(pad_contact.screens[s], scene.screens[s].name)
+            linear = pad_contact.screens[s][:, :3, :3]
+            axes = linear / np.linalg.norm(linear, axis=1)[:, None, :]
             for k, (b, m) in enumerate(met):
-                local = np.einsum("nij,ni->nj", axes, _relief(touch, finger, b))
+                local = np.einsum("nij,ni->nj", axes, _smooth_normals(pad_contact, finger, b))
                 _put(normal, m.between(local), m, mine & contact & (chosen == k))
     else:
-        pads = touch.finger_at(finger, touch.times)
+        pads = pad_contact.finger_at(finger, pad_contact.times)
         for k, (b, m) in enumerate(met):
-            local = turned_back(pads, slice(None), _relief(touch, finger, b))
+            local = turned_back(pads, slice(None), _smooth_normals(pad_contact, finger, b))
             _put(normal, m.between(local), m, contact & (chosen == k))
             steps = np.zeros((n, 3))
-            _put(steps, _velocity(touch, finger, m), m, contact & (chosen == k))
+            _put(steps, _velocity(pad_contact, finger, m), m, contact & (chosen == k))
             signals["x"] += np.cumsum(steps[:, 0]) / spec.rate
             signals["y"] += np.cumsum(steps[:, 1]) / spec.rate
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
@@ -151,29 +152,29 @@ def _checked(settings: Settings, where: str) -> tuple[str, str, str]:
     return settings.constant("scale_mode"), settings.constant("downhill"), settings.constant("relief_formula")
 
 
-def _scale(settings: Settings, mode: str, felt: Array, contact: NDArray[np.bool_], where: str) -> float | Array:
-    """Return f0, of the whole bake or of each touching time; `felt` is what a motion is multiplied by, shape (k, 2)."""
+def _scale(settings: Settings, mode: str, slopes: Array, contact: NDArray[np.bool_], where: str) -> float | Array:
+    """Return f0, of the whole bake or of each touching time; motions are multiplied by `slopes`, shape (k, 2)."""
     if mode == "auto":
-        steepest = float(np.linalg.norm(felt, axis=1).max(initial=0.0))
-        return FULL / steepest if steepest > 1e-12 else 0.0
+        steepest = float(np.linalg.norm(slopes, axis=1).max(initial=0.0))
+        return MAX_FRICTION / steepest if steepest > 1e-12 else 0.0
     manual = settings.series("scale")
     if manual is None or not np.isfinite(manual).all() or not manual.any():
         raise DermisError("the scale must not be zero", where=where, remedy="Choose the automatic scale")
     return manual[contact]
 
 
-def _relief(touch: PadContact, finger: int, body: int) -> Array:
+def _smooth_normals(pad_contact: PadContact, finger: int, body: int) -> Array:
     """Return the normals at the samples in world axes, shape (n, 3)."""
-    relief = touch.pairs[finger, body].relief
-    if relief is None:
+    normals = pad_contact.pairs[finger, body].smooth_normal
+    if normals is None:
         raise DermisError("the touch was sampled without the normals of its surfaces", where=f"finger {finger}")
-    return relief
+    return normals
 
 
-def _velocity(touch: PadContact, finger: int, met: Encounter) -> Array:
+def _velocity(pad_contact: PadContact, finger: int, met: Encounter) -> Array:
     """Return the pad's velocity over the material in the finger's axes at the touching times [m/s], shape (k, 3)."""
-    world = turned(touch.body_at(met.body, met.times), met.which, met.velocity)
-    return turned_back(touch.finger_at(finger, met.times), met.which, world)
+    world = turned(pad_contact.body_at(met.body, met.times), met.which, met.velocity)
+    return turned_back(pad_contact.finger_at(finger, met.times), met.which, world)
 
 
 def _put(target: Array, values: Array, met: Encounter, where: NDArray[np.bool_]) -> None:

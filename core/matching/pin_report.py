@@ -9,7 +9,7 @@ Source: [S1] eq. 20 and 21
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,9 +17,8 @@ import numpy as np
 
 from ..arrays import Array
 from ..cache import Cache
-from ..contact.pad_sampler import PadSampler
 from ..contact.skin_contact import SkinContact
-from ..contact.skin_sampler import SkinSampler
+from ..contact.skin_sampler import skin_contacts
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..parameters.device import DEVICE
@@ -39,7 +38,7 @@ class MethodReport:
     Attributes:
         displacement_error, displacement_peak: u_err [m]; the peak is the worst frame.
         displacement_share: u_err over the same norm of the target's displacement.
-        force_error, force_peak: f_err [N].
+        force_error: f_err [N].
         shear_ratio, target_ratio: tangential over normal force, rendered and wanted, of the RMS forces.
         normal_force, target_normal: RMS force along the pad's normal [N].
         at_limit: most pins at their limit in one frame.
@@ -52,7 +51,6 @@ class MethodReport:
     displacement_peak: float
     displacement_share: float
     force_error: float
-    force_peak: float
     shear_ratio: float
     target_ratio: float
     normal_force: float
@@ -144,9 +142,9 @@ def compare_scene(
     others = _skins(scene, library, wearers, finer, cache) if finer else {}
     for f in wearers if finer else ():
         _finer(own[f].mesh.free.size, others[f].mesh.free.size, _named(scene, f))
-    felt = _felt(scene, own)
-    fine = _felt(scene, others) if finer else felt
-    idle = [f for f in wearers if not len(felt[f].contact) or not len(fine[f].contact)]
+    contacts = skin_contacts(scene, own)
+    finer_contacts = skin_contacts(scene, others) if finer else contacts
+    idle = [f for f in wearers if not len(contacts[f].contact) or not len(finer_contacts[f].contact)]
     if idle == wearers:
         raise DermisError(
             "nothing was touched, so there is nothing to compare", where=", ".join(_named(scene, f) for f in idle)
@@ -162,9 +160,14 @@ def compare_scene(
         weighting, where = DEVICE["pin_nodes"].of(use.parameters), _named(scene, f)
         bounded = bool(DEVICE["pin_bounded"].of(use.parameters))
         reports[f"{scene.fingers[f].name}, {spec.name}"] = compare(
-            felt[f], spec, weighting=weighting, bounded=bounded, finer=fine[f] if finer else None, where=where
+            contacts[f],
+            spec,
+            weighting=weighting,
+            bounded=bounded,
+            finer=finer_contacts[f] if finer else None,
+            where=where,
         )
-        findings += doubts(felt[f], spec, weighting=weighting, where=where)
+        findings += doubts(contacts[f], spec, weighting=weighting, where=where)
     return SceneReports(reports, tuple(findings))
 
 
@@ -173,7 +176,7 @@ def doubts(
 ) -> tuple[Finding, ...]:
     """Return what is to be doubted about a comparison of all methods: a mesh that is coarser than the pins."""
     ready = setup(skin.model, spec, weighting)
-    return pin_resolution.doubts(ready.matcher, ready.spread, METHODS, where or spec.name)
+    return pin_resolution.doubts(ready.matcher, ready.distribution, METHODS, where or spec.name)
 
 
 def _named(scene: TactileScene, f: int) -> str:
@@ -211,15 +214,6 @@ def _skins(
             chosen = level if level and f in wearers else own
             skins[f] = skin_from_parameters(parameters, level=chosen, cache=cache, where=where)
     return skins
-
-
-def _felt(scene: TactileScene, skins: Mapping[int, SkinModel]) -> dict[int, SkinContact]:
-    """Return what skins feel; the pads' touch tells what is held, and how it is accelerated."""
-    pads, sampler = PadSampler(scene), SkinSampler(scene, skins)
-    for chunk in scene.chunks:
-        pads.add(chunk)
-        sampler.add(chunk)
-    return sampler.finish(pads.finish())
 
 
 def error_on(ready: PinSetup, skin: SkinContact, matched: Matched) -> Array:
@@ -264,7 +258,6 @@ def _report(
         float(u.max()),
         _rms(u) / size,
         _rms(f),
-        float(f.max()),
         ratio,
         wanted,
         normal,

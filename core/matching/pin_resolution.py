@@ -44,15 +44,15 @@ def tolerance_of(pins: PinLayout, met: PinContacts) -> float:
     return max(RANK_TOLERANCE, SEEN * weakest_gain(met.points[met.hits], pins.directions[met.hits], pins.spread))
 
 
-def doubts(matcher: Matcher, spread: Array, methods: Iterable[Method], where: str) -> tuple[Finding, ...]:
+def doubts(matcher: Matcher, distribution: Array, methods: Iterable[Method], where: str) -> tuple[Finding, ...]:
     """Return a warning where a method inverts the effect of pins on a mesh that is coarser than they are.
 
     Args:
-        matcher: of the skin and the pins. spread: A, shape (3 m, pins).
+        matcher: of the skin and the pins. distribution: A, shape (3 m, pins).
         methods: those in use; DM2 and FM2 invert nothing.
     """
     inverting = [m for m in methods if not m.endswith("2")]
-    nodes, pins = int(spread.reshape(-1, 3, matcher.pins).any(axis=(1, 2)).sum()), len(matcher.active)
+    nodes, pins = int(distribution.reshape(-1, 3, matcher.pins).any(axis=(1, 2)).sum()), len(matcher.active)
     if not inverting or nodes >= pins:
         return ()
     return (
@@ -60,7 +60,7 @@ def doubts(matcher: Matcher, spread: Array, methods: Iterable[Method], where: st
             "warning",
             "coarse-skin",
             f"{', '.join(inverting)} on a skin whose mesh is coarser than the pins: "
-            f"{pins - matcher.seen} of {pins} patterns of pins are left out",
+            f"{pins - matcher.controllable_patterns} of {pins} patterns of pins are left out",
             where,
             f"{nodes} nodes under {pins} pins",
             f">= {pins} nodes",

@@ -21,8 +21,9 @@ from ..errors import DermisError, Finding
 from ..interpolate import interpolate, smoothstep
 from ..parameters.device import DEVICE
 from ..recent import Recent
-from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
+from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
 from ..skin.model import SkinModel
+from ..skin.stress import RECEPTOR_DEPTHS
 from ..surface.gap import Surface
 from ..track.command_track import CommandTrack
 from . import pin_resolution
@@ -32,7 +33,6 @@ from .rendered import Rendered
 Weighting = Literal["all", "surface", "receptor"]
 WEIGHTINGS: tuple[Weighting, ...] = get_args(Weighting)
 
-RECEPTOR_BAND = (0.3e-3, 2.0e-3)  # [m] below the pad. Source: TouchSim's fitted depths of SA1 to PC
 _setups: Recent[tuple[str, float, str, str], PinSetup] = Recent(8)
 BLOCK = 512  # frames whose errors are computed together
 
@@ -43,13 +43,13 @@ class PinSetup:
 
     Attributes:
         pins: the layout. met: where its pins meet the skin. matcher: the matrices.
-        spread: A, forces on the pad's nodes for unit pin forces, shape (3 m, pins).
+        distribution: A, forces on the pad's nodes for unit pin forces, shape (3 m, pins).
     """
 
     pins: PinLayout
     met: PinContacts
     matcher: Matcher
-    spread: Array
+    distribution: Array
 
 
 def setup(skin: SkinModel, spec: DeviceSpec, weighting: Weighting = "all") -> PinSetup:
@@ -71,19 +71,13 @@ def setup(skin: SkinModel, spec: DeviceSpec, weighting: Weighting = "all") -> Pi
 def _made(skin: SkinModel, spec: DeviceSpec, weighting: Weighting) -> PinSetup:
     mesh = skin.mesh
     pins = pin_array.layout(spec)
-    if pins.count != len(spec.channels):
-        raise DermisError(
-            "the layout and the channels differ in number",
-            where=f"device preset '{spec.key}'",
-            value=f"{pins.count} pins, {len(spec.channels)} channels",
-        )
-    met = pin_array.on_pad(pin_array.contacts(pins, mesh.nodes, mesh.surface), pins, skin.positions)
-    spread = pin_array.distribution(pins, met, skin.positions)
+    met = pin_array.on_pad(pins, mesh.nodes, mesh.surface, skin.positions)
+    distribution = pin_array.distribution(pins, met, skin.positions)
     chosen = node_weights(skin, weighting)[mesh.free] > 0
     response = skin.unit_response[:, np.repeat(chosen, 3)]
     influence = response.T.astype(np.float64) / skin.material.modulus
-    matcher = Matcher(spread, influence, active=met.hits, tolerance=pin_resolution.tolerance_of(pins, met))
-    return PinSetup(pins, met, matcher, spread)
+    matcher = Matcher(distribution, influence, active=met.hits, tolerance=pin_resolution.tolerance_of(pins, met))
+    return PinSetup(pins, met, matcher, distribution)
 
 
 def node_weights(skin: SkinModel, weighting: Weighting) -> Array:
@@ -97,13 +91,13 @@ def node_weights(skin: SkinModel, weighting: Weighting) -> Array:
     else:
         on_pad = np.isin(mesh.surface, mesh.pad).all(axis=1)
         below = np.abs(Surface.build(mesh.nodes, mesh.surface[on_pad]).query(mesh.nodes[mesh.free]).gap)
-        low, high = RECEPTOR_BAND
+        low, high = min(RECEPTOR_DEPTHS), max(RECEPTOR_DEPTHS)
         weights[mesh.free[(below >= low) & (below <= high)]] = 1.0
     return weights
 
 
 def render(
-    touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
+    pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
 ) -> Rendered:
     """Render one finger's pin array.
 
@@ -125,7 +119,7 @@ def render(
     method, nodes, bounded, *fades = (DEVICE[name].of(p, spec.key) for name in names)
     lead = _lead(p, spec)
     count = len(skin.times)
-    times = np.arange(sample_count(scene.fps, scene.frame_range, spec.rate)) / spec.rate
+    times = device_times(scene, spec.rate)
     skipped = {"pin_frames_without_contact": count - len(skin.contact)}
     meta = {"method": str(method), "lead_s": f"{lead:.9g}"}
     if not len(skin.contact):  # nothing to match, so nothing to build
@@ -141,7 +135,7 @@ def render(
     values = interpolate(skin.times, forces, np.minimum(times + lead, skin.times[-1]))
     values = values * _fade(times, *fades)[:, None]
     signals = {name: interpolate(skin.times, s[:, None], times)[:, 0] for name, s in series.items()}
-    coarse = pin_resolution.doubts(ready.matcher, ready.spread, (method,), "pin array")
+    coarse = pin_resolution.doubts(ready.matcher, ready.distribution, (method,), "pin array")
     findings = [*ready.met.findings, *coarse, *_findings(series, ready, matched.unsolved, skin.frames)]
     meta["worst_kkt"] = f"{matched.worst:.2g}"
     return Rendered(CommandTrack(spec, times, values, meta), signals, tuple(findings), skipped)
@@ -166,10 +160,16 @@ class Matched:
     unsolved: int
 
 
-def make_solver(ready: PinSetup, spec: DeviceSpec, method: Method, times: Array, *, bounded: bool = True) -> PinSolver:
-    """Return a solver with the limits of a device: of force unless `bounded` is off, and of speed where it has one."""
-    step = float(np.median(np.diff(times))) if len(times) > 1 else 1.0 / spec.rate
-    slew = min((c.slew for c in spec.channels if c.slew is not None), default=None)
+def make_solver(
+    ready: PinSetup, spec: DeviceSpec, method: Method, times: Array | None, *, bounded: bool = True
+) -> PinSolver:
+    """Return a solver with the limits of a device: of force unless `bounded` is off, and of speed where it has one.
+
+    Args:
+        times: of the frames [s]; None for a single frame, which has no speed.
+    """
+    step = float(np.median(np.diff(times))) if times is not None and len(times) > 1 else 1.0 / spec.rate
+    slew = None if times is None else min((c.slew for c in spec.channels if c.slew is not None), default=None)
     return PinSolver(
         ready.matcher,
         method,
@@ -187,17 +187,17 @@ def match(solver: PinSolver, skin: SkinContact) -> Matched:
     for start in range(0, len(skin.contact), BLOCK):
         frames = skin.contact[start : start + BLOCK]
         targets = skin.force[start : start + BLOCK].reshape(len(frames), -1).astype(np.float64)
-        found = np.zeros((len(frames), len(matcher.active)))
+        active_forces = np.zeros((len(frames), len(matcher.active)))
         for row, (i, target) in enumerate(zip(frames.tolist(), targets, strict=True)):
             if i != before + 1:
                 solver.reset()
             before, step = i, solver.step(target)
-            found[row] = step.x
+            active_forces[row] = step.x
             at_limit[i] = solver.at_limit(step.x)
             worst, unsolved = max(worst, step.optimality), unsolved + (not step.converged)
-        forces[np.ix_(frames, matcher.active)] = solver.alpha * found
-        u[frames] = matcher.displacement_error(targets, found)
-        f[frames] = solver.alpha * matcher.force_error(targets, found)
+        forces[np.ix_(frames, matcher.active)] = active_forces
+        u[frames] = matcher.displacement_error(targets, active_forces)
+        f[frames] = matcher.force_error(targets, active_forces)
     return Matched(forces, u, f, at_limit, worst, unsolved)
 
 
@@ -208,7 +208,7 @@ def rendered_force(ready: PinSetup, forces: Array) -> Array:
 
     Source: [S1] eq. 4
     """
-    return (ready.spread @ forces).reshape(-1, 3)
+    return (ready.distribution @ forces).reshape(-1, 3)
 
 
 def _series(matched: Matched, ready: PinSetup, skin: SkinContact) -> dict[str, Array]:
@@ -264,7 +264,7 @@ def _findings(series: dict[str, Array], ready: PinSetup, unsolved: int, frames: 
                 "pins press as hard as they can, so the skin is not deformed as wanted",
                 "pin array",
                 f"up to {int(series['at_limit'].max())} pins",
-                f"{ready.pins.force_limit:g} N a pin",
+                f"{ready.pins.force_limit.max():g} N a pin",
                 "Compare the displacement error, or touch less deeply",
                 frame=float(frames[limited[0]]),
                 count=len(limited),

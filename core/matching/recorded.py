@@ -20,9 +20,9 @@ from ..errors import DermisError
 from ..surrogate.forward import ForwardModel
 from ..surrogate.table import SampleTable
 from .gauss_newton import Minimum, ServoLimits
-from .start_table import recorded_table
 from .stress import Search, StressMatcher, ThimbleFrame
 from .thimble_use import HOVER
+from .warm_start import recorded_table
 
 MIN_ROWS = 8  # a quadratic polynomial of three unknowns has ten coefficients
 SLACK = np.radians(3.0)  # of the servos' range: a real device is assembled less exactly than it is computed
@@ -34,7 +34,7 @@ class RecordedMatcher(StressMatcher):
     Args:
         device: the mechanism. contact: disc and skin, for the poses in which nothing is touched.
         model: learned from the table. table: what was recorded.
-        change, hover, hush: as in `StressMatcher`.
+        change, hover, noise_floor: as in `StressMatcher`.
 
     Attributes:
         outside: frames since the last reset whose best pose was beyond the recorded ones.
@@ -52,13 +52,15 @@ class RecordedMatcher(StressMatcher):
         *,
         change: float | None = None,
         hover: float = HOVER,
-        hush: float = 0.0,
+        noise_floor: float = 0.0,
     ) -> None:
         self.low, self.high = table.x.min(axis=0), table.x.max(axis=0)
         self.outside = 0
         unknown = np.zeros((model.size, 3 * contact.count))  # what simulated forces would read
         starts = recorded_table(device, contact, model, table.x)
-        super().__init__(device, contact, unknown, model, change=change, hover=hover, hush=hush, table=starts)
+        super().__init__(
+            device, contact, unknown, model, change=change, hover=hover, noise_floor=noise_floor, table=starts
+        )
 
     def reset(self) -> None:
         """Forget the frame before."""
@@ -71,18 +73,18 @@ class RecordedMatcher(StressMatcher):
         self._pressed = frame.minimum is not None  # what the simulated skin says of it does not count
         return frame
 
-    def _search(self, target: Array, limits: ServoLimits) -> tuple[Minimum, int]:
-        found, searches = super()._search(target, limits)
+    def _search(self, target: Array, limits: ServoLimits) -> Minimum:
+        found = super()._search(target, limits)
         x = np.clip(found.x, self.low, self.high)
         if np.array_equal(x, found.x):
-            return found, searches
+            return found
         self.outside += 1
         x = self._within(x, limits)
         stimulus, _ = self.model.evaluate(x)
         residual = stimulus - target
         cost = 0.5 * float(residual @ residual)
         room, _ = limits.constraints(self.device, x)
-        kept = replace(
+        return replace(
             found,
             x=x,
             stimulus=stimulus,
@@ -95,9 +97,8 @@ class RecordedMatcher(StressMatcher):
             multipliers=np.zeros(0),
             why="edge",
         )
-        return kept, searches
 
-    def _felt(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
+    def _rendered_stimulus(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
         return np.zeros(self.model.size) if minimum is None else minimum.stimulus
 
     def _mistrusted(self, stimulus: Array, minimum: Minimum, size: float) -> bool:

@@ -1,4 +1,4 @@
-"""Replay: the forces on the skin while a device goes through given poses, from rest, with friction's memory.
+"""Replay: the forces on the skin while a device goes through given configurations, from rest, with friction's memory.
 
 A bake keeps what the device does, not what that makes the skin feel; this works it out again, for any sample. Friction
 states are kept at intervals, so that going back a little costs a little.
@@ -10,8 +10,8 @@ import numpy as np
 
 from ..arrays import Array
 from ..devices.disc_pose import DiscSolution, FrictionState, placed
-from ..devices.spec import DeviceSpec
-from ..devices.thimble import Thimble
+from ..devices.servo_limits import SERVOS
+from ..devices.thimble import Thimble, reference_distance
 from ..errors import DermisError
 from ..skin.model import SkinModel
 from ..surrogate.store import contact_of
@@ -21,20 +21,20 @@ INTERVAL = 32  # samples between two states that are kept
 
 
 class Replay:
-    """A device that goes through poses on a skin.
+    """A device that goes through configurations on a skin.
 
     Args:
         device: the mechanism. skin: what it presses on. friction: Coulomb's coefficient.
         x: pitch, roll [rad], distance [m] at every sample, shape (n, 3).
 
     Raises:
-        DermisError: poses that are not finite or of another shape.
+        DermisError: configurations that are not finite or of another shape.
     """
 
     def __init__(self, device: Thimble, skin: SkinModel, friction: float, x: Array) -> None:
         x = np.asarray(x, np.float64)
         if x.ndim != 2 or x.shape[1:] != (3,) or not np.isfinite(x).all():
-            raise DermisError("poses are pitch, roll and distance, finite", where="replay", value=x.shape)
+            raise DermisError("configurations are pitch, roll and distance, finite", where="replay", value=x.shape)
         self.device, self.x, self.contact = device, x, contact_of(device, skin, friction)
         self._states = {0: FrictionState.rest(self.contact.count)}  # before the sample
         self._now = (0, self._states[0])
@@ -50,7 +50,7 @@ class Replay:
         """Return the contact of the disc with the skin at a sample.
 
         Args:
-            ahead: a pose shortly after the sample to look at instead; friction remembers the sample itself.
+            ahead: a configuration shortly after the sample to look at instead; friction remembers the sample itself.
 
         Raises:
             DermisError: no such sample.
@@ -86,18 +86,13 @@ class Replay:
 
 
 def configurations(track: CommandTrack, device: Thimble) -> Array:
-    """Return the poses that a track's servo angles hold the platform in, shape (n, 3).
+    """Return the configurations that a track's servo angles hold the platform in, shape (n, 3).
 
     Raises:
-        DermisError: the track has no servo channels, or angles that no pose has.
+        DermisError: the track has no servo channels, or angles that no configuration has.
     """
-    angles = np.stack([track.column(f"servo_{i}") for i in (1, 2, 3)], axis=1)
-    out, before = np.empty_like(angles), np.array([0.0, 0.0, reference_of(track.spec, device)])
+    angles = np.stack([track.column(name) for name in SERVOS], axis=1)
+    out, before = np.empty_like(angles), np.array([0.0, 0.0, reference_distance(track.spec, device)])
     for i, row in enumerate(angles):
-        out[i] = before = device.forward(row + device.servo_zero, before)
+        out[i] = before = device.forward(row, before)
     return out
-
-
-def reference_of(spec: DeviceSpec, device: Thimble) -> float:
-    """Return the distance at which the servos are in their middle [m]."""
-    return float(spec.parameters.get("reference_distance", device.mount[2, 3]))

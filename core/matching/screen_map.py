@@ -20,7 +20,7 @@ from ..arrays import Array, Floats32
 from ..devices.friction_screen import FrictionScreen
 from ..effects.gradient import bilinear, check_map, gradient, metres_of, steepest
 from ..effects.heading import REST_RADIUS, Heading
-from ..effects.slide import FULL, LEAST, friction_of_slope, without_downhill
+from ..effects.slide import MAX_FRICTION, MIN_FRICTION, friction_of_slope, without_downhill
 from ..errors import DermisError
 from ..files import write_bytes
 from ..foreign import json_of
@@ -113,7 +113,7 @@ class ScreenMap:
 
     @property
     def changing(self) -> bool:
-        """Tell whether the heights change with time."""
+        """Return whether the heights change with time."""
         return len(self.heights) > 1 and self.maps_per_second > 0
 
     def heading(self) -> Heading:
@@ -153,7 +153,7 @@ class ScreenMap:
             friction = self.offset + f0 * height
         else:
             level = (self.threshold if threshold is None else threshold) * (self.highest - self.lowest) * self.metres
-            friction = np.where((height >= level) & (self.highest > self.lowest), FULL, LEAST)
+            friction = np.where((height >= level) & (self.highest > self.lowest), MAX_FRICTION, MIN_FRICTION)
         inside = self.on_screen(x, y)
         return Relief(*(np.where(inside, values, 0.0) for values in (friction, grad_x, grad_y, height)))
 

@@ -17,8 +17,7 @@ from ..errors import DermisError, Finding
 from ..motion import Spline
 from ..parameters.device import DEVICE
 from ..parameters.finger import FINGER
-from ..scene.tactile_scene import DeviceUse, TactileScene
-from .shear_tactor import device_times
+from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
 
 if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
@@ -71,15 +70,17 @@ def screens_of(scene: TactileScene, use: DeviceUse) -> Sequence[int]:
     return [names.index(use.screen)]
 
 
-def screen_path(touch: PadContact, scene: TactileScene, finger: int, index: int, settings: Settings) -> ScreenPath:
+def screen_path(
+    pad_contact: PadContact, scene: TactileScene, finger: int, index: int, settings: Settings
+) -> ScreenPath:
     """Interpolate the pad's path in the screen's axes: a finger that rides on a moving screen is at rest there.
 
     Raises:
         DermisError: a screen that is scaled to nothing.
     """
-    screen, matrices = scene.screens[index], touch.screens[index]
+    screen, matrices = scene.screens[index], pad_contact.screens[index]
     where = f"screen '{screen.name}'"
-    pads = touch.fingers[finger, :, :3, 3]
+    pads = pad_contact.fingers[finger, :, :3, 3]
     axes = matrices[:, :3, :3]
     lengths = np.linalg.norm(axes, axis=1)
     volume = np.abs(np.linalg.det(axes))
@@ -88,17 +89,17 @@ def screen_path(touch: PadContact, scene: TactileScene, finger: int, index: int,
         raise DermisError(
             "the screen is scaled to nothing",
             where=where,
-            value=f"frame {touch.frames[flat][0]:g}",
+            value=f"frame {pad_contact.frames[flat][0]:g}",
             limit="a scale other than zero",
         )
     local = np.linalg.solve(axes, (pads - matrices[:, :3, 3])[..., None])[..., 0]
     # Across the screen the map goes with its object; from its plane the true distance counts.
     local[:, :2] *= lengths[0, :2]
     local[:, 2] *= volume / np.linalg.norm(np.cross(axes[:, :, 0], axes[:, :, 1]), axis=1)
-    x, y, z = Spline(touch.times, local).at(settings.times).T
+    x, y, z = Spline(pad_contact.times, local).at(settings.times).T
     reach = settings.touch_distance(index)
     inside = (np.abs(x) <= 0.5 * screen.size[0] * lengths[0, 0]) & (np.abs(y) <= 0.5 * screen.size[1] * lengths[0, 1])
-    resting = _resting(touch.times, local, settings.times)
+    resting = _resting(pad_contact.times, local, settings.times)
     return ScreenPath(x, y, z, inside, inside & (z <= reach) & (z >= -BEHIND), resting)
 
 
@@ -119,11 +120,11 @@ class Settings:
     """The settings of one use: animated where a channel says so, else constant."""
 
     def __init__(
-        self, touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, rate: float, where: str
+        self, pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, rate: float, where: str
     ) -> None:
         # Those of every other device: the sweep's last sample may lie before the end of the range.
-        self.times: Array = touch.keep(("device times", rate), lambda: device_times(scene, rate))
-        self._touch, self._scene, self._finger, self._where = touch, scene, finger, where
+        self.times: Array = pad_contact.keep(("device times", rate), lambda: device_times(scene, rate))
+        self._pad_contact, self._scene, self._finger, self._where = pad_contact, scene, finger, where
         self._given: Mapping[str, Any] = use.parameters
         devices = scene.fingers[finger].devices
         place = next((i for i, d in enumerate(devices) if d is use), None)
@@ -136,7 +137,7 @@ class Settings:
 
     def series(self, name: str) -> Array | None:
         """Return a setting at the device's times, or None where nobody set it."""
-        animated = self._channel(self._prefix + name)
+        animated = self._animated(self._prefix + name)
         if animated is not None:
             return animated
         constant = self.constant(name) if name in self._given else None
@@ -148,18 +149,18 @@ class Settings:
             (f"screen/{screen}/", self._scene.screens[screen]),
             (f"finger/{self._finger}/", self._scene.fingers[self._finger]),
         ):
-            animated = self._channel(prefix + "touch_distance")
+            animated = self._animated(prefix + "touch_distance")
             if animated is not None:
                 return animated
             if "touch_distance" in owner.parameters:
                 return np.full(len(self.times), float(owner.parameters["touch_distance"]))
         return np.full(len(self.times), float(FINGER["touch_distance"].absent))
 
-    def _channel(self, key: str) -> Array | None:
-        values = self._touch.channels.get(key)
+    def _animated(self, key: str) -> Array | None:
+        values = self._pad_contact.animated.get(key)
         if values is None:
             return None
-        return np.interp(self.times, self._touch.times, values)
+        return np.interp(self.times, self._pad_contact.times, values)
 
 
 def driven_values(
@@ -177,7 +178,7 @@ def driven_values(
 
 
 def scale_findings(matrices: Array, name: str) -> list[Finding]:
-    """Say where a screen is deformed while it moves, because the map keeps the size that it has at the start."""
+    """Find a screen that is deformed while it moves: the map keeps the size that it has at the start."""
     findings = []
     lengths = np.linalg.norm(matrices[:, :3, :3], axis=1)
     changed = (np.abs(lengths / np.maximum(lengths[0], 1e-30) - 1.0) > SCALE_CHANGE).any(axis=1)

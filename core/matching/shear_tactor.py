@@ -17,7 +17,7 @@ from ..devices.shear_tactor import ShearTactor, within_speed
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError
 from ..parameters.device import DEVICE
-from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
+from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
 from ..track.command_track import CommandTrack
 from .effect_sum import EffectSum
 from .rendered import Rendered
@@ -26,7 +26,7 @@ from .rendered import Rendered
 SLACK = 1e-9
 
 
-def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
+def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
     """Render one finger's shear tactor.
 
     Signals: 'contact' and 'held' (0 or 1), 'magnitude' (asked for, as a fraction of the range).
@@ -38,11 +38,11 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
     """
     method = DEVICE["projection"].of(use.parameters, f"finger '{scene.fingers[finger].name}'")
     tactor = ShearTactor.from_spec(spec)
-    times: Array = touch.keep(("device times", spec.rate), lambda: device_times(scene, spec.rate))
-    sums = EffectSum(touch, scene, finger, use, tactor, times)
+    times: Array = pad_contact.keep(("device times", spec.rate), lambda: device_times(scene, spec.rate))
+    sums = EffectSum(pad_contact, scene, finger, use, tactor.tap_axis, times)
     for body in range(len(scene.bodies)):
-        sums.body(body)
-    sums.pattern()
+        sums.add_body(body)
+    sums.add_pattern()
     if sums.sum is None:
         position, magnitude, limited = np.zeros((len(times), 2)), np.zeros(len(times)), 0
     else:
@@ -80,12 +80,7 @@ def render(touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, 
     return Rendered(track, signals, tuple(sums.findings), {k: v for k, v in sums.skipped.items() if v})
 
 
-def device_times(scene: TactileScene, rate: float) -> Array:
-    """Return the times of a device's commands over a scene's range [s]; they do not depend on fps."""
-    return np.arange(sample_count(scene.fps, scene.frame_range, rate)) / rate
-
-
-def projected(displacement: Array, reach: float, method: str = "magnitude") -> tuple[Array, Array, int]:
+def projected(displacement: Array, radius: float, method: str = "magnitude") -> tuple[Array, Array, int]:
     """Lay displacements into the pad's plane and limit them.
 
     'magnitude': p = A min(1, |P T^-1 d|) P T^-1 d / |P T^-1 d|. 'printed': the paper divides by |d| instead, which
@@ -93,7 +88,7 @@ def projected(displacement: Array, reach: float, method: str = "magnitude") -> t
 
     Args:
         displacement: T^-1 d, in the finger's frame, as fractions of the range, shape (n, 3).
-        reach: A [m].
+        radius: A [m].
 
     Returns:
         positions [m], shape (n, 2); the lengths |P T^-1 d|, shape (n,); how many of them were limited to 1.
@@ -108,7 +103,7 @@ def projected(displacement: Array, reach: float, method: str = "magnitude") -> t
     length = np.hypot(flat[:, 0], flat[:, 1])
     limited = int((length > 1.0 + SLACK).sum())
     if method == "magnitude":
-        return reach * flat / np.maximum(length, 1.0)[:, None], length, limited
+        return radius * flat / np.maximum(length, 1.0)[:, None], length, limited
     whole = np.sqrt(np.einsum("ij,ij->i", displacement, displacement))
     factor = np.minimum(1.0, length) / np.where(whole > 0.0, whole, 1.0)
-    return reach * factor[:, None] * flat, length, limited
+    return radius * factor[:, None] * flat, length, limited

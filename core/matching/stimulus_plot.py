@@ -22,7 +22,7 @@ from .thimble_sequence import ThimbleSequence
 from .thimble_use import ThimbleUse
 
 MOVEMENTS = 240
-MOST = 2500  # dots of the cloud
+MAX_DOTS = 2500  # dots of the cloud
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,18 +54,18 @@ def stimulus_plot(use: ThimbleUse, forces: Array, found: ThimbleSequence, seed: 
     Raises:
         DermisError: servo limits that exclude contact.
     """
-    spaces = None if use.readout is not None else describe(use.device, use.skin, use.friction)
-    readout = use.readout if spaces is None else spaces.readout
-    assert readout is not None
+    spaces = None if use.observation_matrix is not None else describe(use.device, use.skin, use.friction)
+    observation_matrix = use.observation_matrix if spaces is None else spaces.observation_matrix
+    assert observation_matrix is not None
     data = drain(record(use.device, contact_of(use.device, use.skin, use.friction), MOVEMENTS, seed=seed))
-    stimuli = data.force.astype(np.float64) @ readout.T
+    stimuli = data.force.astype(np.float64) @ observation_matrix.T
     about = stimuli - stimuli.mean(axis=0)
-    chosen = slice(None, None, max(1, -(-len(stimuli) // MOST)))
+    chosen = slice(None, None, max(1, -(-len(stimuli) // MAX_DOTS)))
     depth = data.x[:, 2].max() - data.x[:, 2]
     shares = (data.x[:, 0] / MAX_TILT, data.x[:, 1] / MAX_TILT, depth / MAX_DEPTH - 1)
     configuration = np.stack(shares, axis=1)
-    three = readout[:3]
-    touched = found.wanted | found.pressing
+    three = observation_matrix[:3]
+    touched = found.touched | found.pressing
     return StimulusPlot(
         stimuli[chosen, :3],
         np.clip(configuration[chosen], -1.0, 1.0),
@@ -76,6 +76,6 @@ def stimulus_plot(use: ThimbleUse, forces: Array, found: ThimbleSequence, seed: 
     )
 
 
-def _through(force: NDArray[np.floating], readout: Array) -> Array:
-    flat: Array = force.reshape(len(force), readout.shape[1]).astype(np.float64)
-    return flat @ readout.T
+def _through(force: NDArray[np.floating], observation_matrix: Array) -> Array:
+    flat: Array = force.reshape(len(force), observation_matrix.shape[1]).astype(np.float64)
+    return flat @ observation_matrix.T

@@ -24,8 +24,8 @@ from ..errors import DermisError
 from ..surrogate.forward import DirectModel, ForwardModel
 from .descent import descend
 from .gauss_newton import GIVES_WAY, Minimum, ServoLimits
-from .start_table import StartTable, start_table
 from .thimble_use import HOVER
+from .warm_start import WarmStartTable, warm_start_table
 
 Search = Callable[[Array, ServoLimits], Minimum]
 
@@ -45,7 +45,6 @@ class ThimbleFrame:
         stimulus: rendered, after the friction update, shape (k,). mismatch: |stimulus - target| / |target|, 0 for none.
         solution: contact of the disc with the skin.
         minimum: the search's own account, None where the target is no touch.
-        searches: how many starts were tried.
         rescued: a learned model was wrong, and the direct search took its place.
     """
 
@@ -55,7 +54,6 @@ class ThimbleFrame:
     mismatch: float
     solution: DiscSolution
     minimum: Minimum | None
-    searches: int
     rescued: bool = False
 
     @property
@@ -69,44 +67,50 @@ class StressMatcher:
 
     Args:
         device: the mechanism. contact: disc and skin, for the friction update.
-        readout: stimulus components of forces, shape (k, 3 m).
+        observation_matrix: stimulus components of forces, shape (k, 3 m).
         model: what the search evaluates; the contact itself where None.
         change: largest change of a servo angle from frame to frame [rad]; None: not limited here.
         hover: distance kept from the skin while nothing is touched [m].
-        hush: targets no stronger than this cannot be told from a sensor's noise and are no touch.
+        noise_floor: targets no stronger than this cannot be told from a sensor's noise and are no touch.
         table: to start from; made where None.
 
     Attributes:
         rescues: frames since the last reset in which a learned model was wrong and the direct search took its place.
 
     Raises:
-        DermisError: the servo limits exclude first contact, or model and readout have different components.
+        DermisError: the servo limits exclude first contact, or model and observation matrix have different components.
     """
 
     def __init__(
         self,
         device: Thimble,
         contact: DiscContact,
-        readout: Array,
+        observation_matrix: Array,
         model: ForwardModel | None = None,
         *,
         change: float | None = None,
         hover: float = HOVER,
-        hush: float = 0.0,
-        table: StartTable | None = None,
+        noise_floor: float = 0.0,
+        table: WarmStartTable | None = None,
     ) -> None:
-        self.device, self.contact, self.hover, self.change, self.hush = device, contact, hover, change, hush
-        self.direct = DirectModel(device, contact, readout)
+        self.device, self.contact, self.hover, self.change, self.noise_floor = (
+            device,
+            contact,
+            hover,
+            change,
+            noise_floor,
+        )
+        self.direct = DirectModel(device, contact, observation_matrix)
         self.model: ForwardModel = self.direct if model is None else model
         if self.model.size != self.direct.size:
             raise DermisError(
-                "model and readout have different components",
+                "model and observation matrix have different components",
                 where="thimble",
                 value=f"{self.model.size} and {self.direct.size}",
             )
         self.limits = ServoLimits.of(device)
         self.rest_x = self._start_at(0.0, 0.0, -hover)
-        self.table = start_table(device, contact, self.model) if table is None else table
+        self.table = warm_start_table(device, contact, self.model) if table is None else table
         self.reset()
 
     def reset(self) -> None:
@@ -148,28 +152,26 @@ class StressMatcher:
             )
         limits = self.limits if self.change is None else self.limits.near(self.angles, self.change)
         size = float(np.sqrt(target @ target))
-        minimum, searches, followed, rescued = None, 0, self._pressed, False
-        if size > max(self.hush, NOTHING * float(self.table.strength.max())):
-            if search is None:
-                minimum, searches = self._search(target, limits)
-            else:
-                minimum, searches = search(self.x, limits), 1
+        minimum: Minimum | None = None
+        followed, rescued = self._pressed, False
+        if size > max(self.noise_floor, NOTHING * float(self.table.strength.max())):
+            minimum = self._search(target, limits) if search is None else search(self.x, limits)
             x = minimum.x
         else:
             x, self._goal = self._retracted(limits), None
         solution = self._contact_at(x, searched=minimum is not None and search is None)
-        stimulus = self._felt(solution, minimum)
+        stimulus = self._rendered_stimulus(solution, minimum)
         learned = minimum is not None and search is None and self.model is not self.direct
         if learned and minimum is not None and self._mistrusted(stimulus, minimum, size):
             before = self.rescues
             minimum, x, solution, stimulus = self._rescued(target, limits, minimum, x, solution, stimulus)
-            searches, rescued = searches + 1, self.rescues > before
+            rescued = self.rescues > before
         self._settle(solution)
         miss = stimulus - target
         self._moved = x - self.x if minimum is not None and followed else np.zeros(3)
         self.x, self.angles = x, self._angles(x)
         mismatch = float(np.sqrt(miss @ miss)) / size if minimum is not None else 0.0
-        return ThimbleFrame(x, self.angles, stimulus, mismatch, solution, minimum, searches, rescued)
+        return ThimbleFrame(x, self.angles, stimulus, mismatch, solution, minimum, rescued)
 
     def follow(self, targets: Iterable[Array]) -> Iterator[ThimbleFrame]:
         """Take targets one after the other."""
@@ -178,26 +180,24 @@ class StressMatcher:
 
     # -- parts -------------------------------------------------------------------------------------------------------
 
-    def _search(self, target: Array, limits: ServoLimits) -> tuple[Minimum, int]:
+    def _search(self, target: Array, limits: ServoLimits) -> Minimum:
         self.model.hold(self.state)
         size = float(np.sqrt(target @ target))
         alike = self.table.direction @ target / size
         nearest = int(alike.argmax())
         promised = size * float(np.sqrt(max(1.0 - alike[nearest] ** 2, 0.0)))
         best: Minimum | None = None
-        searches = 0
         if self._pressed:
             best = descend(self.model.evaluate, target, self._extrapolated(limits), self.device, limits)
-            searches = 1
         if best is not None:
             self._wait = max(self._wait - 1, 0)
-        start = self.table.pose(nearest, size * float(alike[nearest]))
+        start = self.table.configuration(nearest, size * float(alike[nearest]))
         if best is None:
             best = descend(self.model.evaluate, target, self._within(start, limits), self.device, limits)
             self._patience = 1
-            return best, searches + 1
+            return best
         if self._goal is None and (promised >= PROMISE * best.mismatch or self._wait > 0):
-            return best, searches
+            return best
         start = self._within(start if self._goal is None else self._goal, self.limits)
         other = descend(self.model.evaluate, target, start, self.device, self.limits)
         self._goal = None
@@ -206,7 +206,7 @@ class StressMatcher:
         else:  # a promise that was not kept: wait longer and longer before the next is believed
             self._patience = min(2 * self._patience, LONGEST_WAIT)
             self._wait = self._patience
-        return best, searches + 1
+        return best
 
     def _toward(self, goal: Minimum, target: Array, limits: ServoLimits) -> Minimum:
         """Return a better minimum elsewhere, or where the servos can be on the way to it within one frame."""
@@ -245,7 +245,7 @@ class StressMatcher:
         """Search directly where a learned model was far from the contact that its pose made, and keep the better."""
         learned, self.model = self.model, self.direct
         try:
-            other, _ = self._search(target, limits)
+            other = self._search(target, limits)
             found = self.direct.solution(other.x)
         finally:
             self.model = learned
@@ -254,16 +254,16 @@ class StressMatcher:
         self.rescues += 1
         return other, other.x, found, self._stimulus(found)
 
-    def _felt(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
-        """Return what is felt at the pose chosen."""
+    def _rendered_stimulus(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
+        """Return the stimulus at the pose chosen."""
         return self._stimulus(solution)
 
     def _mistrusted(self, stimulus: Array, minimum: Minimum, size: float) -> bool:
-        """Tell whether a learned model was far from the contact that its pose made."""
+        """Return whether a learned model was far from the contact that its pose made."""
         return float(np.linalg.norm(stimulus - minimum.stimulus)) > MISTRUST * size
 
     def _stimulus(self, solution: DiscSolution) -> Array:
-        return self.direct.readout @ solution.spread(self.contact.count).ravel()
+        return self.direct.observation_matrix @ solution.spread(self.contact.count).ravel()
 
     def _contact_at(self, x: Array, *, searched: bool) -> DiscSolution:
         """Return the contact at the pose chosen, from the friction state before it."""

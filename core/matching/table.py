@@ -30,7 +30,7 @@ from .sweep import sweep
 
 FORMAT = "dermis-skin-table 1"
 UNBALANCED = 0.02  # [N] a platform whose forces are farther from balance is left out of the table
-HUSH = 1.7  # of the noise's expected norm: untouched skin stays below this nearly always (1 in 10,000 with 20 channels)
+NOISE_FLOOR = 1.7  # of the noise's expected norm: untouched skin stays below but for 1 in 10,000 (20 channels)
 UNSETTLED = 5e-3  # contact forces farther from Coulomb's law than this share are left out
 
 
@@ -42,8 +42,8 @@ class SkinTable:
         commands: of each row, SI, shape (n, motors). readings: what was sensed [counts], shape (n, channels).
         rest: the row in which nothing touches.
         scale: range of each motor, by which commands are compared, shape (motors,).
-        hush: readings nearer to those of rest than this cannot be told from rest [counts]: such rows count as the rest
-            row, and such queries hit it. 0 for a sensor without noise.
+        noise_floor: readings nearer to those of rest than this cannot be told from rest [counts]: such rows count as
+            the rest row, and such queries hit it. 0 for a sensor without noise.
         meta: where it comes from: device, skin, counts of rows left out.
 
     Raises:
@@ -54,7 +54,7 @@ class SkinTable:
     readings: NDArray[Any]
     rest: int
     scale: Array
-    hush: float = 0.0
+    noise_floor: float = 0.0
     meta: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -92,7 +92,7 @@ class SkinTable:
         Raises:
             DermisError: fewer than the neighbours that are asked for.
         """
-        told = self.from_rest(self.readings) > self.hush
+        told = self.from_rest(self.readings) > self.noise_floor
         told[self.rest] = True
         rows = np.flatnonzero(told)
         if len(rows) < NEIGHBOURS:
@@ -111,18 +111,18 @@ class SkinTable:
         return self.commands[self.heard]
 
     @cached_property
-    def felt(self) -> Array:
+    def exact_readings(self) -> Array:
         """Readings of all rows in double precision [counts]."""
         return np.asarray(self.readings, np.float64)
 
     def from_rest(self, readings: NDArray[Any]) -> Array:
         """Return how far readings are from those of rest [counts], shape (n,)."""
-        off = np.asarray(readings, np.float64) - self.felt[self.rest]
+        off = np.asarray(readings, np.float64) - self.exact_readings[self.rest]
         return np.sqrt(np.einsum("ij,ij->i", off, off))
 
     def heard_with(self, noise: float) -> SkinTable:
         """Return the same table for a sensor with noise of a standard deviation [counts] in every channel."""
-        return replace(self, hush=HUSH * noise * float(np.sqrt(self.readings.shape[1])))
+        return replace(self, noise_floor=NOISE_FLOOR * noise * float(np.sqrt(self.readings.shape[1])))
 
     @cached_property
     def by_command(self) -> NearestPoints:

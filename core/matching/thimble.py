@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,11 +9,11 @@ import numpy as np
 from ..arrays import Array
 from ..cache import cache_key
 from ..devices.spec import DeviceSpec
-from ..devices.thimble import FIRM, Thimble
+from ..devices.thimble import MIN_MARGIN, Thimble
 from ..errors import DermisError, Finding, Severity
 from ..parameters.material import FRICTION
 from ..recent import Recent
-from ..scene.tactile_scene import DeviceUse, TactileScene, sample_count
+from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
 from ..skin.model import SkinModel
 from ..steps import drain
 from ..surrogate.dataset import record
@@ -25,10 +24,10 @@ from ..surrogate.subspace import TOLERANCE
 from ..track.command_track import CommandTrack
 from .baselines import contact_patch, fit_plane, total_force
 from .rendered import Rendered
-from .start_table import StartTable, start_table
 from .stress import MISTRUST, StressMatcher, ThimbleFrame
 from .thimble_sequence import ThimbleSequence, collect
 from .thimble_use import HOVER, LEARNED, METHODS, ThimbleUse, prepare
+from .warm_start import WarmStartTable, warm_start_table
 
 if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
@@ -37,12 +36,12 @@ if TYPE_CHECKING:
 
 DESCRIPTOR_MOVEMENTS = 240  # enough for the subspace: more change its size by one component at most
 LATE = 0.05  # of the touched samples: if the disc is not there yet in more, a person should know
-STEEP = 0.05  # of the touched samples: the same for touches that are too steep for the mechanism
+MAX_STEEP = 0.05  # of the touched samples: the same for touches that are too steep for the mechanism
 DOUBTFUL = 0.1  # of the touched samples: a surrogate that is replaced more often is not worth its name
 UNFINISHED = 0.05  # a KKT residual above it is worth a finding
 
 _known: Recent[tuple[str, str, float, float], Descriptors] = Recent(8)
-_tables: Recent[str, StartTable] = Recent(8)
+_tables: Recent[str, WarmStartTable] = Recent(8)
 
 
 def describe(device: Thimble, skin: SkinModel, friction: float, tolerance: float = TOLERANCE) -> Descriptors:
@@ -62,20 +61,20 @@ def matcher(
     method: str = "stress",
     *,
     friction: float = FRICTION,
-    readout: Array | None = None,
+    observation_matrix: Array | None = None,
     model: ForwardModel | None = None,
     change: float | None = None,
     hover: float = HOVER,
-    hush: float = 0.0,
+    noise_floor: float = 0.0,
 ) -> StressMatcher:
     """Return what follows targets by a method.
 
     Args:
-        readout: stress components of forces; those of `describe` where None. Not used by 'force'.
+        observation_matrix: stress components of forces; those of `describe` where None. Not used by 'force'.
         model: learned model for 'network' and 'ridge'.
         change: largest change of a servo angle from frame to frame [rad].
         hover: distance kept while nothing is touched [m].
-        hush: strength of a target that cannot be told from noise.
+        noise_floor: strength of a target that cannot be told from noise.
 
     Raises:
         DermisError: an unknown method, a learned method without its model, or servo limits that exclude contact.
@@ -91,15 +90,17 @@ def matcher(
         )
     contact = contact_of(device, skin, friction)
     if method == "force":
-        readout = total_force(skin.pad_count)
-    elif readout is None:
-        readout = describe(device, skin, friction).readout
+        observation_matrix = total_force(skin.pad_count)
+    elif observation_matrix is None:
+        observation_matrix = describe(device, skin, friction).observation_matrix
     table, learned = None, model if method in LEARNED else None
     if learned is None:  # five fingers of one hand start from the same table
-        key = cache_key(skin.key, repr(skin.material), device_key(device), repr(friction), readout.tobytes())
-        direct = DirectModel(device, contact, readout)
-        table = _tables.make(key, lambda: start_table(device, contact, direct))
-    return StressMatcher(device, contact, readout, learned, change=change, hover=hover, hush=hush, table=table)
+        key = cache_key(skin.key, repr(skin.material), device_key(device), repr(friction), observation_matrix.tobytes())
+        direct = DirectModel(device, contact, observation_matrix)
+        table = _tables.make(key, lambda: warm_start_table(device, contact, direct))
+    return StressMatcher(
+        device, contact, observation_matrix, learned, change=change, hover=hover, noise_floor=noise_floor, table=table
+    )
 
 
 class Follower:
@@ -119,11 +120,28 @@ class Follower:
             DermisError: forces that are not finite.
         """
         force = np.asarray(force, np.float64).ravel()
-        target = self.matching.direct.readout @ force
+        target = self.matching.direct.observation_matrix @ force
         if self.method != "geometry" or not target.any():
             return self.matching.step(target)
         patch = contact_patch(self.skin, force)
         return self.matching.step(target, lambda x, limits: fit_plane(self.matching.device, patch, x, limits))
+
+    def follow(self, forces: Array) -> ThimbleSequence:
+        """Follow a sequence of touches; forces on the pad nodes [N], shape (n, m, 3) or (n, 3 m).
+
+        Raises:
+            DermisError: forces that do not fit the skin or are not finite.
+        """
+        forces = np.asarray(forces, np.float64).reshape(len(forces), -1)
+        nodes = self.skin.pad_count
+        if forces.shape[1] != 3 * nodes or not np.isfinite(forces).all():
+            raise DermisError(
+                "the target's forces do not fit the skin or are not finite",
+                where="thimble",
+                value=forces.shape,
+                limit=f"(n, {3 * nodes})",
+            )
+        return collect([self.step(force) for force in forces], nodes, self.method)
 
 
 def follower(use: ThimbleUse, change: float | None = None) -> Follower:
@@ -132,45 +150,22 @@ def follower(use: ThimbleUse, change: float | None = None) -> Follower:
     Raises:
         DermisError: servo limits that exclude contact.
     """
-    found = matcher(
+    matching = matcher(
         use.device,
         use.skin,
         use.method,
         friction=use.friction,
-        readout=use.readout,
+        observation_matrix=use.observation_matrix,
         model=use.learned,
         change=change,
         hover=use.hover,
     )
-    return Follower(found, use.skin, use.method)
+    return Follower(matching, use.skin, use.method)
 
 
 def match_touch(use: ThimbleUse, forces: Array, change: float | None = None) -> ThimbleSequence:
-    """Match a sequence of virtual touches as a thimble is used; forces as in `match_sequence`."""
-    return drain(_through(follower(use, change), forces))
-
-
-def match_sequence(
-    device: Thimble,
-    skin: SkinModel,
-    forces: Array,
-    method: str = "stress",
-    *,
-    friction: float = FRICTION,
-    readout: Array | None = None,
-    model: ForwardModel | None = None,
-    change: float | None = None,
-) -> Generator[tuple[int, int], None, ThimbleSequence]:
-    """Match a sequence of virtual touches; yields frames done and in all. See `matcher` for the arguments.
-
-    Args:
-        forces: of the virtual touch on the pad nodes [N], shape (n, m, 3) or (n, 3 m).
-
-    Raises:
-        DermisError: forces that do not fit the skin or are not finite.
-    """
-    found = matcher(device, skin, method, friction=friction, readout=readout, model=model, change=change)
-    return (yield from _through(Follower(found, skin, method), forces))
+    """Match a sequence of virtual touches as a thimble is used; forces as in `Follower.follow`."""
+    return follower(use, change).follow(forces)
 
 
 def match_stimuli(matching: StressMatcher, stimuli: Array) -> ThimbleSequence:
@@ -178,25 +173,8 @@ def match_stimuli(matching: StressMatcher, stimuli: Array) -> ThimbleSequence:
     return collect(list(matching.follow(np.asarray(stimuli, np.float64))), matching.contact.count, "stress")
 
 
-def _through(following: Follower, forces: Array) -> Generator[tuple[int, int], None, ThimbleSequence]:
-    forces = np.asarray(forces, np.float64).reshape(len(forces), -1)
-    nodes = following.skin.pad_count
-    if forces.shape[1] != 3 * nodes or not np.isfinite(forces).all():
-        raise DermisError(
-            "the target's forces do not fit the skin or are not finite",
-            where="thimble",
-            value=forces.shape,
-            limit=f"(n, {3 * nodes})",
-        )
-    frames = []
-    for i, force in enumerate(forces):
-        frames.append(following.step(force))
-        yield i + 1, len(forces)
-    return collect(frames, nodes, following.method)
-
-
 def render(
-    touch: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
+    pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
 ) -> Rendered:
     """Render one finger's thimble.
 
@@ -210,33 +188,21 @@ def render(
     Source: [S0] 5
     """
     where = f"finger '{scene.fingers[finger].name}', {spec.key}"
-    used = prepare(spec, skin.model, use.parameters, where)
-    times = np.arange(sample_count(scene.fps, scene.frame_range, spec.rate)) / spec.rate
+    prepared = prepare(spec, skin.model, use.parameters, where)
+    times = device_times(scene, spec.rate)
     forces = forces_at(skin, times)
-    found = match_touch(used, forces, used.device.servo_speed / spec.rate)
-    findings = [*used.findings, *findings_of(found, where)]
-    columns = {f"servo_{i + 1}": found.angles[:, i] for i in range(3)}
-    columns.update(zip(("pitch", "roll", "distance"), found.x.T, strict=True))
-    unknown = [c.name for c in spec.channels if c.name not in columns]
-    if unknown:
-        raise DermisError(
-            "the thimble has no such channel",
-            where=f"device preset '{spec.key}'",
-            value=", ".join(unknown),
-            limit=", ".join(columns),
-        )
-    track = CommandTrack(
-        spec, times, np.stack([columns[c.name] for c in spec.channels], axis=1), {"method": used.method}
-    )
+    found = match_touch(prepared, forces, prepared.device.servo_speed / spec.rate)
+    findings = [*prepared.findings, *findings_of(found, where)]
+    track = CommandTrack(spec, times, found.commands(spec), {"method": prepared.method})
     signals = {
-        "contact": found.wanted.astype(np.float64),
+        "contact": found.touched.astype(np.float64),
         "mismatch": found.mismatch,
         "normal_force": found.force[:, :, 2].sum(axis=1, dtype=np.float64),
         "target_force": forces[:, :, 2].sum(axis=1),
     }
-    if used.method in LEARNED:
+    if prepared.method in LEARNED:
         signals["rescued"] = found.rescued.astype(np.float64)
-    return Rendered(track, signals, tuple(findings), {"thimble frames without touch": int((~found.wanted).sum())})
+    return Rendered(track, signals, tuple(findings), {"thimble_frames_without_contact": int((~found.touched).sum())})
 
 
 def forces_at(skin: SkinContact, times: Array) -> Array:
@@ -256,7 +222,7 @@ def forces_at(skin: SkinContact, times: Array) -> Array:
 
 def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
     """Return what a person should know about a sequence."""
-    out, wanted = [], int(found.wanted.sum())
+    out, touched = [], int(found.touched.sum())
     limited, steep, rescued = int(found.held_back.sum()), int(found.steep.sum()), int(found.rescued.sum())
     if limited:
         what = "a servo's range or speed holds the match back"
@@ -264,20 +230,20 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
     if steep:
         out.append(
             Finding(
-                "warning" if steep > STEEP * wanted else "info",
+                "warning" if steep > MAX_STEEP * touched else "info",
                 "singular-pose",
                 "a better match lies where the platform gives way although its servos are held",
                 where,
-                limit=f"firmness >= {FIRM:g}",
+                limit=f"singularity margin >= {MIN_MARGIN:g}",
                 remedy="Touch less steeply, or use other link lengths",
                 count=steep,
             )
         )
     if rescued:
-        share = f"{rescued} of {wanted} touched samples"
+        share = f"{rescued} of {touched} touched samples"
         out.append(
             Finding(
-                "warning" if rescued > DOUBTFUL * wanted else "info",
+                "warning" if rescued > DOUBTFUL * touched else "info",
                 "rescued",
                 f"the surrogate was wrong and the direct search took its place in {share}",
                 where,
@@ -299,9 +265,9 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
                 count=rough,
             )
         )
-    lost = int((found.wanted & ~found.pressing).sum())
+    lost = int((found.touched & ~found.pressing).sum())
     if lost:
         # a frame or two at first touch is what any device with a speed needs
-        severity: Severity = "warning" if lost > LATE * wanted else "info"
+        severity: Severity = "warning" if lost > LATE * touched else "info"
         out.append(Finding(severity, "out-of-reach", "the device does not reach the skin in time", where, count=lost))
     return out

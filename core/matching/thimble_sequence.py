@@ -8,6 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
+from ..devices.spec import DeviceSpec
+from ..devices.thimble import channel_values
+from ..errors import DermisError
 from .gauss_newton import GIVES_WAY
 from .stress import ThimbleFrame
 
@@ -20,8 +23,8 @@ class ThimbleSequence:
         x: pitch, roll [rad], distance [m], shape (n, 3). angles: of the servos from neutral [rad], shape (n, 3).
         force: of the device on the skin [N], float32, shape (n, m, 3).
         mismatch: |rendered - target| / |target| in the method's own descriptor, 0 without touch, shape (n,).
-        kkt: optimality of the search, shape (n,). iterations, evaluations: of it, shape (n,).
-        pressing: the disc touches, shape (n,). wanted: the target is a touch, shape (n,).
+        kkt: optimality of the search, shape (n,). iterations: of it, shape (n,).
+        pressing: the disc touches, shape (n,). touched: the target is a touch, shape (n,).
         held_back: a servo limit was active, shape (n,).
         steep: in a better pose the platform would give way, shape (n,).
         rescued: the direct search took a learned model's place, shape (n,).
@@ -36,14 +39,30 @@ class ThimbleSequence:
     mismatch: Array
     kkt: Array
     iterations: NDArray[np.int64]
-    evaluations: NDArray[np.int64]
     pressing: NDArray[np.bool_]
-    wanted: NDArray[np.bool_]
+    touched: NDArray[np.bool_]
     held_back: NDArray[np.bool_]
     steep: NDArray[np.bool_]
     rescued: NDArray[np.bool_]
     method: str
     predicted: Array | None = None
+
+    def commands(self, spec: DeviceSpec) -> Array:
+        """Return what the channels of a preset hold, shape (n, channels).
+
+        Raises:
+            DermisError: a channel that no thimble has.
+        """
+        columns = channel_values(self.angles, self.x)
+        unknown = [c.name for c in spec.channels if c.name not in columns]
+        if unknown:
+            raise DermisError(
+                "the thimble has no such channel",
+                where=f"device preset '{spec.key}'",
+                value=", ".join(unknown),
+                limit=", ".join(columns),
+            )
+        return np.stack([columns[c.name] for c in spec.channels], axis=1)
 
 
 def collect(frames: list[ThimbleFrame], nodes: int, method: str) -> ThimbleSequence:
@@ -59,7 +78,6 @@ def collect(frames: list[ThimbleFrame], nodes: int, method: str) -> ThimbleSeque
         np.array([f.mismatch for f in frames]),
         np.array([0.0 if m is None else m.kkt for m in found]),
         np.array([0 if m is None else m.iterations for m in found]),
-        np.array([0 if m is None else m.evaluations for m in found]),
         np.array([f.touching for f in frames]),
         np.array([m is not None for m in found]),
         np.array([m is not None and any(a != GIVES_WAY for a in m.active) for m in found]),

@@ -22,7 +22,7 @@ from ..devices.retraction import CLEAR
 from ..devices.safe_state import safe_state
 from ..devices.servo_limits import SERVOS
 from ..devices.spec import DeviceSpec
-from ..devices.thimble import Thimble, mechanism
+from ..devices.thimble import Thimble, mechanism, reference_distance
 from ..errors import DermisError, Finding
 from ..parameters.device import DEVICE
 from ..skin.model import SkinModel
@@ -44,7 +44,7 @@ class ThimbleUse:
         device: the mechanism, mounted as it sits on this person.
         skin: what it presses on. friction: between both. hover: distance kept while nothing is touched [m].
         method: one of `METHODS`, after a learned one that cannot be used was replaced.
-        readout: stress components that the learned model speaks of; None where the device's own are meant.
+        observation_matrix: stress components that the learned model speaks of; None where the device's own are meant.
         learned: the model of 'network' and 'ridge'; None for the others.
         findings: what was replaced, and why.
     """
@@ -54,19 +54,19 @@ class ThimbleUse:
     friction: float
     hover: float
     method: str
-    readout: Array | None
+    observation_matrix: Array | None
     learned: ForwardModel | None
     findings: tuple[Finding, ...]
 
 
-def fitted(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any]) -> tuple[Thimble, float]:
+def calibrated_mechanism(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any]) -> tuple[Thimble, float]:
     """Return a preset's mechanism as it sits on a person, and the friction of its disc.
 
     Parameters of the use: 'thimble_calibrated' (bool) and 'thimble_felt_1' to '_3', the servo angles from neutral at
     which the person first feels the disc [rad].
 
     Raises:
-        DermisError: a preset that cannot be built, or angles that no pose of the platform has.
+        DermisError: a preset that cannot be built, or angles that no configuration of the platform has.
     """
     device, friction = mechanism(spec), float(spec.value("skin_friction"))
     if not DEVICE["thimble_calibrated"].of(parameters, spec.key):
@@ -86,30 +86,30 @@ def fitted(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any]) -> 
 def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], where: str = "thimble") -> ThimbleUse:
     """Return how a thimble is used.
 
-    Parameters of the use, besides those of `fitted`: 'thimble_method' (see `METHODS`, default 'stress');
-    'thimble_surrogate', for 'network' and 'ridge', the path of its files or of the folder that adaptations are kept
-    in; 'thimble_hover' [m].
+    Parameters of the use, besides those of `calibrated_mechanism`: 'thimble_method' (see `METHODS`, default
+    'stress'); 'thimble_surrogate', for 'network' and 'ridge', the path of its files or of the folder that adaptations
+    are kept in; 'thimble_hover' [m].
 
     Where a surrogate cannot be used, a finding says why and the direct method takes its place.
 
     Raises:
-        DermisError: an unknown method, a hover out of range, or what `fitted` raises.
+        DermisError: an unknown method, a hover out of range, or what `calibrated_mechanism` raises.
     """
-    device, friction = fitted(spec, skin, parameters)
+    device, friction = calibrated_mechanism(spec, skin, parameters)
     method, hover = (DEVICE[name].of(parameters, where) for name in ("thimble_method", "thimble_hover"))
     near = _near(spec, device, contact_of(device, skin, friction))
     if method not in LEARNED:
         return ThimbleUse(device, skin, friction, hover, method, None, None, near)
     try:
-        made = load(surrogate_path(parameters, skin, device, friction), skin, device, friction)
-        readout, learned = made.descriptors.readout, made.model(skin, method)
-        try_out(learned, _poses(device, contact_of(device, skin, friction)), where)
+        surrogate = load(surrogate_path(parameters, skin, device, friction), skin, device, friction)
+        observation_matrix, learned = surrogate.descriptors.observation_matrix, surrogate.model(skin, method)
+        try_out(learned, _pressing(device, contact_of(device, skin, friction)), where)
     except DermisError as error:
         finding = error.as_finding(
             "warning", code="surrogate", what=f"the direct method was used: {error.what}", where=where
         )
         return ThimbleUse(device, skin, friction, hover, "stress", None, None, (finding, *near))
-    return ThimbleUse(device, skin, friction, hover, method, readout, learned, near)
+    return ThimbleUse(device, skin, friction, hover, method, observation_matrix, learned, near)
 
 
 def _near(spec: DeviceSpec, device: Thimble, contact: DiscContact) -> tuple[Finding, ...]:
@@ -117,8 +117,8 @@ def _near(spec: DeviceSpec, device: Thimble, contact: DiscContact) -> tuple[Find
     values = safe_state(spec).values
     if not set(SERVOS) <= set(values):
         return ()  # said of the preset itself
-    neutral = (0.0, 0.0, float(spec.parameters["reference_distance"]))
-    x = device.forward(np.array([values[s] for s in SERVOS]) + device.servo_zero, neutral)
+    neutral = (0.0, 0.0, reference_distance(spec, device))
+    x = device.forward([values[s] for s in SERVOS], neutral)
     room = float(contact.gap(placed(device, device.pose(x))).min())
     if room >= CLEAR:
         return ()
@@ -135,8 +135,8 @@ def _near(spec: DeviceSpec, device: Thimble, contact: DiscContact) -> tuple[Find
     )
 
 
-def _poses(device: Thimble, contact: DiscContact) -> list[Array]:
-    """Return a few poses that press on the skin, level and tilted."""
+def _pressing(device: Thimble, contact: DiscContact) -> list[Array]:
+    """Return a few configurations that press on the skin, level and tilted."""
     tilts = ((0.0, 0.0), (TRIED_TILT, 0.0), (0.0, -TRIED_TILT))
     return [np.array([p, r, first_contact(device, contact, p, r) - TRIED_DEPTH]) for p, r in tilts]
 

@@ -1,4 +1,4 @@
-"""Parameters: one row for each setting of a finger, a device on it, a material, a screen and a skin.
+"""Parameters: one row for each setting of a finger, a device on it, a material, a screen, a skin and a stream.
 
 Everything else about a setting follows from its row: the property in Blender's window, what presets and scenes may
 hold, what the engine takes where nobody says, and `core/PARAMETERS.md`. Search for a parameter's name to find its row

@@ -10,15 +10,15 @@ from .skin_devices import PINS, PLATFORM, THIMBLE
 
 
 def _effect(name: str, label: str, text: str, source: str) -> Parameter:
-    return Parameter(name=f"use_{name}", unit=SWITCH, label=label, text=text, source=source, default=True, keyed=True)
+    return Parameter(name=name, unit=SWITCH, label=label, text=text, source=source, default=True, keyed=True)
 
 
 _TACTOR = table(
-    _effect("transient", "Contact Transient", "Render the vibration of making contact", "[S3] eq. 1"),
-    _effect("texture", "Texture", "Render the texture of what the finger slides over", "[S3] eq. 2 and 3"),
-    _effect("weight", "Weight", "Render weight and inertia of a held object", "[S3] eq. 4"),
-    _effect("content", "Content", "Render what moves inside a held object", "[S3] eq. 5"),
-    _effect("pattern", "Pattern", "Render the finger's own pattern, a cue for direction", "[S3] eq. 7 and 8"),
+    _effect("use_transient", "Contact Transient", "Render the vibration of making contact", "[S3] eq. 1"),
+    _effect("use_texture", "Texture", "Render the texture of what the finger slides over", "[S3] eq. 2 and 3"),
+    _effect("use_weight", "Weight", "Render weight and inertia of a held object", "[S3] eq. 4"),
+    _effect("use_content", "Content", "Render what moves inside a held object", "[S3] eq. 5"),
+    _effect("use_pattern", "Pattern", "Render the finger's own pattern, a cue for direction", "[S3] eq. 7 and 8"),
     Parameter(
         name="projection",
         unit=TEXT,

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
 from ..errors import DermisError
-from ..units import UNITS
+from ..units import UNITS, finite
 
 SWITCH, TEXT, NAMES = "true or false", "a text", "a list of texts"
 LARGEST = 1e9  # in SI: beyond every length, force, stiffness or rate that there is
@@ -34,7 +33,7 @@ class Parameter:
         required: a preset must have it.
         note: where the window, presets or the engine differ, and why.
         label: what people read in the window. saved: the property's name in a .blend, which never changes.
-        shown: the unit of the property's value; that of the parameter unless stated.
+        window_unit: the unit of the property's value; that of the parameter unless stated.
         soft: where sliders end; the range where None. digits: behind the point.
         keyed: it may change over a scene. file: the text is the path of a file.
     """
@@ -56,7 +55,7 @@ class Parameter:
     note: str = ""
     label: str = ""
     saved: str = ""
-    shown: str = ""
+    window_unit: str = ""
     soft: tuple[float | None, float | None] = (None, None)
     digits: int = 2
     keyed: bool = False
@@ -66,7 +65,7 @@ class Parameter:
         if self.absent is _SAME:
             self.absent = self.default
         self.saved = self.saved or self.name
-        self.shown = self.shown or self.unit
+        self.window_unit = self.window_unit or self.unit
 
     @property
     def numeric(self) -> bool:
@@ -75,8 +74,8 @@ class Parameter:
 
     @property
     def factor(self) -> float:
-        """What one of the shown unit is in SI: value = property * factor."""
-        return UNITS[self.shown][1] if self.shown in UNITS else 1.0
+        """What one of the window's unit is in SI: value = property * factor."""
+        return UNITS[self.window_unit][1] if self.window_unit in UNITS else 1.0
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -88,7 +87,7 @@ class Parameter:
         """What it may be, as one phrase with the unit."""
         if not self.numeric:
             return ", ".join(self.keys) or self.unit
-        unit = "" if self.shown in ("", "1") else f" {self.shown}"
+        unit = "" if self.window_unit in ("", "1") else f" {self.window_unit}"
         low, high = f"{self.low / self.factor:g}", f"{self.high / self.factor:g}{unit}"
         if self.above is not None:
             start = f"> {self.above / self.factor:g}"
@@ -120,7 +119,7 @@ class Parameter:
         """
         place = f"{where}, {self.name}" if where else self.name
         if self.choices and value not in self.keys:
-            raise DermisError(f"unknown {self._words}", where=place, value=value, limit=self.allowed)
+            raise DermisError(f"unknown {self.name.replace('_', ' ')}", where=place, value=value, limit=self.allowed)
         if not self.numeric:
             if not self._has_form(value, strict=unit is not None):
                 raise DermisError("another kind of value", where=place, value=value, limit=self.unit)
@@ -137,7 +136,7 @@ class Parameter:
 
     def _check_number(self, number: float, where: str) -> None:
         what = ""
-        if not _finite(number):
+        if not finite(number):
             what = "must be a finite number"
         elif self.above is not None and not number > self.above:
             what = f"must be above {'zero' if self.above == 0 else f'{self.above / self.factor:g}'}"
@@ -148,9 +147,12 @@ class Parameter:
         elif self.whole and not float(number).is_integer():
             what = "must be a whole number"
         if what:
-            plain = self.shown in ("", "1") or not _finite(number)
-            found = number if plain else f"{number / self.factor:g} {self.shown}"
-            raise DermisError(f"'{self.name}' {what}", where=where, value=found, limit=self.allowed)
+            plain = self.window_unit in ("", "1") or not finite(number)
+            found = number if plain else f"{number / self.factor:g} {self.window_unit}"
+            limit = self.allowed
+            if number > self.high >= LARGEST and finite(number):  # an end that goes without saying else
+                limit = f"<= {self.high / self.factor:g} {'' if plain else self.window_unit}".rstrip()
+            raise DermisError(f"'{self.name}' {what}", where=where, value=found, limit=limit)
 
     def _has_form(self, value: Any, *, strict: bool) -> bool:
         if self.unit == NAMES:
@@ -176,10 +178,6 @@ class Parameter:
         many = many or f"a list of {self.size} numbers"
         return f"{many} in {self.unit}" if self.unit not in ("", "1") else many
 
-    @property
-    def _words(self) -> str:
-        return self.name.replace("_", " ")
-
 
 Table = Mapping[str, Parameter]
 
@@ -191,10 +189,3 @@ def table(*rows: Parameter) -> Table:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _finite(number: float) -> bool:
-    try:
-        return math.isfinite(number)
-    except OverflowError:  # an integer of hundreds of digits
-        return False

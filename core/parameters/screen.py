@@ -15,7 +15,7 @@ SCREEN = table(
         low=0.0,
         high=1.0,
         saved="touch_distance_mm",
-        shown="mm",
+        window_unit="mm",
         soft=(None, 10e-3),
         digits=3,
         keyed=True,
@@ -52,7 +52,7 @@ HEIGHT = Parameter(
     low=0.0,
     high=1e3,
     saved="height_mm",
-    shown="mm",
+    window_unit="mm",
     soft=(None, 20e-3),
     digits=3,
 )

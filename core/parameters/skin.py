@@ -19,7 +19,7 @@ def _length(name: str, label: str, text: str, default: float) -> Parameter:
         low=0.05e-3,
         high=200e-3,
         saved=f"{name}_mm",
-        shown="mm",
+        window_unit="mm",
         soft=(None, 60e-3),
     )
 
@@ -52,7 +52,7 @@ TISSUE = table(
         low=1.0,
         high=1e9,
         saved="young_kpa",
-        shown="kPa",
+        window_unit="kPa",
         soft=(10e3, 1e6),
         digits=1,
     ),

@@ -14,7 +14,7 @@ import hashlib
 import time
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -54,33 +54,37 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
     scene.validate()
     clock = _Stages()
     findings = [*scene.findings, *(f for screen in scene.screens for f in screen.findings)]
-    wanted = list(_wanted(scene, library, findings))
+    uses = list(_usable(scene, library, findings))
     content = ContentHash(scene)
 
-    skins = yield from _skins(scene, wanted, library, cache, clock, findings)
-    touch, felt = yield from _contact(scene, skins, content, clock)
-    findings += touch.findings
-    skipped = Counter(touch.skipped)
-    for skin in felt.values():
-        findings += skin.findings
-        skipped.update(skin.skipped)
+    skin_models = yield from _skin_models(scene, uses, library, cache, clock, findings)
+    if skin_models:
+        from ..skin.blas import one_thread
 
-    content_hash = _full_hash(content, [spec for _, _, spec in wanted])
+        clock.hold = one_thread
+    pad_contact, skin_contacts = yield from _contact(scene, skin_models, content, clock)
+    findings += pad_contact.findings
+    skipped = Counter(pad_contact.skipped)
+    for contact in skin_contacts.values():
+        findings += contact.findings
+        skipped.update(contact.skipped)
+
+    content_hash = _full_hash(content, [spec for _, _, spec in uses])
     outputs = []
-    for step, (finger, use, spec) in enumerate(wanted):
-        yield Progress("devices", step, len(wanted))
+    for step, (finger, use, spec) in enumerate(uses):
+        yield Progress("devices", step, len(uses))
         with clock.stage("devices"):
             try:
-                more = (felt[finger],) if spec.follows_skin else ()
-                rendered = _renderer(spec)(touch, scene, finger, use, spec, *more)
+                more = (skin_contacts[finger],) if spec.follows_skin else ()
+                rendered = _renderer(spec)(pad_contact, scene, finger, use, spec, *more)
                 output = _finish(rendered, scene, finger, use, content_hash)
             except DermisError as error:  # one device that cannot be rendered does not take the others down
                 findings.append(_unavailable(scene.fingers[finger].name, error))
                 continue
         skipped.update(rendered.skipped)
         outputs.append(output)
-    yield Progress("devices", len(wanted), len(wanted))
-    by_name = {scene.fingers[finger].name: skin for finger, skin in felt.items()}
+    yield Progress("devices", len(uses), len(uses))
+    by_name = {scene.fingers[finger].name: contact for finger, contact in skin_contacts.items()}
     return Bake(tuple(outputs), tuple(findings), skipped, content_hash, clock.seconds, by_name)
 
 
@@ -106,7 +110,7 @@ def run(scene: TactileScene, library: Library | None = None) -> Bake:
     return drain(render(scene, library or Library()))
 
 
-def _wanted(
+def _usable(
     scene: TactileScene, library: Library, findings: list[Finding]
 ) -> Iterator[tuple[int, DeviceUse, DeviceSpec]]:
     """Pair every finger with the devices that can be driven; say which cannot, and go on."""
@@ -135,9 +139,9 @@ def _unavailable(finger: str, error: DermisError) -> Finding:
     return Finding("error", "device-unavailable", str(error).rstrip("."), where=f"finger '{finger}'")
 
 
-def _skins(
+def _skin_models(
     scene: TactileScene,
-    wanted: list[tuple[int, DeviceUse, DeviceSpec]],
+    uses: list[tuple[int, DeviceUse, DeviceSpec]],
     library: Library,
     cache: Cache | None,
     clock: _Stages,
@@ -147,9 +151,9 @@ def _skins(
 
     A finger whose skin cannot be made loses the devices that need it; the others are rendered.
     """
-    needed = {f for f, _, spec in wanted if spec.follows_skin}
+    needed = {f for f, _, spec in uses if spec.follows_skin}
     needed |= {f for f, finger in enumerate(scene.fingers) if SKIN_CONTACT["skin_shown"].of(finger.parameters)}
-    skins: dict[int, SkinModel] = {}
+    skin_models: dict[int, SkinModel] = {}
     for done, f in enumerate(sorted(needed)):
         yield Progress("skin", done, len(needed))
         from ..skin.model import skin_from_parameters
@@ -160,15 +164,15 @@ def _skins(
             with clock.stage("skin"):
                 parameters = finger.parameters.get("skin") or library.skin(DEFAULT_SKIN)
                 level = SKIN_CONTACT["skin_level"].of(finger.parameters, place)
-                skins[f] = skin_from_parameters(parameters, level=level, cache=cache, where=f"{place}, skin")
+                skin_models[f] = skin_from_parameters(parameters, level=level, cache=cache, where=f"{place}, skin")
         except DermisError as error:
             findings.append(_unavailable(finger.name, error))
-            wanted[:] = [w for w in wanted if w[0] != f or not w[2].follows_skin]
-    return skins
+            uses[:] = [w for w in uses if w[0] != f or not w[2].follows_skin]
+    return skin_models
 
 
 def _contact(
-    scene: TactileScene, skins: Mapping[int, SkinModel], content: ContentHash, clock: _Stages
+    scene: TactileScene, skin_models: Mapping[int, SkinModel], content: ContentHash, clock: _Stages
 ) -> Generator[Progress, None, tuple[PadContact, dict[int, SkinContact]]]:
     """Draw the chunks through the contact of the pads' centres and, where somebody needs it, of the whole skin.
 
@@ -177,10 +181,10 @@ def _contact(
     from ..contact.pad_sampler import PadSampler
 
     pads, skin = PadSampler(scene), None
-    if skins:
+    if skin_models:
         from ..contact.skin_sampler import SkinSampler
 
-        skin = SkinSampler(scene, skins)
+        skin = SkinSampler(scene, skin_models)
     done = 0
     chunks = content.through(scene.chunks)
     while True:
@@ -196,17 +200,17 @@ def _contact(
         done += len(chunk.times)
         yield Progress("sampling", done, scene.sample_count)
     with clock.stage("contact"):
-        touch = pads.finish()
+        pad_contact = pads.finish()
     if skin is None:
-        return touch, {}
-    held = skin.solve_held(touch)
+        return pad_contact, {}
+    held = skin.solve_held(pad_contact)
     while True:
         with clock.stage("skin contact"):
             solved = next(held, None)
         if solved is None:
             break
         yield Progress("skin contact", solved, scene.sample_count)
-    return touch, skin.finish()
+    return pad_contact, skin.finish()
 
 
 def _renderer(spec: DeviceSpec) -> Renderer:
@@ -239,16 +243,22 @@ def _full_hash(content: ContentHash, specs: list[DeviceSpec]) -> str:
 
 
 class _Stages:
-    """Adds up run time by stage."""
+    """Adds up run time by stage.
+
+    Attributes:
+        hold: what holds while a stage runs, and nobody else does.
+    """
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
+        self.hold: Callable[[], AbstractContextManager[object]] = nullcontext
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Count the time of a block towards a stage."""
         start = time.perf_counter()
         try:
-            yield
+            with self.hold():
+                yield
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start

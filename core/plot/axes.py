@@ -11,7 +11,7 @@ from .canvas import Canvas
 INK, FAINT, GRID, PAPER, FRAME = "#20262e", "#6b7480", "#e4e7eb", "#ffffff", "#b9c0c8"
 LIMIT, TOUCH = "#c8503c", "#fdebc8"
 SMALL = 7.5  # height of a capital in all but titles [points]
-MOST_POINTS = 4000  # of a curve; beyond, each step keeps its first, least, greatest and last value
+MAX_POINTS = 4000  # of a curve; beyond, each step keeps its first, least, greatest and last value
 
 
 class Axes:
@@ -89,7 +89,7 @@ class Axes:
     def curve(self, x: Array, y: Array, colour: str, width: float = 1.3) -> None:
         """Draw y over rising x, with a gap where it is not finite and a mark for a sample between gaps."""
         for part in runs(np.isfinite(y)):
-            across, down = thinned(self.x(x[part]), self.y(y[part]), MOST_POINTS)
+            across, down = thinned(self.x(x[part]), self.y(y[part]), MAX_POINTS)
             if len(across) == 1:
                 self.canvas.disc(float(across[0]), float(down[0]), 1.5, colour)
             else:

@@ -64,11 +64,15 @@ def _picture(track: CommandTrack, contact: Array | None, canvas: Canvas) -> None
     if _is_pins(track):
         pins.draw(track, contact, canvas, (LEFT, TOP, width), span)
         return
-    ranges = [_range(c, values[np.isfinite(values)]) for c, values in zip(track.channels, track.values.T, strict=True)]
-    for i, (channel, limits) in enumerate(zip(track.channels, ranges, strict=True)):
-        alike = [r for c, r in zip(track.channels, ranges, strict=True) if c.unit == channel.unit]
+    ranges: dict[tuple[str, str], tuple[float, float]] = {}
+    for channel, values in zip(track.channels, track.values.T, strict=True):
+        low, high = _range(channel, values[np.isfinite(values)])
+        before = ranges.get(_likeness(channel), (low, high))
+        ranges[_likeness(channel)] = min(low, before[0]), max(high, before[1])
+    for i, channel in enumerate(track.channels):
+        alike = [r for (of, _), r in ranges.items() if of == channel.unit]
         factor, unit = _shown_unit(channel.unit, float(np.abs(alike).max()))
-        axes = Axes(canvas, (LEFT, TOP + i * (PANEL + GAP), width, PANEL), span, limits)
+        axes = Axes(canvas, (LEFT, TOP + i * (PANEL + GAP), width, PANEL), span, ranges[_likeness(channel)])
         if contact is not None:
             axes.bands(track.times, contact)
         colour, name = LINES[i % len(LINES)], f"{channel.name} [{unit}]" if unit else channel.name
@@ -91,6 +95,11 @@ def _heading(track: CommandTrack, shaded: bool, canvas: Canvas) -> None:
     limited = any(c.low is not None or c.high is not None for c in track.channels)
     entries = [("contact", TOUCH)] * shaded + [("limit", LIMIT)] * limited
     legend(canvas, WIDTH - RIGHT - 64.0 * len(entries), 43, entries)
+
+
+def _likeness(channel: Channel) -> tuple[str, str]:
+    """Return what channels with the same scale share: the unit, and the name before its axis or number."""
+    return channel.unit, channel.name.rpartition("_")[0] or channel.name
 
 
 def _range(channel: Channel, values: Array) -> tuple[float, float]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import feed
 from .tactile_scene import SCENE_VERSION, Chunk, TactileScene, header
 
 
@@ -25,9 +26,9 @@ class ContentHash:
         self._head.update(json.dumps(header(scene), sort_keys=True).encode())
         for body in scene.bodies:
             if body.mesh is not None:
-                _feed(self._head, body.mesh.vertices, body.mesh.triangles)
+                feed(self._head, body.mesh.vertices, body.mesh.triangles)
         for screen in scene.screens:
-            _feed(self._head, screen.height_map)
+            feed(self._head, screen.height_map)
         self._series: dict[str, Any] = {}
 
     def through(self, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
@@ -38,12 +39,12 @@ class ContentHash:
             for kind, poses in (("finger", chunk.fingers), ("body", chunk.bodies), ("screen", chunk.screens)):
                 for index, pose in enumerate(poses):
                     self._add(f"{kind}/{index}", pose)
-            for key, values in chunk.channels.items():
+            for key, values in chunk.animated.items():
                 self._add(f"channel/{key}", values)
             for index, meshes in chunk.surfaces.items():
                 series = self._of(f"surface/{index}")
                 for mesh in meshes:
-                    _feed(series, mesh.vertices, mesh.triangles)
+                    feed(series, mesh.vertices, mesh.triangles)
             yield chunk
 
     def hexdigest(self) -> str:
@@ -60,10 +61,3 @@ class ContentHash:
         if key not in self._series:
             self._series[key] = hashlib.sha256()
         return self._series[key]
-
-
-def _feed(sha: Any, *arrays: NDArray[Any]) -> None:
-    """Add whole arrays with their shapes."""
-    for array in arrays:
-        sha.update(f"{array.dtype.str}{array.shape}".encode())
-        sha.update(np.ascontiguousarray(array).data)

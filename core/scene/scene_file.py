@@ -24,7 +24,7 @@ from ..npz import ArrayFile, opened_npz
 from .tactile_scene import SCENE_VERSION, Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, header
 
 FORMAT = "dermis-scene"
-MOST_HEADER = 1 << 26  # bytes; a deforming mesh names its triangles at every sample
+MAX_HEADER = 1 << 26  # bytes; a deforming mesh names its triangles at every sample
 # Arrays of a chunk: dimensions, and the size of the last where it is given.
 _SERIES = {"frames": (1,), "times": (1,), "fingers": (4, 4), "bodies": (4, 4), "screens": (4, 4)}
 
@@ -47,11 +47,11 @@ def save(scene: TactileScene, path: Path | str) -> None:
         for k, chunk in enumerate(scene.chunks):
             for name in _SERIES:
                 put_array(archive, f"chunk/{k}/{name}", getattr(chunk, name))
-            for i, name in enumerate(sorted(chunk.channels)):
-                put_array(archive, f"chunk/{k}/channel/{i}", chunk.channels[name])
+            for i, name in enumerate(sorted(chunk.animated)):
+                put_array(archive, f"chunk/{k}/channel/{i}", chunk.animated[name])
             chunks.append(
                 {
-                    "channels": sorted(chunk.channels),
+                    "channels": sorted(chunk.animated),
                     "surfaces": {
                         str(b): surfaces.put(f"chunk/{k}/surface/{b}", chunk.surfaces[b]) for b in chunk.surfaces
                     },
@@ -119,12 +119,12 @@ class SceneChunks:
             with opened_npz(self.path, kind="a sampled scene") as archive, damage_told(told, where):
                 series = {name: _numbers(archive, f"chunk/{k}/{name}", *_SERIES[name]) for name in _SERIES}
                 names = [_text(name) for name in entry["channels"]]
-                channels = {name: _numbers(archive, f"chunk/{k}/channel/{i}", 1) for i, name in enumerate(names)}
+                animated = {name: _numbers(archive, f"chunk/{k}/channel/{i}", 1) for i, name in enumerate(names)}
                 surfaces = {
                     int(b): self._surfaces(archive, f"chunk/{k}/surface/{b}", ids, triangles)
                     for b, ids in entry["surfaces"].items()
                 }
-                chunk = Chunk(**series, surfaces=surfaces, channels=channels)
+                chunk = Chunk(**series, surfaces=surfaces, animated=animated)
                 _check_lengths(chunk, where)
             yield chunk
 
@@ -186,7 +186,7 @@ def _header(archive: ArrayFile) -> dict[str, Any]:
     where = archive.where
     if "header.json" not in archive:
         raise DermisError("not a sampled scene: it has no header", where=where)
-    data = json_of(archive.text("header.json", MOST_HEADER), where, MOST_HEADER, constants=True)
+    data = json_of(archive.text("header.json", MAX_HEADER), where, MAX_HEADER, constants=True)
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         found = data.get("format") if isinstance(data, dict) else type(data).__name__
         raise DermisError("not a sampled scene", where=where, value=str(found)[:80], limit=FORMAT)
@@ -265,7 +265,7 @@ def _triangles(archive: ArrayFile, name: str) -> NDArray[np.int32]:
 
 def _check_lengths(chunk: Chunk, where: str) -> None:
     n = len(chunk.frames)
-    lengths = {len(chunk.times), *map(len, chunk.channels.values()), *map(len, chunk.surfaces.values())}
+    lengths = {len(chunk.times), *map(len, chunk.animated.values()), *map(len, chunk.surfaces.values())}
     poses = (chunk.fingers, chunk.bodies, chunk.screens)
     if lengths != {n} or any(p.shape[1:] != (n, 4, 4) for p in poses):
         raise DermisError("a chunk's arrays have different lengths", where=where, limit=f"{n} samples")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import DermisError, Finding
-from ..interpolate import MOST_SAMPLES
+from ..interpolate import MAX_SAMPLES
 from ..parameters.finger import FINGER
 from ..parameters.material import BODY
 from ..parameters.parameter import Table
@@ -90,6 +90,12 @@ class Body:
     simulated: bool = False
 
 
+# What stands for a surface that is not there at a sample [m]: too far away to be touched.
+ABSENT = Mesh(
+    np.array([[1e6, 1e6, 1e6], [1e6 + 1.0, 1e6, 1e6], [1e6, 1e6 + 1.0, 1e6]]), np.array([[0, 1, 2]], np.int32)
+)
+
+
 @dataclass(frozen=True)
 class Screen:
     """A touch screen: a rectangle in its object's XY plane, centred, +Z towards the viewer.
@@ -125,7 +131,7 @@ class Chunk:
         times: [s] since the start of the range, shape (n,).
         fingers, bodies, screens: object-to-world matrices [translation in m], shape (count, n, 4, 4).
         surfaces: per deforming body its surface at each sample; the same triangles array where topology holds.
-        channels: animated parameters, keyed 'finger/0/pattern', 'body/3/friction', shape (n,).
+        animated: animated parameters, keyed 'finger/0/pattern', 'body/3/friction', shape (n,).
     """
 
     frames: Array
@@ -134,7 +140,7 @@ class Chunk:
     bodies: Array
     screens: Array
     surfaces: Mapping[int, tuple[Mesh, ...]] = field(default_factory=dict)
-    channels: Mapping[str, Array] = field(default_factory=dict)
+    animated: Mapping[str, Array] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         moving = ", ".join(f"{len(getattr(self, name))} {name}" for name in ("fingers", "bodies", "screens"))
@@ -192,6 +198,11 @@ class TactileScene:
         validate(self)
 
 
+def device_times(scene: TactileScene, rate: float) -> Array:
+    """Return the times of a device's commands over a scene's range [s]; they do not depend on fps."""
+    return np.arange(sample_count(scene.fps, scene.frame_range, rate)) / rate
+
+
 def sample_count(fps: Fraction, frame_range: tuple[int, int], rate: float) -> int:
     """Return how many samples cover a range at `rate` [Hz], the last at or just before its end.
 
@@ -205,12 +216,12 @@ def sample_count(fps: Fraction, frame_range: tuple[int, int], rate: float) -> in
             value=f"{float(fps):g} and {rate:g}",
             limit="> 0 Hz",
         )
-    if (frame_range[1] - frame_range[0]) / fps * Fraction(rate) > MOST_SAMPLES:
+    if (frame_range[1] - frame_range[0]) / fps * Fraction(rate) > MAX_SAMPLES:
         raise DermisError(
             "the range has more samples than a track can hold",
             where="scene",
             value=f"frames {frame_range[0]} to {frame_range[1]}",
-            limit=f"{MOST_SAMPLES} samples",
+            limit=f"{MAX_SAMPLES} samples",
             remedy="Shorten the range",
         )
     duration = Fraction(frame_range[1] - frame_range[0]) / fps

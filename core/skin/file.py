@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DermisError
-from ..files import read_bytes, write_bytes, write_npz
-from ..foreign import MOST_TEXT, json_of
+from ..files import read_bytes
+from ..foreign import MAX_TEXT, json_of
 from ..npz import opened_npz
 from ..units import UNITS
 from .mesh import TetraMesh, boundary_faces, pad_nodes
@@ -60,25 +59,6 @@ def load_mesh(path: Path) -> TetraMesh:
     return mesh
 
 
-def save_mesh(mesh: TetraMesh, path: Path) -> None:
-    """Write a mesh as .npz or .json, by the path's ending, whole or not at all.
-
-    Raises:
-        DermisError: another ending, or the file cannot be written.
-    """
-    path = Path(path)
-    arrays = {name: np.asarray(getattr(mesh, name)) for name in _REQUIRED + _OPTIONAL}
-    texts = {"schema": SCHEMA, "name": mesh.name, "unit": "m"}
-    suffix = path.suffix.lower()
-    if suffix == ".npz":
-        write_npz(path, {**{k: np.array(v) for k, v in texts.items()}, **arrays})
-    elif suffix == ".json":
-        content = {**texts, **{k: v.tolist() for k, v in arrays.items()}}
-        write_bytes(path, (json.dumps(content, allow_nan=False) + "\n").encode())
-    else:
-        raise DermisError("unknown kind of mesh file", where=str(path), value=suffix, limit=".npz, .json")
-
-
 def _read_npz(path: Path, where: str) -> Mapping[str, Any]:
     known = {*_REQUIRED, *_OPTIONAL, "schema", "name", "unit"}
     with opened_npz(path, where, "a mesh") as archive:
@@ -86,7 +66,7 @@ def _read_npz(path: Path, where: str) -> Mapping[str, Any]:
 
 
 def _read_json(path: Path, where: str) -> Mapping[str, Any]:
-    fields = json_of(read_bytes(path, most=MOST_TEXT, where=where), where, MOST_TEXT)
+    fields = json_of(read_bytes(path, most=MAX_TEXT, where=where), where, MAX_TEXT)
     if not isinstance(fields, dict):
         raise DermisError("a mesh is one JSON object", where=where, value=type(fields).__name__)
     return fields

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import DermisError
 from .disk import disk_quads, mirrored, split_hexahedra, split_quads
-from .mesh import TetraMesh, pad_nodes
+from .mesh import TetraMesh, pad_nodes, tetra_volumes
 from .quality import check_mesh
 from .shape import FingertipShape
 
@@ -54,7 +54,7 @@ def fingertip_mesh(shape: FingertipShape | None = None, level: str | Level = "st
             a `Level`.
 
     Raises:
-        DermisError: an unknown level, or a shape so uneven that elements would be inverted.
+        DermisError: an unknown level, or lengths so far out of proportion that the tissue would fold.
     """
     shape = shape or FingertipShape()
     if isinstance(level, str):
@@ -84,5 +84,20 @@ def fingertip_mesh(shape: FingertipShape | None = None, level: str | Level = "st
     mesh = TetraMesh(nodes, tetrahedra, fixed, np.zeros(0, np.int32), triangles.astype(np.int32))
     pad = pad_nodes(mesh, exclude=disk.rim + top)
     mesh = TetraMesh(nodes, tetrahedra, fixed, pad, mesh.surface)
+    _check_volumes(mesh, shape)
     check_mesh(mesh)
     return mesh
+
+
+def _check_volumes(mesh: TetraMesh, shape: FingertipShape) -> None:
+    """Refuse, in the words of the shape, what folds the layers between bone and skin."""
+    folded = int((tetra_volumes(mesh.nodes, mesh.tetrahedra) <= 0).sum())
+    if folded:
+        names = ("width", "thickness", "length", "tip", "bone_width", "bone_thickness", "bone_bed", "bone_margin")
+        raise DermisError(
+            f"lengths out of proportion: the tissue between bone and skin folds in {folded} elements",
+            where="fingertip",
+            value=", ".join(f"{name} {1e3 * getattr(shape, name):.2f}" for name in names) + " mm",
+            limit="a bone that follows the skin",
+            remedy="Change the bone's lengths with the finger's: a thicker finger has a thicker bone, too",
+        )

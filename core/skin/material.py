@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from ..errors import DermisError
 from ..parameters.skin import TISSUE
 
 
@@ -23,10 +20,8 @@ class Elastic:
     alpha: float = TISSUE["alpha"].default
 
     def __post_init__(self) -> None:
-        for name, value in (("young", self.young), ("alpha", self.alpha)):
-            if not (np.isfinite(value) and value > 0):
-                raise DermisError("must be above zero", where=f"skin material, {name}", value=value, limit="> 0")
-        TISSUE["poisson"].check(self.poisson, "skin material")
+        for name, row in TISSUE.items():
+            row.check(getattr(self, name), "skin material")
 
     @property
     def modulus(self) -> float:

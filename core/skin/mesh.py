@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Array, Indices32
+from ..arrays import Array, Indices32, feed
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -59,9 +59,7 @@ class TetraMesh:
     def hash(self) -> str:
         """SHA-256 of nodes, elements and node sets."""
         sha = hashlib.sha256(b"dermis-tetra-mesh 1\n")
-        for array in (self.nodes, self.tetrahedra, self.fixed, self.pad, self.surface):
-            sha.update(f"{array.dtype.str}{array.shape}".encode())
-            sha.update(np.ascontiguousarray(array).data)
+        feed(sha, self.nodes, self.tetrahedra, self.fixed, self.pad, self.surface)
         return sha.hexdigest()
 
     @cached_property

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,79 +11,6 @@ from .mesh import FACES, TetraMesh, tetra_volumes
 
 MIN_RELATIVE_VOLUME = 1e-6  # of the cube of an element's longest edge; flatter ones ruin the stiffness matrix
 _PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
-
-
-@dataclass(frozen=True)
-class Quality:
-    """Figures of a mesh.
-
-    Attributes:
-        nodes, tetrahedra, fixed, pad: counts.
-        min_dihedral, max_dihedral: [rad] over all elements.
-        median_min_dihedral: [rad] median over the elements of each one's smallest angle.
-        max_aspect: longest edge over the smallest height, 1.22 for a regular tetrahedron.
-        min_volume, max_volume, total_volume: [m^3].
-        pad_spacing: square root of the median area of a pad node [m].
-    """
-
-    nodes: int
-    tetrahedra: int
-    fixed: int
-    pad: int
-    min_dihedral: float
-    max_dihedral: float
-    median_min_dihedral: float
-    max_aspect: float
-    min_volume: float
-    max_volume: float
-    total_volume: float
-    pad_spacing: float
-
-    def __str__(self) -> str:
-        degrees = 180.0 / np.pi
-        return (
-            f"{self.tetrahedra} tetrahedra, {self.nodes} nodes ({self.fixed} fixed, {self.pad} on the pad, "
-            f"{self.pad_spacing * 1e3:.2f} mm apart), dihedral angles {self.min_dihedral * degrees:.1f} to "
-            f"{self.max_dihedral * degrees:.1f} degrees, aspect up to {self.max_aspect:.1f}"
-        )
-
-
-def quality(mesh: TetraMesh) -> Quality:
-    """Measure a mesh."""
-    angles = dihedral_angles(mesh.nodes, mesh.tetrahedra)
-    volumes = mesh.volumes
-    corners = mesh.nodes[mesh.tetrahedra]
-    longest = np.max([np.linalg.norm(corners[:, j] - corners[:, i], axis=1) for i, j in _PAIRS], axis=0)
-    areas = np.max([0.5 * np.linalg.norm(_face_normal(corners, f), axis=1) for f in FACES], axis=0)
-    return Quality(
-        nodes=len(mesh.nodes),
-        tetrahedra=len(mesh.tetrahedra),
-        fixed=len(mesh.fixed),
-        pad=len(mesh.pad),
-        min_dihedral=float(angles.min()),
-        max_dihedral=float(angles.max()),
-        median_min_dihedral=float(np.median(angles.min(axis=1))),
-        max_aspect=float(np.max(longest * areas / (3.0 * volumes))),
-        min_volume=float(volumes.min()),
-        max_volume=float(volumes.max()),
-        total_volume=float(volumes.sum()),
-        pad_spacing=float(np.sqrt(np.median(mesh.pad_areas))) if len(mesh.pad) else 0.0,
-    )
-
-
-def dihedral_angles(nodes: Array, tetrahedra: NDArray[np.integer]) -> Array:
-    """Return the six dihedral angles of each tetrahedron [rad], shape (e, 6)."""
-    corners = nodes[tetrahedra]
-    out = np.empty((len(tetrahedra), 6))
-    for column, (i, j) in enumerate(_PAIRS):
-        k, m = (x for x in range(4) if x not in (i, j))
-        edge = corners[:, j] - corners[:, i]
-        first = np.cross(edge, corners[:, k] - corners[:, i])
-        second = np.cross(edge, corners[:, m] - corners[:, i])
-        # atan2 keeps its accuracy near 0 and pi, where arccos of a dot product loses half the digits
-        sine = np.linalg.norm(np.cross(first, second), axis=1)
-        out[:, column] = np.arctan2(sine, np.einsum("ij,ij->i", first, second))
-    return out
 
 
 def check_mesh(mesh: TetraMesh) -> None:
@@ -229,8 +154,3 @@ def _check_sets(mesh: TetraMesh, where: str) -> None:
     spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
     if spread[1] < 1e-9 * max(spread[0], 1e-300):
         raise DermisError("the fixed nodes lie on one line: the tissue could turn about it", where=where)
-
-
-def _face_normal(corners: Array, face: tuple[int, ...]) -> Array:
-    a, b, c = (corners[:, i] for i in face)
-    return np.asarray(np.cross(b - a, c - a), np.float64)

@@ -49,13 +49,6 @@ class ElectrodeSensor:
     weights: Array
     matrix: Array
 
-    def read(self, force: Array) -> Array:
-        """Return the readings of contact forces, (..., m, 3) or (..., 3 m) to (..., c)."""
-        force = np.asarray(force, np.float64)
-        if force.shape[-1] == 3 and force.ndim > 1:
-            force = force.reshape(*force.shape[:-2], -1)
-        return force @ self.matrix.T
-
 
 def electrode_sensor(skin: SkinModel, layout: Array = LAYOUT, spread: float = SPREAD) -> ElectrodeSensor:
     """Return the sensor of a skin; electrodes keep their places relative to its size.
@@ -139,7 +132,7 @@ def noise_of(stimuli: Array) -> float:
     return float(np.median(bends)) / _chi(stimuli.shape[1], 0.0)
 
 
-def hush_of(noise: float, channels: int) -> float:
+def noise_floor_of(noise: float, channels: int) -> float:
     """Return the strength that readings of an untouched sensor stay below, but for 1 in 30,000.
 
     Args:

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..errors import DermisError
 from ..parameters.skin import LENGTHS
-from ..scene.tactile_scene import Mesh
-from .disk import disk_quads, split_quads
 
 # How far the pulp narrows behind the pad's centre, as a fraction of the half section. The palm recedes towards the
 # crease of the joint; the sides and the back run almost straight.
@@ -140,7 +138,7 @@ class FingertipShape:
         return np.stack([x, y, z], axis=-1)
 
     def under_nail(self, points: Array) -> NDArray[np.bool_]:
-        """Say which points of the skin the nail covers, shape (...)."""
+        """Return which points of the skin the nail covers, shape (...)."""
         x, y, z = points[..., 0], points[..., 1], points[..., 2]
         front = self.tip - self.nail_margin
         along = (y <= front) & (y >= front - self.nail_length)
@@ -168,26 +166,6 @@ class FingertipShape:
                 limit=f"below {limit * 1e3:.2f} mm ({other})",
                 remedy="Make it smaller, or the finger larger",
             )
-
-
-def fingertip_surface(shape: FingertipShape, *, across: int = 12, along: int = 16, rings: int = 8) -> Mesh:
-    """Return the closed skin of a fingertip for drawing and for modelling: quads split alike, outward.
-
-    Args:
-        across, along: cells across and along the pad, even.
-        rings: rings of cells from the pad to the cut end.
-
-    Raises:
-        DermisError: an odd or too small number of cells.
-    """
-    disk = disk_quads(across, along, rings)
-    points = shape.skin(disk.chart)
-    triangles = split_quads(disk.quads, disk.colour)
-    rim = disk.rim
-    centre = points[rim].mean(axis=0)
-    cap = np.stack([np.roll(rim, -1), rim, np.full(len(rim), len(points))], axis=1)
-    vertices = np.concatenate([points, centre[None]])
-    return Mesh(vertices, np.concatenate([triangles, cap]).astype(np.int32))
 
 
 def shape_from_parameters(parameters: dict[str, Any], *, where: str = "fingertip") -> FingertipShape:

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
-from ..errors import DermisError
 from .assembly import Element, Geometry, geometry
 from .material import Elastic
 from .mesh import TetraMesh
@@ -22,7 +21,8 @@ if TYPE_CHECKING:
 Floats = NDArray[np.floating[Any]]
 
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
-# Depth below the skin of Meissner corpuscles and Merkel cells, of Ruffini endings and of Pacinian corpuscles [m]
+# Depth below the skin of SA1, RA and PC afferents, as fitted to their responses [m].
+# Source: TouchSim; Saal, Delhaye, Rayhaun and Bensmaia 2017
 RECEPTOR_DEPTHS = (0.3e-3, 1.6e-3, 2.0e-3)
 _PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 _SHEAR_WEIGHT = np.array([1.0, 1.0, 1.0, np.sqrt(2.0), np.sqrt(2.0), np.sqrt(2.0)])
@@ -90,10 +90,6 @@ class StressOperator:
         )
         return (trace @ self.strain_matrix).tocsr()
 
-    def strain(self, displacement: Floats) -> Array:
-        """Return tensor strain of each element, shape (e, 6)."""
-        return (self.strain_matrix @ _flat(displacement)).reshape(-1, 6)
-
     def stress(self, displacement: Floats) -> Array:
         """Return the stress of each element [Pa] for nodal displacement [m], shape (n, 3) to (e, 6)."""
         first, shear = self.material.lame
@@ -146,11 +142,6 @@ class StressOperator:
         return np.sqrt(self.geometry.volumes)[:, None] * _SHEAR_WEIGHT
 
 
-def stress_norm(stress: Array, volumes: Array) -> float:
-    """Return the volume-weighted L2 norm of element stresses [Pa m^1.5], shear components counted twice."""
-    return float(np.sqrt(np.einsum("ij,ij,j,i->", stress, stress, _SHEAR_WEIGHT**2, volumes)))
-
-
 def von_mises(stress: Array) -> Array:
     """Return the equivalent stress [Pa] of stresses (..., 6)."""
     xx, yy, zz, yz, xz, xy = np.moveaxis(stress, -1, 0)
@@ -185,31 +176,6 @@ class Probes:
         """Return element values smoothed over the nodes and interpolated to the probes, (e, ...) to (k, ...)."""
         nodal = nodal_average(mesh, values)
         return np.einsum("kj,kj...->k...", self.weights, nodal[mesh.tetrahedra[self.element]])
-
-
-def probes_at(mesh: TetraMesh, points: Array, depth: Array | float = np.nan, pad: Any = -1) -> Probes:
-    """Return probes at given points [m], shape (k, 3).
-
-    Raises:
-        DermisError: a point lies outside the tissue.
-    """
-    points = np.asarray(points, float)
-    element, weights = locate(mesh, points)
-    outside = np.flatnonzero(element < 0)
-    if len(outside):
-        raise DermisError(
-            "a probe lies outside the tissue",
-            where=f"skin mesh '{mesh.name}'",
-            value=f"{len(outside)} of {len(points)}, first at {np.round(points[outside[0]] * 1e3, 3).tolist()} mm",
-        )
-    k = len(points)
-    return Probes(
-        points,
-        element,
-        weights,
-        np.broadcast_to(np.asarray(depth, float), k).copy(),
-        np.broadcast_to(np.asarray(pad, np.int64), k).copy(),
-    )
 
 
 def receptor_probes(mesh: TetraMesh, depths: Sequence[float] = RECEPTOR_DEPTHS) -> Probes:

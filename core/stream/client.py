@@ -15,6 +15,7 @@ from ..errors import DermisError
 from ..work.child import ChildProcess, close_at_exit, command
 from .request import request_of
 from .shared_state import MAX_VALUES, SharedState
+from .state import State
 
 MAX_CLOSE_SECONDS = 0.2  # closing waits this long for the sender; then that finishes by itself
 
@@ -37,7 +38,7 @@ class SenderClient:
         self._before: SenderClient | None = None  # has the same port, and is still ending
         _reap()
         try:
-            self._child = ChildProcess("the sender", command(*verb, "--board", str(self._shared.path)))
+            self._child = ChildProcess("the sender", command(*verb, "--state", str(self._shared.path)))
         except DermisError:
             self._shared.remove()
             raise
@@ -61,10 +62,6 @@ class SenderClient:
         _reap()
         self._before = next((one for one in _ending if one._request.get("url") == url), None)
         self.set(connect=True, url=url, protocol=protocol, device={"key": device, "preset": dict(preset)}, **more)
-
-    def disconnect(self) -> None:
-        """Let the link go; an armed device goes to its safe state first."""
-        self.set(connect=False, arm_id=0)
 
     def set(self, **fields: Any) -> None:
         """Change fields of the request.
@@ -106,13 +103,18 @@ class SenderClient:
             if self._before is not None:
                 return {
                     **status,
-                    "state": "connecting",
+                    "state": State.CONNECTING,
                     "armed": False,
                     "message": f"waiting for the port: its sender of before still has it ({message})",
                 }
         if not self.alive:
-            return {**status, "state": "dead", "armed": False, "message": f"The sender has ended: {self._child.said()}"}
-        return status or {"state": "disconnected", "message": "", "armed": False}
+            return {
+                **status,
+                "state": State.DEAD,
+                "armed": False,
+                "message": f"The sender has ended: {self._child.said()}",
+            }
+        return status or {"state": State.DISCONNECTED, "message": "", "armed": False}
 
     def close(self) -> None:
         """End the sender, the device safe first, and wait a moment for it. Safe to call twice."""

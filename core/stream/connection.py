@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
+import numpy as np
+
 from ..errors import DermisError
 from .device_output import DeviceOutput, plain
 from .links import capacity
@@ -84,7 +86,21 @@ class Connection:
             "notice": adapter.notice,
             "round_trip_ms": plain(adapter.round_trip * 1e3),
             "protocol": dict(adapter.counters),
-            "pose": None if adapter.pose is None else adapter.pose.tolist(),
             "link": self.link.name,
             "received": self.link.report(),
+            "reported": self._reported(),
         }
+
+    def _reported(self) -> dict[str, float]:
+        """Return where the device says that it is, as it would be commanded [units], by channel; empty if it does not.
+
+        What it says is as driven; a track, the mechanism and its twin know nothing of the calibration.
+        """
+        wire, driven = self.output.wire, self.link.report().get("values")
+        if driven is not None:
+            at = np.array([driven[name] for name in wire.names])
+        elif self.adapter.pose is not None:
+            at = self.adapter.pose
+        else:
+            return {}
+        return wire.named(wire.commanded(at))

@@ -10,12 +10,12 @@ from typing import Any
 from ..arrays import Array
 from ..devices.calibration import Calibration
 from .output_limiter import OutputLimiter
-from .panel_source import PanelSource, Screen
 from .protocols.wire import Wire
 from .request import StreamRequest
 from .sample_clock import SampleClock
 from .shared_state import Heartbeat
 from .source import FollowSource, Source, follow_values, goes_on, source_of
+from .touch_panel_source import PanelSource, Screen
 from .track_source import TrackSource
 
 BLEND = 0.3  # what a new calibration, or something else to play, changes is blended in over this long [s]
@@ -51,20 +51,20 @@ class DeviceOutput:
     def choose_source(
         self,
         request: StreamRequest,
-        shown: Sequence[float],
+        published: Sequence[float],
         load_screen: Callable[[Path], Screen] | None,
         output_hz: float,
     ) -> bool:
         """Make what the request's mode asks for; return whether it goes on where the source before it was.
 
         Args:
-            shown: values that Blender published last. output_hz: values a second that reach the actuators [Hz].
+            published: values that Blender published last. output_hz: values a second that reach the actuators [Hz].
 
         Raises:
             DermisError: it cannot be made; there is no source then.
         """
         old, self.source = self.source, None
-        self.source = source_of(request, self.wire, old, shown, load_screen, output_hz)
+        self.source = source_of(request, self.wire, old, published, load_screen, output_hz)
         return goes_on(self.source, old)
 
     def show(self, heartbeat: Heartbeat, now: float) -> None:

@@ -1,4 +1,4 @@
-"""The states of one connected device: idle, arming, live, on the way to its safe state, and draining.
+"""The phases of one connected device: idle, arming, live, on the way to its safe state, and draining.
 
 Whatever ends a stream, the device goes to its safe state first, at its own speed, and what waits in the link leaves;
 only then may the link be closed. After a stop, a stall or a fault nothing moves until a person arms again.
@@ -14,10 +14,11 @@ from ..devices.calibration import Calibration
 from .connection import Connection
 from .drain import Drain
 from .outbox import SendResult
-from .panel_source import PanelSource
 from .protocols.packets import Reach
 from .request import StreamRequest
 from .safe_ramp import SafeRamp
+from .state import State
+from .touch_panel_source import PanelSource
 from .track_source import TrackSource
 
 ARMING = 1.0  # a device that is not armed after this long will not be [s]
@@ -150,15 +151,15 @@ class Drive:
     # -- how it stands
 
     @property
-    def state(self) -> str:
-        """Phase and device in a word, for people."""
+    def state(self) -> State:
+        """How the link stands."""
         if self.phase in (Phase.SAFING, Phase.DRAINING):
-            return "stalled" if self._stalled else "stopping"
+            return State.STALLED if self._stalled else State.STOPPING
         if not self.connection.adapter.ready:
-            return "connecting"
+            return State.CONNECTING
         if self.armed:
-            return "streaming" if self.phase is Phase.LIVE and self.output.moving else "armed"
-        return "stalled" if self._stalled else "ready"
+            return State.STREAMING if self.phase is Phase.LIVE and self.output.moving else State.ARMED
+        return State.STALLED if self._stalled else State.READY
 
     @property
     def armed(self) -> bool:
@@ -229,12 +230,12 @@ class Drive:
         if isinstance(source, PanelSource):
             source.touched(adapter.touch, now)
         horizon = self.horizon
-        if outbox.held is not None:
-            if not self._send(*outbox.held, now):
+        if outbox.unsent is not None:
+            if not self._send(*outbox.unsent, now):
                 return
             clock.sent(now, horizon)
         for moment in clock.due(now, horizon):
-            wanted = source.wanted(moment if horizon else now + self.request.look_ahead, now)
+            wanted = source.values_at(moment if horizon else now + self.request.look_ahead, now)
             if not self._send(output.limiter.step(wanted, moment), moment if horizon else None, now):
                 break
         self._counters["skipped"] = clock.skipped
@@ -247,7 +248,7 @@ class Drive:
         if result is SendResult.DROPPED:
             self.output.limiter.undo()  # nothing was stepped after it
         self.driven |= result is SendResult.SENT
-        return result is not SendResult.HELD
+        return result is not SendResult.UNSENT
 
     # -- the safe state
 
@@ -255,7 +256,7 @@ class Drive:
         """Begin the way to the safe state: the device's own, where it knows one or has got no samples yet."""
         adapter, output, outbox = self.connection.adapter, self.output, self.connection.outbox
         live, self.phase = self.phase is Phase.LIVE, Phase.SAFING
-        outbox.held = None
+        outbox.unsent = None
         if adapter.own_safe or not live:
             outbox.send(adapter.safe())
             output.limiter.last = output.wire.safe.copy()

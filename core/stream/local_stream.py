@@ -12,6 +12,7 @@ from .drive import Drive
 from .links.url import unnamed
 from .request import StreamRequest
 from .signals import Interrupted, Signals
+from .state import State
 from .streamer import Streamer
 
 
@@ -38,10 +39,12 @@ class LocalStream:
         """
         streamer = self.streamer
         streamer.apply(self.request, time.perf_counter())
-        self.run(lambda: streamer.state in ("ready", "fault") or (streamer.drive is None and bool(streamer.message)))
+        self.run(
+            lambda: streamer.state in (State.READY, State.FAULT) or (streamer.drive is None and bool(streamer.message))
+        )
         if self.signals.number:
             raise Interrupted
-        if streamer.state != "ready" or streamer.drive is None:
+        if streamer.state != State.READY or streamer.drive is None:
             raise self.refusal("the device cannot be reached")
         return streamer.drive
 

@@ -19,7 +19,7 @@ class SendResult(Enum):
     """What became of a command."""
 
     SENT = "it left"
-    HELD = "the link is full, but there is time: it waits, and others behind it"
+    UNSENT = "the link is full, but there is time: it waits, and others behind it"
     DROPPED = "the link is full, and its time has come"
 
 
@@ -33,19 +33,19 @@ class Outbox:
         bucket: how fast commands may leave.
 
     Attributes:
-        held: values and play-out time of a command that found no room and still has time; None: there is none.
+        unsent: values and play-out time of a command that found no room and still has time; None: there is none.
     """
 
     def __init__(self, link: Transport, adapter: Adapter, counters: Counter[str], bucket: TokenBucket) -> None:
         self._link, self._adapter, self._counters, self._bucket = link, adapter, counters, bucket
         self._waiting: deque[bytes] = deque()
         self._refused = self._crowded = -math.inf  # when the link had no room last; when it said so too late [s]
-        self.held: tuple[Array, float] | None = None
+        self.unsent: tuple[Array, float] | None = None
 
     @property
     def blocked(self) -> bool:
         """Return whether something waits for room."""
-        return self.held is not None or bool(self._waiting)
+        return self.unsent is not None or bool(self._waiting)
 
     @property
     def waiting(self) -> int:
@@ -80,7 +80,7 @@ class Outbox:
         Args:
             play: when it counts [s], or None for at once. patience: a command this close to its time is dropped [s].
         """
-        self.held = None
+        self.unsent = None
         free = not self._waiting and self._may_leave(now)
         if free and self.send(self._adapter.command(values, now, play), count=False):
             self._counters["sent"] += 1
@@ -89,8 +89,8 @@ class Outbox:
             self._adapter.forget()
             self._refused = now
         if play is not None and play - now > patience:
-            self.held = values, play
-            return SendResult.HELD
+            self.unsent = values, play
+            return SendResult.UNSENT
         self._counters["dropped"] += 1
         return SendResult.DROPPED
 

@@ -1,4 +1,4 @@
-"""The last thing before the wire: calibration, limits, slew and ramp, whatever the track or a person asks for."""
+"""The last thing before the wire: calibration, limits, slew and blend, whatever the track or a person asks for."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from .protocols.wire import Wire
 SLACK = 1e-9
 PERIODS = 2.0  # a step counts as at most so many periods between commands, however long the sender slept
 SLOWEST = 0.1  # between two commands of a slow link [s]; longer, and more than the preset's rate, counts as this
-KINDS = ("range", "disc", "slew", "not_finite")
+LIMITS = ("range", "disc", "slew", "not_finite")
 
-Ramp = tuple[Array, float, float]  # from where [units], how much of it is through [s], how long it takes [s]
+Blend = tuple[Array, float, float]  # from where [units], how much of it is through [s], how long it takes [s]
 
 
 class OutputLimiter:
@@ -34,12 +34,12 @@ class OutputLimiter:
     def __init__(self, wire: Wire, period: float | None = None) -> None:
         self.wire = wire
         self._period = period or 1.0 / wire.spec.rate
-        self._counts = {kind: np.zeros(wire.count, np.int64) for kind in KINDS}
+        self._counts = {kind: np.zeros(wire.count, np.int64) for kind in LIMITS}
         self.last: Array = self.driven(wire.rest)
         self._time = -np.inf
         self._step = 0.0  # what the last command's time counted for [s]
-        self._ramp: Ramp | None = None
-        self._before: tuple[Array, float, float, Ramp | None] = (self.last, self._time, self._step, self._ramp)
+        self._blend: Blend | None = None
+        self._before: tuple[Array, float, float, Blend | None] = (self.last, self._time, self._step, self._blend)
 
     @property
     def limited(self) -> Counter[str]:
@@ -56,7 +56,7 @@ class OutputLimiter:
     def driven(self, wanted: Array) -> Array:
         """Return calibrated values within the limits, without counting."""
         wire = self.wire
-        return np.minimum(np.maximum(wire.zero + wire.gain * wanted, wire.least), wire.most)
+        return np.minimum(np.maximum(wire.zero + wire.gain * wanted, wire.lower_limit), wire.upper_limit)
 
     def plan(self, period: float) -> None:
         """Take another period between commands [s]; how long the steps before it took counts no more."""
@@ -69,17 +69,17 @@ class OutputLimiter:
         """
         self.last = np.where(np.isfinite(pose), pose, self.driven(self.wire.rest))
         self._time, self._step = time, 0.0
-        self._ramp = (self.last.copy(), 0.0, seconds) if seconds > 0 else None
-        self._before = (self.last, self._time, self._step, self._ramp)
+        self._blend = (self.last.copy(), 0.0, seconds) if seconds > 0 else None
+        self._before = (self.last, self._time, self._step, self._blend)
 
     def blend(self, time: float, seconds: float) -> None:
         """Blend over to something else from what was driven last; a blend that has longer to go keeps its time."""
-        left = 0.0 if self._ramp is None else self._ramp[2] - self._ramp[1]
+        left = 0.0 if self._blend is None else self._blend[2] - self._blend[1]
         self.begin(self.last, time, max(seconds, left))
 
     def undo(self) -> None:
         """Forget the last step: its command did not leave."""
-        self.last, self._time, self._step, self._ramp = self._before
+        self.last, self._time, self._step, self._blend = self._before
 
     def step(self, wanted: Array, time: float) -> Array:
         """Return what to drive at a time [s] that never goes back, and remember it."""
@@ -90,46 +90,46 @@ class OutputLimiter:
         if not finite.all():
             self._counts["not_finite"] += ~finite
             driven = np.where(finite, driven, self.last)
-        held = np.minimum(np.maximum(driven, wire.least), wire.most)
-        if not (held == driven).all():
+        bounded = np.minimum(np.maximum(driven, wire.lower_limit), wire.upper_limit)
+        if not (bounded == driven).all():
             # What a rounding of the preset's units does is no violation.
-            self._counts["range"] += np.abs(held - driven) > SLACK * np.maximum(np.abs(held), 1e-3)
+            self._counts["range"] += np.abs(bounded - driven) > SLACK * np.maximum(np.abs(bounded), 1e-3)
         if wire.disc is not None:
-            held = self._disc(held, wire.disc)
-        ramping = self._ramp is not None
-        if self._ramp is not None:
-            start, through, seconds = self._ramp
+            bounded = self._disc(bounded, wire.disc)
+        blending = self._blend is not None
+        if self._blend is not None:
+            start, through, seconds = self._blend
             through += elapsed
             part = through / seconds
             if part >= 1 - SLACK:
-                self._ramp, ramping = None, False
+                self._blend, blending = None, False
             else:
-                self._ramp = (start, through, seconds)
-                held = start + (held - start) * (part * part * (3 - 2 * part))
+                self._blend = (start, through, seconds)
+                bounded = start + (bounded - start) * (part * part * (3 - 2 * part))
         most = wire.slew * max(elapsed, 1e-9)  # not 0: inf * 0 is no number
-        change = held - self.last
+        change = bounded - self.last
         allowed = np.minimum(np.maximum(change, -most), most)
         fast = np.abs(change) > most * (1 + 1e-6) + 1e-12
         if fast.any():
-            if not ramping:
+            if not blending:
                 self._counts["slew"] += fast
-            held = np.where(fast, self.last + allowed, held)
-        self.last = held
-        return held
+            bounded = np.where(fast, self.last + allowed, bounded)
+        self.last = bounded
+        return bounded
 
     def approach(self, goal: Array, slew: Array, time: float) -> Array:
         """Go straight towards driven values [units], no channel faster than `slew` [units/s], and remember it.
 
         All channels arrive together: a straight line leaves no range and no round range that holds both its ends.
         """
-        elapsed, self._ramp = self._credit(time), None
+        elapsed, self._blend = self._credit(time), None
         seconds = way_seconds(goal - self.last, slew)
         self.last = goal.copy() if seconds <= elapsed else self.last + (goal - self.last) * (elapsed / seconds)
         return self.last
 
     def _credit(self, time: float) -> float:
         """Return for how long a step may count that is taken at a time [s], and remember what was before it."""
-        self._before = (self.last, self._time, self._step, self._ramp)
+        self._before = (self.last, self._time, self._step, self._blend)
         # A pace that has become steady counts in full: twice the step before, then twice that, up to a limit.
         most = min(PERIODS * max(self._period, self._step), max(SLOWEST, PERIODS / self.wire.spec.rate))
         elapsed = self._step = min(max(time - self._time, 0.0), most)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 
+from ..presets import Library
 from ..track import export
 from ..track.check import preset_findings
 from .device_options import request_from
@@ -41,8 +42,6 @@ class _Player(LocalStream):
     """A streamer in this process, and the heartbeats that Blender would give."""
 
     def __init__(self, options: argparse.Namespace, signals: Signals) -> None:
-        from ..presets import Library
-
         self._track = export.read(options.track)
         key = options.device or self._track.spec.key
         for finding in preset_findings(self._track, Library(options.presets), key):

@@ -10,15 +10,9 @@ from typing import Any
 from ..devices.calibration import Calibration
 from ..devices.spec import DeviceSpec, from_preset
 from ..errors import DermisError
+from ..parameters.stream import STREAM
 
 _LINK = ("connect", "url", "protocol", "device")
-_LIMITS = {  # lowest, highest, unit
-    "offset": (-1e6, 1e6, "s"),
-    "look_ahead": (0.0, 10.0, "s"),
-    "ramp": (0.0, 600.0, "s"),
-    "stall": (0.01, 60.0, "s"),
-    "rate": (0.0, 10_000.0, "Hz"),
-}
 _SOURCE = ("mode", "track", "screen", "offset", "play_on", "jog")
 
 
@@ -28,7 +22,7 @@ class StreamRequest:
 
     Attributes:
         connect: hold the link. url, protocol: which. device: {"key", "preset"}. calibration: its JSON, or ''.
-        mode: of `source.MODES`. track, screen: files for 'play' and 'panel'. jog: values by channel [units].
+        mode: what moves the device. track, screen: files for 'play' and 'panel'. jog: values by channel [units].
         arm_id: one arms once, and it rises; 0 disarms. stops: number of stops that the person had seen when arming.
         offset: start offset [s]. look_ahead: [s]. ramp: blend from the first pose [s].
         stall: without a heartbeat for this long comes the safe state [s]. play_on: a baked track plays on meanwhile.
@@ -37,22 +31,22 @@ class StreamRequest:
 
     connect: bool = False
     url: str = ""
-    protocol: str = "native"
+    protocol: str = STREAM["protocol"].absent
     device: dict[str, Any] = field(default_factory=dict)
     calibration: str = ""
-    mode: str = "play"
+    mode: str = STREAM["mode"].absent
     track: str = ""
     screen: str = ""
     jog: dict[str, float] = field(default_factory=dict)
     arm_id: int = 0
     stops: int = 0
-    offset: float = 0.0
-    look_ahead: float = 0.0
-    ramp: float = 1.0
-    stall: float = 0.5
-    play_on: bool = False
-    reconnect: bool = False
-    rate: float = 0.0
+    offset: float = STREAM["offset"].absent
+    look_ahead: float = STREAM["look_ahead"].absent
+    ramp: float = STREAM["ramp"].absent
+    stall: float = STREAM["stall"].absent
+    play_on: bool = STREAM["play_on"].absent
+    reconnect: bool = STREAM["reconnect"].absent
+    rate: float = STREAM["rate"].absent
 
     def same_link(self, other: StreamRequest) -> bool:
         """Return whether another request is about the same link."""
@@ -66,10 +60,10 @@ class StreamRequest:
         """Refuse settings that cannot be.
 
         Raises:
-            DermisError: a number that is none, not finite or outside its limits; says which, and the limits.
+            DermisError: a setting of another kind, not finite or outside its limits; says which, and the limits.
         """
-        for name in _LIMITS:
-            check_number(name, getattr(self, name))
+        for name, row in STREAM.items():
+            row.check(getattr(self, name), "stream")
         for name, value in self.jog.items():
             if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < math.inf:
                 raise DermisError("not a finite number", where=f"jog, {name}", value=value)
@@ -91,22 +85,6 @@ class StreamRequest:
             DermisError: it cannot be read.
         """
         return Calibration.loads(self.calibration) if self.calibration else None
-
-
-def check_number(name: str, value: object) -> None:
-    """Refuse a number of a request that cannot be.
-
-    Raises:
-        DermisError: no number, not finite, or outside the limits.
-    """
-    low, high, unit = _LIMITS[name]
-    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-        raise DermisError(
-            "a setting of the stream cannot be that",
-            where=name.replace("_", "-"),
-            value=value,
-            limit=f"{low:g} to {high:g} {unit}",
-        )
 
 
 def request_of(plain: Mapping[str, object]) -> StreamRequest:

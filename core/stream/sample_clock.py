@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from .protocols.clock import Lateness
+import numpy as np
 
 MARGIN = 0.25  # part of the look-ahead below which a sample is left out rather than late [1]
 
@@ -55,3 +55,23 @@ class SampleClock:
         self.next += count * self.period
         if counted:
             self.skipped += count
+
+
+class Lateness:
+    """How much later than planned things were, over the last few thousand."""
+
+    def __init__(self, size: int = 4096) -> None:
+        self._ring = np.zeros(size)
+        self.count = 0
+
+    def add(self, seconds: float) -> None:
+        """Take one."""
+        self._ring[self.count % len(self._ring)] = seconds
+        self.count += 1
+
+    def percentiles(self) -> tuple[float, float]:
+        """Return the median and the 99th percentile [s]; NaN before the first."""
+        if not self.count:
+            return float("nan"), float("nan")
+        p50, p99 = np.percentile(self._ring[: min(self.count, len(self._ring))], (50, 99))
+        return float(p50), float(p99)

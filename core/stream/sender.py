@@ -14,11 +14,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ..work.child import follow_parent
-from .panel_source import Screen
 from .request import request_of
 from .shared_state import SharedState
 from .signals import Signals
+from .state import State
 from .streamer import Streamer
+from .touch_panel_source import Screen
 from .virtual.link import open_any_link
 
 STATUS_EVERY = 0.05
@@ -80,5 +81,5 @@ def _finish(shared: SharedState, streamer: Streamer) -> None:
             status_at = now + STATUS_EVERY
             shared.write_status(streamer.status())
         time.sleep(max(due - clock(), 0.0))
-    shared.write_status({**streamer.status(), "state": "disconnected", "ended": True})
+    shared.write_status({**streamer.status(), "state": State.DISCONNECTED, "ended": True})
     shared.remove()  # its owner may be gone without having done so

@@ -19,9 +19,9 @@ from typing import Any
 
 from ..errors import DermisError
 
-MAGIC = b"DERMIS-SHARED 1\0"
+MAGIC = b"DERMIS-SHARED 2\0"
 _SLOT = struct.Struct("<QII")  # number, length, CRC-32 of number and record
-_HEARTBEAT = struct.Struct("<QIBddH")
+_HEARTBEAT = struct.Struct("<IBdH")  # stops, flags, time [s], how many values
 HEARTBEAT_BYTES, REQUEST_BYTES, STATUS_BYTES = 4096, 1 << 20, 1 << 16
 MAX_VALUES = 255
 PLAYING, HAS_TIME = 1, 2
@@ -124,7 +124,7 @@ class SharedState:
     def write_heartbeat(self, stops: int, playing: bool, time: float | None, values: tuple[float, ...] = ()) -> None:
         """Write a sign of life."""
         flags = PLAYING * playing | HAS_TIME * (time is not None)
-        head = _HEARTBEAT.pack(0, stops & 0xFFFFFFFF, flags, time or 0.0, 0.0, len(values))
+        head = _HEARTBEAT.pack(stops & 0xFFFFFFFF, flags, time or 0.0, len(values))
         self._heartbeat.put(head + struct.pack(f"<{len(values)}d", *values))
 
     @property
@@ -137,7 +137,7 @@ class SharedState:
         found = self._heartbeat.get()
         if found is None or len(found[1]) < _HEARTBEAT.size:
             return None
-        _, stops, flags, time, _, count = _HEARTBEAT.unpack_from(found[1])
+        stops, flags, time, count = _HEARTBEAT.unpack_from(found[1])
         values = struct.unpack_from(f"<{count}d", found[1], _HEARTBEAT.size)
         return Heartbeat(found[0], stops, bool(flags & PLAYING), time if flags & HAS_TIME else None, values)
 

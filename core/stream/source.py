@@ -11,12 +11,10 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import DermisError
-from .panel_source import PanelSource, Screen
 from .protocols.wire import Wire
 from .request import StreamRequest
+from .touch_panel_source import PanelSource, Screen
 from .track_source import TrackSource, read_track
-
-MODES = ("play", "follow", "jog", "panel")
 
 
 @dataclass
@@ -26,7 +24,7 @@ class FollowSource:
     latest: Array
     moving: bool = True
 
-    def wanted(self, moment: float, now: float) -> Array:
+    def values_at(self, moment: float, now: float) -> Array:
         """Return them."""
         return self.latest
 
@@ -43,7 +41,7 @@ class JogSource:
         safe = zip(wire.names, wire.safe_command.tolist(), strict=True)
         self._values = np.array([values.get(name, value) for name, value in safe], np.float64)
 
-    def wanted(self, moment: float, now: float) -> Array:
+    def values_at(self, moment: float, now: float) -> Array:
         """Return the values set by hand."""
         return self._values
 
@@ -67,18 +65,18 @@ def source_of(
     request: StreamRequest,
     wire: Wire,
     old: Source | None,
-    shown: Sequence[float],
+    published: Sequence[float],
     load_screen: Callable[[Path], Screen] | None = None,
     output_hz: float = 0.0,
 ) -> Source:
     """Make what a request's mode asks for.
 
     Args:
-        old: the source before; a playback goes on where it was. shown: values that Blender published last.
+        old: the source before; a playback goes on where it was. published: values that Blender published last.
         output_hz: values a second that reach the actuators, for tracks; what is live has no future to average over.
 
     Raises:
-        DermisError: nothing to play, another device's track, no screen map, or no such mode.
+        DermisError: nothing to play, another device's track, or no screen map.
     """
     if request.mode == "play":
         if not request.track:
@@ -93,11 +91,9 @@ def source_of(
         play.clock.free = request.play_on
         return play
     if request.mode == "follow":
-        return FollowSource(follow_values(wire, shown))
+        return FollowSource(follow_values(wire, published))
     if request.mode == "jog":
         return JogSource(wire, request.jog)
-    if request.mode == "panel":
-        if load_screen is None or not request.screen:
-            raise DermisError("no screen map to answer touches from", remedy="Export the screen's map first")
-        return PanelSource(wire, load_screen(Path(request.screen)))
-    raise DermisError("no such mode", value=request.mode, limit=", ".join(MODES))
+    if load_screen is None or not request.screen:
+        raise DermisError("no screen map to answer touches from", remedy="Export the screen's map first")
+    return PanelSource(wire, load_screen(Path(request.screen)))

@@ -1,7 +1,7 @@
 """What is streamed, by requests and signs of life: connecting, arming, stopping. It knows no process and no real time.
 
-Life of a link: disconnected -> connecting -> ready -> armed or streaming -> (stalled | fault) -> stopping -> closed.
-What happens while a link is open stands in drive.py. Arming takes an id that rises; one of them arms once.
+How a link stands has its words in state.py; what happens while it is open stands in drive.py. Arming takes an id that
+rises; one of them arms once.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ from .device_output import DeviceOutput
 from .drive import Drive
 from .links.transport import Gone, Transport
 from .links.url import Url
-from .panel_source import PanelSource, Screen
 from .protocols import adapter as adapters
 from .protocols.wire import Wire
 from .request import StreamRequest
 from .shared_state import Heartbeat
+from .state import State
+from .touch_panel_source import PanelSource, Screen
 from .track_source import TrackSource
 
 RETRY = 1.0  # between two attempts to connect again [s]
@@ -109,11 +110,11 @@ class Streamer:
     # -- how it stands
 
     @property
-    def state(self) -> str:
-        """How the link stands in a word, for people: see the module."""
+    def state(self) -> State:
+        """How the link stands."""
         if self._faulty and (self.drive is not None or self.request.connect):
-            return "fault"
-        return self.drive.state if self.drive is not None else "disconnected"
+            return State.FAULT
+        return self.drive.state if self.drive is not None else State.DISCONNECTED
 
     @property
     def message(self) -> str:
@@ -250,10 +251,10 @@ class Streamer:
         """Make what the mode asks for; what cannot be made leaves the device safe and says why."""
         output, drive = self.output, self.drive
         assert output is not None
-        shown = self._heartbeat.values if self._heartbeat is not None else ()
+        published = self._heartbeat.values if self._heartbeat is not None else ()
         output_hz = drive.connection.output_hz if drive is not None else output.rate
         try:
-            goes_on = output.choose_source(self.request, shown, self._load_screen, output_hz)
+            goes_on = output.choose_source(self.request, published, self._load_screen, output_hz)
         except DermisError as error:
             if drive is not None:
                 drive.give_up(now, str(error))

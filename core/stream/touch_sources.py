@@ -19,7 +19,7 @@ from .touch_input import Finger, Reading, TouchInput
 UNITS = {"m": 1.0, "mm": 1e-3}
 MAX_LINE = 200  # a line without an end is none [bytes]
 POLL = 0.0005  # between two looks at a serial port [s]
-KINDS = "device, osc://:PORT, osc://HOST:PORT, serial:PORT?baud=, '-' for standard input, mouse"
+SOURCES = "device, osc://:PORT, osc://HOST:PORT, serial:PORT?baud=, '-' for standard input, mouse"
 
 
 def touch_of_line(line: bytes, unit: float) -> Finger:
@@ -83,7 +83,7 @@ def touch_input(text: str, unit: str, size: tuple[float, float]) -> TouchInput |
         return _standard_input(unit)
     if text.startswith("serial:"):
         return _serial(text, unit)
-    raise DermisError("no such source of touches", where="--touch", value=text, limit=KINDS)
+    raise DermisError("no such source of touches", where="--touch", value=text, limit=SOURCES)
 
 
 def _line_parser(unit: str) -> Callable[[bytes], Iterator[Finger]]:

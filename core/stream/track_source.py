@@ -12,8 +12,8 @@ from ..interpolate import interpolate
 from ..track import export
 from ..track.command_track import CommandTrack
 from .lowpass import Loss, low_passed
-from .protocols.clock import TrackClock
 from .protocols.wire import Wire
+from .track_clock import TrackClock
 
 
 class TrackSource:
@@ -65,7 +65,11 @@ class TrackSource:
         if values is self._values:
             return
         missing = self._values - interpolate(times, values, self._times)
-        span = np.where(np.isfinite(wire.high - wire.low), wire.high - wire.low, np.ptp(self._values, axis=0))
+        span = np.where(
+            np.isfinite(wire.range_high - wire.range_low),
+            wire.range_high - wire.range_low,
+            np.ptp(self._values, axis=0),
+        )
         largest, rms = np.abs(missing).max(axis=0), np.sqrt((missing**2).mean(axis=0))
         self.loss = Loss(output_hz, wire.names, wire.units, largest, rms, span)
         self._times, self._values = times, values
@@ -79,7 +83,7 @@ class TrackSource:
         """Take what Blender shows at this moment: track time [s] and whether it plays."""
         self.clock.report(time, playing, now)
 
-    def wanted(self, moment: float, now: float) -> Array:
+    def values_at(self, moment: float, now: float) -> Array:
         """Return values [units] at a moment; before and after the track the device is safe."""
         return self.value(self.clock.at(moment, now) + self.offset)
 

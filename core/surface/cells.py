@@ -41,27 +41,29 @@ class CellLists:
     Args:
         table: the triangles.
         search: the exact search for points within a distance, which answers -1 only for points outside and beyond.
-        reach: distance of interest that the lists are good for [m].
+        search_radius: distance of interest that the lists are good for [m].
         halved: how often the side has been halved.
     """
 
-    def __init__(self, table: TriangleTable, search: Search, reach: float, halved: int = 0) -> None:
-        self.reach = reach
+    def __init__(self, table: TriangleTable, search: Search, search_radius: float, halved: int = 0) -> None:
+        self.search_radius = search_radius
         self._table, self._search = table, search
         self._halved = halved
         self._finer: CellLists | None = None
         radii = _even_radii(table)
         self._side = SIDE * 0.5**halved * float(np.median(radii)) if radii.size else 1.0
         self._half = 0.5 * np.sqrt(3.0) * self._side
-        self._slack = 1e-6 * (reach if np.isfinite(reach) else float(np.ptp(table.rows[0:3])) + self._side)
+        self._slack = 1e-6 * (
+            search_radius if np.isfinite(search_radius) else float(np.ptp(table.rows[0:3])) + self._side
+        )
         self._clear()
 
     def nearest(self, points: Array) -> Nearest:
-        """Return the closest triangles of points [m], shape (n, 3), within the reach and perhaps a little beyond."""
+        """Return the closest triangles of points [m], shape (n, 3), within the search radius or a little beyond."""
         scaled = points / self._side
         np.floor(scaled, out=scaled)
         if scaled.size and max(float(scaled.max()), -float(scaled.min())) >= OFFSET - 2:
-            return self._search(points, self.reach)
+            return self._search(points, self.search_radius)
         slot = self._slots(scaled.astype(np.int64))
         first = self._first.take(slot)
         scaled += 0.5
@@ -87,9 +89,9 @@ class CellLists:
     def _in_full_cells(self, points: Array) -> Nearest:
         """Ask finer cells, which list less, and after the last halving search."""
         if self._halved == HALVINGS:
-            return self._search(points, self.reach)
+            return self._search(points, self.search_radius)
         if self._finer is None:
-            self._finer = CellLists(self._table, self._search, self.reach, self._halved + 1)
+            self._finer = CellLists(self._table, self._search, self.search_radius, self._halved + 1)
         return self._finer.nearest(points)
 
     def _choose(self, points: Array, slot: Indices, away: NDArray[np.float32], first: Indices) -> Nearest:
@@ -173,7 +175,7 @@ class CellLists:
         planes = np.zeros((WIDTH // STRIP, n, 4, STRIP), dtype=np.float32)
         planes[:, :, 3] = np.inf
         used = np.zeros(n, dtype=np.int64)
-        closest = self._search(centres, self.reach + self._half)
+        closest = self._search(centres, self.search_radius + self._half)
         near = np.flatnonzero(closest.triangle >= 0)
         if near.size:
             first[near] = closest.triangle[near]

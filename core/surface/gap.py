@@ -85,8 +85,11 @@ class Surface:
         if not np.isfinite(points).all():
             raise DermisError("a surface has vertices that are not finite numbers")
         if corners.min() < 0 or corners.max() >= points.shape[0]:
+            wrong = corners[(corners < 0) | (corners >= points.shape[0])][0]
             limit = f"0 to {points.shape[0] - 1}"
-            raise DermisError("a triangle uses a vertex that does not exist", value=int(corners.max()), limit=limit)
+            raise DermisError("a triangle uses a vertex that does not exist", value=int(wrong), limit=limit)
+        if corners.dtype.kind not in "iu":
+            raise DermisError("triangles are whole numbers of vertices", value=str(corners.dtype), limit="integers")
         return cls(points, corners, topology_of(points, corners))
 
     @classmethod
@@ -199,13 +202,13 @@ class Surface:
             )
         return tuple(found)
 
-    def query(self, points: Array, reach: float = np.inf) -> GapQuery:
+    def query(self, points: Array, search_radius: float = np.inf) -> GapQuery:
         """Return the signed gap, closest point and normal of each point.
 
         Args:
             points: [m], shape (n, 3).
-            reach: distance beyond which a point outside is of no interest [m]. Points inside a closed surface are
-                always answered, however deep.
+            search_radius: distance beyond which a point outside is of no interest [m]. Points inside a closed surface
+                are always answered, however deep.
 
         Raises:
             DermisError: points of a wrong shape or not finite.
@@ -215,7 +218,7 @@ class Surface:
             raise DermisError("points must have the shape (n, 3)", value=points.shape)
         if not np.isfinite(points).all():
             raise DermisError("points to measure from are not finite numbers")
-        return self._within(reach, self._signed(points, self._nearest(points, reach)))
+        return self._within(search_radius, self._signed(points, self._nearest(points, search_radius)))
 
     def side_of(self, point: Array) -> int:
         """Return +1 where a point [m], shape (3,), is in front of the closest faces, -1 where it is behind.
@@ -251,22 +254,22 @@ class Surface:
     def _tree(self) -> CentroidTree:
         return CentroidTree(self.table)
 
-    def _nearest(self, points: Array, reach: float) -> Nearest:
+    def _nearest(self, points: Array, search_radius: float) -> Nearest:
         """Search afresh the first time; keep cells from the second on, when the surface has proved to be rigid."""
         self._queries += 1
         if self._queries == 1 or points.shape[0] == 0:
-            return self._search(points, reach)
-        if self._cells is None or self._cells.reach != reach:
+            return self._search(points, search_radius)
+        if self._cells is None or self._cells.search_radius != search_radius:
             if self._cells is not None and self._queries < 8:
-                return self._search(points, reach)
-            self._cells = CellLists(self.table, self._search, reach)
+                return self._search(points, search_radius)
+            self._cells = CellLists(self.table, self._search, search_radius)
             self._queries = 2
         return self._cells.nearest(points)
 
-    def _search(self, points: Array, reach: float) -> Nearest:
+    def _search(self, points: Array, search_radius: float) -> Nearest:
         n = points.shape[0]
-        found = nearest(self.table, points, np.full(n, reach), self._tree_if_large(n))
-        if self.closed and np.isfinite(reach):
+        found = nearest(self.table, points, np.full(n, search_radius), self._tree_if_large(n))
+        if self.closed and np.isfinite(search_radius):
             low, high = self.box
             lost = np.flatnonzero((found.triangle < 0) & ((points >= low) & (points <= high)).all(axis=1))
             if lost.size:
@@ -276,10 +279,10 @@ class Surface:
                     target[lost[inside]] = source[inside]
         return found
 
-    def _within(self, reach: float, answer: GapQuery) -> GapQuery:
+    def _within(self, search_radius: float, answer: GapQuery) -> GapQuery:
         """Forget points beyond reach that the cells knew all the same."""
         gap = answer.gap
-        beyond = (gap if self.closed else np.abs(gap)) > reach
+        beyond = (gap if self.closed else np.abs(gap)) > search_radius
         beyond &= answer.triangle >= 0
         if beyond.any():
             gap[beyond], answer.normal[beyond], answer.point[beyond] = np.inf, 0.0, np.nan

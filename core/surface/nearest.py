@@ -118,9 +118,9 @@ def _choose_all(table: TriangleTable, x: Array, pending: Any, limit: Array, foun
 def _within_box(table: TriangleTable, points: Array, limit: Array) -> Indices:
     """Usable triangles whose bounding sphere comes within the limits of the points' bounding box."""
     usable = table.usable
-    reach = float(limit.max())
-    if np.isfinite(reach):
-        centre, radius = table.bounds[0:3], table.bounds[6] + reach * (1.0 + SLACK)
+    search_radius = float(limit.max())
+    if np.isfinite(search_radius):
+        centre, radius = table.bounds[0:3], table.bounds[6] + search_radius * (1.0 + SLACK)
         for axis in range(3):
             low, high = points[:, axis].min(), points[:, axis].max()
             usable = usable & (centre[axis] >= low - radius) & (centre[axis] <= high + radius)

@@ -34,14 +34,14 @@ class Plane:
     closed = True
     box = np.array([[-np.inf] * 3, [np.inf] * 3])
 
-    def query(self, points: Array, reach: float = np.inf) -> GapQuery:
+    def query(self, points: Array, search_radius: float = np.inf) -> GapQuery:
         """Return the signed gap, closest point and normal of each point, as `Surface.query` does."""
         gap = (points - self.point) @ self.normal
         n = gap.shape[0]
         normal = np.broadcast_to(self.normal, (n, 3))
         point = points - gap[:, None] * self.normal
         triangle = np.zeros(n, dtype=np.int64)
-        far = gap > reach
+        far = gap > search_radius
         if far.any():
             gap = np.where(far, np.inf, gap)
             normal = np.where(far[:, None], 0.0, normal)

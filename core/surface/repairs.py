@@ -46,17 +46,17 @@ class Repairs:
                 self._last_pose[kind, i] = poses[i, -1]
         return poses
 
-    def channels(self, chunks: Sequence[Chunk], frames: Array) -> dict[str, Array]:
+    def animated(self, chunks: Sequence[Chunk], frames: Array) -> dict[str, Array]:
         """Join the animated parameters, and hold the last good value where one is not finite.
 
         Raises:
-            DermisError: a channel that is missing from a chunk, has a wrong length, or is never finite.
+            DermisError: an animated parameter that is missing from a chunk, has a wrong length, or is never finite.
         """
         joined: dict[str, Array] = {}
-        for key in sorted({key for c in chunks for key in c.channels}):
-            if not all(key in c.channels for c in chunks):
+        for key in sorted({key for c in chunks for key in c.animated}):
+            if not all(key in c.animated for c in chunks):
                 raise DermisError("an animated value is missing from some of the chunks", where=key)
-            values = np.concatenate([np.asarray(c.channels[key], dtype=np.float64) for c in chunks])
+            values = np.concatenate([np.asarray(c.animated[key], dtype=np.float64) for c in chunks])
             if len(values) != len(frames):
                 raise DermisError(
                     "an animated value needs one number per sample",

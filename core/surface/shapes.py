@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..errors import DermisError
 
+MAX_FACETS = 1_000_000  # the surface is off by 3e-6 of its radius then
 Shape = tuple[Array, NDArray[np.int64]]  # vertices [m], shape (V, 3), and triangles, counter-clockwise from outside
 
 
@@ -18,9 +19,11 @@ def sphere(radius: float, facets: int = 20_000) -> Shape:
         radius: [m]. facets: triangles, at least; the surface is off by about radius * 3 / facets.
 
     Raises:
-        DermisError: a radius that is not above zero.
+        DermisError: a radius that is not above zero, or more facets than are of use.
     """
     _positive("radius", radius)
+    if not 0 < facets <= MAX_FACETS:
+        raise DermisError("not a number of triangles", where="facets", value=facets, limit=f"1 to {MAX_FACETS}")
     golden = (1 + 5**0.5) / 2
     corners = [(0, s, t * golden) for s in (-1, 1) for t in (-1, 1)]
     points = np.array([p[-k:] + p[:-k] for k in range(3) for p in corners], np.float64)
@@ -110,5 +113,6 @@ def _divided(points: Array, triangles: NDArray[np.int64]) -> Shape:
 
 
 def _positive(name: str, value: float) -> None:
-    if not (np.isfinite(value) and value > 0):
+    numbers = np.asarray(value)
+    if numbers.ndim or numbers.dtype.kind not in "iuf" or not 0.0 < numbers < np.inf:
         raise DermisError("a length must be above zero", where=name, value=value, limit="> 0 m")

@@ -38,29 +38,31 @@ class DirectModel:
 
     Args:
         device: the mechanism. contact: the skin and the disc.
-        readout: stimulus components of forces on the pad nodes, shape (k, 3 m): stress, electrodes or total force.
+        observation_matrix: from forces on the pad nodes to stimulus components, shape (k, 3 m): stress, electrodes
+            or total force.
 
     Raises:
-        DermisError: a readout that does not fit the skin.
+        DermisError: an observation matrix that does not fit the skin.
     """
 
-    def __init__(self, device: Thimble, contact: DiscContact, readout: Array) -> None:
-        if readout.ndim != 2 or readout.shape[1] != 3 * contact.count:
+    def __init__(self, device: Thimble, contact: DiscContact, observation_matrix: Array) -> None:
+        if observation_matrix.ndim != 2 or observation_matrix.shape[1] != 3 * contact.count:
             raise DermisError(
-                "the readout does not fit the skin",
+                "the observation matrix does not fit the skin",
                 where="direct model",
-                value=readout.shape,
+                value=observation_matrix.shape,
                 limit=f"(k, {3 * contact.count})",
             )
-        self.device, self.contact, self.readout = device, contact, np.ascontiguousarray(readout, np.float64)
+        self.device, self.contact = device, contact
+        self.observation_matrix = np.ascontiguousarray(observation_matrix, np.float64)
         self._chosen = -1
-        self._columns = self.readout[:, :0]
+        self._columns = self.observation_matrix[:, :0]
         self._last: tuple[bytes, DiscSolution] | None = None
 
     @property
     def size(self) -> int:
         """Number of stimulus components."""
-        return len(self.readout)
+        return len(self.observation_matrix)
 
     def hold(self, state: FrictionState) -> None:
         """Fix the friction state."""
@@ -72,7 +74,7 @@ class DirectModel:
         found = self.solution(x)
         if self._chosen != self.contact.choice:
             columns = (3 * found.nodes[:, None] + np.arange(3)).ravel()
-            self._columns = np.ascontiguousarray(self.readout[:, columns])
+            self._columns = np.ascontiguousarray(self.observation_matrix[:, columns])
             self._chosen = self.contact.choice
         both = np.concatenate([found.force[:, :, None], found.slope], axis=2).reshape(-1, 4)
         answer = self._columns @ both

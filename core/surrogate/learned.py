@@ -63,19 +63,19 @@ class Descriptors:
     """The spaces that stimuli and friction states of one skin and device are described in.
 
     Attributes:
-        stress: of weighted stresses, about their mean. readout: its components of forces, W, shape (k, 3 m).
+        stress: of weighted stresses, about their mean. observation_matrix: its components of forces, W, shape (k, 3 m).
         friction: of contact forces, about their mean.
     """
 
     stress: Subspace
-    readout: Array
+    observation_matrix: Array
     friction: Subspace
 
     def table(self, data: Dataset) -> SampleTable:
         """Return a dataset in these descriptors, with the previous step's friction state as memory."""
         force = data.force.astype(np.float64)
         before = self.friction.project(data.before.astype(np.float64))
-        return SampleTable(data.x, before, force @ self.readout.T, data.trajectory)
+        return SampleTable(data.x, before, force @ self.observation_matrix.T, data.trajectory)
 
 
 def descriptors(

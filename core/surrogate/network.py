@@ -19,7 +19,7 @@ Report = Callable[[int, int], None]
 
 HIDDEN = 260  # Source: [S0] 4.2
 ITERATIONS = 600
-START_PENALTY = 1e-4  # on the first readout, times the number of samples
+START_PENALTY = 1e-4  # on the first output weights, times the number of samples
 DECAY = 1e-4  # weight decay, relative to the mean square of the channels
 
 
@@ -30,14 +30,14 @@ class Network:
     Attributes:
         centre, scale: of the inputs, shape (p,).
         weights, bias: A (h, p) and a (h,), of the hidden layer.
-        readout, offset: V (c, h) and b (c,), in the channels' own units.
+        output_weights, offset: V (c, h) and b (c,), in the channels' own units.
     """
 
     centre: Array
     scale: Array
     weights: Array
     bias: Array
-    readout: Array
+    output_weights: Array
     offset: Array
 
     @property
@@ -58,13 +58,13 @@ class Network:
     def predict(self, u: Array) -> Array:
         """Return channels for rows of inputs."""
         z = ((np.atleast_2d(u) - self.centre) / self.scale) @ self.weights.T + self.bias
-        return softplus(z) @ self.readout.T + self.offset
+        return softplus(z) @ self.output_weights.T + self.offset
 
     def evaluate(self, u: Array) -> tuple[Array, Array]:
         """Return the channels and their derivative by the first three inputs."""
         z = self.weights @ ((u - self.centre) / self.scale) + self.bias
-        value = self.readout @ softplus(z) + self.offset
-        slope = (self.readout * sigmoid(z)) @ (self.weights[:, :3] / self.scale[:3])
+        value = self.output_weights @ softplus(z) + self.offset
+        slope = (self.output_weights * sigmoid(z)) @ (self.weights[:, :3] / self.scale[:3])
         return value, slope
 
     def fixed(self, memory: Array) -> Callable[[Array], tuple[Array, Array]]:
@@ -78,7 +78,7 @@ class Network:
             both = np.empty((len(z), 4))
             both[:, 0] = softplus(z)
             both[:, 1:] = first * sigmoid(z)[:, None]
-            answer = self.readout @ both
+            answer = self.output_weights @ both
             return answer[:, 0] + self.offset, answer[:, 1:]
 
         return evaluate
@@ -126,7 +126,7 @@ def train(
     s, wanted = ((u - centre) / scale).astype(np.float32), ((y - mean) / size).astype(np.float32)
     rng = np.random.default_rng(seed)
     first, shift = rng.normal(0.0, 1.0 / np.sqrt(p), (hidden, p)), rng.uniform(-1.0, 1.0, hidden)
-    # the readout starts at the best one for the random hidden layer: a linear solve worth hundreds of iterations
+    # the output weights start at the best ones for the random hidden layer: a linear solve worth hundreds of iterations
     features = np.concatenate([softplus(s @ first.T + shift), np.ones((n, 1))], axis=1)
     gram = features.T @ features
     gram[np.diag_indices(hidden + 1)] += START_PENALTY * n

@@ -27,7 +27,7 @@ OPSET, IR_VERSION = 17, 8
 META = "dermis"
 SCHEMA = "dermis-surrogate 1"
 INPUTS, OUTPUTS = ("x", "friction"), ("stress", "jacobian")
-MOST_SIZE = 1 << 16  # of inputs and outputs; the finest skin has some thousand
+MAX_SIZE = 1 << 16  # of inputs and outputs; the finest skin has some thousand
 _DOUBLE = 11  # TensorProto.DOUBLE
 _INT64 = 7
 
@@ -64,9 +64,9 @@ def dumps(network: Network, meta: Mapping[str, Any] | None = None) -> bytes:
         "weights": weights.T,
         "bias": bias,
         "one": np.ones(1),
-        "readout": network.readout.T,
+        "readout": network.output_weights.T,
         "offset": network.offset,
-        "rows": network.readout[None],
+        "rows": network.output_weights[None],
         "slopes": weights[:, :3],
     }
     graph = b"".join(_field(1, node) for node in nodes)
@@ -247,8 +247,8 @@ def read_meta(data: bytes, where: str = "") -> dict[str, Any]:
     if not 1 <= opset <= OPSET:
         raise DermisError("another ONNX operator set", where=where, value=opset, limit=f"1 to {OPSET}")
     sizes = [meta.get(n) for n in ("inputs", "outputs")]
-    if not all(type(n) is int and least <= n <= MOST_SIZE for n, least in zip(sizes, (3, 1), strict=True)):
-        raise DermisError("impossible sizes", where=where, value=str(sizes)[:80], limit=f"up to {MOST_SIZE}")
+    if not all(type(n) is int and least <= n <= MAX_SIZE for n, least in zip(sizes, (3, 1), strict=True)):
+        raise DermisError("impossible sizes", where=where, value=str(sizes)[:80], limit=f"up to {MAX_SIZE}")
     return meta
 
 

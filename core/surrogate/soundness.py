@@ -31,7 +31,7 @@ def check_parts(made: Surrogate, nodes: int, where: str) -> None:
         "stress_mean": (stress.mean, (any_size,)),
         "stress_basis": (stress.basis, (k, any_size)),
         "stress_curve": (stress.curve, (stress.curve.size,)),
-        "readout": (spaces.readout, (k, nodes3)),
+        "readout": (spaces.observation_matrix, (k, nodes3)),
         "friction_mean": (friction.mean, (nodes3,)),
         "friction_basis": (friction.basis, (q, nodes3)),
         "friction_curve": (friction.curve, (friction.curve.size,)),

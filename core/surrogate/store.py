@@ -45,6 +45,7 @@ def device_key(device: Thimble) -> str:
     """Return a key for all that decides what a device does to a skin."""
     usual = {"side": 1.0, "bounds": None}  # what most devices have in common is left out
     parts = {k: None if v is None else np.asarray(v).tolist() for k, v in asdict(device).items()}
+    parts["knee"] = parts.pop("bend")  # as in the preset, and in the keys of what was learned before
     told = {k: v for k, v in parts.items() if k not in usual or v != usual[k]}
     return cache_key(json.dumps(told, sort_keys=True))[:32]
 
@@ -135,7 +136,7 @@ def save(path: Path, surrogate: Surrogate) -> tuple[Path, Path]:
     arrays: dict[str, NDArray[Any]] = {"meta": np.frombuffer(json.dumps(meta, sort_keys=True).encode(), np.uint8)}
     for name, space in (("stress", spaces.stress), ("friction", spaces.friction)):
         arrays.update({f"{name}_mean": space.mean, f"{name}_basis": space.basis, f"{name}_curve": space.curve})
-    arrays["readout"] = spaces.readout
+    arrays["readout"] = spaces.observation_matrix
     arrays.update({f"ridge_{n}": getattr(surrogate.ridge, n) for n in _RIDGE})
     tables, graph = Path(path).with_suffix(".npz"), Path(path).with_suffix(".onnx")
     onnx.write(graph, surrogate.network, meta)
@@ -171,11 +172,11 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
             n: Subspace(arrays[f"{n}_mean"], arrays[f"{n}_basis"], arrays[f"{n}_curve"]) for n in ("stress", "friction")
         }
         ridge = QuadraticRidge(*(arrays[f"ridge_{n}"] for n in _RIDGE))
-        readout = arrays["readout"]
+        observation_matrix = arrays["readout"]
     expected = {"schema": SCHEMA, "skin": skin.key, "device": device_key(device), "friction": friction}
     for name, wanted in expected.items():
         check_made_for(meta, name, wanted, where)
     network = onnx.OnnxFit(graph, {n: expected[n] for n in ("skin", "device", "friction")})
-    made = Surrogate(Descriptors(spaces["stress"], readout, spaces["friction"]), ridge, network, meta)
+    made = Surrogate(Descriptors(spaces["stress"], observation_matrix, spaces["friction"]), ridge, network, meta)
     check_parts(made, skin.pad_count, where)
     return made

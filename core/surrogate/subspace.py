@@ -32,18 +32,9 @@ class Subspace:
         """Number of components kept."""
         return len(self.basis)
 
-    @property
-    def error(self) -> float:
-        """Relative RMS that the components kept leave."""
-        return float(self.curve[self.size])
-
     def project(self, samples: Array) -> Array:
         """Return coordinates about the mean, (..., p) to (..., k)."""
         return (samples - self.mean) @ self.basis.T
-
-    def lift(self, coordinates: Array) -> Array:
-        """Return samples from coordinates, (..., k) to (..., p)."""
-        return coordinates @ self.basis + self.mean
 
 
 def principal_components(samples: Array, *, tolerance: float = TOLERANCE, size: int | None = None) -> Subspace:

@@ -12,11 +12,8 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import DermisError
-from ..files import write_npz
 from ..npz import opened_npz
 from ..number_rows import read_rows
-
-TABLE_SCHEMA = "dermis-sample-table 1"
 
 
 class Fit(Protocol):
@@ -99,20 +96,6 @@ def relative_rms(fit: Fit, table: SampleTable) -> float:
     miss = fit.predict(table.inputs) - table.channels
     spread = table.channels - table.channels.mean(axis=0)
     return float(np.sqrt((miss**2).sum() / (spread**2).sum()))
-
-
-def write_table(path: Path, table: SampleTable) -> None:
-    """Write a table as .npz (plain arrays)."""
-    write_npz(
-        path,
-        {
-            "schema": np.array(TABLE_SCHEMA),
-            "x": table.x,
-            "memory": table.memory,
-            "channels": table.channels,
-            "trajectory": table.trajectory,
-        },
-    )
 
 
 def read_table(path: Path) -> SampleTable:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..devices.spec import Channel, DeviceSpec, range_disc
 from ..errors import DermisError, Finding, Severity
-from ..interpolate import MOST_SAMPLES, Method, grid, interpolate
+from ..interpolate import MAX_SAMPLES, Method, grid, interpolate
 from .limiter import DIGITS, SLEW_SLACK, Limiter
 
 # What a limiter did: how bad it is, and how it reads.
@@ -114,12 +114,12 @@ class CommandTrack:
                 value=f"{after:g} s",
                 limit=f"> {before:g} s",
             )
-        if np.isfinite(rate) and self.duration * rate * len(self.channels) > MOST_SAMPLES:
+        if np.isfinite(rate) and self.duration * rate * len(self.channels) > MAX_SAMPLES:
             raise DermisError(
                 "more samples than a track can hold",
                 where=self._place(),
                 value=f"{rate:g} Hz",
-                limit=f"{MOST_SAMPLES / (self.duration * len(self.channels)):.6g} Hz, {MOST_SAMPLES} samples in all",
+                limit=f"{MAX_SAMPLES / (self.duration * len(self.channels)):.6g} Hz, {MAX_SAMPLES} samples in all",
             )
         times = grid(float(self.times[0]), float(self.times[-1]), rate)
         values = interpolate(self.times, self.values, times, method)
@@ -168,7 +168,7 @@ class CommandTrack:
             *self._check_times(),
             *self._check_values(),
             *self._check_actuators(),
-            *self._check_wire(),
+            *self._check_link_budget(),
             *self._check_limited(),
         )
 
@@ -270,13 +270,13 @@ class CommandTrack:
                 )
             used.setdefault(channel.actuator, channel.name)
 
-    def _check_wire(self) -> Iterator[Finding]:
-        wire = self.spec.wire
-        bandwidth = wire.get("bandwidth", 0.0)
+    def _check_link_budget(self) -> Iterator[Finding]:
+        budget = self.spec.link_budget
+        bandwidth = budget.get("bandwidth", 0.0)
         if not bandwidth or self.duration <= 0:
             return
         driven = sum(bool(c.actuator) for c in self.channels)
-        cost = wire.get("bits_per_sample", 0.0) + driven * wire.get("bits_per_channel", 0.0)
+        cost = budget.get("bits_per_sample", 0.0) + driven * budget.get("bits_per_channel", 0.0)
         rate = (len(self.times) - 1) / self.duration
         if cost * rate > bandwidth * (1 + DIGITS):
             yield Finding(

@@ -26,23 +26,11 @@ from ..arrays import Array
 from ..devices.spec import NAME
 from ..errors import DermisError
 from ..files import opened, read_bytes, write_bytes
-from ..foreign import MOST_TEXT
+from ..foreign import MAX_TEXT
 from ..units import UNITS
 from .command_track import CommandTrack
-from .csv_header import (
-    KEY,
-    MAGIC,
-    VERSION,
-    check_known,
-    check_limited,
-    check_meta,
-    count,
-    entries_of,
-    escaped,
-    is_own,
-    spec_of,
-    split,
-)
+from .csv_header import MAGIC, VERSION, count, entries_of, escaped, spec_of, split
+from .known_keys import KEY, check_known, check_limited, check_meta, is_own
 
 _NOT_NUMERIC = re.compile(r"[^0-9eE+\-.,\n]")
 _ROWS_AT_ONCE = 4096
@@ -89,7 +77,7 @@ def read(path: Path | str) -> CommandTrack:
         first = file.readline(200)
     if not first.startswith(MAGIC.encode()):
         loads(first.decode("utf-8", "replace"), where=where)  # which says what is wrong with it
-    data = read_bytes(path, most=MOST_TEXT)
+    data = read_bytes(path, most=MAX_TEXT)
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -171,7 +159,7 @@ def _check_writable(track: CommandTrack) -> None:
         if not isinstance(value, str):
             raise DermisError("a header value must be a text", where=f"{where}, {key}", value=value)
     check_known(track, where)
-    for key in (*track.spec.parameters, *track.spec.wire, *track.limited):
+    for key in (*track.spec.parameters, *track.spec.link_budget, *track.limited):
         if not KEY.fullmatch(key):
             raise DermisError(
                 "a key that the header cannot hold", where=where, value=key, limit="letters, digits, '_', '.', '-'"

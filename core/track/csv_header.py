@@ -5,51 +5,25 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from fractions import Fraction
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ..devices.kinds import KINDS
 from ..devices.spec import NAME, WIRE, Channel, DeviceSpec
 from ..errors import DermisError
 from ..foreign import json_of
 from ..units import UNITS
-from .command_track import LIMITED, CommandTrack
+from .command_track import CommandTrack
+from .known_keys import FIRST_META, KEY, OWN_GROUPS, check_kind
 
 VERSION = 1
 MAGIC = "# dermis-track"
 UNIT_SYSTEM = "SI"
-
-FIRST_META = ("generator", "finger", "scene", "frame_range", "fps", "content_hash")
-# What the methods say of themselves.
-METHOD_META = (
-    "method",
-    "lead_s",
-    "worst_kkt",
-    "table_rows",
-    "neighbours",
-    "sensor",
-    "stimuli",
-    "relief",
-    "relief_formula",
-    "screen",
-    "profile",
-    "downhill",
-    "scale",
-    "law",
-)
-EXPORT_META = ("range", "forced")
-OTHERS_META = "x."  # what other programs note: read, kept and written again, never understood
-OWN_KEYS = ("device", "device_name", "kind", "spec_hash", "rate", "units", "samples")
-OWN_GROUPS = ("channel", "parameter", "wire", "limited")
-KEY = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 
 EMPTY = '{"rest": 0}'  # the least that a channel's line may say
 
 Entries = Mapping[str, tuple[str, int]]  # key -> value, number of its line
 
 _UNSAFE = re.compile("[\\\\\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufeff]")
-_FPS = re.compile(r"[0-9]{1,12}(/[0-9]{1,12}|\.[0-9]{1,12})?")
 _ESCAPE = re.compile(r"\\(\\|n|r|t|u[0-9a-f]{4}|.?)", re.DOTALL)
 _SHORT = {"\\": "\\\\", "\n": "\\n", "\r": "\\r", "\t": "\\t"}
 _LONG = {"\\": "\\", "n": "\n", "r": "\r", "t": "\t"}
@@ -74,8 +48,8 @@ def entries_of(track: CommandTrack) -> Iterator[tuple[str, str]]:
         )
     for key in sorted(spec.parameters):
         yield f"parameter.{key}", _json(spec.parameters[key])
-    for key in sorted(spec.wire):
-        yield f"wire.{key}", _json(spec.wire[key])
+    for key in sorted(spec.link_budget):
+        yield f"wire.{key}", _json(spec.link_budget[key])
     for key in sorted(track.limited):
         yield f"limited.{key}", str(int(track.limited[key]))
 
@@ -167,7 +141,7 @@ def spec_of(entries: Entries, heading: str, where: str) -> DeviceSpec:
         rate=_rate(*entries["rate"], where=where),
         channels=_channels(entries, heading, where),
         parameters=_group(entries, "parameter", where),
-        wire={k: _number(v, f"{where}, wire.{k}") for k, v in _group(entries, "wire", where).items()},
+        link_budget={k: _number(v, f"{where}, wire.{k}") for k, v in _group(entries, "wire", where).items()},
         stated_hash=entries["spec_hash"][0],
     )
 
@@ -260,86 +234,6 @@ def count(text: str, where: str) -> int:
     if not re.fullmatch(r"[0-9]{1,15}", text):
         raise DermisError("not a count", where=where, value=text[:80], limit="0 or more")
     return int(text)
-
-
-def check_kind(kind: str, where: str) -> None:
-    """Refuse a kind of device that there is not.
-
-    Raises:
-        DermisError: as said.
-    """
-    if kind not in KINDS:
-        raise DermisError("unknown kind of device", where=where, value=kind[:80], limit=", ".join(KINDS))
-
-
-def check_known(track: CommandTrack, where: str) -> None:
-    """Refuse to write what the readers refuse: see `check_kind`, `check_meta` and `check_limited`.
-
-    Raises:
-        DermisError: as said.
-    """
-    check_kind(track.spec.kind, where)
-    for key, value in track.meta.items():
-        check_meta(key, str(value), where)
-    for key in track.limited:
-        check_limited(key, [c.name for c in track.channels], where)
-
-
-def check_meta(key: str, value: str, where: str) -> None:
-    """Refuse what version 1 does not know of a track's origin, and frames that are none.
-
-    Raises:
-        DermisError: an unknown key that does not begin with 'x.', or a frame rate or range that cannot be read.
-    """
-    known = (*FIRST_META, *EXPORT_META, *METHOD_META)
-    if key not in known and not (key.startswith(OTHERS_META) and key != OTHERS_META):
-        raise DermisError(
-            "unknown key",
-            where=where,
-            value=key,
-            limit=", ".join(known),
-            remedy=f"Begin the keys of other programs with '{OTHERS_META}'",
-        )
-    if key == "fps" and not _is_fps(value):
-        raise DermisError("not a frame rate", where=where, value=value[:80], limit="such as 24/1 or 30000/1001")
-    if key == "frame_range" and not _is_frame_range(value):
-        raise DermisError("not a range of frames", where=where, value=value[:80], limit="FIRST LAST, such as 1 250")
-
-
-def check_limited(key: str, names: Iterable[str], where: str) -> None:
-    """Refuse a count of limited samples of no channel, or of no kind that a limiter has.
-
-    Args:
-        key: 'CHANNEL.KIND'. names: of the channels.
-
-    Raises:
-        DermisError: as said.
-    """
-    name, _, kind = key.rpartition(".")
-    if kind not in LIMITED:
-        raise DermisError("unknown kind of limiting", where=where, value=key[:80], limit=", ".join(LIMITED))
-    own = tuple(names)
-    if name not in own:
-        raise DermisError("a limited channel without a column", where=where, value=key[:80], limit=", ".join(own)[:200])
-
-
-def _is_fps(text: str) -> bool:
-    try:
-        return _FPS.fullmatch(text) is not None and Fraction(text) > 0
-    except ZeroDivisionError:
-        return False
-
-
-def _is_frame_range(text: str) -> bool:
-    try:
-        first, last = (float(part) for part in text.split(" "))
-    except ValueError:
-        return False
-    return math.isfinite(first) and math.isfinite(last) and first <= last
-
-
-def is_own(key: str) -> bool:
-    return key in OWN_KEYS or key.partition(".")[0] in OWN_GROUPS
 
 
 def _unescaped(text: str, where: str) -> str:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from importlib import import_module
 from pathlib import Path
@@ -15,31 +14,7 @@ from ..errors import DermisError, Finding
 from ..files import opened
 from .check import findings_of
 from .command_track import CommandTrack
-
-
-@dataclass(frozen=True)
-class Format:
-    """One view of a track.
-
-    Attributes:
-        module: of this package. suffix: of its files. title: for menus.
-        levels: counts that it gives a channel's range; None where it does not quantise.
-        readable: it can be read back.
-    """
-
-    module: str
-    suffix: str
-    title: str
-    levels: int | None = None
-    readable: bool = True
-
-
-FORMATS: Mapping[str, Format] = {
-    "csv": Format("csv", ".csv", "CSV"),
-    "json": Format("json_track", ".json", "JSON"),
-    "binary": Format("binary", ".dtrack", "Compact binary"),
-    "c": Format("c_header", ".h", "C header with a player", levels=65536, readable=False),
-}
+from .formats import FORMATS, Format
 
 
 class EmptyRange(DermisError):

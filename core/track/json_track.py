@@ -16,7 +16,7 @@ import numpy as np
 from ..arrays import Array
 from ..errors import DermisError
 from ..files import read_text, write_bytes
-from ..foreign import MOST_TEXT, json_of
+from ..foreign import MAX_TEXT, json_of
 from .command_track import CommandTrack
 from .track_header import check_finite, check_schema, grid_of, header_of, text_of, track_of
 
@@ -66,7 +66,7 @@ def loads(text: str, *, where: str = "track") -> CommandTrack:
     Raises:
         DermisError: not a JSON track of this version, or not well formed.
     """
-    header = check_schema(json_of(text, where, MOST_TEXT), SCHEMA, ("values",), where)
+    header = check_schema(json_of(text, where, MAX_TEXT), SCHEMA, ("values",), where)
     number, times = grid_of(header, where)
     columns, channels = header["values"], header["channels"]
     if not isinstance(columns, dict) or not isinstance(channels, list):

@@ -42,8 +42,8 @@ class Limiter:
             bad = ~finite[:, i]
             if bad.any():
                 last = np.maximum.accumulate(np.where(bad, -1, rows))
-                held = np.where(last < 0, channel.rest, self.values[last, i])
-                self.values[:, i] = np.where(bad, held, self.values[:, i])
+                filled = np.where(last < 0, channel.rest, self.values[last, i])
+                self.values[:, i] = np.where(bad, filled, self.values[:, i])
                 self._count(channel.name, "not_finite", int(bad.sum()))
 
     def ramp(self, seconds_in: float, seconds_out: float) -> None:

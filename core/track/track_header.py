@@ -10,8 +10,10 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import DermisError
-from .command_track import MOST_SAMPLES, CommandTrack
-from .csv_header import KEY, check_known, check_limited, check_meta, count, is_own, spec_of
+from ..foreign import is_newer
+from .command_track import MAX_SAMPLES, CommandTrack
+from .csv_header import count, spec_of
+from .known_keys import KEY, check_known, check_limited, check_meta, is_own
 
 LIMITS = ("low", "high", "slew", "rest", "actuator")
 FIELDS = ("schema", "device", "channels", "times", "meta", "limited")
@@ -35,7 +37,7 @@ def header_of(track: CommandTrack, schema: str) -> dict[str, Any]:
             "rate": float(spec.rate),
             "spec_hash": spec.hash,
             "parameters": dict(spec.parameters),
-            "wire": dict(spec.wire),
+            "wire": dict(spec.link_budget),
         },
         "channels": [{"name": c.name, "unit": c.unit, **{k: getattr(c, k) for k in LIMITS}} for c in spec.channels],
         "times": times_of(track),
@@ -75,9 +77,7 @@ def check_schema(header: Any, schema: str, extra: tuple[str, ...], where: str) -
         raise DermisError("not a track", where=where, value=type(header).__name__, limit="a JSON object")
     found = header.get("schema")
     if found != schema:
-        kind, _, version = schema.rpartition(" ")
-        newer = isinstance(found, str) and found.startswith(f"{kind} ") and found[len(kind) + 1 :].isdigit()
-        newer = newer and int(str(found)[len(kind) + 1 :]) > int(version)
+        newer = is_newer(found, schema)
         raise DermisError(
             "written by a newer version of Dermis" if newer else "not a track of this format",
             where=where,
@@ -155,8 +155,8 @@ def grid_of(header: Mapping[str, Any], where: str) -> tuple[int, Array | None]:
     good = isinstance(first, int) and not isinstance(first, bool) and abs(first) < 2**53
     if not good or not isinstance(rate, int | float) or isinstance(rate, bool) or not 0 < rate < 1e12:
         raise DermisError("the times are no grid", where=f"{where}, times", value=str(dict(times))[:80])
-    if number > MOST_SAMPLES:
-        raise DermisError("more samples than a track can hold", where=where, value=number, limit=str(MOST_SAMPLES))
+    if number > MAX_SAMPLES:
+        raise DermisError("more samples than a track can hold", where=where, value=number, limit=str(MAX_SAMPLES))
     with np.errstate(over="ignore"):
         grid = (first + np.arange(number)) / float(rate)
     if not np.isfinite(grid).all():

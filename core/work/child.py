@@ -163,3 +163,5 @@ def close_all() -> None:
 
 
 atexit.register(close_all)
+if hasattr(os, "register_at_fork"):  # whoever splits off has no threads to wait for, and no child to end
+    os.register_at_fork(after_in_child=_owners.clear)

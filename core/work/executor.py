@@ -57,11 +57,11 @@ class JobFuture(Future[dict[str, NDArray[Any]]]):
         return super().cancelled() or (self.done() and isinstance(self.exception(), CancelledError))
 
     def report(self, done: int, total: int) -> None:
-        """Say how far the job is; for executors."""
+        """Report how far the job is; for executors."""
         self._progress = (int(done), int(total))
 
     def ends_by(self, end: Callable[[], None] | None) -> None:
-        """Say what ends the job half-way, from any thread, or None when it has left its worker; for executors."""
+        """Set what ends the job half-way, from any thread, or None when it has left its worker; for executors."""
         with self._ending:
             self._end = end
             if end is not None and self._unwanted:
@@ -78,9 +78,14 @@ class JobExecutor(Executor):
     Args:
         workers: how many jobs can run side by side.
         table: the jobs' names.
+
+    Raises:
+        DermisError: less than one worker, who would never begin.
     """
 
     def __init__(self, workers: int = 1, *, table: Table = JOBS) -> None:
+        if workers < 1:
+            raise DermisError("jobs need somebody to do them", where="workers", value=workers, limit=">= 1")
         self.workers = workers
         self.table = table
 
@@ -112,7 +117,7 @@ class InlineExecutor(JobExecutor):
         job, future = Job(name, arrays or {}, parameters or {}, self.table), JobFuture()
         future.set_running_or_notify_cancel()
         try:
-            future.set_result(dict(job.run(future.report)))
+            future.set_result(job.run(future.report))
         except DermisError as error:
             future.fail(error)
         return future

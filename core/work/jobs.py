@@ -45,9 +45,7 @@ class Job:
         where = f"job '{self.name}'"
         if self.name not in self.table:
             raise DermisError("no such job", value=self.name, limit=", ".join(self.table), code="no-such-job")
-        for name, array in self.arrays.items():
-            if np.asarray(array).dtype.hasobject:
-                raise DermisError("an array of Python objects", where=f"{where}, '{name}'", code="not-plain")
+        self._check_arrays(self.arrays)
         try:
             json.dumps(dict(self.parameters))
         except (TypeError, ValueError) as error:
@@ -55,7 +53,12 @@ class Job:
                 "parameters must be plain values", where=where, value=str(error), code="not-plain"
             ) from error
 
-    def run(self, report: Report) -> Arrays:
+    def _check_arrays(self, arrays: Arrays) -> None:
+        for name, array in arrays.items():
+            if np.asarray(array).dtype.hasobject:
+                raise DermisError("an array of Python objects", where=f"job '{self.name}', '{name}'", code="not-plain")
+
+    def run(self, report: Report) -> dict[str, NDArray[Any]]:
         """Do it in this process.
 
         Raises:
@@ -63,10 +66,11 @@ class Job:
         """
         module, _, function = self.table[self.name].partition(":")
         try:
-            made: Arrays = getattr(import_module(module, _CORE), function)(self.arrays, self.parameters, report)
+            made = getattr(import_module(module, _CORE), function)(self.arrays, self.parameters, report)
+            made = {str(name): np.asarray(array) for name, array in made.items()}
         except DermisError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             traceback.print_exc()
             raise DermisError(
                 f"the job failed: {type(error).__name__}",
@@ -74,4 +78,5 @@ class Job:
                 value=str(error),
                 code="job-failed",
             ) from error
+        self._check_arrays(made)
         return made

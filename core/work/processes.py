@@ -110,31 +110,52 @@ class _Worker(ChildProcess):
         """Do a job and wait for it.
 
         Raises:
-            DermisError: what the job raised; code 'job-crashed' where the process ended before it.
+            DermisError: what the job raised; code 'job-crashed' where the process ended before it, or talks nonsense.
         """
         with tempfile.TemporaryDirectory(prefix="dermis-job-", ignore_cleanup_errors=True) as folder:
             given, result = Path(folder, "in.npz"), Path(folder, "out.npz")
             write_npz(given, job.arrays)
             request = {"job": job.name, "parameters": dict(job.parameters), "in": str(given), "out": str(result)}
-            assert self.stdin is not None and self.stdout is not None
-            with contextlib.suppress(OSError):  # it has ended; what it replies ends then, too
-                self.stdin.write(json.dumps(request).encode() + b"\n")
-                self.stdin.flush()
-            for line in self.stdout:
-                if not line.endswith(b"\n"):  # it died in the middle of a word
-                    break
-                message = json.loads(line)
-                if "progress" in message:
-                    report(*message["progress"])
-                elif "error" in message:
-                    raise DermisError(**message["error"])
-                else:
+            try:
+                if self._ask(request, report):
                     return _read(result)
+            except DermisError:
+                raise
+            except Exception as error:  # what it says next would be taken for the reply to another job
+                self.kill()
+                raise DermisError(
+                    "the worker's reply cannot be read",
+                    where=f"process {self.pid}",
+                    value=f"{type(error).__name__}: {error}",
+                    code="job-crashed",
+                ) from error
         said = self.said()
         self.end(0.0, kill=True)
         raise DermisError(
             "the worker ended before its job did", where=f"process {self.pid}", value=said, code="job-crashed"
         )
+
+    def _ask(self, request: Mapping[str, Any], report: Report) -> bool:
+        """Let a request be done; return whether it was: False where the process ended before.
+
+        Raises:
+            DermisError: what the job raised. Anything else: a reply that is none.
+        """
+        assert self.stdin is not None and self.stdout is not None
+        with contextlib.suppress(OSError):  # it has ended; what it replies ends then, too
+            self.stdin.write(json.dumps(request).encode() + b"\n")
+            self.stdin.flush()
+        for line in self.stdout:
+            if not line.endswith(b"\n"):  # it died in the middle of a word
+                break
+            message = json.loads(line)
+            if "progress" in message:
+                report(*message["progress"])
+            elif "error" in message:
+                raise DermisError(**message["error"])
+            else:
+                return True
+        return False
 
 
 def serve(table: Table = JOBS) -> int:
@@ -151,7 +172,7 @@ def serve(table: Table = JOBS) -> int:
         request = json.loads(requests.get())
         try:
             job = Job(request["job"], _read(request["in"]), request["parameters"], table)
-            write_npz(Path(request["out"]), job.run(lambda done, total: reply({"progress": [done, total]})))
+            write_npz(Path(request["out"]), job.run(lambda done, total: reply({"progress": [int(done), int(total)]})))
             reply({"done": True})
         except DermisError as error:
             reply({"error": error.as_dict()})

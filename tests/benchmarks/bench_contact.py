@@ -135,7 +135,7 @@ def idle_finger() -> Result:
             started = time.perf_counter()
             sampler.add(chunk)
             times.append((time.perf_counter() - started) * 1e3 / size)
-        if sampler.solver(0).counters["idle"] != len(times) * size:
+        if sampler._steppers[0].counters["idle"] != len(times) * size:
             raise RuntimeError("the finger was not idle")
         per_frame[size] = timing(times)
     ours, single = per_frame[64], per_frame[1]

@@ -134,7 +134,7 @@ def kill_pose() -> Result:
     worst, wrong = {}, []
     for key in (entry.key for entry in Library().list("devices")):
         wire = Wire.of(Library().device(key))
-        ends = zip(wire.low.tolist(), wire.high.tolist(), wire.safe.tolist(), strict=True)
+        ends = zip(wire.range_low.tolist(), wire.range_high.tolist(), wire.safe.tolist(), strict=True)
         far = [low if safe - low > high - safe else high for low, high, safe in ends]
         way = 0.0 if wire.reach == Reach.AT_ONCE else way_seconds(wire.safe - far, wire.slew)
         jog = dict(zip(wire.names, far, strict=True))

@@ -165,9 +165,9 @@ def _looked_up(name: str, sensed: Any, *, single: bool) -> Result:
     from core.matching.nearest import NEIGHBOURS
 
     given = table().heard_with(NOISE)
-    points = given.felt[given.heard]
+    points = given.exact_readings[given.heard]
     tree = cKDTree(points)
-    loud = given.from_rest(sensed) > given.hush
+    loud = given.from_rest(sensed) > given.noise_floor
     ours = given.by_reading.query(sensed[loud], NEIGHBOURS)
     distance, index = tree.query(sensed[loud], NEIGHBOURS)
     wrong = [] if np.array_equal(np.rint(distance**2), ours.squared) else ["ckdtree has other neighbours"]

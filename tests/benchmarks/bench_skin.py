@@ -115,8 +115,9 @@ def _press(level: str) -> tuple[float, Any]:
     from core.skin.condense import condense
     from core.skin.fingertip import fingertip_mesh
     from core.skin.material import Elastic
-    from core.skin.stress import StressOperator, probes_at
+    from core.skin.stress import StressOperator
     from tests.problems import flat_press
+    from tests.tissue import probes_at
 
     level, _, element = level.partition(" ")
     kind: Element = "p1" if element == "p1" else "anp"

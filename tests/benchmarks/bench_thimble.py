@@ -40,7 +40,7 @@ def skin(level: str) -> Any:
 
 
 @functools.cache
-def readout(level: str) -> Any:
+def observation_matrix(level: str) -> Any:
     """Sixty stress components, fitted to the device."""
     from core.matching.thimble import DESCRIPTOR_MOVEMENTS
     from core.steps import drain
@@ -49,7 +49,7 @@ def readout(level: str) -> Any:
     from core.surrogate.store import contact_of
 
     data = drain(record(device(), contact_of(device(), skin(level), 0.6), DESCRIPTOR_MOVEMENTS))
-    return descriptors(data, skin(level).stress_components(), size=COMPONENTS).readout
+    return descriptors(data, skin(level).stress_components(), size=COMPONENTS).observation_matrix
 
 
 @functools.cache
@@ -63,7 +63,7 @@ def frames(level: str) -> dict[str, Any]:
     model = skin(level)
     out: dict[str, Any] = {"target": [], "thimble": [], "evaluations": [], "left": [], "size": []}
     with one_blas_thread():
-        follower = StressMatcher(device(), contact_of(device(), model, 0.6), readout(level))
+        follower = StressMatcher(device(), contact_of(device(), model, 0.6), observation_matrix(level))
         for touch in (touches.ball_roll(FRAMES), touches.edge_press(FRAMES), touches.slide(FRAMES)):
             path = PathSolver(model.compliance, model.positions, areas=model.areas)
             follower.reset()
@@ -72,7 +72,7 @@ def frames(level: str) -> dict[str, Any]:
                 start = time.perf_counter()
                 force = path.step(bodies).solution.force
                 between = time.perf_counter()
-                frame = follower.step(readout(level) @ force.ravel())
+                frame = follower.step(observation_matrix(level) @ force.ravel())
                 end = time.perf_counter()
                 if frame.minimum is not None:
                     out["target"].append(1e3 * (between - start))
@@ -198,14 +198,14 @@ def searches(kind: str) -> dict[str, Any]:
     from tests import touches
 
     model, made = skin("draft"), personal()["surrogate"]
-    readout = made.descriptors.readout
+    observation_matrix = made.descriptors.observation_matrix
     out: dict[str, Any] = {"us": [], "rescues": [], "evaluations": []}
     left = whole = 0.0
     with tempfile.TemporaryDirectory() as folder, one_blas_thread():
         save(Path(folder) / "s", made)
         files = load(Path(folder) / "s", model, device(), 0.6)
         forward = None if kind == "direct" else files.model(model, kind)
-        follower = StressMatcher(device(), contact_of(device(), model, 0.6), readout, forward)
+        follower = StressMatcher(device(), contact_of(device(), model, 0.6), observation_matrix, forward)
         search = follower._search
 
         def timed(*arguments: Any) -> Any:
@@ -222,7 +222,7 @@ def searches(kind: str) -> dict[str, Any]:
         for touch in (touches.ball_roll(120), touches.edge_press(120), touches.slide(120)):
             follower.reset()
             for force in touch.forces(model):
-                target = readout @ force.ravel()
+                target = observation_matrix @ force.ravel()
                 frame = follower.step(target)
                 left += float(((frame.stimulus - target) ** 2).sum())
                 whole += float((target**2).sum())

@@ -19,7 +19,7 @@ from core.devices.disc import DiscContact
 from core.devices.disc_pose import FrictionState, placed
 from core.devices.first_contact import first_contact
 from core.devices.thimble import Thimble, mechanism
-from core.matching.thimble import match_sequence, matcher
+from core.matching.thimble import matcher
 from core.plot import stimuli
 from core.presets import Library
 from core.skin.model import SkinModel, fingertip_skin
@@ -33,6 +33,7 @@ from core.surrogate.store import contact_of
 from core.surrogate.subspace import principal_components
 from core.surrogate.table import SampleTable, relative_rms
 from tests import touches
+from tests.thimbles import match_sequence
 
 Array = NDArray[np.float64]
 
@@ -140,14 +141,16 @@ def rendering(skin: SkinModel, spaces: Descriptors, count: int) -> tuple[dict[st
         row = {}
         for method in METHODS:
             start = time.perf_counter()
-            found = drain(match_sequence(device, skin, forces, method, friction=FRICTION, readout=spaces.readout))
-            taken = 1e3 * (time.perf_counter() - start) / max(int(found.wanted.sum()), 1)
+            found = match_sequence(
+                device, skin, forces, method, friction=FRICTION, observation_matrix=spaces.observation_matrix
+            )
+            taken = 1e3 * (time.perf_counter() - start) / max(int(found.touched.sum()), 1)
             rendered = found.force.reshape(len(forces), -1).astype(np.float64) @ whole.T
             row[method] = float(np.linalg.norm(rendered - target) / np.linalg.norm(target))
             if method == "stress":
-                row["iterations"] = float(found.iterations[found.wanted].mean())
+                row["iterations"] = float(found.iterations[found.touched].mean())
                 row["ms"] = taken
-                row["roll range [deg]"] = float(np.degrees(np.ptp(found.x[found.wanted, 1])))
+                row["roll range [deg]"] = float(np.degrees(np.ptp(found.x[found.touched, 1])))
                 figures[name] = (forces, found.force.astype(np.float64))
         table[name] = row
     return table, figures
@@ -157,7 +160,7 @@ def electrodes(skin: SkinModel, data: Dataset, count: int) -> dict[str, Any]:
     """The virtual sensor: components at 5 %, and matching in electrode space on a model fitted to electrodes."""
     device, sensor = mechanism(Library().device("thimble_3rrs")), electrode_sensor(skin)
     force = data.force.astype(np.float64)
-    readings = sensor.read(force)
+    readings = force.reshape(len(force), -1) @ sensor.matrix.T
     space = principal_components(readings, tolerance=0.05)
     memory = principal_components(data.before.astype(np.float64), tolerance=0.10)
     table = SampleTable(data.x, memory.project(data.before.astype(np.float64)), readings, data.trajectory)
@@ -166,7 +169,7 @@ def electrodes(skin: SkinModel, data: Dataset, count: int) -> dict[str, Any]:
     out: dict[str, Any] = {"components at 5 %": space.size, "ridge test error": relative_rms(fit, table.rows(rest))}
     model = LearnedModel(fit, memory)
     for touch in (touches.flat_press(count), touches.cup(count), touches.foam(count)):
-        target = sensor.read(touch.forces(skin))
+        target = touch.forces(skin).reshape(count, -1) @ sensor.matrix.T
         row = []
         for forward in (None, model):
             follower = matcher(
@@ -174,7 +177,7 @@ def electrodes(skin: SkinModel, data: Dataset, count: int) -> dict[str, Any]:
                 skin,
                 "stress" if forward is None else "ridge",
                 friction=FRICTION,
-                readout=sensor.matrix,
+                observation_matrix=sensor.matrix,
                 model=forward,
             )
             rendered = np.array([f.stimulus for f in follower.follow(target)])
@@ -230,7 +233,9 @@ def observer(skin: SkinModel, spaces: Descriptors, count: int) -> dict[str, Any]
                 rendered = [
                     f
                     if method == "target"
-                    else drain(match_sequence(device, skin, f, method, friction=FRICTION, readout=spaces.readout)).force
+                    else match_sequence(
+                        device, skin, f, method, friction=FRICTION, observation_matrix=spaces.observation_matrix
+                    ).force
                     for f in one
                 ]
                 felt.append(np.array(rendered, float).reshape(REPETITIONS, count, -1) @ whole.T)
@@ -246,12 +251,12 @@ def observer(skin: SkinModel, spaces: Descriptors, count: int) -> dict[str, Any]
 
 def pictures(folder: Path, skin: SkinModel, data: Dataset, spaces: Descriptors, figures: dict[str, Any]) -> list[Path]:
     """Draw the paper's figures 3 (what the device can make felt, and a touch), 4 (paths) and 7 (four touches)."""
-    device, basis = mechanism(Library().device("thimble_3rrs")), spaces.readout[:3]
+    device, basis = mechanism(Library().device("thimble_3rrs")), spaces.observation_matrix[:3]
     depth = data.x[:, 2].max() - data.x[:, 2]
     shades = np.stack([data.x[:, 0] / MAX_TILT, data.x[:, 1] / MAX_TILT, depth / MAX_DEPTH - 1], axis=1)
     every = slice(None, None, max(1, len(data) // 2500))
     cloud, shades = data.force[every].astype(np.float64) @ basis.T, np.clip(shades[every], -1, 1)
-    words = f"simulated; {len(skin.mesh.tetrahedra)} tetrahedra; three of {len(spaces.readout)} components"
+    words = f"simulated; {len(skin.mesh.tetrahedra)} tetrahedra; three of {len(spaces.observation_matrix)} components"
     made = []
     for name in ("ball", "device", "flat", "cup", "foam", "edge", "slide"):
         forces, rendered = (f.reshape(len(f), -1) @ basis.T for f in figures[name])

@@ -127,7 +127,7 @@ def _played(spec: DeviceSpec, table: SkinTable, skin: SkinModel) -> Played:
     for j, name in enumerate(NAMES):
         sensed = sense(felt(skin, name, 0), seed=j)
         commands = commands_of(heard, sensed)
-        loud = heard.from_rest(sensed) > heard.hush
+        loud = heard.from_rest(sensed) > heard.noise_floor
         pressed = press.press(commands[loud])
         exact = np.clip(sensor.counts(pressed.force), 0, FULL_SCALE)
         off.append(np.abs(readings_for(heard, commands[loud]) - exact))

@@ -82,6 +82,6 @@ def joined(tactile: Any) -> dict[str, Any]:
         "bodies": np.concatenate([c.bodies for c in chunks], axis=1),
         "screens": np.concatenate([c.screens for c in chunks], axis=1),
         "surfaces": {b: [m for c in chunks for m in c.surfaces[b]] for b in chunks[0].surfaces},
-        "channels": {k: np.concatenate([c.channels[k] for c in chunks]) for k in chunks[0].channels},
+        "animated": {k: np.concatenate([c.animated[k] for c in chunks]) for k in chunks[0].animated},
     }
     return out

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from blender_addon import reporting
-from blender_addon.demos import demo_scene
+from blender_addon.demos import demo_scene, demo_shapes
 from blender_addon.results import store
 
 
@@ -48,13 +48,13 @@ def test_fingers_touch_where_they_should(demo: bpy.types.Scene) -> None:
 
 
 def test_the_ribs_have_the_textures_period() -> None:
-    mesh = demo_scene.ribbed_plate(0.08, 0.04, 0.005)
+    mesh = demo_shapes.ribbed_plate(0.08, 0.04, 0.005)
     points = np.array([v.co for v in mesh.vertices])
     top = points[(points[:, 1] < -0.0199) & (points[:, 2] > -0.004)]
     heights = np.interp(np.linspace(-0.038, 0.038, 2000), top[:, 0], top[:, 2])
     crests = np.flatnonzero((heights[1:-1] > heights[:-2]) & (heights[1:-1] >= heights[2:]))
-    assert len(crests) == pytest.approx(0.076 / demo_scene.RIB_PERIOD, abs=1.01)
-    assert np.ptp(top[:, 2]) == pytest.approx(demo_scene.RIB_HEIGHT, rel=1e-3)
+    assert len(crests) == pytest.approx(0.076 / demo_shapes.RIB_PERIOD, abs=1.01)
+    assert np.ptp(top[:, 2]) == pytest.approx(demo_shapes.RIB_HEIGHT, rel=1e-3)
     assert len(mesh.polygons) and not mesh.validate()
 
 

@@ -68,7 +68,7 @@ def test_the_new_preset_scrubs_bakes_and_exports_at_once(baked, tmp_path) -> Non
     bpy.ops.dermis.design()
     key = design_results.current(scene).preset
     assert (folder / "presets" / "devices" / f"{key}.json").is_file()
-    entry = choices.device_entry(key)
+    entry = choices.entry("devices", key)
     assert entry is not None and entry.user and entry.error is None and choices.kind_of(key) == "cable_platform"
     original = store.current(scene).bake.outputs[0].track
     finger.dermis.finger.devices[0].enabled = False

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import bpy
 import pytest
 
@@ -12,6 +16,10 @@ from blender_addon.preview import skin_preview
 from blender_addon.viewport import shown
 
 from .build import cube, finger, span
+
+ROOT = Path(__file__).resolve().parents[2]
+# Blender waits for these at every start: libraries, what costs a millisecond each, and the engine beyond its tables.
+LATER = "scipy onnxruntime serial PIL threadpoolctl tempfile fractions uuid core.scene core.devices core.pipeline"
 
 
 def counts() -> list[int]:
@@ -29,6 +37,16 @@ def test_one_of_each_after_three_times_off_and_on() -> None:
         assert counts() == [0] * 6
         blender_addon.register()
     assert counts() == [1] * 6
+
+
+def test_registering_loads_nothing_that_can_wait() -> None:
+    script = (
+        "import os, sys, bpy\nbefore = set(sys.modules)\nimport blender_addon\nblender_addon.register()\n"
+        f"late = set({LATER!r}.split()) & (set(sys.modules) - before)\n"
+        "print('LATE', *sorted(late), 'core.parameters' in sys.modules, flush=True)\nos._exit(0)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert "LATE True" in done.stdout.splitlines(), done.stdout
 
 
 def test_what_lies_below_is_hooked_in_and_let_go() -> None:

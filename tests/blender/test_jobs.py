@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import changes, jobs, reporting
+from blender_addon import baking, changes, jobs, reporting
 from core.errors import DermisError, Finding
 from core.pipeline.bake import Progress
 from core.presets import Library
@@ -31,21 +31,21 @@ def library() -> Library:
 def test_a_bake_gives_a_track_and_restores_the_frame(scene):
     scene.frame_set(9, subframe=0.5)
     seen = []
-    bake = drain(jobs.bake(scene, library()), seen.append)
+    bake = drain(baking.bake(scene, library()), seen.append)
     assert [(o.finger, o.device) for o in bake.outputs] == [("Finger", "haptip")]
     assert (scene.frame_current, scene.frame_subframe) == (9, 0.5)
     stages = [p.stage for p in seen]
     assert stages[0] == "preparing" and "devices" in stages
     sampling_steps = [p.done for p in seen if p.stage == "sampling" and p.total == 241]
     assert sampling_steps == sorted(sampling_steps) and sampling_steps[-1] == 241
-    again = drain(jobs.bake(scene, library()))
+    again = drain(baking.bake(scene, library()))
     assert again.content_hash == bake.content_hash
     np.testing.assert_array_equal(again.outputs[0].track.values, bake.outputs[0].track.values)
 
 
 def test_closing_in_the_middle_restores_everything(scene):
     scene.frame_set(9, subframe=0.5)
-    steps = jobs.bake(scene, library())
+    steps = baking.bake(scene, library())
     for _ in range(40):
         next(steps)
     assert scene.frame_current != 9
@@ -58,7 +58,7 @@ def test_closing_in_the_middle_restores_everything(scene):
 
 def test_findings_of_the_sweep_reach_the_bake(scene):
     build.keys(bpy.data.objects["Cube"], "hide_viewport", [1, 13], [0, 1], "CONSTANT")
-    bake = drain(jobs.bake(scene, library()))
+    bake = drain(baking.bake(scene, library()))
     assert [f.count for f in bake.findings if f.code == "absent"] == [121]
 
 
@@ -115,7 +115,7 @@ def test_findings_are_listed_worst_first_and_once():
 
 
 def test_disabling_the_add_on_stops_what_runs(scene):
-    steps = jobs.bake(scene, library())
+    steps = baking.bake(scene, library())
     for _ in range(40):
         next(steps)
     jobs._running.append(steps)

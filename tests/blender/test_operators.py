@@ -8,7 +8,7 @@ import pytest
 from mathutils import Vector
 
 from blender_addon import preferences, reporting
-from blender_addon.properties import scene_properties
+from blender_addon.properties import object_properties
 from blender_addon.results import store
 
 from .build import cube, finger, screen, span
@@ -67,7 +67,7 @@ def test_make_touchable_takes_the_presets_values() -> None:
     bpy.context.view_layer.objects.active = thing
     assert bpy.ops.dermis.make_touchable(preset="rubber") == {"FINISHED"}
     wanted = preferences.library().material("rubber")
-    values = scene_properties.parameters(thing.dermis.material)
+    values = object_properties.parameters(thing.dermis.material)
     for name, value in wanted.items():
         assert values[name] == (pytest.approx(value, rel=1e-6) if isinstance(value, float) else value), name
     assert (thing.dermis.role, thing.dermis.material.preset) == ("TOUCHABLE", "rubber")
@@ -235,3 +235,12 @@ def ready() -> None:
     for preset in ("haptip", "electrovibration"):
         hand.dermis.finger.devices.add().preset = preset
     bpy.context.view_layer.update()
+
+
+def test_a_file_without_a_name_is_refused_in_words() -> None:
+    cube()
+    finger()
+    span(1, 3)
+    with pytest.raises(RuntimeError, match="no name for the file"):
+        bpy.ops.dermis.export_scene(filepath="")
+    assert reporting.source() == "Save Sampled Scene"

@@ -10,8 +10,8 @@ import pytest
 
 from blender_addon import choices, panels, quantities
 from blender_addon.design import design_properties
-from blender_addon.panels import census
-from blender_addon.properties import scene_properties, skin_properties, thimble_view_properties
+from blender_addon.panels import summary
+from blender_addon.properties import object_properties, scene_properties, skin_properties, thimble_view_properties
 from blender_addon.streaming import streaming_properties
 
 from .build import cube, finger, screen
@@ -40,10 +40,10 @@ def test_every_button_has_an_operator() -> None:
 
 def test_every_property_that_is_drawn_exists() -> None:
     groups = (
-        scene_properties.DermisDevice,
-        scene_properties.DermisFinger,
-        scene_properties.DermisMaterial,
-        scene_properties.DermisScreen,
+        object_properties.DermisDevice,
+        object_properties.DermisFinger,
+        object_properties.DermisMaterial,
+        object_properties.DermisScreen,
         scene_properties.DermisScene,
         skin_properties.DermisSkin,
         skin_properties.DermisSkinView,
@@ -56,7 +56,7 @@ def test_every_property_that_is_drawn_exists() -> None:
     known = {p.identifier for group in groups for p in group.bl_rna.properties}
     assert strings("prop", 1) and strings("prop", 1) <= known
     for effect in (c for c in panels.CLASSES if getattr(c, "switch", "")):
-        assert {effect.switch, *effect.shown} <= known
+        assert {effect.switch, *effect.property_names} <= known
 
 
 def test_every_setting_of_a_material_can_be_reached() -> None:
@@ -71,45 +71,48 @@ def test_every_setting_of_a_material_can_be_reached() -> None:
         "content_damping",
     }
     for effect in (c for c in panels.CLASSES if getattr(c, "switch", "")):
-        shown |= {effect.switch, *effect.shown}
-    names = {row.saved for row in scene_properties.TABLES[scene_properties.DermisMaterial].values()}
+        shown |= {effect.switch, *effect.property_names}
+    names = {row.saved for row in object_properties.TABLES[object_properties.DermisMaterial].values()}
     assert names <= shown
 
 
-def test_the_census_follows_roles_and_devices() -> None:
+def test_the_summary_follows_roles_and_devices() -> None:
     scene = bpy.context.scene
-    assert census.of(scene) == census.Census((), (), (), (), False, 0)
+    assert summary.of(scene) == summary.Summary((), (), (), (), False, False, 0)
     hand = finger()
     cube()
     screen()
-    assert census.of(scene) == census.Census(("Finger",), ("Finger",), ("Cube",), ("Screen",), False, 0)
+    assert summary.of(scene) == summary.Summary(("Finger",), ("Finger",), ("Cube",), ("Screen",), False, False, 0)
+    hand.dermis.finger.skin.shown = True
+    assert summary.of(scene).skins and summary.of(scene).idle == ()
+    hand.dermis.finger.skin.shown = False
     device = hand.dermis.finger.devices.add()
     device.preset = "haptip"
-    assert census.of(scene).idle == ()
+    assert summary.of(scene).idle == ()
     device.enabled = False
-    assert census.of(scene).idle == ("Finger",)
+    assert summary.of(scene).idle == ("Finger",)
 
 
 def test_the_next_step_knows_whether_anything_moves() -> None:
     one, block = finger(), cube()
     block.dermis.role = "TOUCHABLE"
     scene = bpy.context.scene
-    assert not census.of(scene).moving
+    assert not summary.of(scene).moving
     hand = bpy.data.objects.new("Hand", None)
     scene.collection.objects.link(hand)
     one.parent = hand
     bpy.context.view_layer.update()
-    assert not census.of(scene).moving
+    assert not summary.of(scene).moving
     hand.keyframe_insert("location", frame=1)
     bpy.context.view_layer.update()
-    assert census.of(scene).moving
+    assert summary.of(scene).moving
 
 
 def test_a_file_of_a_newer_dermis_is_noticed() -> None:
     scene = bpy.context.scene
     scene.dermis.file_version = scene_properties.FILE_VERSION + 1
     cube()
-    assert census.of(scene).newer == scene_properties.FILE_VERSION + 1
+    assert summary.of(scene).newer == scene_properties.FILE_VERSION + 1
 
 
 def test_presets_are_read_on_demand_and_broken_ones_keep_their_reason(tmp_path, monkeypatch) -> None:
@@ -118,12 +121,12 @@ def test_presets_are_read_on_demand_and_broken_ones_keep_their_reason(tmp_path, 
     monkeypatch.setattr(preferences, "presets_folder", lambda: tmp_path)
     (tmp_path / "devices").mkdir()
     (tmp_path / "devices" / "mine.json").write_text('{"schema": "dermis-device 1", "name": ', encoding="utf-8")
-    assert not choices.known() and choices.devices() == ()
+    assert not choices.known() and choices.entries("devices") == ()
     choices.refresh()
     assert choices.kind_of("haptip") == "shear_tactor"
     assert choices.first_of_kind("friction_screen") == "electrovibration"
-    assert "not JSON" in choices.device_entry("mine").error
-    assert choices.device_title("removed") == "removed"
+    assert "not JSON" in choices.entry("devices", "mine").error
+    assert choices.title("devices", "removed") == "removed"
 
 
 @pytest.mark.parametrize(

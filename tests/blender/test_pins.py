@@ -11,10 +11,11 @@ from blender_addon._core import core
 from blender_addon.demos import demo_pins
 from blender_addon.preferences import library
 from blender_addon.preview import device_preview, pin_preview, skin_preview
-from blender_addon.properties import scene_properties
+from blender_addon.properties import object_properties
 from blender_addon.results import pin_reports, store
-from blender_addon.viewport import pin_view
+from blender_addon.viewport import pin_card, pin_twin
 from blender_addon.viewport import shown as views
+from tests.sliding import sliding_plane
 
 
 @pytest.fixture
@@ -43,11 +44,11 @@ def test_settings_reach_the_track(demo) -> None:
     assert output.track.meta["method"] == "FM1" and output.track.meta["lead_s"] == "0"
     assert output.track.values.shape[1] == 128 and output.track.values[-1].any()
     assert not output.track.values[0].any()  # it fades in
-    assert {"pin_method", "pin_nodes"} <= set(scene_properties.parameters(device))
+    assert {"pin_method", "pin_nodes"} <= set(object_properties.parameters(device))
 
 
 def test_the_demos_bake_is_the_engines_own_experiment(demo) -> None:
-    scene = core.scene.sliding.sliding_plane(1.5e-3, 0.5)
+    scene = sliding_plane(1.5e-3, 0.5)
     at = demo.objects["Plane"]
     for frame in (5, 1, 10, 30, 61):
         demo.frame_set(frame)
@@ -115,18 +116,18 @@ def test_the_view_shows_the_bakes_pins(demo) -> None:
     shown = views.devices(demo)
     row = next(r for r in shown.rows if r.kind == "pin_array")
     expected = store.values_at(result, result.bake.outputs[0], 15.0)
-    np.testing.assert_allclose(pin_view.forces_of(row), expected)
+    np.testing.assert_allclose(row.numbers, expected)
     pins = pin_preview.pins_of(demo.objects["Index"], "pin_array_128")
-    part = pin_view.discs(pins, pin_view.forces_of(row))
+    part = pin_twin.discs(pins, row.numbers)
     hits = np.isfinite(pins.points[:, 0])
-    assert len(part.positions) == hits.sum() * (1 + pin_view.SIDES + 4)
+    assert len(part.positions) == hits.sum() * (1 + pin_twin.SIDES + 4)
     assert part.triangles.max() == len(part.positions) - 1
     centres = part.positions.reshape(hits.sum(), -1, 3)[:, 0]
-    np.testing.assert_allclose(centres, pins.points[hits] - pin_view.LIFT * pins.directions[hits], atol=1e-8)
+    np.testing.assert_allclose(centres, pins.points[hits] - pin_twin.LIFT * pins.directions[hits], atol=1e-8)
     radii = np.linalg.norm(part.positions.reshape(hits.sum(), -1, 3)[:, 1] - centres, axis=1)
-    forces = pin_view.forces_of(row)[hits]
+    forces = row.numbers[hits]
     assert np.all(np.diff(radii[np.argsort(forces)]) >= -1e-9)  # a larger disc for a larger force
-    assert pin_view.grid(row, pins) == (8, 16)
+    assert pin_card.grid(row, pins) == (8, 16)
 
 
 def test_the_rendered_skin_stands_beside_the_target(demo) -> None:
@@ -151,15 +152,11 @@ def test_live_pins_match_the_bake_and_do_not_fade_at_the_frame_that_is_shown(dem
         skin_preview.step(bpy.context)
     rows = [r for r in views.devices(demo).rows if r.kind == "pin_array"]
     assert len(rows) == 1
-    forces = pin_view.forces_of(rows[0])
+    forces = rows[0].numbers
     finger.devices[0].pin_fade_in = finger.devices[0].pin_fade_out = 0.0
     baked = store.values_at(bake(demo), store.current(demo).bake.outputs[0], 11.0)
     # the preview takes one sample a frame, the bake ten; the press is at rest by then
     assert np.linalg.norm(forces - baked) < 0.02 * np.linalg.norm(baked) and baked.sum() > 0.5
-
-
-def test_pins_are_registered_once(demo) -> None:
-    assert len(pin_view._handlers._handles) == 1
 
 
 def test_a_scene_with_pins_holds_blas_at_one_thread_and_others_do_not(demo) -> None:
@@ -168,8 +165,8 @@ def test_a_scene_with_pins_holds_blas_at_one_thread_and_others_do_not(demo) -> N
 
     finger = demo.objects["Index"].dermis.finger
     finger.skin.shown = False
-    assert skin_models.wanted(scene_sweep.sample(demo), library())
+    assert skin_models.solved_in(scene_sweep.sample(demo), library())
     finger.devices[0].preset = "haptip"
-    assert not skin_models.wanted(scene_sweep.sample(demo), library())
+    assert not skin_models.solved_in(scene_sweep.sample(demo), library())
     finger.devices[0].preset = "not there"
-    assert not skin_models.wanted(scene_sweep.sample(demo), library())
+    assert not skin_models.solved_in(scene_sweep.sample(demo), library())

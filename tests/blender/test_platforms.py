@@ -6,16 +6,16 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import choices, jobs
+from blender_addon import baking, choices
 from blender_addon._core import core
 from blender_addon.demos import demo_motors
 from blender_addon.devices import platform_devices
 from blender_addon.preferences import library
 from blender_addon.preview import device_preview
 from blender_addon.preview import skin_preview as skins
-from blender_addon.properties import scene_properties
+from blender_addon.properties import object_properties
 from blender_addon.results import store
-from blender_addon.viewport import platform_twin, platform_view, twins
+from blender_addon.viewport import platform_card, platform_twin, twins
 from blender_addon.viewport import shown as views
 from core.steps import drain
 
@@ -133,7 +133,7 @@ def test_bake_makes_the_table_with_progress_and_export_passes_the_check(demo, tm
     stages = []
     from blender_addon.preferences import library as presets
 
-    bake = drain(jobs.bake(scene, presets()), lambda p: stages.append(p.stage))
+    bake = drain(baking.bake(scene, presets()), lambda p: stages.append(p.stage))
     assert "table" in stages and not platform_devices.missing(finger, finger.dermis.finger.devices[0])
     store.keep(scene, bake)
     assert bpy.ops.dermis.export_tracks(directory=str(tmp_path / "tracks")) == {"FINISHED"}
@@ -153,7 +153,7 @@ def test_the_table_file_of_another_device_is_told_on_scrub_and_bake(demo, tmp_pa
     with pytest.raises(errors.DermisError, match="another device"):
         platform_devices.table(finger, device)
     assert not platform_devices.missing(finger, device)
-    bake = drain(jobs.bake(scene, library()))
+    bake = drain(baking.bake(scene, library()))
     assert not bake.outputs and any("another device" in str(f) for f in bake.all_findings)
 
 
@@ -162,7 +162,7 @@ def test_settings_have_units_and_tooltips_and_reach_the_engine(demo) -> None:
     device = finger.dermis.finger.devices[0]
     for name in ("table", "table_rows"):
         assert len(device.bl_rna.properties[name].description) > 40
-    assert scene_properties.parameters(device)["table_rows"] == ROWS
+    assert object_properties.parameters(device)["table_rows"] == ROWS
     assert platform_devices.absolute({"table": "//a.npz"})["table"] == bpy.path.abspath("//a.npz")
 
 
@@ -206,6 +206,6 @@ def test_the_card_says_angles_in_degrees_and_lengths_in_millimetres(demo) -> Non
     assert bpy.ops.dermis.bake() == {"FINISHED"}
     scene.frame_set(38)
     row = views.devices(scene).rows[0]
-    words = [text for _, _, text in platform_view.lines_of(row)]
+    words = [text for _, _, text in platform_card.lines_of(row)]
     assert len(words) == 3 and all(text.endswith("°") for text in words)
     assert twins.twin_of(scene, row) is twins.twin_of(scene, row) is not None  # worked out once

@@ -5,7 +5,9 @@ from __future__ import annotations
 import bpy
 import pytest
 
-from blender_addon.properties import scene_properties
+from blender_addon.properties import fields, object_properties, scene_properties
+from core.errors import DermisError
+from core.parameters.device import DEVICE as DEVICE_ROWS
 from core.parameters.material import BODY
 
 from .build import empty, finger, keys, span
@@ -55,11 +57,11 @@ DEVICE = {
     "table_rows",
 }
 GROUPS = (
-    scene_properties.DermisDevice,
-    scene_properties.DermisFinger,
-    scene_properties.DermisMaterial,
-    scene_properties.DermisScreen,
-    scene_properties.DermisObject,
+    object_properties.DermisDevice,
+    object_properties.DermisFinger,
+    object_properties.DermisMaterial,
+    object_properties.DermisScreen,
+    object_properties.DermisObject,
     scene_properties.DermisScene,
 )
 
@@ -72,9 +74,9 @@ def own(group: type) -> list[bpy.types.Property]:
 def test_groups_give_exactly_the_engines_parameters() -> None:
     obj = empty("Thing")
     device = obj.dermis.finger.devices.add()
-    assert set(scene_properties.parameters(obj.dermis.material)) == set(BODY)
-    assert set(scene_properties.parameters(obj.dermis.finger)) == FINGER
-    assert set(scene_properties.parameters(device)) == DEVICE
+    assert set(object_properties.parameters(obj.dermis.material)) == set(BODY)
+    assert set(object_properties.parameters(obj.dermis.finger)) == FINGER
+    assert set(object_properties.parameters(device)) == DEVICE
 
 
 def test_parameters_are_si_whatever_the_scene_unit() -> None:
@@ -83,7 +85,7 @@ def test_parameters_are_si_whatever_the_scene_unit() -> None:
     material.texture_period_x_mm, material.texture_speed_threshold_mm_s, material.mass = 2.0, 30.0, 0.25
     for scale in (1.0, 0.001, 0.3048):
         bpy.context.scene.unit_settings.scale_length = scale
-        values = scene_properties.parameters(material)
+        values = object_properties.parameters(material)
         assert values["texture_period_x"] == pytest.approx(0.002, rel=1e-12)
         assert values["texture_speed_threshold"] == pytest.approx(0.03, rel=1e-12)
         assert values["mass"] == 0.25
@@ -102,8 +104,8 @@ def test_no_length_is_shown_through_the_scene_scale() -> None:
 def test_material_values_go_in_and_come_back_in_si() -> None:
     material = empty("Thing").dermis.material
     given = {"friction": 0.75, "texture_period_y": 0.0035, "transient_on": False, "content_kind": "slosh"}
-    assert scene_properties.apply_parameters(material, {**given, "colour": 3}) == ["colour"]
-    values = scene_properties.parameters(material)
+    assert object_properties.apply_parameters(material, {**given, "colour": 3}) == ["colour"]
+    values = object_properties.parameters(material)
     for name, value in given.items():
         assert values[name] == (pytest.approx(value, rel=1e-6) if isinstance(value, float) else value), name
 
@@ -116,7 +118,7 @@ def test_what_can_change_in_time_can_be_keyed_and_driven() -> None:
     curve.driver.expression = "frame * 0.125"
     scene.frame_set(6, subframe=0.5)
     found = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).dermis.finger
-    assert scene_properties.parameters(found)["touch_distance"] == pytest.approx(0.0055, rel=1e-6)
+    assert object_properties.parameters(found)["touch_distance"] == pytest.approx(0.0055, rel=1e-6)
     scene.frame_set(4)
     found = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).dermis.finger
     assert found.pattern_angle == pytest.approx(0.5, rel=1e-6)
@@ -155,3 +157,24 @@ def test_an_edit_by_script_makes_a_bake_out_of_date() -> None:
     changes.clear_dirty()
     thing.dermis.finger.touch_distance_mm = 0.7
     assert changes.dirty()
+
+
+@pytest.mark.parametrize("end", [-1e30, 1e30])
+def test_the_ends_of_the_window_are_values_that_the_engine_takes(end: float) -> None:
+    """A property is held in single precision: its least and largest value are off the row's by a rounding."""
+    tip, thing = finger("Tip"), empty("Thing")
+    device = tip.dermis.finger.devices.add()
+    groups = {
+        object_properties.DermisFinger: tip.dermis.finger,
+        object_properties.DermisDevice: device,
+        object_properties.DermisMaterial: thing.dermis.material,
+        object_properties.DermisScreen: thing.dermis.screen,
+    }
+    for kind, group in groups.items():
+        for row in object_properties.TABLES[kind].values():
+            if row.label and row.numeric and not row.whole:
+                setattr(group, row.saved, end)
+                row.check(fields.value_of(group, row), kind.__name__)
+    device.thimble_hover_mm = float("nan")
+    with pytest.raises(DermisError, match="'thimble_hover' must be a finite number"):
+        DEVICE_ROWS["thimble_hover"].check(fields.values(device, DEVICE_ROWS)["thimble_hover"], "device")

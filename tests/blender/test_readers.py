@@ -82,14 +82,14 @@ def test_a_damaged_adaptation_says_nothing_and_the_bake_says_why(
         assert isinstance(thimble_adaptation.status(place, None), dict)
 
 
-def test_a_damaged_table_of_who_wears_what_is_refused_in_words_and_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_damaged_table_of_who_wears_what_is_refused_in_words_and_kept() -> None:
     built_devices.choose("finger-1", "Index", "haptip", "left.json")
     built_devices.choose("finger-2", "Thumb", "thimble_3rrs", "red.json")
     path = built_devices.user_folder(built_devices.FOLDER) / built_devices.TABLE
     whole, damager, refused = path.read_bytes(), Damager(5), 0
     for _ in range(300):
         path.write_bytes(damaged := damager.damage(whole))
-        monkeypatch.setattr(built_devices, "_fingers", None)
+        built_devices.refresh()
         try:
             built_devices.choice("finger-1", "haptip")
         except DermisError as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from blender_addon import compat, jobs
+from blender_addon import baking, compat
 from core.presets import Library
 from core.steps import drain
 
@@ -59,10 +59,10 @@ def test_a_baked_switch_belongs_to_the_device_that_it_was_keyed_for() -> None:
     for index, on in enumerate((0, 1)):
         obj.dermis.finger.devices.add().preset = "haptip"
         keys(obj, f"dermis.finger.devices[{index}].use_texture", [1, 25], [on, on], "CONSTANT")
-    before = [o.track.values for o in drain(jobs.bake(scene, Library(None))).outputs]
+    before = [o.track.values for o in drain(baking.bake(scene, Library(None))).outputs]
     assert not before[0].any() and before[1].any()
     remove(obj, 0)
-    (after,) = drain(jobs.bake(scene, Library(None))).outputs
+    (after,) = drain(baking.bake(scene, Library(None))).outputs
     assert (after.track.values == before[1]).all()
 
 

@@ -282,7 +282,7 @@ def test_a_sweep_is_the_same_sample_by_sample_and_chunk_by_chunk():
     assert tactile.chunks.done == tactile.chunks.total == 121
 
 
-def test_animated_parameters_are_channels_and_others_are_not():
+def test_animated_parameters_are_in_the_chunks_and_others_are_not():
     scene = build.span(1, 25)
     cube = build.cube()
     build.keys(cube, "dermis.material.friction", [1, 25], [0.2, 1.2])
@@ -298,17 +298,17 @@ def test_animated_parameters_are_channels_and_others_are_not():
     driver.expression = "frame"
     tactile = scene_sweep.sample(scene)
     got = build.joined(tactile)
-    assert set(got["channels"]) == {
+    assert set(got["animated"]) == {
         "body/0/friction",
         "body/0/texture_period_x",
         "device/0/0/use_weight",
         "finger/0/touch_distance",
     }
     t = got["times"]
-    np.testing.assert_allclose(got["channels"]["body/0/friction"], 0.2 + t, atol=1e-6)
-    np.testing.assert_allclose(got["channels"]["body/0/texture_period_x"], 0.001 + 0.008 * t, atol=1e-9)
-    np.testing.assert_array_equal(got["channels"]["device/0/0/use_weight"], (got["frames"] < 13).astype(float))
-    np.testing.assert_allclose(got["channels"]["finger/0/touch_distance"], got["frames"] * 1e-3, rtol=1e-6)
+    np.testing.assert_allclose(got["animated"]["body/0/friction"], 0.2 + t, atol=1e-6)
+    np.testing.assert_allclose(got["animated"]["body/0/texture_period_x"], 0.001 + 0.008 * t, atol=1e-9)
+    np.testing.assert_array_equal(got["animated"]["device/0/0/use_weight"], (got["frames"] < 13).astype(float))
+    np.testing.assert_allclose(got["animated"]["finger/0/touch_distance"], got["frames"] * 1e-3, rtol=1e-6)
     assert [d.preset for d in tactile.fingers[0].devices] == ["haptip"]
 
 
@@ -317,7 +317,7 @@ def test_an_animated_value_that_is_not_a_number_is_refused_by_name():
     cube = build.cube()
     build.keys(cube, "dermis.material.friction", [1, 13, 14, 25], [0.2, 0.2, math.nan, math.nan])
     build.finger()
-    with pytest.raises(DermisError, match="channel 'body/0/friction'.*nan at frame 13"):
+    with pytest.raises(DermisError, match="animated parameter 'body/0/friction'.*nan at frame 13"):
         list(scene_sweep.sample(scene).chunks)
 
 

@@ -6,9 +6,9 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import compat, jobs
+from blender_addon import baking, compat
 from blender_addon.preview import device_preview
-from blender_addon.properties import scene_properties
+from blender_addon.properties import object_properties
 from blender_addon.sampling import scene_sweep
 from core.presets import Library
 from core.steps import drain
@@ -17,13 +17,13 @@ from .build import cube, finger, keys, screen, span
 
 DEVICE = "finger.devices[0]."
 CONSTANT = {
-    scene_properties.DermisDevice: ("auto_range", "direction_window"),
-    scene_properties.DermisFinger: ("pattern_repeat",),
-    scene_properties.DermisMaterial: ("mass", "content_length_mm", "content_size_mm", "content_damping"),
-    scene_properties.DermisScreen: ("height_mm", "invert"),
+    object_properties.DermisDevice: ("auto_range", "direction_window"),
+    object_properties.DermisFinger: ("pattern_repeat",),
+    object_properties.DermisMaterial: ("mass", "content_length_mm", "content_size_mm", "content_damping"),
+    object_properties.DermisScreen: ("height_mm", "invert"),
 }
 KEYED = {
-    scene_properties.DermisDevice: {
+    object_properties.DermisDevice: {
         "use_transient",
         "use_texture",
         "use_weight",
@@ -33,14 +33,14 @@ KEYED = {
         "carrier",
         "threshold",
     },
-    scene_properties.DermisFinger: {
+    object_properties.DermisFinger: {
         "touch_distance_mm",
         "pattern_play",
         "pattern_angle",
         "pattern_frequency",
         "pattern_amplitude",
     },
-    scene_properties.DermisMaterial: {
+    object_properties.DermisMaterial: {
         "friction",
         "surface_stiffness_mpa_m",
         "transient_on",
@@ -60,7 +60,7 @@ KEYED = {
         "content_amplitude",
         "held",
     },
-    scene_properties.DermisScreen: {"touch_distance_mm"},
+    object_properties.DermisScreen: {"touch_distance_mm"},
 }
 
 
@@ -71,7 +71,7 @@ def no_trail():
 
 
 def bake() -> tuple[list[np.ndarray], list]:
-    made = drain(jobs.bake(bpy.context.scene, Library(None)))
+    made = drain(baking.bake(bpy.context.scene, Library(None)))
     return [o.track.values for o in made.outputs], list(made.all_findings)
 
 
@@ -103,7 +103,7 @@ def test_keys_that_an_older_file_has_for_a_constant_are_told_and_do_nothing() ->
         ("warning", "object 'Screen'", "Depth Map"),
     ]
     chunks = list(tactile.chunks)
-    assert all(set(c.channels) == {"body/0/friction"} for c in chunks)
+    assert all(set(c.animated) == {"body/0/friction"} for c in chunks)
     assert tactile.bodies[0].parameters["content_length"] == pytest.approx(0.03)
 
 
@@ -151,7 +151,7 @@ def test_live_uses_the_value_now_of_what_is_no_channel() -> None:
     scene.frame_set(4)
     now = scene_sweep.sample_now(scene, bpy.context.evaluated_depsgraph_get())
     assert now.bodies[0].parameters["content_length"] == pytest.approx(0.07)
-    assert now.chunks[0].channels["body/0/friction"] == pytest.approx([0.125])
+    assert now.chunks[0].animated["body/0/friction"] == pytest.approx([0.125])
 
 
 def test_a_touch_gap_keyed_to_grow_counts() -> None:
@@ -160,6 +160,6 @@ def test_a_touch_gap_keyed_to_grow_counts() -> None:
     tip = finger(location=(0.0, 0.0, 0.2))  # 100 mm above the cube's top
     tip.dermis.finger.devices.add().preset = "haptip"
     keys(tip, "dermis.finger.touch_distance_mm", [1, 13], [0.5, 150.0], "CONSTANT")
-    (output,) = drain(jobs.bake(bpy.context.scene, Library(None))).outputs
+    (output,) = drain(baking.bake(bpy.context.scene, Library(None))).outputs
     contact = output.signals["contact"]
     assert contact[504:].all() and not contact[:495].any()  # from frame 13, at 0.5 s, within a sample

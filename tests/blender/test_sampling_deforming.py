@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import compat, jobs
+from blender_addon import baking, compat
 from blender_addon.preview import device_preview
 from blender_addon.sampling import scene_sweep
 from core.presets import Library
@@ -34,7 +34,7 @@ def shape_key(thing: bpy.types.Object) -> bpy.types.ShapeKey:
 
 
 def bake() -> tuple[np.ndarray, list]:
-    made = drain(jobs.bake(bpy.context.scene, Library(None)))
+    made = drain(baking.bake(bpy.context.scene, Library(None)))
     return made.outputs[0].signals["contact"], list(made.all_findings)
 
 

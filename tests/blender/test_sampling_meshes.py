@@ -227,7 +227,7 @@ def test_the_live_sample_is_the_bakes_sample_and_keeps_surfaces():
         assert scene.frame_current == frame
         np.testing.assert_array_equal(chunk.fingers[:, 0], swept["fingers"][:, k])
         np.testing.assert_array_equal(chunk.bodies[:, 0], swept["bodies"][:, k])
-        assert chunk.channels["body/0/friction"][0] == swept["channels"]["body/0/friction"][k]
+        assert chunk.animated["body/0/friction"][0] == swept["animated"]["body/0/friction"][k]
         headers.append((tactile.fingers, [(b.name, b.parameters) for b in tactile.bodies]))
         surfaces.append(chunk.surfaces[0][0])
     assert headers[0] == headers[1] == headers[2]

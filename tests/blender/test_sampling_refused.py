@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import pytest
 
-from blender_addon import jobs
+from blender_addon import baking
 from blender_addon.preview import device_preview
 from blender_addon.sampling import scene_sweep
 from core.errors import DermisError
@@ -101,6 +101,6 @@ def test_a_finger_that_only_plays_a_pattern_bakes_alone() -> None:
     tip = finger()
     tip.dermis.finger.devices.add().preset = "haptip"
     tip.dermis.finger.pattern, tip.dermis.finger.pattern_play = "direction", True
-    (output,) = drain(jobs.bake(bpy.context.scene, Library(None))).outputs
+    (output,) = drain(baking.bake(bpy.context.scene, Library(None))).outputs
     # eq. 8 at the end of the way out, a quarter of 1/f: the whole range of 2 mm
     assert output.track.column("tactor_y")[125] == pytest.approx(2e-3, abs=1e-9)

@@ -16,7 +16,7 @@ import bpy
 import pytest
 
 from blender_addon import compat
-from blender_addon.properties import scene_properties
+from blender_addon.properties import object_properties
 
 FILES = Path(__file__).parent / "files"
 SAVED = json.loads((FILES / "saved_before.json").read_text(encoding="utf-8"))
@@ -60,7 +60,7 @@ def test_every_setting_of_the_engine_is_in_the_file() -> None:
     """A new setting need not be; one that was there then must."""
     groups = {"finger": "DermisFinger", "material": "DermisMaterial", "screen": "DermisScreen"}
     for part, group in groups.items():
-        table = scene_properties.TABLES[getattr(scene_properties, group)]
+        table = object_properties.TABLES[getattr(object_properties, group)]
         named = {path.rpartition(".")[2] for path in SAVED if f".{part}." in path}
         assert {row.saved for row in table.values()} <= named
 

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import jobs
+from blender_addon import baking
 from blender_addon.sampling import scene_sweep
 from core.presets import Library
 from core.steps import drain
@@ -20,7 +20,7 @@ SLOPED = 0.2  # rise of the test plane along x
 
 
 def bake():
-    return drain(jobs.bake(bpy.context.scene, Library(None)))
+    return drain(baking.bake(bpy.context.scene, Library(None)))
 
 
 def relief():

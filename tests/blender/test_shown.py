@@ -5,14 +5,18 @@ Without a window Blender draws nothing, so a graphics card that takes everything
 
 from __future__ import annotations
 
+import builtins
 import inspect
+import io
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
 from mathutils import Matrix
 
@@ -23,11 +27,12 @@ from blender_addon.demos import demo_motors, demo_pins, demo_scene, demo_thimble
 from blender_addon.devices import platform_devices, skin_models, thimble_adaptation
 from blender_addon.preview import device_preview, pin_preview, skin_preview, thimble_preview
 from blender_addon.sampling import scene_sweep
-from blender_addon.viewport import drawing, platform_twin, shown, skin_field, thimble_twin
+from blender_addon.streaming import built_devices, device_calibration
+from blender_addon.viewport import drawing, parts, platform_twin, shown, skin_field, tactor_twin, thimble_twin
 
-# Whatever solves, searches, looks up or reads a file: none of it may be called while something draws.
+# Whatever solves, searches, looks up, reads a file or works out what is drawn: none of it runs while something draws.
 WORK = (
-    (core.devices.reach, "reach"),
+    (core.devices.workspace, "workspace"),
     (core.matching.deformation.PinSolver, "solve"),
     (core.matching.lookup, "commands_now"),
     (core.matching.lookup, "table_at_hand"),
@@ -35,7 +40,7 @@ WORK = (
     (core.matching.replay, "Replay"),
     (core.matching.table, "press_of"),
     (core.matching.thimble, "follower"),
-    (core.matching.thimble_use, "fitted"),
+    (core.matching.thimble_use, "calibrated_mechanism"),
     (core.pipeline.render, "render"),
     (core.presets.Library, "device"),
     (core.skin.model, "skin_from_parameters"),
@@ -50,8 +55,16 @@ WORK = (
     (skin_models, "get"),
     (thimble_adaptation, "status"),
     (thimble_preview, "follow"),
+    (tactor_twin, "screen"),
+    (tactor_twin, "tactor"),
     (thimble_twin, "joints"),
     (thimble_twin, "loops"),
+    *((module, "open") for module in (builtins, io)),
+    *((Path, name) for name in ("exists", "glob", "is_file", "open", "read_bytes", "read_text", "stat")),
+    (parts.Part, "__new__"),  # what is drawn is finished
+    (np, "cross"),
+    (np, "einsum"),
+    (np.linalg, "norm"),
 )
 FRAME = {"thimble": 30, "pins": 15, "platform": 38, "tactor": 20, "baked": 15}
 
@@ -153,7 +166,7 @@ def build(which: str) -> bpy.types.Scene:
     scene.frame_set(FRAME[which])
     device_preview.step(bpy.context)
     skin_preview.step(bpy.context)
-    shown.renew(scene)
+    shown.work()
     return scene
 
 
@@ -172,27 +185,65 @@ def draw(callbacks: list[Callable[[], None]], layout: Anything) -> None:
                         getattr(Panel(cls, layout), name)(bpy.context)
 
 
+def draw_only(callbacks: list[Callable[[], None]], layout: Anything) -> None:
+    """Draw everything, while all that only handlers, timers and operators may do fails."""
+    with pytest.MonkeyPatch.context() as patch:
+        for owner, name in WORK:
+
+            def never(*_: Any, _name: str = name, **__: Any) -> None:
+                raise AssertionError(f"{_name} was called while something drew")
+
+            patch.setattr(owner, name, never)
+        draw(callbacks, layout)
+
+
 @pytest.mark.parametrize("which", list(FRAME))
 def test_drawing_reads(which: str, card: Anything, callbacks: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = build(which)
     layout, asked = Anything(), []
     monkeypatch.setattr(redraw, "request", lambda: asked.append(scene.frame_current))
-    for owner, name in WORK:
-
-        def never(*_: Any, _name: str = name, **__: Any) -> None:
-            raise AssertionError(f"{_name} was called while something drew")
-
-        monkeypatch.setattr(owner, name, never)
-    draw(callbacks, layout)
+    draw_only(callbacks, layout)
     assert card.drawn > 10 and layout.drawn > 50 and not asked
     assert any("Index" in words for words in card.words)  # its card in the corner
     # something happens, and nobody has worked it out yet: the old is drawn, and the work asked for
     scene.dermis.skin_view.quantity = "pressure"
     bpy.data.objects["Index"].dermis.finger.touch_distance_mm = 0.7
-    draw(callbacks, layout)
+    draw_only(callbacks, layout)
     assert asked
     # at another frame nothing is known, and nothing of the old one may be shown
     before = card.drawn
     scene.frame_set(FRAME[which] + 1)
-    draw(callbacks, layout)
+    draw_only(callbacks, layout)
     assert card.drawn == before
+
+
+@pytest.mark.parametrize("gone", [False, True])
+def test_panels_show_built_devices_once_a_timer_has_read_their_folder(
+    gone: bool, card: Anything, callbacks: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = build("tactor")
+    scene.dermis_stream.output = "Index: haptip"
+    device_calibration.fill_channels(scene)
+    saved = device_calibration.keep(scene, "left, red tape", "7573")
+    if gone:
+        (built_devices.user_folder(built_devices.FOLDER) / saved.file).unlink()
+    built_devices.refresh()
+    asked: list[int] = []
+    monkeypatch.setattr(redraw, "request", lambda: asked.append(1))
+    for read in (False, True):
+        if read:
+            shown.work()
+        layout = Anything()
+        draw_only(callbacks, layout)
+        words = " ".join(layout.words)
+        assert ("cannot be read" if gone else "left, red tape") in words if read else asked and "red tape" not in words
+
+
+def test_panels_call_presets_by_their_names_once_a_finger_is_shown(card: Anything, callbacks: Any) -> None:
+    build("tactor")
+    choices.forget()
+    for name in ("Index Medium", "Index Finger, Medium"):
+        layout = Anything()
+        draw_only(callbacks, layout)
+        assert name in layout.words
+        shown.work()

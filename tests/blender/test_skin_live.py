@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from blender_addon import changes
+from blender_addon.panels import summary
 from blender_addon.preview import skin_preview
 from blender_addon.preview.skin_state import SkinState
 from blender_addon.results import store
 from blender_addon.viewport import shown as views
 from blender_addon.viewport import skin_field, skin_shown
-from core.skin.file import save_mesh
 from core.skin.model import fingertip_skin
 from tests.problems import flat_press
+from tests.tissue import save_mesh
 
 from .build import cube, empty, finger, keys, span
 
@@ -164,7 +165,7 @@ def test_a_hidden_skin_is_not_solved(pressing: bpy.types.Scene) -> None:
     bpy.data.objects["Finger"].dermis.finger.skin.shown = False
     pressing.frame_set(5)
     assert skin_preview.step(bpy.context) == ()
-    assert not skin_preview.any_shown(pressing)
+    assert not summary.of(pressing).skins
 
 
 def test_a_soft_object_takes_part_of_the_depth(pressing: bpy.types.Scene) -> None:

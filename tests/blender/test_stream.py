@@ -71,7 +71,7 @@ def state(name: str) -> Any:
 
 
 def ended(client: Any, seconds: float = 5.0) -> bool:
-    """Tell whether a closed sender ends: it waits for no one, and no one for it."""
+    """Return whether a closed sender ends: it waits for no one, and no one for it."""
     end = time.monotonic() + seconds
     while client.alive and time.monotonic() < end:
         time.sleep(0.01)

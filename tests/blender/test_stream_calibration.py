@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
 
 from blender_addon._core import core
 from blender_addon.results import store
 from blender_addon.streaming import device_calibration, session
+from blender_addon.viewport import shown as views
 
 from . import build
 from .test_stream import HAPTIP, a_track, heard, state, wait
@@ -44,6 +46,23 @@ def driven(scene: Any) -> dict[str, Any]:
 
 PLAIN = [(0.0, 1.0, False)] * 2
 SET = [(0.125, -1.0, False), (0.0, 1.0, False)]
+
+
+def test_the_twin_shows_what_was_commanded_of_a_device_that_is_mounted_the_other_way_round(scene: Any) -> None:
+    settings = scene.dermis_stream
+    settings.mode = "follow"
+    scene.frame_set(7)
+    session.connect(scene)
+    settings.channels[0].zero, settings.channels[0].gain = 0.05, -1.0
+    wait(state("ready"))
+    session.arm(scene)
+    wanted = a_track().values[250]
+    wait(lambda s: np.allclose(heard(s), [0.05 - wanted[2], wanted[3]], atol=1e-4))
+    shown = views.devices(scene)
+    assert shown.source == "device"
+    at = [shown.rows[0].values[name] for name in ("tactor_x", "tactor_y", "pulley_1", "pulley_2")]
+    assert at == pytest.approx(wanted, abs=1e-4)
+    assert at[:2] == pytest.approx(wanted[:2], abs=2e-6), "mirrored and moved, the tactor would be elsewhere"
 
 
 def test_each_fingers_device_has_its_own(scene: Any) -> None:

@@ -102,8 +102,8 @@ def test_a_batch_of_scenes_markers_and_formats(blend: Path, tmp_path: Path) -> N
 
 def test_a_batch_names_what_is_missing(blend: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     base = ["render", str(blend), "--out", str(tmp_path / "out")]
-    assert commands.main([*base, "--finger", "Nobody"]) == 1 and "no such finger" in capsys.readouterr().err
-    assert commands.main([*base, "--part", "preview"]) == 1 and "no preview range" in capsys.readouterr().err
+    assert commands.main([*base, "--finger", "Nobody"]) == 2 and "no such finger" in capsys.readouterr().err
+    assert commands.main([*base, "--part", "preview"]) == 2 and "no preview range" in capsys.readouterr().err
     assert not (tmp_path / "out").exists() or not names(tmp_path / "out")
 
 

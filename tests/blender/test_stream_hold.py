@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import pytest
 
-from blender_addon import jobs
+from blender_addon import baking
 from blender_addon._core import core
 from blender_addon.preferences import library
 from blender_addon.results import store
@@ -72,7 +72,7 @@ def playback() -> Iterator[None]:
 
 def a_bake_job(scene: Any, _folder: Path) -> None:
     """Bake as the operator's timer does, a step at a time."""
-    drain(jobs.bake(scene, library()))
+    drain(baking.bake(scene, library()))
 
 
 def a_sampling(scene: Any, _folder: Path) -> None:
@@ -123,7 +123,7 @@ def test_what_was_published_last_holds(
 def test_a_bake_that_is_cancelled_ends_the_hold(scene: Any) -> None:
     session.connect(scene)
     session.heartbeat()
-    steps = jobs.bake(scene, library())
+    steps = baking.bake(scene, library())
     while scene.frame_current != 3:
         next(steps)
     assert frame_hold.held()
@@ -173,7 +173,7 @@ def test_a_bake_that_is_kept_is_sent_only_after_its_sweep(scene: Any) -> None:
     old = session._client._request["track"]
     scene.frame_start = 7
     with beating() as noted:
-        drain(jobs.bake(scene, library()))
+        drain(baking.bake(scene, library()))
     assert {shown[0] for _, shown in noted} == {0.5} and session._client._request["track"] == old
     store.keep(scene, pipeline.Bake((pipeline.Output("Finger", HAPTIP, a_track(), {}, ()),), (), {}, "new"))
     session.heartbeat()

@@ -12,11 +12,11 @@ from blender_addon.demos import demo_thimble
 from blender_addon.devices import skin_models, thimble_devices
 from blender_addon.preferences import library
 from blender_addon.preview import device_preview, skin_preview, thimble_preview
-from blender_addon.properties import scene_properties
+from blender_addon.properties import object_properties
 from blender_addon.results import store
 from blender_addon.streaming import reported_values
 from blender_addon.viewport import shown as views
-from blender_addon.viewport import thimble_twin, thimble_view, twins
+from blender_addon.viewport import thimble_card, thimble_twin, twins
 
 
 @pytest.fixture
@@ -47,7 +47,9 @@ def test_settings_reach_the_engine(demo) -> None:
     output = bake(demo, 24).bake.outputs[0]
     assert output.track.meta["method"] == "force"
     skin = store.current(demo).bake.skins["Index"].model
-    use = core.matching.thimble_use.prepare(library().device("thimble_3rrs"), skin, scene_properties.parameters(device))
+    use = core.matching.thimble_use.prepare(
+        library().device("thimble_3rrs"), skin, object_properties.parameters(device)
+    )
     assert use.hover == pytest.approx(0.9e-3)
     matching = core.matching.thimble.follower(use).matching
     np.testing.assert_allclose(output.track.values[0, :3], matching.angles, atol=1e-7)  # it waits at that distance
@@ -67,7 +69,7 @@ def test_a_calibration_moves_the_mounting(demo) -> None:
     assert (felt - rest > 0.1).all() or (felt - rest < -0.1).all()
     assert np.abs(felt - 0.15).max() < np.abs(felt - rest).max()
     row = views.devices(demo).rows[0]
-    mechanism, _ = twins.mechanism_of(demo.objects["Index"], row.device)
+    mechanism, _ = twins.mounted_mechanism(demo.objects["Index"], row.device)
     plain = core.devices.thimble.mechanism(library().device("thimble_3rrs"))
     assert abs(mechanism.mount[2, 3] - plain.mount[2, 3]) > 1e-4  # the twin is mounted as the engine mounts it
 
@@ -84,8 +86,8 @@ def test_the_twins_joints_obey_forward_kinematics(demo, source) -> None:
             skin_preview.step(bpy.context)
     row = next(r for r in views.devices(demo).rows if r.kind == "thimble")
     assert views.devices(demo).source == source
-    twin = twins.twin_of(demo, row)
-    device, at = twin.device, twin.joints
+    at = twins.twin_of(demo, row).state
+    device, _ = twins.mounted_mechanism(demo.objects["Index"], row.device)
     angles = thimble_twin.servo_angles(row)
     assert np.abs(angles).max() > 0.02
     # links keep their lengths, legs their planes, and the platform's joints their places: nothing of inverse kinematics
@@ -107,15 +109,15 @@ def test_servos_that_a_device_reports_are_shown_in_their_own_pose(demo) -> None:
     baked = views.devices(demo)
     angles = {f"servo_{i}": 0.0 for i in (1, 2, 3)}
     (row,) = reported_values.with_reported(baked, angles, "").rows
-    twin = twins.twin_of(demo, row)
-    np.testing.assert_allclose(twin.joints.x[:2], 0.0, atol=1e-9)  # three equal servos hold the disc level
-    assert abs(baked.rows[0].values["distance"] - twin.joints.x[2]) > 1e-4 and not row.signals
+    joints = twins.twin_of(demo, row).state
+    np.testing.assert_allclose(joints.x[:2], 0.0, atol=1e-9)  # three equal servos hold the disc level
+    assert abs(baked.rows[0].values["distance"] - joints.x[2]) > 1e-4 and not row.signals
     drawn: list[str] = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(thimble_view.paint, "text", lambda words, *_: drawn.append(words))
-        patch.setattr(thimble_view.paint, "rectangle", lambda *_: None)
-        thimble_view.card(row, twin, 0.0, 0.0, 200.0, 1.0)
-    assert f"{1e3 * twin.joints.x[2]:.2f} mm" in drawn and not any("mismatch" in words for words in drawn)
+        patch.setattr(thimble_card.paint, "text", lambda words, *_: drawn.append(words))
+        patch.setattr(thimble_card.paint, "rectangle", lambda *_: None)
+        thimble_card.card(row, joints, 0.0, 0.0, 200.0, 1.0)
+    assert f"{1e3 * joints.x[2]:.2f} mm" in drawn and not any("mismatch" in words for words in drawn)
 
 
 def test_a_servo_near_its_limit_turns_orange(demo) -> None:
@@ -133,7 +135,7 @@ def test_from_a_bake_the_rendered_skin_is_what_the_track_does(demo) -> None:
     result = bake(demo)
     output, felt = result.bake.outputs[0], result.bake.skins["Index"]
     thimble = core.matching.thimble
-    use = thimble_devices.used(device_of(demo), felt.model)
+    use = thimble_devices.prepared(device_of(demo), felt.model)
     forces = thimble.forces_at(felt, output.track.times)
     found = thimble.match_touch(use, forces, use.device.servo_speed / output.track.spec.rate)
     for frame in (31, 25, 37):  # on a sample of 100 Hz: 24 frames are a second
@@ -149,8 +151,8 @@ def test_from_a_bake_the_rendered_skin_is_what_the_track_does(demo) -> None:
     assert row.signals["mismatch"] == pytest.approx(found.mismatch[125], abs=1e-9)
     # and that mismatch is the one of the two skins that are shown side by side
     target, rendered = views.skins(demo)
-    readout = core.matching.thimble.describe(use.device, use.skin, use.friction).readout
-    a, b = (readout @ s.force.ravel() for s in (target, rendered))
+    observation_matrix = core.matching.thimble.describe(use.device, use.skin, use.friction).observation_matrix
+    a, b = (observation_matrix @ s.force.ravel() for s in (target, rendered))
     assert np.linalg.norm(b - a) / np.linalg.norm(a) == pytest.approx(found.mismatch[125], abs=1e-3)
     assert f"{100 * found.mismatch[125]:.0f} % off" in rendered.note
 
@@ -167,7 +169,7 @@ def test_live_follows_the_skin_step_by_step(demo) -> None:
         rows.append(next(r for r in views.devices(demo).rows if r.kind == "thimble"))
     skin = states[0].model
     with skin_models.one_thread():
-        use = thimble_devices.used(device_of(demo), skin)
+        use = thimble_devices.prepared(device_of(demo), skin)
         following = core.matching.thimble.follower(use)
         for i, (target, row) in enumerate(zip(targets, rows, strict=True)):
             following.matching.change = use.device.servo_speed / 24 if i else None
@@ -190,7 +192,7 @@ def test_a_change_within_a_frame_searches_it_anew_and_a_jump_starts_from_rest(de
     again = at(20)
     np.testing.assert_allclose(thimble_twin.servo_angles(again), thimble_twin.servo_angles(first), atol=0.02)
     jumped = at(50)
-    assert thimble_preview._tracks["Index"].follower.matching.change is None
+    assert thimble_preview._paths["Index"].follower.matching.change is None
     assert jumped.contact == 1.0
 
 
@@ -234,7 +236,7 @@ def test_workspace_loops_are_closed_and_reached(demo) -> None:
     device = core.devices.thimble.mechanism(library().device("thimble_3rrs"))
     loops = twins.workspace_of(device, 0.018)
     assert len(loops) > 5 and loops is twins.workspace_of(device, 0.018)
-    reach = core.devices.reach.reach(device, 0.018)
+    reach = core.devices.workspace.workspace(device, 0.018)
     for level, loop in enumerate(loops):
         np.testing.assert_allclose(loop[0], loop[-1])
         for tip, x in zip(loop, reach.configurations(level), strict=False):
@@ -264,7 +266,3 @@ def test_export_gives_a_track_that_checks(demo, tmp_path) -> None:
     assert bpy.ops.dermis.export_tracks(directory=str(tmp_path)) == {"FINISHED"}
     path = tmp_path / "Index.thimble_3rrs.csv"
     assert path.is_file() and core.__main__.main(["check", str(path)]) == 0
-
-
-def test_registered_once(demo) -> None:
-    assert len(thimble_view._handlers._handles) == 1

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from blender_addon import choices
-from blender_addon.demos import demo_thimble
+from blender_addon.demos import demo_shapes, demo_thimble
 from blender_addon.results import store
 from tests import touches
 
@@ -66,3 +66,19 @@ def test_the_shaken_block_is_held_and_its_friction_changes() -> None:
     mass = 0.03
     assert total.mean() == pytest.approx(mass * 9.81, rel=0.1)
     assert np.ptp(total) > 0.5 * mass * 9.81
+
+
+def test_a_sphere_is_closed_and_ordered_ring_by_ring() -> None:
+    """In the same order in every process, so that the same demo has the same content hash."""
+    radius, segments = 0.01, 64
+    ball = demo_shapes.sphere(radius, segments)
+    points = np.array([vertex.co for vertex in ball.vertices])
+    np.testing.assert_allclose(np.linalg.norm(points, axis=1), radius, rtol=1e-6)
+    heights = points[:-2, 2].reshape(-1, segments)
+    assert np.ptp(heights, axis=1).max() < 1e-8 and (np.diff(heights[:, 0]) < 0).all()
+    faces = [tuple(face.vertices) for face in ball.polygons]
+    assert faces[:2] == [(0, 64, 65, 1), (64, 128, 129, 65)] and all(face.use_smooth for face in ball.polygons)
+    edges = [(face[i - 1], face[i]) for face in faces for i in range(len(face))]
+    assert len(set(edges)) == len(edges) and {(b, a) for a, b in edges} == set(edges), "each edge once either way"
+    volume = sum(np.linalg.det(points[[f[0], f[i], f[i + 1]]]) for f in faces for i in range(1, len(f) - 1)) / 6.0
+    assert volume == pytest.approx(4.0 / 3.0 * np.pi * radius**3, rel=5e-3), "and outwards"

@@ -120,7 +120,7 @@ class Walk:
     def preview(self) -> None:
         if self.thing("FINGER") is not None:
             device_preview.step(bpy.context)
-            skin_preview.any_needed(bpy.context.scene)
+            skin_preview.any_solved(bpy.context.scene)
             views.devices(bpy.context.scene)
 
     def add(self) -> None:

@@ -1,6 +1,9 @@
-"""Let 128 pins feel like a ball, by every method, and compare what is left of the difference."""
+"""Let 128 pins feel like a ball, by every method; compare what is left of the difference; write what pins play."""
 
 from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import dermis
 import numpy as np
@@ -26,6 +29,11 @@ def main() -> dict[str, dict[str, float]]:
             "limit": pins.device.channels[0].high or np.inf,
         }
         print(f"{method}: {1e6 * told[method]['off']:.0f} um off, pins from {forces.min():.3f} to {forces.max():.3f} N")
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "ball.csv"
+        dermis.write_csv(pins.track(duration=1.0), path)  # for `python -m core stream play ball.csv ...`
+        played = dermis.read_csv(path)
+    told["track"] = {"seconds": played.duration, "off": float(np.abs(played.values - pins.values).max())}
     told["touch"] = {"normal_force": touch.normal_force}
     return told
 

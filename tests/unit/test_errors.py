@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import pickle
 import re
 from pathlib import Path
 
@@ -43,6 +44,11 @@ def test_a_refusal_goes_through_json(error: DermisError) -> None:
     assert (str(again), again.code) == (str(error).replace("found 3", "found '3'"), "too-thick")
 
 
+def test_a_refusal_goes_through_a_pickle(error: DermisError) -> None:
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is DermisError and str(again) == str(error) and again.as_dict() == error.as_dict()
+
+
 def test_codes_are_short_words_with_hyphens() -> None:
     found = set()
     for folder in ("core", "blender_addon"):
@@ -50,5 +56,7 @@ def test_codes_are_short_words_with_hyphens() -> None:
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if isinstance(node, ast.keyword) and node.arg == "code" and isinstance(node.value, ast.Constant):
                     found.add(node.value.value)
-    assert {"no-finger", "not-json", "job-crashed"} <= found
+                if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Finding":
+                    found |= {code.value for code in node.args[1:2] if isinstance(code, ast.Constant)}
+    assert {"no-finger", "not-json", "job-crashed", "servo-limit", "pins-not-converged"} <= found
     assert all(re.fullmatch(r"[a-z]+(-[a-z]+)*", code) for code in found if isinstance(code, str))

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from core.contact.solver.path import PathSolver
+from core.devices import thimble
 from core.errors import DermisError
 from core.experiment import Touch, fingertip, match, press
+from core.skin.blas import pools
 from core.skin.model import SkinModel
 from core.surface import shapes
 from core.surface.gap import Surface
+from core.track import csv
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +70,9 @@ def test_a_block_and_an_edge_are_what_they_say() -> None:
         lambda: shapes.block(height=-1.0),
         lambda: shapes.edge(np.pi),
         lambda: shapes.edge(1.0, np.nan),
+        lambda: shapes.sphere("5 mm"),
+        lambda: shapes.sphere(5e-3, 10**9),
+        lambda: shapes.sphere(5e-3, 0),
     ],
 )
 def test_impossible_shapes_are_refused(build: object) -> None:
@@ -124,17 +133,56 @@ def test_what_cannot_be_pressed_is_refused(skin: SkinModel) -> None:
         {"turn": np.ones((3, 3))},
         {"slide": (1.0,)},
         {"at": (0.5, 0.0)},
+        {"at": (0.09, 0.0)},
+        {"depth": "1 mm"},
+        {"depth": np.array([1e-3])},
+        {"friction": True},
+        {"friction": np.inf},
+        {"slide": (5.0, 0.0)},
+        {"slide": "ab"},
+        {"turn": -np.eye(3)},
+        {"turn": 30.0},
     ):
-        with pytest.raises(DermisError):
+        with pytest.raises(DermisError) as caught:
             press(skin, block, **wrong)  # type: ignore[arg-type]
+        assert caught.value.where in (*wrong, "surface") and caught.value.limit and "\n" not in str(caught.value)
+    with pytest.raises(DermisError, match="a millimetre is 1e-3"):
+        press(skin, block, 1.5)
+    with pytest.raises(DermisError, match="skin: another kind of thing .* SkinModel"):
+        press(block, skin)  # type: ignore[arg-type]
     with pytest.raises(DermisError, match="no such length"):
         fingertip(level="draft", with_=0.01)
     with pytest.raises(DermisError, match="no such preset"):
         fingertip("toe")
 
 
+def test_a_step_is_a_length_and_a_slide_ends_where_the_surface_has_left(skin: SkinModel) -> None:
+    assert press(skin, Surface.block(0.02, 0.02), 0.3e-3, slide=[0, 0.06]).normal_force == 0.0
+
+
 def test_too_deep_is_a_finding(skin: SkinModel) -> None:
-    assert any(f.code == "too-deep" for f in press(skin, Surface.block(), 2.5e-3).findings)
+    deep = [f for f in press(skin, Surface.block(), 2.5e-3).findings if f.code == "too-deep"]
+    assert deep and deep[0].frame is None, "a press has no frames"
+
+
+def test_a_surface_that_is_inside_out_is_told(skin: SkinModel) -> None:
+    block = Surface.block()
+    turned = Surface.build(block.vertices, block.triangles[:, ::-1])
+    assert "inside-out" in [f.code for f in press(skin, turned, 0.1e-3).findings]
+
+
+def test_one_blas_thread_does_it(skin: SkinModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two pools of threads that fight over the cores made a thimble's first match twelve times slower."""
+    counts = []
+
+    def asked(solver: PathSolver, *arguments: object) -> object:
+        counts.extend(pool["num_threads"] for pool in pools().info())
+        return step(solver, *arguments)
+
+    step = PathSolver.step
+    monkeypatch.setattr(PathSolver, "step", asked)
+    press(skin, Surface.block(), 0.1e-3)
+    assert counts and set(counts) == {1}
 
 
 # -- matching
@@ -151,6 +199,30 @@ def test_pins_by_every_method(skin: SkinModel) -> None:
     assert best.error == pytest.approx(float(np.sqrt((felt**2).sum() / len(felt))), rel=1e-3)
 
 
+def test_an_exact_match_is_optimal(skin: SkinModel) -> None:
+    """Three forces and three servos: what is left over is rounding, and its direction is no doubt."""
+    found = match(press(skin, Surface.sphere(5e-3), 1e-3, friction=0.5), "thimble_3rrs", "force")
+    assert found.error < 1e-7 and found.optimality < 1e-7
+
+
+@pytest.mark.parametrize("device", ["pin_array_128", "thimble_3rrs"])
+def test_a_match_becomes_a_track_that_a_file_gives_back(device: str, skin: SkinModel, tmp_path: Path) -> None:
+    found = match(press(skin, Surface.sphere(5e-3, 5_000), 1e-3), device)
+    csv.write(found.track(0.5), tmp_path / "held.csv")
+    track = csv.read(tmp_path / "held.csv")
+    assert track.duration == pytest.approx(0.5, abs=1.0 / track.spec.rate) and track.meta["method"] == found.method
+    for name, value in found.commands.items():
+        assert track.column(name) == pytest.approx(value, abs=1e-9), name
+    assert not [f for f in track.within_limits(start_at_rest=True).check() if f.severity == "error"]
+    if device == "thimble_3rrs":
+        pose = [float(track.column(name)[0]) for name in ("pitch", "roll", "distance")]
+        mechanism = thimble.mechanism(found.device)
+        servos = np.array([found.commands[f"servo_{i}"] for i in (1, 2, 3)])
+        assert mechanism.forward(servos, pose) == pytest.approx(pose, abs=1e-6), "the pose that these servos make"
+    with pytest.raises(DermisError):
+        found.track(0.0)
+
+
 def test_one_line_says_what_it_is(skin: SkinModel) -> None:
     touch = press(skin, Surface.block(), 0.5e-3)
     assert isinstance(touch, Touch)
@@ -165,3 +237,8 @@ def test_what_needs_a_scene_says_so(skin: SkinModel) -> None:
         match(touch, "haptip")
     with pytest.raises(DermisError, match="unknown matching method"):
         match(touch, method="DM9")
+    with pytest.raises(DermisError, match="thimble_3rrs: no surrogate was adapted .* stress, force, geometry"):
+        match(touch, "thimble_3rrs", "network")
+    for wrong in ((skin, "haptip"), (touch, None)):
+        with pytest.raises(DermisError, match="another kind of thing"):
+            match(*wrong)  # type: ignore[arg-type]

@@ -19,8 +19,8 @@ GROUND = set(
 )
 # Files of devices/ that need no more than a device's description: presets are judged by them.
 MECHANISMS = {kind.mechanism.partition(".")[0] for kind in KINDS.values()} | set(
-    "preset_check mechanism linkage firmness forward_kinematics servo_limits poses coupling retraction "
-    "calibration".split()
+    "preset_check mechanism linkage inverse_kinematics singularity forward_kinematics servo_limits poses coupling "
+    "retraction calibration".split()
 )
 DEVICE = GROUND | {"devices.spec", "devices.mechanisms"}
 SCENE = GROUND | {"scene"}
@@ -58,7 +58,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "scene": GROUND,
     "surface": SCENE,
     "skin": SCENE,
-    "contact.solver": GROUND | {"motion", "surface"},
+    "contact.solver": GROUND | {"motion", "surface", "skin"},
     "contact": CONTACT,
     # what a device does about it
     "devices": DEVICE | {"surface", "contact.solver"},
@@ -81,14 +81,14 @@ SEES_ALL = {"__init__", "__main__", "command_line"}
 # imports inside functions and for types count.
 ROOMS = (
     # the ground: who knows nothing of scenes, or only how to ask one
-    "_core", "compat", "changes", "redraw", "quantities", "layouts", "polls", "animation_paths", "fingertip_mesh",
-    "preferences", "reporting", "choices",
+    "_core", "compat", "registration", "changes", "redraw", "quantities", "layouts", "polls", "animation_paths",
+    "fingertip_mesh", "preferences", "reporting", "choices",
     # what the artist sets, which preset and skin that means, and what the engine is told
     "properties", "devices", "sampling",
     # what came of it, what is shown meanwhile, and what is sent
     "results", "preview", "design", "streaming", "viewport",
     # what a person sees and does
-    "demos", "jobs", "panels", "operators", "commands",
+    "demos", "jobs", "baking", "panels", "operators", "commands",
     # Blender's callbacks: imported by the package alone
     "handlers", "__init__",
 )  # fmt: skip

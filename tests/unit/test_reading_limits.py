@@ -22,7 +22,7 @@ from core.files import opened, read_bytes, write_npz
 from core.npz import array_of, opened_npz, read_npz
 
 ROOT = Path(core.__file__).parents[1]
-MOST_SECONDS, MOST_MEGABYTES = 1.0, 300.0
+MAX_SECONDS, MAX_MEGABYTES = 1.0, 300.0
 CHILD = """
 import resource, sys, time
 from pathlib import Path
@@ -214,8 +214,8 @@ def test_a_bomb_is_refused_before_it_grows(
     make(tmp_path / "bomb")
     said, seconds, megabytes = tried(reader, tmp_path / "bomb")
     assert words in said and "allowed" in said + " allowed" * (words in ("missing", "cut short", "schema"))
-    assert megabytes < MOST_MEGABYTES, said
-    assert seconds < MOST_SECONDS or os.getloadavg()[0] > (os.cpu_count() or 1), said
+    assert megabytes < MAX_MEGABYTES, said
+    assert seconds < MAX_SECONDS or os.getloadavg()[0] > (os.cpu_count() or 1), said
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="measures as POSIX does")

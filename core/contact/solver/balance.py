@@ -1,4 +1,4 @@
-"""Balance: the forces of several grips that obey friction and together supply a wanted force and torque."""
+"""Balance: the forces of several grips that obey friction and together supply a required force and torque."""
 
 from __future__ import annotations
 
@@ -37,28 +37,28 @@ class Balance(NamedTuple):
 
 
 def balance(
-    grips: Sequence[Grip], forces: Sequence[Array], scaled: Sequence[Array], wanted: Array, rho: float
+    grips: Sequence[Grip], forces: Sequence[Array], scaled: Sequence[Array], required: Array, rho: float
 ) -> Balance | None:
     """Return forces in their cones with G f = h, or None where friction cannot supply it.
 
     By the alternating method with the object eliminated. The skin feels f, the object -f, so h on the skin is minus
-    what is wanted on the object.
+    what is required on the object.
 
     Args:
         forces, scaled: where to start from: of each grip's near nodes [N], shape (k, 3).
-        wanted: force and torque on the object [N, N m], shape (6,).
+        required: force and torque on the object [N, N m], shape (6,).
         rho: compliance that the steps are weighed with [m/N].
     """
     ends = np.cumsum([0] + [3 * g.near.size for g in grips])
     parts = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
-    normals = np.concatenate([g.frame.normal[g.near] for g in grips])
+    normals = np.concatenate([g.gaps.normal[g.near] for g in grips])
     mu = np.concatenate([g.friction for g in grips])
     b = np.concatenate([g.offset.reshape(-1) for g in grips])
     wrench = np.concatenate([g.wrench for g in grips], axis=1)
     # torques are measured in the lever of the contacts, so that both halves of the wrench weigh alike
     lever = max(float(np.sqrt((wrench[3:] ** 2).mean() / (wrench[:3] ** 2).mean())), 1e-6)
     scale = np.concatenate([np.ones(3), np.full(3, 1.0 / lever)])
-    g_rows, target = wrench * scale[:, None], -wanted * scale
+    g_rows, target = wrench * scale[:, None], -required * scale
     image = np.concatenate([grip.inverse @ g_rows[:, p].T for grip, p in zip(grips, parts, strict=True)])
     schur = np.linalg.pinv(g_rows @ image, rcond=1e-10)
     z, _ = project(np.concatenate(forces), normals, mu)

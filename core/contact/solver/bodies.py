@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 
@@ -11,9 +11,14 @@ from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from ...errors import DermisError
+from ...parameters.material import FRICTION
 from ...surface.crossing import first_crossing
 from ...surface.gap import GapQuery, Surface
 from ...surface.plane import Plane
+from .cone import along
+
+# A point inside a finger [m]: on the side where it lies, the finger is outside an open surface.
+BONE = np.array([0.0, 0.0, 0.006])
 
 # Normals that turned in a frame by more than this cosine says may belong to the other side of something thin.
 SAME_SIDE = 0.5
@@ -43,7 +48,7 @@ class ContactBody:
     surface: Surface | Plane
     rotation: Array = field(default_factory=lambda: np.eye(3))
     translation: Array = field(default_factory=lambda: np.zeros(3))
-    friction: float = 0.5
+    friction: float = FRICTION
     softness: float = 0.0
     deforms: bool = False
     away: bool = False
@@ -226,10 +231,10 @@ def to_material(bodies: Sequence[ContactBody], owner: Indices, triangle: Indices
         if body.deforms and isinstance(body.surface, Surface):
             a, ab, ac, normal = _plane_of(body.surface, triangle[which])
             v = local - a
-            g11, g12, g22 = _dot(ab, ab), _dot(ab, ac), _dot(ac, ac)
-            d1, d2 = _dot(v, ab), _dot(v, ac)
+            g11, g12, g22 = along(ab, ab), along(ab, ac), along(ac, ac)
+            d1, d2 = along(v, ab), along(v, ac)
             det = g11 * g22 - g12 * g12
-            local = np.stack([(g22 * d1 - g12 * d2) / det, (g11 * d2 - g12 * d1) / det, _dot(v, normal)], axis=1)
+            local = np.stack([(g22 * d1 - g12 * d2) / det, (g11 * d2 - g12 * d1) / det, along(v, normal)], axis=1)
         elif body.carry is not None:
             local = local @ np.linalg.inv(body.carry).T
         out[which] = local
@@ -241,13 +246,7 @@ def from_material(
 ) -> Array:
     """Return where material points are now, in the finger's frame [m], shape (n, 3); the inverse of `to_material`."""
     out = np.full_like(material, np.nan)
-    for index, body in enumerate(bodies):
-        own = owner == index
-        count = np.count_nonzero(own)
-        if count == 0:
-            continue
-        # no copies where there is only one body
-        which: NDArray[np.bool_] | slice = slice(None) if count == owner.size else own
+    for body, which in _owned(bodies, owner):
         if body.deforms and isinstance(body.surface, Surface):
             a, ab, ac, normal = _plane_of(body.surface, triangle[which])
             u, w, height = material[which].T[:, :, None]
@@ -256,6 +255,17 @@ def from_material(
             local = material[which] if body.carry is None else material[which] @ body.carry.T
         out[which] = local @ body.rotation.T + body.translation
     return out
+
+
+def _owned(
+    bodies: Sequence[ContactBody], owner: NDArray[np.integer]
+) -> Iterator[tuple[ContactBody, NDArray[np.bool_] | slice]]:
+    """Yield each body that owns any, with which are its own; a slice, which copies nothing, where it owns all."""
+    for index, body in enumerate(bodies):
+        own = owner == index
+        count = np.count_nonzero(own)
+        if count:
+            yield body, slice(None) if count == owner.size else own
 
 
 def _plane_of(surface: Surface, triangle: Indices) -> tuple[Array, Array, Array, Array]:
@@ -268,7 +278,9 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _boxes_meet(points: Array, box: Array, search_radius: float) -> bool:
-    return bool((points.max(axis=0) + search_radius >= box[0]).all() and (points.min(axis=0) - search_radius <= box[1]).all())
+    return bool(
+        (points.max(axis=0) + search_radius >= box[0]).all() and (points.min(axis=0) - search_radius <= box[1]).all()
+    )
 
 
 AWAY = ContactBody(Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3)), friction=0.0, away=True)

@@ -176,7 +176,7 @@ class CandidateInverse:
 
     def _shifted(self, nodes: Indices, softness: Array) -> Array:
         rows = _rows(nodes)
-        block = self._c[rows[:, None], rows]
+        block = self._c[rows[:, None], rows].astype(np.float64)
         block[np.diag_indices(rows.size)] += np.repeat(self.rho[nodes] + softness[nodes], 3)
         return block
 

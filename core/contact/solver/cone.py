@@ -48,10 +48,10 @@ def assess(
         displacement: relative displacement w [m], shape (k, 3).
         stiffness: any positive stiffness to weigh displacement against force with [N/m], or one a node, shape (k, 1).
     """
-    wanted, status = project(force - stiffness * displacement, normals, friction)
-    size = max(float(np.vdot(force, force)), float(np.vdot(wanted, wanted)))
-    wanted -= force
-    error = float(np.vdot(wanted, wanted))
+    projected, status = project(force - stiffness * displacement, normals, friction)
+    size = max(float(np.vdot(force, force)), float(np.vdot(projected, projected)))
+    projected -= force
+    error = float(np.vdot(projected, projected))
     return (float(np.sqrt(error / size)) if size > 0.0 else 0.0), status
 
 

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
-from .bodies import ContactBody, ContactFrame
+from .bodies import BONE, ContactBody, NodeGaps
 from .cone import along
 from .history import ContactHistory
-from .path import BONE
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,29 +57,24 @@ class GripStep:
         status: OPEN, STICK or SLIP of each finger's nodes.
         on_object: total force and torque (about the centre of mass) of all contacts on the object, in world space
             [N, N m], shape (6,).
-        wanted: what gravity and inertia ask for, m (a - g) and the rate of angular momentum, shape (6,).
+        required: what gravity and inertia ask for, m (a - g) and the rate of angular momentum, shape (6,).
         displacement: of the object from its animated pose: translation [m], rotation vector [rad], shape (6,).
-        holds: contacts supply what is wanted.
+        holds: contacts supply what is required.
         residual: of the contact laws, see `cone.natural_residual`; iterations: of the solver.
-        frames: the gaps that each finger was solved for.
+        gaps: that each finger was solved for.
         slips: relative displacement w of each finger's nodes [m], one (m, 3) a finger.
     """
 
     forces: tuple[Array, ...]
     status: tuple[NDArray[np.int8], ...]
     on_object: Array
-    wanted: Array
+    required: Array
     displacement: Array
     holds: bool
     residual: float
     iterations: int
-    frames: tuple[ContactFrame, ...] = ()
+    gaps: tuple[NodeGaps, ...] = ()
     slips: tuple[Array, ...] = ()
-
-    def balance_residual(self) -> float:
-        """Return |contact force - m (a - g)| relative to |m (a - g)|."""
-        size = max(float(np.linalg.norm(self.wanted[:3])), 1e-300)
-        return float(np.linalg.norm(self.on_object[:3] - self.wanted[:3])) / size
 
 
 @dataclass
@@ -88,14 +82,14 @@ class Grip:
     """One finger's part of a frame: its nodes near the object, and what they need.
 
     Attributes:
-        gaps: the ones. near: the nodes within reach of anything, shape (k,).
+        gaps: of its nodes. near: the nodes within reach of anything, shape (k,).
         matrix: their compliance [m/N]; inverse: of it and the weight of the steps [N/m], shape (3 k, 3 k).
         offset: b at them [m], shape (k, 3).
         wrench: from their forces to force and torque on the skin by the object, shape (6, 3 k).
         history: where they stick. own: index of the held object among the frame's bodies.
     """
 
-    frame: ContactFrame
+    gaps: NodeGaps
     near: Indices
     matrix: Array
     inverse: Array
@@ -107,10 +101,10 @@ class Grip:
     @property
     def friction(self) -> Array:
         """Coefficients at the near nodes, shape (k,)."""
-        return self.frame.friction[self.near]
+        return self.gaps.friction[self.near]
 
     @property
     def pressing(self) -> bool:
         """Whether a node would sink into the held object if nothing gave way."""
-        closest = self.frame.body[self.near] == self.own
-        return bool((along(self.offset, self.frame.normal[self.near])[closest] < 0.0).any())
+        closest = self.gaps.body[self.near] == self.own
+        return bool((along(self.offset, self.gaps.normal[self.near])[closest] < 0.0).any())

@@ -21,12 +21,10 @@ from .balance import TOLERANCE, balance
 from .bodies import ContactBody, node_gaps
 from .cone import STICK, along
 from .grip import Grip, GripStep, HoldContext, HoldingFinger
-from .history import ContactHistory
 from .notes import Notes
 from .solve import solve, status_of
 
 SEARCH_RADIUS = 3e-3
-GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
 class GripSolver:
@@ -37,13 +35,13 @@ class GripSolver:
         mass: [kg].
         fingers: that may touch it.
         friction: Coulomb coefficient against skin.
-        centre: of mass, in its own space [m]; the middle of its box by default.
-        inertia: about the centre, in its own space [kg m^2], shape (3, 3); that of its box by default.
+        centre: of mass, in its own space [m].
+        inertia: about the centre, in its own space [kg m^2], shape (3, 3).
         gravity: in world space [m/s^2].
         name: for findings.
 
     Raises:
-        DermisError: a mass that is not positive, no finger, or an endless object without centre and inertia.
+        DermisError: a mass that is not positive, or no finger.
     """
 
     def __init__(
@@ -53,40 +51,23 @@ class GripSolver:
         fingers: Sequence[HoldingFinger],
         friction: float,
         *,
-        centre: Array | None = None,
-        inertia: Array | None = None,
-        gravity: Array = GRAVITY,
-        name: str = "object",
+        centre: Array,
+        inertia: Array,
+        gravity: Array,
+        name: str,
     ) -> None:
         if not (np.isfinite(mass) and mass > 0.0):
             raise DermisError("a held object needs a mass", where=name, value=mass, limit="> 0 kg")
         if not fingers:
             raise DermisError("nothing can hold the object", where=name, remedy="Add a finger")
-        box = surface.box
-        if centre is None or inertia is None:
-            if not np.isfinite(box).all():
-                raise DermisError("an endless object needs a centre and an inertia", where=name)
-        size = box[1] - box[0]
-        self.centre = box.mean(axis=0) if centre is None else np.asarray(centre, dtype=np.float64)
-        self.inertia = (
-            np.diag((size @ size - size**2) * mass / 12.0) if inertia is None else np.asarray(inertia, dtype=np.float64)
-        )
+        self.centre, self.inertia, self.gravity = centre, inertia, gravity
         self.surface, self.mass, self.friction, self.name = surface, mass, friction, name
         self.fingers = tuple(fingers)
-        self.gravity = np.asarray(gravity, dtype=np.float64)
         self._rho = float(np.median(np.concatenate([np.diag(f.compliance) for f in fingers])))
         self.softness, self.deforms = 0.0, False
         self.carry: Array | None = None  # as in `ContactBody`
         self._inverses: dict[int, tuple[bytes, Array, Array]] = {}
-        self._histories = [ContactHistory(f.points.shape[0]) for f in fingers]
         self._notes = Notes(name)
-        self._frames = 0
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget friction's history and the object's displacement."""
-        for history in self._histories:
-            history.clear()
         self.let_go()
 
     def let_go(self) -> None:
@@ -101,66 +82,40 @@ class GripSolver:
         """Frames in which the object slipped or was not touched at all."""
         return self._notes.findings()
 
-    def step(
-        self,
-        pose: Array,
-        finger_poses: Sequence[Array],
-        acceleration: Array | None = None,
-        angular_velocity: Array | None = None,
-        angular_acceleration: Array | None = None,
-        *,
-        scene_frame: float | None = None,
-    ) -> GripStep:
-        """Solve the next frame of fingers that touch nothing else.
-
-        Args:
-            pose: animated object-to-world matrix, rigid, shape (4, 4).
-            finger_poses: finger-to-world matrices, rigid, one (4, 4) a finger.
-            acceleration: of the centre of mass, in world space [m/s^2].
-            angular_velocity, angular_acceleration: in world space [rad/s], [rad/s^2].
-        """
-        nothing = ContactBody(self.surface)
-        contexts = [
-            HoldContext(np.asarray(p, dtype=np.float64), (nothing,), 0, h)
-            for p, h in zip(finger_poses, self._histories, strict=True)
-        ]
-        rates = acceleration, angular_velocity, angular_acceleration
-        step = self.step_among(pose, contexts, *rates, scene_frame=scene_frame)
-        assert step is not None
-        return step
-
     def step_among(
         self,
         pose: Array,
         contexts: Sequence[HoldContext | None],
-        acceleration: Array | None = None,
-        angular_velocity: Array | None = None,
-        angular_acceleration: Array | None = None,
+        acceleration: Array,
+        angular_velocity: Array,
+        angular_acceleration: Array,
         *,
-        scene_frame: float | None = None,
+        scene_frame: float,
         only_if_pressed: bool = False,
     ) -> GripStep | None:
         """Solve the next frame of fingers that may touch other bodies too.
 
         Args:
+            pose: animated object-to-world matrix, rigid, shape (4, 4).
             contexts: of each finger; None for one that is nowhere near.
+            acceleration: of the centre of mass, in world space [m/s^2].
+            angular_velocity, angular_acceleration: in world space [rad/s], [rad/s^2].
+            scene_frame: of the scene, for findings.
             only_if_pressed: return None, and change nothing, where no finger presses the object.
         """
         rotation, middle = self.placed(pose)
-        wanted = self._wanted(rotation, acceleration, angular_velocity, angular_acceleration)
+        required = self._required(rotation, acceleration, angular_velocity, angular_acceleration)
         grips = [None if r is None else self._grip(i, r, rotation, middle) for i, r in enumerate(contexts)]
         there = [g for g in grips if g is not None]
         if only_if_pressed and not any(g.pressing for g in there):
             return None
-        where = float(self._frames) if scene_frame is None else scene_frame
-        self._frames += 1
         step = None
         if any(g.pressing for g in there):
-            step = self._balanced(grips, wanted)
+            step = self._balanced(grips, required)
             if step is None:
-                self._note("slips", "friction cannot hold the object", where)
+                self._note("slips", "friction cannot hold the object", scene_frame)
         else:
-            self._note("dropped", "nothing touches the held object", where)
+            self._note("dropped", "nothing touches the held object", scene_frame)
         if step is None:
             step = self._carried(grips)
             holds = False
@@ -168,20 +123,17 @@ class GripSolver:
             self._shift = self._shift + step[1][:3]
             self._turn = _rotation(step[1][3:]) @ self._turn
             holds = True
-        return self._finish(grips, step, contexts, wanted, pose, holds)
+        return self._finish(grips, step, contexts, required, pose, holds)
 
     # -- one frame -----------------------------------------------------------------------------------------------
 
     def placed(self, pose: Array) -> tuple[Array, Array]:
         """Return rotation and centre of mass [m] where the object is now: animated, then displaced."""
-        pose = np.asarray(pose, dtype=np.float64)
         rotation = self._turn @ pose[:3, :3]
         middle = pose[:3, :3] @ self.centre + pose[:3, 3] + self._shift
         return rotation, middle
 
-    def _wanted(self, rotation: Array, a: Array | None, omega: Array | None, alpha: Array | None) -> Array:
-        zero = np.zeros(3)
-        a, omega, alpha = (zero if v is None else np.asarray(v, dtype=np.float64) for v in (a, omega, alpha))
+    def _required(self, rotation: Array, a: Array, omega: Array, alpha: Array) -> Array:
         inertia = rotation @ self.inertia @ rotation.T
         return np.concatenate([self.mass * (a - self.gravity), inertia @ alpha + np.cross(omega, inertia @ omega)])
 
@@ -220,15 +172,15 @@ class GripSolver:
         return Grip(gaps, near, kept[1], kept[2], offset, wrench.reshape(6, -1), context.history, context.own)
 
     def _balanced(
-        self, everybody: Sequence[Grip | None], wanted: Array
+        self, everybody: Sequence[Grip | None], required: Array
     ) -> tuple[list[Array], Array, float, int] | None:
-        """Forces that supply what is wanted; None if it slips."""
+        """Forces that supply what is required; None if it slips."""
         index = [i for i, g in enumerate(everybody) if g is not None]
         grips = [g for g in everybody if g is not None]
         forces, scaled = (
             [kept[i][g.near] for i, g in zip(index, grips, strict=True)] for kept in (self._forces, self._scaled)
         )
-        found = balance(grips, forces, scaled, wanted, self._rho)
+        found = balance(grips, forces, scaled, required, self._rho)
         if found is None:
             return None
         for i, grip, ended, shift in zip(index, grips, found.scaled, found.shifts, strict=True):
@@ -255,14 +207,14 @@ class GripSolver:
         grips: Sequence[Grip | None],
         step: tuple[list[Array], Array, float, int],
         contexts: Sequence[HoldContext | None],
-        wanted: Array,
+        required: Array,
         pose: Array,
         holds: bool,
     ) -> GripStep:
         """Sum the forces up and move the anchors to where the nodes are now."""
         forces, _, residual, iterations = step
         on_object = np.zeros(6)
-        status, frames, slips = [], [], []
+        status, gaps, slips = [], [], []
         rotation, middle = self.placed(pose)
         rest = iter(forces)
         for i, (grip, context) in enumerate(zip(grips, contexts, strict=True)):
@@ -287,7 +239,7 @@ class GripSolver:
             on_body = deformed + soft[:, None] * whole - gap[:, None] * moved.normal
             grip.history.keep(moved, found == STICK, on_body, gap)
             status.append(found)
-            frames.append(moved)
+            gaps.append(moved)
             slips.append(w)
         displacement = np.concatenate([self._shift, _vector(self._turn)])
         here = tuple(self._forces[i] for i, g in enumerate(grips) if g is not None)
@@ -295,12 +247,12 @@ class GripSolver:
             here,
             tuple(status),
             on_object,
-            wanted,
+            required,
             displacement,
             holds,
             residual,
             iterations,
-            tuple(frames),
+            tuple(gaps),
             tuple(slips),
         )
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
-from .bodies import ContactBody, NodeGaps, Expected, from_material, to_material
+from .bodies import ContactBody, Expected, NodeGaps, from_material, to_material
 
 _ARRAYS = ("body", "_material", "_triangle", "_normal", "_gap", "_sticking")
 
@@ -84,7 +84,7 @@ class ContactHistory:
         """Return b of the contact problem: the gap along the normal, the slip since the anchor across it.
 
         Args:
-            gaps: now.
+            gaps: of the nodes now.
             points: undeformed nodes [m], shape (m, 3).
 
         Returns:
@@ -128,7 +128,3 @@ class ContactHistory:
     ) -> None:
         self._material[nodes] = to_material(bodies, body, triangle, positions)
         self._triangle[nodes] = triangle
-
-    def anchors(self, bodies: Sequence[ContactBody]) -> Array:
-        """Return where the anchors are now [m], NaN without one, shape (m, 3)."""
-        return from_material(bodies, self.body, self._material, self._triangle)

@@ -19,12 +19,12 @@ class Notes:
         self._known: dict[str, Finding] = {}
 
     def warn(
-        self, code: str, what: str, frame: float, *, value: object = None, limit: str = "", remedy: str = ""
+        self, code: str, what: str, scene_frame: float, *, value: object = None, limit: str = "", remedy: str = ""
     ) -> None:
-        """Note a warning of a frame, or count one more of its kind."""
+        """Record a warning of a frame, or count one more of its kind."""
         known = self._known.get(code)
         if known is None:
-            self._known[code] = Finding("warning", code, what, self.where, value, limit, remedy, frame)
+            self._known[code] = Finding("warning", code, what, self.where, value, limit, remedy, scene_frame)
         else:
             self._known[code] = replace(known, count=known.count + 1)
 

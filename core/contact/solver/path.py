@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...arrays import Array, Indices
 from ...errors import DermisError, Finding
 from .admm import State, iterate
-from .bodies import ContactBody, NodeGaps, node_gaps, same_places
+from .bodies import BONE, ContactBody, NodeGaps, node_gaps, same_places
 from .candidates import CandidateInverse
 from .compliance import Compliance, Linear, ends
 from .cone import OPEN, STICK, along, assess
@@ -25,7 +25,7 @@ from .notes import Notes
 from .path_step import PathStep
 from .solve import Solution, solve, status_of
 
-__all__ = ["BONE", "DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
+__all__ = ["DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
 
 TOLERANCE = 3e-5
 # The check that a frame must pass, as a multiple of the tolerance of its iteration.
@@ -41,7 +41,6 @@ AT_REST = 1e-9
 DEPTH_LIMIT = 2e-3
 # In a frame skin comes out by no more than this multiple of the largest displacement of the last, and a margin [m].
 BULGE, MARGIN = 1.5, 0.3e-3
-BONE = np.array([0.0, 0.0, 0.006])
 # What a frame changes, besides the history; each is replaced, never written into.
 _STATE = ("_force", "_y", "_last", "_image", "_step", "_bodies", "_at_rest", "frames")
 
@@ -260,32 +259,18 @@ class PathSolver:
         return self._step
 
     def adopt(
-        self,
-        force: Array,
-        displacement: Array,
-        gaps: NodeGaps,
-        residual: float,
-        *,
-        scene_frame: float | None = None,
+        self, force: Array, displacement: Array, gaps: NodeGaps, residual: float, *, scene_frame: float | None = None
     ) -> PathStep:
         """Take over a frame that was solved together with other fingers, whose history is already kept.
 
         Args:
             force: on the nodes [N], shape (m, 3). displacement: relative, w [m], shape (m, 3).
-            frame: the gaps it was solved for. residual: of the contact laws.
+            gaps: that it was solved for. residual: of the contact laws.
         """
         from_rest = self._step is None or self._step.work == "idle"
         status = status_of(force, displacement, gaps.normal, gaps.friction)
         solution = Solution(
-            force,
-            displacement,
-            gaps.normal,
-            gaps.friction,
-            status,
-            EASY + 1,
-            residual,
-            CHECK * self.tolerance,
-            "admm",
+            force, displacement, gaps.normal, gaps.friction, status, EASY + 1, residual, CHECK * self.tolerance, "admm"
         )
         self._report(solution, gaps, self.frames if scene_frame is None else scene_frame)
         self._last, self._force, self._y, self._image = None, force, displacement / -self._rho, self._apply(force)
@@ -370,9 +355,7 @@ class PathSolver:
         )
         return found, w / -self._rho, image, "solved"
 
-    def _exactly(
-        self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array
-    ) -> tuple[Array, int, str]:
+    def _exactly(self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> tuple[Array, int, str]:
         """Return forces on some nodes [N], the iterations they took and the method."""
         rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
         found = solve(

@@ -16,7 +16,7 @@ from ...arrays import Array, Indices
 from ...skin.nodal_forces import NodalForces
 from ...skin.surface_compliance import SurfaceCompliance
 from .admm import State, iterate
-from .bodies import ContactBody, NodeGaps, Expected, node_gaps, travel
+from .bodies import ContactBody, Expected, NodeGaps, node_gaps, travel
 from .candidates import CandidateInverse
 from .compliance import Linear
 from .cone import project
@@ -248,9 +248,7 @@ class PointSolver(PathSolver):
             (softness, gaps.softness),
         ):
             new[here] = old[there]
-        return replace(
-            step, gaps=NodeGaps(gaps.bodies, gap, clearance, normal, body, triangle, friction, softness)
-        )
+        return replace(step, gaps=NodeGaps(gaps.bodies, gap, clearance, normal, body, triangle, friction, softness))
 
     # -- what the tree sees --------------------------------------------------------------------------------------
 
@@ -351,9 +349,7 @@ class PointSolver(PathSolver):
     def _apply(self, force: Array) -> Array:
         return self._matrix.displacement(force)
 
-    def _exactly(
-        self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array
-    ) -> tuple[Array, int, str]:
+    def _exactly(self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> tuple[Array, int, str]:
         """Iterate in double precision; what else there is takes minutes on so many points."""
         cells, rho = self.cells[near], np.repeat(self._rho[near, 0], 3)
         matrix = self.surface.block(cells, cells).reshape(rho.size, -1)

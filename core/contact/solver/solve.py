@@ -61,45 +61,6 @@ class Solution:
         """Force along the normal at each node [N], shape (m,)."""
         return along(self.force, self.normals)
 
-    @property
-    def gap(self) -> Array:
-        """Gap of the deformed skin at each node [m], shape (m,)."""
-        return along(self.displacement, self.normals)
-
-    @property
-    def resultant(self) -> Array:
-        """Total force on the skin [N], shape (3,)."""
-        return self.force.sum(axis=0)
-
-    def complementarity_residual(self) -> float:
-        """Return the largest violation of 0 <= f_n, 0 <= w_n, f_n w_n = 0, relative to force and displacement."""
-        f, w = self._scales()
-        return float(np.abs(np.minimum(self.normal_force / f, self.gap / w)).max(initial=0.0))
-
-    def cone_residual(self) -> float:
-        """Return how far the worst node is outside its friction cone, relative to the largest force."""
-        f, _ = self._scales()
-        tangential = self.force - self.normal_force[:, None] * self.normals
-        excess = np.sqrt(along(tangential, tangential)) - self.friction * np.maximum(self.normal_force, 0.0)
-        return float(np.maximum(excess, 0.0).max(initial=0.0)) / f
-
-    def slip_residual(self) -> float:
-        """Return the worst slip of a sticking node, or of a slipping node in a wrong direction, relative to w."""
-        f, w = self._scales()
-        slip = self.displacement - self.gap[:, None] * self.normals
-        tangential = self.force - self.normal_force[:, None] * self.normals
-        speed, load = np.sqrt(along(slip, slip)), np.sqrt(along(tangential, tangential))
-        turned = slip * load[:, None] + tangential * speed[:, None]
-        wrong = np.sqrt(along(turned, turned)) / f
-        frictionless = self.friction == 0.0
-        worst = np.where(self.status == STICK, speed, np.where(self.status == SLIP, wrong, 0.0))
-        return float(np.where(frictionless, 0.0, worst).max(initial=0.0)) / w
-
-    def _scales(self) -> tuple[float, float]:
-        return max(float(np.abs(self.force).max(initial=0.0)), 1e-300), max(
-            float(np.abs(self.displacement).max(initial=0.0)), 1e-300
-        )
-
 
 def solve(
     compliance: Array,
@@ -111,20 +72,18 @@ def solve(
     start: Array | None = None,
     tolerance: float = ACCURATE,
     max_iterations: int = 20_000,
-    rows: int = 3,
 ) -> Solution:
     """Return the forces of frictional contact.
 
     Args:
-        compliance: C [m/N], symmetric positive definite, shape (rows m, rows m).
-        offset: b, the relative displacement without force [m], shape (rows m,) or (m, rows).
+        compliance: C [m/N], symmetric positive definite, shape (3 m, 3 m).
+        offset: b, the relative displacement without force [m], shape (3 m,) or (m, 3).
         friction: coefficient of each node, or of all.
         normals: unit normals from the object into the skin, in the frame of the compliance, shape (m, 3). Without
             them each node's rows are (n, t1, t2) in its own frame.
         softness: compliance of the object's own surface at each node [m/N], added to the diagonal.
         start: forces to start from [N], shape (m, 3).
         tolerance: of the residual, see `Solution.residual`.
-        rows: rows a node: 3; or 2 for (n, t) in a plane; or 1 for n alone, which only makes sense without friction.
 
     Raises:
         DermisError: shapes that do not fit, values that are not finite, negative friction or softness, or a
@@ -132,7 +91,7 @@ def solve(
 
     Source: [S1] section IV.C (Coulomb's law); Alart and Curnier 1991.
     """
-    matrix, b, axes, mu, soft = _checked(compliance, offset, friction, normals, softness, rows)
+    matrix, b, axes, mu, soft = _checked(compliance, offset, friction, normals, softness)
     count = axes.shape[0]
     if soft.any():
         matrix = matrix + np.diag(np.repeat(soft, 3))
@@ -211,7 +170,7 @@ def _spectrum(matrix: Array) -> tuple[float, float]:
 
 
 def _checked(
-    compliance: Any, offset: Any, friction: Any, normals: Any, softness: Any, rows: int
+    compliance: Any, offset: Any, friction: Any, normals: Any, softness: Any
 ) -> tuple[Array, Array, Array, Array, Array]:
     matrix = np.asarray(compliance, dtype=np.float64)
     b = np.asarray(offset, dtype=np.float64)
@@ -219,15 +178,13 @@ def _checked(
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise DermisError("the compliance must be square", where=where, value=matrix.shape)
     n = matrix.shape[0]
-    if rows not in (1, 2, 3) or n % max(rows, 1) or b.size != n:
+    if n % 3 or b.size != n:
         raise DermisError(
             "the compliance and the offset do not fit",
             where=where,
-            limit="1, 2 or 3 rows a node",
-            value=f"{matrix.shape} and {b.shape}, {rows} rows a node",
+            limit="3 rows a node",
+            value=f"{matrix.shape} and {b.shape}",
         )
-    if rows < 3:
-        matrix, b, n = _spread(matrix, b.reshape(-1), rows)
     m = n // 3
     mu = np.broadcast_to(np.asarray(friction, dtype=np.float64), (m,)).astype(np.float64)
     soft = np.broadcast_to(np.asarray(softness, dtype=np.float64), (m,)).astype(np.float64)
@@ -243,16 +200,3 @@ def _checked(
     if n and not np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-9 * float(np.abs(matrix).max())):
         raise DermisError("the compliance is not symmetric", where=where)
     return matrix, b.reshape(-1), axes, mu, soft
-
-
-def _spread(matrix: Array, b: Array, rows: int) -> tuple[Array, Array, int]:
-    """Give nodes of one or two rows their missing tangents: they couple with nothing, so they carry nothing."""
-    m = b.size // rows
-    given = (3 * np.arange(m)[:, None] + np.arange(rows)).reshape(-1)
-    wide = np.zeros((3 * m, 3 * m))
-    wide[np.ix_(given, given)] = matrix
-    missing = np.setdiff1d(np.arange(3 * m), given)
-    wide[missing, missing] = np.repeat(np.diag(matrix)[::rows], 3 - rows)
-    offset = np.zeros(3 * m)
-    offset[given] = b
-    return wide, offset, 3 * m

@@ -23,6 +23,7 @@ from ..protocols.packets import DeviceState, Kind, pack
 from ..protocols.wire import Wire
 from ..request import StreamRequest
 from ..shared_state import Heartbeat
+from ..state import State
 from ..streamer import Streamer
 from ..virtual.link import open_any_link
 
@@ -102,8 +103,8 @@ class Bench:
         if self.streamer.drive is None:
             self.streamer = Streamer(open_any_link)  # one that has lost its link waits for a person
         self._apply(connect=True, jog=self._jog(self.wire.safe), arm_id=0)
-        self.until(lambda: self.streamer.state in ("ready", "fault") or not self._holds, CONNECTING)
-        if self.streamer.state != "ready":
+        self.until(lambda: self.streamer.state in (State.READY, State.FAULT) or not self._holds, CONNECTING)
+        if self.streamer.state != State.READY:
             raise DermisError(self.streamer.message.rstrip(".") or f"{self._request.url} does not answer")
 
     def arm(self) -> None:
@@ -116,7 +117,7 @@ class Bench:
             self.connect()
         self._arms += 1
         self._apply(arm_id=self._arms, jog=self._jog(self.wire.safe))
-        self.until(lambda: self.streamer.state in ("armed", "streaming"), ARMING)
+        self.until(lambda: self.streamer.state in (State.ARMED, State.STREAMING), ARMING)
         self._still_armed()
         limiter = self.connection.output.limiter
         self.run(self._request.ramp + 0.2)
@@ -243,7 +244,7 @@ class Bench:
         if self.native is None:  # which would have told that it is safe
             self.arm()
             self.stop()
-            self.until(lambda: self.streamer.state == "ready", RAMPING)
+            self.until(lambda: self.streamer.state == State.READY, RAMPING)
         elif self.native.state == DeviceState.ARMED:
             raise DermisError("the device is armed, and nobody holds it")
         self._left_alone = False
@@ -287,7 +288,7 @@ class Bench:
 
     def _jog(self, values: Array) -> dict[str, float]:
         """Return what to ask for, so that the calibration makes driven values of it."""
-        return self.wire.named((values - self.wire.zero) / self.wire.gain)
+        return self.wire.named(self.wire.commanded(values))
 
     def _apply(self, **fields: Any) -> None:
         self._request = replace(self._request, **fields)

@@ -8,53 +8,20 @@ import re
 from collections.abc import Callable, Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...errors import DermisError
-from ..device_options import add_device, add_link, request_from
+from ..device_options import request_from
 from ..local_stream import say
 from ..signals import Interrupted, Signals
-from .person import NobodyThere, Terminal
-from .report import Check
-
-if TYPE_CHECKING:
-    from .report import Report
-    from .walk import Walk
-
-CHECKS = ("link", "first-arm", "motors", "speed", "stop", "silence", "flood", "rate", "exits", "unplug", "switch")
-INTRODUCTION = """\
-FINGERS OUT. From now until the end nobody's finger is in or on the device.
-Have a switch in the actuators' supply within reach. Ctrl-C stops at any time.
-What this program cannot see it asks: y (yes), n (no), s (skip; the device then counts as not wholly tried)."""
-
-
-def add_parser(verbs: Any) -> None:
-    """Add the verb `accept` below `stream`."""
-    one = verbs.add_parser(
-        "accept",
-        help="try a built device on the bench, and write a dated report",
-        description=INTRODUCTION,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add_device(one, required=True)
-    add_link(one)
-    one.add_argument(
-        "--only",
-        action="append",
-        choices=CHECKS,
-        metavar="CHECK",
-        help=f"one check, more than once: {', '.join(CHECKS)}",
-    )
-    one.add_argument("--out", type=Path, metavar="FILE", help="report (acceptance_DEVICE_DATE.md in this folder)")
-    one.set_defaults(run=run, writes={"out": False})
+from .bench import Bench
+from .person import INTRODUCTION, NobodyThere, Terminal
+from .report import Check, Report
+from .walk import Walk
 
 
 def run(options: argparse.Namespace) -> int:
     """Walk through the checks; return 0 where the device is accepted, 1 where it is not or not all was tried."""
-    from .bench import Bench
-    from .report import Report
-    from .walk import Walk
-
     request = request_from(options, options.device)
     now = datetime.now().astimezone()
     path = options.out or Path(f"acceptance_{_plain(options.device)}_{now:%Y-%m-%d_%H%M}.md")

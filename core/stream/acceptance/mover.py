@@ -26,8 +26,8 @@ class Mover:
 
     def __init__(self, bench: Bench) -> None:
         self.bench, wire = bench, bench.wire
-        span = np.where(np.isfinite(wire.most - wire.least), wire.most - wire.least, 0.0)
-        far = np.where(wire.most - wire.safe >= wire.safe - wire.least, wire.most, wire.least)
+        span = np.where(np.isfinite(wire.upper_limit - wire.lower_limit), wire.upper_limit - wire.lower_limit, 0.0)
+        far = np.where(wire.upper_limit - wire.safe >= wire.safe - wire.lower_limit, wire.upper_limit, wire.lower_limit)
         self._close = CLOSE * span + 1e-9
         self.away: Array = wire.safe + AWAY * np.where(np.isfinite(far), far - wire.safe, 0.0)
         self.seconds = self._seconds(self.away)

@@ -14,6 +14,7 @@ from ...version import version
 
 Outcome = Literal["passed", "failed", "not tried", "does not apply"]
 SCHEMA = "dermis-acceptance 1"
+CHECKS = ("link", "first-arm", "motors", "speed", "stop", "silence", "flood", "rate", "exits", "unplug", "switch")
 
 
 @dataclass(frozen=True)

@@ -35,10 +35,12 @@ class Adapter:
         baud: of a serial port whose URL names none.
         caution: what a person has to know before a finger goes in.
         silence: what to look for where nobody answers.
+        OPTIONS: names of what a URL may set.
 
     Attributes:
         ready: the device has been recognised. armed: it takes commands. fault: why it cannot be used, in words.
-        pose: where the device says it is [units], or None.
+        device: its identifier in hex digits; '' where it has none to tell.
+        pose: where the device says it is, as driven [units], or None.
         touch: the last touch of a panel. counters: what went wrong or was changed, by name.
         round_trip: the last one [s], or NaN. congested: answers stay away, so the link holds more than it carries.
         prompt: the last answer came as soon as any, or there are none: nothing waits on the way.
@@ -156,16 +158,17 @@ class Adapter:
         return number
 
 
-NAMES: Mapping[str, tuple[str, str, str]] = {
-    "native": ("native", "Native", "Dermis native"),
-    "maestro": ("maestro", "Maestro", "Pololu Maestro, compact protocol"),
-    "servo-animation": ("servo_animation", "ServoAnimation", "Blender Servo Animation"),
-    "torque": ("torque", "Torque", "Torque board over UDP, HapTip style"),
-    "osc": ("osc", "Osc", "OSC 1.0"),
+# protocol -> file of this folder, and class in it
+NAMES: Mapping[str, tuple[str, str]] = {
+    "native": ("native", "Native"),
+    "maestro": ("maestro", "Maestro"),
+    "servo-animation": ("servo_animation", "ServoAnimation"),
+    "torque": ("torque", "Torque"),
+    "osc": ("osc", "Osc"),
 }
 
 
-def kind(protocol: str) -> type[Adapter]:
+def adapter_of(protocol: str) -> type[Adapter]:
     """Return the class of a protocol's adapters.
 
     Raises:
@@ -175,7 +178,7 @@ def kind(protocol: str) -> type[Adapter]:
 
     if protocol not in NAMES:
         raise DermisError("no such protocol", value=protocol, limit=", ".join(NAMES))
-    module, name, _ = NAMES[protocol]
+    module, name = NAMES[protocol]
     return getattr(import_module(f".{module}", __package__), name)
 
 
@@ -185,4 +188,4 @@ def make(protocol: str, wire: Wire, options: Mapping[str, str]) -> Adapter:
     Raises:
         DermisError: no such protocol, an unknown option, or a device that the protocol cannot carry.
     """
-    return kind(protocol)(wire, options)
+    return adapter_of(protocol)(wire, options)

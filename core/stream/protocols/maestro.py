@@ -56,7 +56,7 @@ class Maestro(Adapter):
 
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
         """Return one Set Target for each channel that changed; all of them now and then."""
-        part = (values - self.wire.low) / (self.wire.high - self.wire.low)
+        part = (values - self.wire.range_low) / (self.wire.range_high - self.wire.range_low)
         targets = np.rint(self.low + (self.high - self.low) * np.clip(part, 0, 1)).astype(int)
         if now - self._when > REFRESH:
             changed, self._when = np.arange(len(targets)), now

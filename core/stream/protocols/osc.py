@@ -83,11 +83,6 @@ def bundle(tag: int, messages: list[bytes]) -> bytes:
     return b"#bundle\0" + struct.pack(">Q", tag) + b"".join(struct.pack(">i", len(m)) + m for m in messages)
 
 
-def ntp(unix: float) -> int:
-    """Return an OSC time tag for seconds since 1970."""
-    return round((unix + NTP) * 2**32)
-
-
 def read_message(data: bytes) -> tuple[str, list[float]]:
     """Read one message of ints and floats.
 

@@ -25,6 +25,7 @@ _COMMAND = struct.Struct("<IB")
 _HELLO = struct.Struct("<BB8s")
 _WELCOME = {1: struct.Struct("<BB8s8sIBBB"), 2: struct.Struct("<BB8s8sIBBHB")}
 _CONFIGURE = struct.Struct("<HBB")
+_SYNC = struct.Struct("<I")
 _SYNCED = struct.Struct("<IIBBHHHHH")
 _TOUCH = struct.Struct("<IBff")
 
@@ -265,10 +266,10 @@ def read_nack(body: bytes) -> tuple[int, int]:
     return sequence, reason
 
 
-def u32(body: bytes) -> int:
-    """Read the body of SYNC."""
-    _exact(body, 4)
-    return int(_CRC.unpack(body)[0])
+def read_sync(body: bytes) -> int:
+    """Return the token in the body of SYNC."""
+    _exact(body, _SYNC.size)
+    return int(_SYNC.unpack(body)[0])
 
 
 def _exact(body: bytes, size: int) -> None:

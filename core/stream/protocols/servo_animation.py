@@ -69,7 +69,7 @@ class ServoAnimation(Adapter):
 
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
         """Return one command for each servo that changed; all of them now and then."""
-        part = np.clip((values - self.wire.low) / (self.wire.high - self.wire.low), 0.0, 1.0)
+        part = np.clip((values - self.wire.range_low) / (self.wire.range_high - self.wire.range_low), 0.0, 1.0)
         wanted = self.low + (self.high - self.low) * part
         positions = np.rint(wanted).astype(int)
         if now - self._when > REFRESH:

@@ -25,10 +25,11 @@ class Wire:
 
     Attributes:
         spec: the device. columns: of its tracks. names, units: of the channels.
-        low, high: range that counts stand for [unit]; -inf and inf where there is none.
+        range_low, range_high: that counts stand for [unit]; -inf and inf where there is none.
         slew: largest change a second, inf where there is no limit. rest: the neutral pose.
         safe: values of the safe state as they are driven, calibrated. reach: how it is reached.
-        zero, gain: of the calibration. least, most: what may be driven: the tighter ones of preset and calibration.
+        zero, gain: of the calibration.
+        lower_limit, upper_limit: what may be driven: the tighter ones of preset and calibration.
         disc: two entries that share a round range, and its radius.
     """
 
@@ -36,16 +37,16 @@ class Wire:
     columns: tuple[int, ...]
     names: tuple[str, ...]
     units: tuple[str, ...]
-    low: Array
-    high: Array
+    range_low: Array
+    range_high: Array
     slew: Array
     rest: Array
     safe: Array
     reach: Reach
     zero: Array
     gain: Array
-    least: Array
-    most: Array
+    lower_limit: Array
+    upper_limit: Array
     disc: tuple[int, int, float] | None
 
     @classmethod
@@ -73,7 +74,7 @@ class Wire:
         if len(set(twice)) != len(twice):
             raise DermisError("two channels drive one actuator", where=spec.name, value=", ".join(twice))
         channels = [spec.channels[i] for i in columns]
-        zero, gain, least, most = (
+        zero, gain, lower, upper = (
             (calibration or Calibration.of(spec)).for_spec(spec)[k][list(columns)] for k in range(4)
         )
         way, safe = safe_state(spec)
@@ -89,7 +90,7 @@ class Wire:
         values = np.array([safe.get(c.name, c.rest) for c in channels])
         if spec.worn:
             values = np.where([c.unit in POSES for c in channels], zero + gain * values, values)
-        _check_safe(spec, [c.name for c in channels], values, least, most)
+        _check_safe(spec, [c.name for c in channels], values, lower, upper)
         return cls(
             spec,
             columns,
@@ -103,8 +104,8 @@ class Wire:
             reach,
             zero,
             gain,
-            least,
-            most,
+            lower,
+            upper,
             disc,
         )
 
@@ -116,12 +117,16 @@ class Wire:
     @property
     def safe_command(self) -> Array:
         """What has to be commanded for the safe state to be driven [units], shape (channels,)."""
-        return (self.safe - self.zero) / self.gain
+        return self.commanded(self.safe)
+
+    def commanded(self, driven: Array) -> Array:
+        """Return what has to be commanded for values to be driven [units], shape (channels,)."""
+        return (driven - self.zero) / self.gain
 
     @property
     def safe_slew(self) -> Array:
         """Speed at which the safe state is ramped to [units/s], shape (channels,); inf where nothing tells one."""
-        return np.where(np.isfinite(self.slew), self.slew, (self.high - self.low) / SAFE_SWEEP)
+        return np.where(np.isfinite(self.slew), self.slew, (self.range_high - self.range_low) / SAFE_SWEEP)
 
     @property
     def safe_seconds(self) -> float:
@@ -131,7 +136,7 @@ class Wire:
         """
         if self.reach == Reach.AT_ONCE:
             return 0.0
-        far = np.maximum(self.most - self.safe, self.safe - self.least)
+        far = np.maximum(self.upper_limit - self.safe, self.safe - self.lower_limit)
         with np.errstate(invalid="ignore"):
             return float(np.where(np.isfinite(far), far / self.safe_slew, np.inf).max())
 
@@ -149,7 +154,9 @@ class Wire:
         Raises:
             DermisError: a channel has no low or no high.
         """
-        bare = [n for n, lo, hi in zip(self.names, self.low, self.high, strict=True) if not 0 < hi - lo < np.inf]
+        bare = [
+            n for n, lo, hi in zip(self.names, self.range_low, self.range_high, strict=True) if not 0 < hi - lo < np.inf
+        ]
         if bare:
             raise DermisError(
                 f"{protocol} sends counts, and a channel has no range for them to stand for",
@@ -160,12 +167,12 @@ class Wire:
 
     def counts(self, values: Array, full: int = FULL) -> NDArray[np.uint16]:
         """Return values [units] as counts from 0 to `full` over each channel's range; the caller has limited them."""
-        part = (values - self.low) / (self.high - self.low)
+        part = (values - self.range_low) / (self.range_high - self.range_low)
         return np.rint(np.minimum(np.maximum(part, 0.0), 1.0) * full).astype(np.uint16)
 
     def values(self, counts: NDArray[np.uint16], full: int = FULL) -> Array:
         """Return counts as values [units]."""
-        return self.low + (self.high - self.low) * (counts / full)
+        return self.range_low + (self.range_high - self.range_low) * (counts / full)
 
     def named(self, values: Array) -> dict[str, float]:
         """Return values by the names of their channels, for people and JSON."""
@@ -173,7 +180,7 @@ class Wire:
 
     def slew_counts(self, full: int = FULL) -> NDArray[np.uint16]:
         """Return the largest change in counts a millisecond, at least 1 and at most 65535."""
-        part = self.slew / (self.high - self.low) * full / 1000.0
+        part = self.slew / (self.range_high - self.range_low) * full / 1000.0
         return np.clip(np.floor(part), 1, 65535).astype(np.uint16)
 
 
@@ -197,16 +204,16 @@ def _check_worn(spec: DeviceSpec, reach: Reach) -> None:
         )
 
 
-def _check_safe(spec: DeviceSpec, names: list[str], safe: Array, least: Array, most: Array) -> None:
+def _check_safe(spec: DeviceSpec, names: list[str], safe: Array, lower: Array, upper: Array) -> None:
     """Refuse limits that leave the safe state outside."""
     slack = 1e-9 * np.maximum(np.abs(safe), 1e-3)  # what a rounding of units does
-    outside = np.flatnonzero((safe < least - slack) | (safe > most + slack))
+    outside = np.flatnonzero((safe < lower - slack) | (safe > upper + slack))
     if outside.size:
         k = int(outside[0])
         raise DermisError(
             "the safe state lies outside the calibrated limits",
             where=f"'{spec.key}', {names[k]}",
             value=f"{safe[k]:g}",
-            limit=f"{least[k]:g} to {most[k]:g}",
+            limit=f"{lower[k]:g} to {upper[k]:g}",
             remedy="Widen the limits, or state in a device preset of your own what is safe",
         )

@@ -18,7 +18,7 @@ from ..protocols.wire import Wire
 from . import faults as faults_module
 from .faults import Faults
 
-KINDS = {
+DEVICES = {
     "native": ("native", "NativeDevice"),
     "maestro": ("maestro", "MaestroDevice"),
     "servo-animation": ("servo_animation", "ServoAnimationDevice"),
@@ -48,9 +48,9 @@ def make(protocol: str, wire: Wire, options: dict[str, float]) -> Device:
     stuck = int(options.get("stuck", -1))
     if not -1 <= stuck < wire.count:
         raise DermisError("no such actuator", where="stuck", value=stuck, limit=f"0 to {wire.count - 1}")
-    if protocol not in KINDS:
-        raise DermisError("no such protocol", value=protocol, limit=", ".join(KINDS))
-    module, name = KINDS[protocol]
+    if protocol not in DEVICES:
+        raise DermisError("no such protocol", value=protocol, limit=", ".join(DEVICES))
+    module, name = DEVICES[protocol]
     clock = {"skew": options.get("skew", 0.0)} if protocol == "native" else {}  # the others have none
     return getattr(import_module(f".{module}", __package__), name)(wire, stuck=stuck, **clock)
 

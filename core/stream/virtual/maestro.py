@@ -43,7 +43,7 @@ class MaestroDevice:
     def report(self) -> dict[str, object]:
         """Return the pulses as values."""
         part = (self.targets[: self.wire.count] - self._low) / (self._high - self._low)
-        values = self.wire.low + (self.wire.high - self.wire.low) * np.clip(part, 0, 1)
+        values = self.wire.range_low + (self.wire.range_high - self.wire.range_low) * np.clip(part, 0, 1)
         return {
             "values": self.wire.named(values),
             "errors": self.errors,

@@ -176,7 +176,7 @@ class NativeDevice:
         if kind == Kind.HELLO:
             return [self._welcome(packet.body, now)]
         if kind == Kind.SYNC:
-            return [self._synced(packets.u32(packet.body), now)]
+            return [self._synced(packets.read_sync(packet.body), now)]
         if kind == Kind.COMMAND:
             return self._command(packet, now)
         if kind == Kind.CONFIGURE:

@@ -42,4 +42,4 @@ class ServoAnimationDevice:
         """Return the positions as values."""
         ids = [i for i in range(256) if i != 60][: self.wire.count]
         part = np.array([(self.positions.get(i, self._low) - self._low) / (self._high - self._low) for i in ids])
-        return {"values": self.wire.named(self.wire.low + (self.wire.high - self.wire.low) * part)}
+        return {"values": self.wire.named(self.wire.range_low + (self.wire.range_high - self.wire.range_low) * part)}

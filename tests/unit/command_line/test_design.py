@@ -131,7 +131,7 @@ def test_the_estimate_is_what_the_simulation_plays_back(skin):
     sensor = readings_of(skin)
     table = build(spec, skin, sensor, 3375).heard_with(NOISE)
     sensed = sense(felt(skin, "back", 1), NOISE, 1)
-    loud = sensed[table.from_rest(sensed) > table.hush][::5]
+    loud = sensed[table.from_rest(sensed) > table.noise_floor][::5]
     commands = commands_of(table, loud)
     played = np.clip(sensor.counts(press_of(skin, spec).press(commands).force), 0, FULL_SCALE)
     off = np.abs(readings_for(table, commands) - played)

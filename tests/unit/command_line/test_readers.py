@@ -8,12 +8,15 @@ import os
 import sys
 import time
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from core.__main__ import REFUSED, _parser, main
+from core.__main__ import main
+from core.command_line.findings import REFUSED
+from core.command_line.verbs import parser
 from core.errors import DermisError
 from core.files import check_writable
 from core.presets import Library
@@ -109,9 +112,17 @@ def every_parser(parser: argparse.ArgumentParser) -> list[argparse.ArgumentParse
 
 
 def test_every_option_that_is_written_to_is_judged_before_the_work() -> None:
-    for parser in every_parser(_parser()):
-        names = {a.dest for a in parser._actions if a.dest in ("out", "save_table", "report", "json_file")}
-        assert names <= set(parser.get_default("writes") or {}), f"{parser.prog}: give set_defaults(writes=...)"
+    for one in every_parser(parser("core")):
+        names = {a.dest for a in one._actions if a.dest in ("out", "save_table", "report", "json_file")}
+        assert names <= set(one.get_default("writes") or {}), f"{one.prog}: give writes=..."
+
+
+def test_every_verb_names_a_function_that_is_there() -> None:
+    named = [one.get_default("run") for one in every_parser(parser("core"))]
+    functions = [name.rpartition(".") for name in named if name]
+    assert len(functions) == 16
+    for module, _, function in functions:
+        assert callable(getattr(import_module(f"core.{module}"), function))
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,9 @@ from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, Tacti
 from core.skin.model import fingertip_skin, skin_from_parameters
 from core.skin.sensor import electrode_sensor
 from core.surrogate.store import contact_of
-from core.surrogate.table import SampleTable, write_table
+from core.surrogate.table import SampleTable
 from core.track import csv
+from tests.tables import write_table
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,7 @@ def recorded(device):
         contact.hold(state)
         found = contact.solve(placed(device, device.pose(pose)))
         state = contact.settle(found) if found.touching else FrictionState.rest(skin.pad_count)
-        out.append(sensor.read(found.spread(skin.pad_count)))
+        out.append(sensor.matrix @ found.spread(skin.pad_count).ravel())
     return times, x, np.array(out)
 
 

@@ -47,10 +47,10 @@ def touch(
     pad[0, :, 2, 3] = height
     for start in range(0, COUNT, size):
         k = slice(start, start + size)
-        channels = {} if distance is None else {"finger/0/touch_distance": distance[k]}
+        animated = {} if distance is None else {"finger/0/touch_distance": distance[k]}
         surfaces = {0: tuple(meshes[k])} if meshes else {}
         sampler.add(
-            Chunk(1 + 24 * T[k], T[k], pad[:, k], still[:, k], np.zeros((0, len(T[k]), 4, 4)), surfaces, channels)
+            Chunk(1 + 24 * T[k], T[k], pad[:, k], still[:, k], np.zeros((0, len(T[k]), 4, 4)), surfaces, animated)
         )
     return sampler.finish()
 

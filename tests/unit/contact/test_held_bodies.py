@@ -51,7 +51,7 @@ def make(mass=0.03, mode="auto", **more):
     )
 
 
-def run(scene, skins, block, fingers, cuts=(), channels=None, surfaces=None):
+def run(scene, skins, block, fingers, cuts=(), animated=None, surfaces=None):
     pads, sampler = PadSampler(scene), SkinSampler(scene, skins)
     for i, j in zip((0, *cuts), (*cuts, COUNT), strict=True):
         screens = np.zeros((0, j - i, 4, 4))
@@ -62,7 +62,7 @@ def run(scene, skins, block, fingers, cuts=(), channels=None, surfaces=None):
             block[None, i:j],
             screens,
             {} if surfaces is None else {0: surfaces[i:j]},
-            {k: v[i:j] for k, v in (channels or {}).items()},
+            {k: v[i:j] for k, v in (animated or {}).items()},
         )
         pads.add(chunk)
         sampler.add(chunk)
@@ -140,7 +140,7 @@ def test_it_is_the_switch_of_weight_and_content(skin, mode):
     block, fingers = carried(np.zeros((COUNT, 3)))
     switch = (np.arange(COUNT) >= 18).astype(float)
     scene = make(0.03, mode)
-    felt, touch = run(scene, {0: skin, 1: skin}, block, fingers, channels={"body/0/held": switch})
+    felt, touch = run(scene, {0: skin, 1: skin}, block, fingers, animated={"body/0/held": switch})
     holds = holding_times(touch, scene, 0, 0, touch.times)
     assert holds[20:].all() and (mode == "auto" or not holds[:18].any())
     balanced = [np.allclose(on_block(felt, fingers, i), -0.03 * GRAVITY, atol=1e-6) for i in range(CLOSED, COUNT)]

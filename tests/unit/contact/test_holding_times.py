@@ -23,14 +23,14 @@ def cube(half: float) -> Mesh:
     return Mesh(corners, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], dtype=np.int32))
 
 
-def grasp(places: list[Any], channels: dict[str, np.ndarray] | None = None, **parameters: Any):
+def grasp(places: list[Any], animated: dict[str, np.ndarray] | None = None, **parameters: Any):
     """Fingers at (constant or moving) places about a cube of 4 cm at the origin."""
     frames, t = sample_frames(Fraction(24), (1, 25), 240.0)
     fingers = np.tile(np.eye(4), (len(places), len(t), 1, 1))
     for f, place in enumerate(places):
         fingers[f, :, :3, 3] = place(t) if callable(place) else place
     chunk = Chunk(
-        frames, t, fingers, np.tile(np.eye(4), (1, len(t), 1, 1)), np.zeros((0, len(t), 4, 4)), {}, channels or {}
+        frames, t, fingers, np.tile(np.eye(4), (1, len(t), 1, 1)), np.zeros((0, len(t), 4, 4)), {}, animated or {}
     )
     scene = TactileScene(
         "s",

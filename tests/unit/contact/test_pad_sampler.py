@@ -49,7 +49,7 @@ def sampled(
     *,
     size: int = 97,
     surfaces: dict[int, tuple[Mesh, ...]] | None = None,
-    channels: dict[str, np.ndarray] | None = None,
+    animated: dict[str, np.ndarray] | None = None,
 ) -> PadContact:
     count = len(fingers[0])
     t = np.arange(count) / RATE
@@ -75,7 +75,7 @@ def sampled(
                 np.stack([p for _, p in bodies])[:, k],
                 np.zeros((0, len(t[k]), 4, 4)),
                 {b: m[k] for b, m in (surfaces or {}).items()},
-                {c: v[k] for c, v in (channels or {}).items()},
+                {c: v[k] for c, v in (animated or {}).items()},
             )
         )
     return sampler.finish()
@@ -90,7 +90,7 @@ def test_gap_normal_and_point_of_a_turned_and_stretched_box() -> None:
     touch = sampled([poses(place + local @ turn.T)], [(Body("b", cuboid(0.05, 0.1, 0.04)), body)])
     assert touch.gap[0, 0] == pytest.approx(local[:, 2] - 0.02, abs=1e-12)
     assert touch.normal[0, 0] == pytest.approx(np.tile(turn[:, 2], (len(t), 1)), abs=1e-9)
-    assert touch.local_point[0, 0] == pytest.approx(np.stack([local[:, 0], local[:, 1], 0 * t + 0.02], 1), abs=1e-12)
+    assert touch.pairs[0, 0].point == pytest.approx(np.stack([local[:, 0], local[:, 1], 0 * t + 0.02], 1), abs=1e-12)
 
 
 def test_mirrored_object_keeps_its_outside() -> None:
@@ -118,8 +118,8 @@ def test_chunk_length_does_not_matter() -> None:
     finger = poses(np.stack([0.3 * t - 0.1, 0 * t, 0.04 + 0.06 * np.cos(7 * t)], axis=1))
     body = (Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3))))
     one, many = (sampled([finger], [body], size=s) for s in (10_000, 7))
-    for name in ("gap", "normal", "local_point"):
-        assert np.array_equal(getattr(one, name), getattr(many, name))
+    for name in ("gap", "normal", "point"):
+        assert np.array_equal(getattr(one.pairs[0, 0], name), getattr(many.pairs[0, 0], name))
 
 
 def test_far_objects_cost_no_query_and_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -262,12 +262,12 @@ def test_values_that_are_not_numbers_are_held_and_reported() -> None:
     touch = sampled(
         [finger],
         [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3))))],
-        channels={"body/0/held": switch},
+        animated={"body/0/held": switch},
     )
     assert touch.gap[0, 0, 50:60] == pytest.approx(touch.gap[0, 0, 49])
     found = [(f.where, f.count) for f in touch.findings if f.code == "not-finite"]
     assert found == [("finger 'f0'", 10), ("body/0/held", 2)]
-    assert touch.channels["body/0/held"][[0, 7]] == pytest.approx(t[[1, 6]])
+    assert touch.animated["body/0/held"][[0, 7]] == pytest.approx(t[[1, 6]])
 
 
 def test_chunks_that_do_not_fit_are_refused() -> None:

@@ -51,7 +51,7 @@ def press_and_slide(count=40, depth=0.0015, slide=0.006):
     return np.column_stack([slide * np.maximum(2 * t - 1, 0), np.zeros(count), z])
 
 
-def felt(skin, fingers, bodies, *, parameters=None, body=None, cuts=(), surfaces=None, channels=None, first=()):
+def felt(skin, fingers, bodies, *, parameters=None, body=None, cuts=(), surfaces=None, animated=None, first=()):
     """What the skin feels of one body; `first` are others with their poses, which the scene names before it."""
     n = len(fingers)
     body = body or Body("plate", PLATE, {"friction": 0.6})
@@ -77,7 +77,7 @@ def felt(skin, fingers, bodies, *, parameters=None, body=None, cuts=(), surfaces
                 bodies[:, i:j],
                 np.zeros((0, j - i, 4, 4)),
                 {} if surfaces is None else {0: surfaces[i:j]},
-                {k: v[i:j] for k, v in (channels or {}).items()},
+                {k: v[i:j] for k, v in (animated or {}).items()},
             )
         )
     return sampler.finish()[0]
@@ -210,7 +210,7 @@ def test_a_mirrored_scene_feels_mirrored(skin):
 
 def test_friction_may_be_animated(skin):
     friction = np.where(np.arange(40) < 30, 0.0, 0.3)
-    got = felt(skin, poses(press_and_slide()), still(40), channels={"body/0/friction": friction})
+    got = felt(skin, poses(press_and_slide()), still(40), animated={"body/0/friction": friction})
     assert (got.tangential_force[:30] < 0.02 * got.normal_force[29]).all()  # frictionless: only the pad's own slope
     assert got.tangential_force[-1] == pytest.approx(0.3 * got.normal_force[-1], rel=2e-2)
 

@@ -55,7 +55,7 @@ def sample(whole, i, meshes):
         whole.bodies[:, part],
         whole.screens[:, part],
         {b: (mesh,) for b, mesh in enumerate(meshes)},
-        {key: values[part] for key, values in whole.channels.items()},
+        {key: values[part] for key, values in whole.animated.items()},
     )
 
 
@@ -161,7 +161,7 @@ def test_a_touch_that_begins_between_samples_comes_along_the_way(skin):
     """A fast press over a few samples ends like the slow one, wherever the samples are cut into chunks."""
     slow = chunk()
     slow.fingers[0, :, :3, 3] = np.linspace([0.0, 0, SIZE + 6e-3], [2e-3, 0, SIZE - 1e-3], COUNT)
-    slow = replace(slow, bodies=np.tile(np.eye(4), (1, COUNT, 1, 1)), channels={})
+    slow = replace(slow, bodies=np.tile(np.eye(4), (1, COUNT, 1, 1)), animated={})
     every = np.arange(0, COUNT, 13)
 
     def taken(which):

@@ -10,9 +10,10 @@ import pytest
 
 from core.design import task
 from core.design.collect import collect
+from core.design.coupled_preset import preset
 from core.design.interactions import interaction
 from core.design.recordings import Recording, read_table
-from core.design.report import as_text, design, preset
+from core.design.report import as_text, design
 from core.design.synergies import reduce
 from core.devices.coupling import coupling_of
 from core.devices.spec import from_preset
@@ -104,7 +105,7 @@ def test_a_scene_is_felt_by_its_fingers_own_skin(skin, tmp_path):
 
 
 def test_a_scene_that_fills_the_sensors_scale_is_refused_as_a_recording_is(spec, table):
-    values = np.tile(table.felt[5], (100, 1))
+    values = np.tile(table.exact_readings[5], (100, 1))
     values[:6, 3] = 4095
     with pytest.raises(DermisError, match=r"channel 4: .*end of its scale .*6 % of the time.*allowed: 5 %"):
         design(spec, table, {"deep": values})
@@ -115,7 +116,7 @@ def test_a_recordings_channels_are_the_recorded_tables_by_name_and_order(spec, t
     lines = [",".join(("m1", "m2", "m3", *CHANNELS)), *(",".join(f"{v:.9g}" for v in row) for row in values)]
     (tmp_path / "t.csv").write_text("\n".join(lines) + "\n")
     recorded = task.load_table(spec, tmp_path / "t.csv")
-    readings = table.felt[5:60]
+    readings = table.exact_readings[5:60]
     times = np.arange(len(readings)) / 100.0
     drain(task.answer(spec, recorded, {"a": Recording("a", times, readings, CHANNELS)}))
     swapped = (CHANNELS[1], CHANNELS[0], *CHANNELS[2:])
@@ -137,15 +138,15 @@ def test_recorded_commands_in_other_units_are_refused(table, tmp_path):
 def test_a_touch_that_all_motors_leave_is_doubted(spec, table):
     """Every channel 900 counts from what the table can make."""
     rng = np.random.default_rng(0)
-    odd = table.felt[5:60] + 900.0 * np.where(np.arange(20) % 2, 1, -1) + rng.normal(0, 2, (55, 20))
+    odd = table.exact_readings[5:60] + 900.0 * np.where(np.arange(20) % 2, 1, -1) + rng.normal(0, 2, (55, 20))
     found = design(spec, table, {"odd": np.clip(odd, 1, 4094)})
     assert [f.code for f in found.findings] == ["poorly-rendered"] and "poorly" not in as_text(found)
     assert "all motors together leave much of this touch" in as_text(found)
-    assert design(spec, table, {"own": table.felt[100:400] + rng.normal(0, 2, (300, 20))}).findings == ()
+    assert design(spec, table, {"own": table.exact_readings[100:400] + rng.normal(0, 2, (300, 20))}).findings == ()
 
 
 def test_a_touch_that_is_met_exactly_has_finite_percentages(spec, table):
-    sensed = table.felt[np.linspace(1, len(table.felt) - 1, 60).astype(int)]
+    sensed = table.exact_readings[np.linspace(1, len(table.exact_readings) - 1, 60).astype(int)]
     for reduction in reduce(table, [sensed], 0.1):
         assert reduction.error[0, -1] == 0.0
         whole_counts = np.sqrt(20 / 12)  # what reading in whole counts leaves
@@ -157,7 +158,7 @@ def test_a_touch_that_is_met_exactly_has_finite_percentages(spec, table):
 def test_no_original_motor_goes_faster_than_it_could(spec, table):
     """All new motors at their limit at once, in every combination of directions."""
     rng = np.random.default_rng(3)
-    found = design(spec, table, {"a": table.felt[1:200] + rng.normal(0, 2, (199, 20))})
+    found = design(spec, table, {"a": table.exact_readings[1:200] + rng.normal(0, 2, (199, 20))})
     for count in (1, 2, 3):
         made = from_preset("new", preset(found, "variance", count))
         slews = np.array([c.slew for c in made.channels])

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.design import coupled_preset, report
 from core.design import picture as picture
-from core.design import report
 from core.design.report import Design, design
 from core.design.synergies import components, knee, reduce, rendering_error, sensed_metric
 from core.devices.coupling import coupling_of
@@ -208,7 +208,7 @@ def test_ranges_hold_all_that_the_interactions_command(answered):
 
 
 def test_the_new_preset_drives_the_original_motors_through_its_coupling(answered):
-    made = report.preset(answered)
+    made = coupled_preset.preset(answered)
     spec = from_preset("made", json.loads(json.dumps(made)))
     assert spec.kind == "cable_platform" and len(spec.channels) == 1
     coupling = coupling_of(spec)
@@ -226,27 +226,27 @@ def test_a_coupled_preset_lets_a_finger_go_as_the_original_does_or_says_that_it_
     from core.devices.retraction import CLEAR, clearance
     from core.devices.safe_state import safe_findings
 
-    all_motors = from_preset("all", report.preset(answered, motors=3))
+    all_motors = from_preset("all", coupled_preset.preset(answered, motors=3))
     wire = Wire.of(all_motors)
     np.testing.assert_allclose(coupling_of(all_motors).original(wire.safe), Wire.of(answered.spec).safe, atol=1e-9)
     assert clearance(all_motors, wire.safe) > CLEAR and not safe_findings(all_motors)
-    held = from_preset("held", report.preset(answered, motors=1))  # these touches never let go
+    held = from_preset("held", coupled_preset.preset(answered, motors=1))  # these touches never let go
     assert [f.code for f in safe_findings(held)] == ["no-safe-pose"]
     with pytest.raises(DermisError, match="states no safe pose"):
         Wire.of(held)
 
 
 def test_a_preset_with_as_many_motors_as_the_device_changes_nothing(answered):
-    coupling = coupling_of(from_preset("all", report.preset(answered, motors=3)))
+    coupling = coupling_of(from_preset("all", coupled_preset.preset(answered, motors=3)))
     assert coupling is not None
     commands = np.random.default_rng(0).uniform(0.2, 2.0, (20, 3))
     np.testing.assert_allclose(coupling.original(coupling.reduced(commands)), commands, rtol=1e-9)
     with pytest.raises(DermisError, match="1 to 3"):
-        report.preset(answered, motors=4)
+        coupled_preset.preset(answered, motors=4)
 
 
 def test_a_coupling_that_does_not_fit_is_refused(answered):
-    made = report.preset(answered)
+    made = coupled_preset.preset(answered)
     made["parameters"]["coupling"]["value"] = [[1.0], [1.0]]
     with pytest.raises(DermisError, match="does not fit the motors"):
         coupling_of(from_preset("bad", made))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from core.devices import cable_platform, hexapod, thimble
 from core.devices.disc_pose import ROUNDING, placed
-from core.devices.firmness import posture
+from core.devices.inverse_kinematics import inverse_kinematics
 from core.devices.poses import Poses
 from core.devices.retraction import FITTED
 from core.errors import DermisError
@@ -75,11 +75,11 @@ class Thimbles:
 
     def go(self, commands: Array) -> Poses:
         """Go on from pose to pose."""
-        for i, angles in enumerate(commands + self.device.servo_zero):
+        for i, angles in enumerate(commands):
             try:
                 if not self.lost[i]:
                     self.at[i] = self.device.forward(angles, self.at[i])
-                    self.lost[i] = posture(self.device, *self.at[i].tolist())[1] <= 0.0
+                    self.lost[i] = inverse_kinematics(self.device, *self.at[i].tolist())[1] <= 0.0
             except DermisError:
                 self.lost[i] = True
         found = [placed(self.device, self.device.pose(x)) for x in self.at]

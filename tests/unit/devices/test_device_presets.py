@@ -134,6 +134,25 @@ def test_every_kind_has_its_table_its_renderer_and_known_units() -> None:
     assert {p.unit for kind in KINDS.values() for p in kind.parameters.values()} <= si
 
 
+@pytest.mark.parametrize(("field", "typo"), [("safe", "saef"), ("wire", "Wire")])
+def test_a_field_that_nobody_reads_is_refused(field: str, typo: str) -> None:
+    """Or a worn device with a mistyped 'safe' would be one that has none."""
+    preset = copy.deepcopy(PRESETS["thimble"])
+    preset[typo] = preset.pop(field, {})
+    with pytest.raises(DermisError, match=rf"unknown field \(found '{typo}'; allowed: schema, name, .*safe"):
+        check("devices", "bad", preset)
+
+
+def test_a_channels_field_that_nobody_reads_is_refused() -> None:
+    preset = copy.deepcopy(PRESETS["thimble"])
+    preset["channels"][0]["slwe"] = preset["channels"][0].pop("slew")
+    with pytest.raises(DermisError, match="channel 'servo_1': unknown field .found 'slwe'"):
+        check("devices", "bad", preset)
+    preset["channels"][0]["slew"] = preset["channels"][0].pop("slwe")
+    preset["channels"][0]["description"] = "the one at the tip"
+    check("devices", "good", {**preset, "description": "mine", "sources": ["a letter"], "display": {"colour": "red"}})
+
+
 def test_what_is_stated_of_single_channels_is_known() -> None:
     preset = changed("thimble", "bandwidth.servo_1", {"value": 20, "unit": "Hz"})
     check("devices", "own", preset)

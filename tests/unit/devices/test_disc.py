@@ -14,7 +14,6 @@ from core.devices.disc import DiscContact
 from core.devices.disc_pose import Disc, FrictionState, placed
 from core.devices.first_contact import calibrated, first_contact
 from core.devices.thimble import mechanism
-from core.errors import DermisError
 from core.presets import Library
 from tests import problems
 
@@ -49,6 +48,13 @@ def forces_along(contact, device, path, state=None):
         state = contact.settle(found)
         out.append(found.spread(contact.count))
     return np.array(out), state
+
+
+def test_it_is_asked_as_every_surface_is():
+    points = np.array([[0.0, 0.0, 1e-3], [1e-3, 0.0, -1e-3], [0.0, 0.0, -5e-3]])
+    found = Disc().query(points, search_radius=2e-3)
+    np.testing.assert_allclose(found.gap, [-1e-3, 1e-3, np.inf])
+    assert found.triangle.tolist() == [0, 0, -1]
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3, 0.9])
@@ -161,10 +167,3 @@ def test_calibration_puts_first_contact_where_it_was_felt(skin, device):
 def test_far_away_nothing_is_felt(skin, device):
     found = contact_with(skin, device, 0.6).solve(placed(device, device.pose((0.0, 0.0, 0.025))))
     assert not found.touching and found.method == "none" and not found.force.any()
-
-
-@pytest.mark.parametrize(("changes", "words"), [({"friction": -0.1}, "negative"), ({"cut": 3}, "does not fit")])
-def test_what_cannot_be_is_refused(skin, changes, words):
-    compliance = skin.compliance[changes.get("cut", 0) :]
-    with pytest.raises(DermisError, match=words):
-        DiscContact(compliance, skin.positions, Disc(), changes.get("friction", 0.6))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,7 @@ def mm(value):
     return {"value": value, "unit": "mm"}
 
 
-def preset(**changes):
+def preset(channels=None, **changes):
     parameters = {
         "rows": 4,
         "columns": 3,
@@ -29,6 +31,8 @@ def preset(**changes):
         "delay": {"value": 75, "unit": "ms"},
     }
     parameters.update(changes)
+    count = parameters["rows"] * parameters["columns"]
+    channels = channels or [{"name": f"pin_{i:03}", "unit": "N"} for i in range(max(math.ceil(count), 1))]
     return from_preset(
         "pins",
         {
@@ -36,7 +40,7 @@ def preset(**changes):
             "name": "Pins",
             "kind": "pin_array",
             "rate": {"value": 240, "unit": "Hz"},
-            "channels": [{"name": "pin_001", "unit": "N"}],
+            "channels": channels,
             "parameters": parameters,
         },
     )
@@ -46,6 +50,20 @@ def plate(z=0.0, half=0.02):
     """A square seen from below: outward normal -Z, like the pad."""
     vertices = np.array([[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]])
     return vertices, np.array([[0, 2, 1], [0, 3, 2]])
+
+
+def test_a_pin_presses_no_harder_than_its_channel_and_the_parameter_allow():
+    newtons = [None, 0.1, 0.4, 0.9]
+    channels = [
+        {"name": f"pin_{i}", "unit": "N"} | ({} if n is None else {"high": {"value": n, "unit": "N"}})
+        for i, n in enumerate(newtons)
+    ]
+    assert pin_array.layout(preset(channels, rows=4, columns=1)).force_limit.tolist() == [0.4, 0.1, 0.4, 0.4]
+    with pytest.raises(DermisError, match="differ in number"):
+        pin_array.layout(preset(channels, rows=3, columns=1))
+    channels[1]["high"]["value"] = 0
+    with pytest.raises(DermisError, match="no force"):
+        pin_array.layout(preset(channels, rows=4, columns=1))
 
 
 def test_pins_point_at_the_axis_and_stand_a_pitch_apart():

@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from core.devices import cable_platform, hexapod
 from core.devices.calibration import Calibration
-from core.devices.firmness import posture
+from core.devices.inverse_kinematics import inverse_kinematics
 from core.devices.kinds import KINDS
-from core.devices.retraction import CLEAR, DEEPENING, FITTED, SPARED, THICKEST, clearance, retracted
-from core.devices.spec import from_preset
-from core.devices.thimble import FIRM, mechanism
+from core.devices.poses import Poses
+from core.devices.retraction import CLEAR, FITTED, THICKEST, clearance
+from core.devices.spec import DeviceSpec, from_preset
+from core.devices.thimble import MIN_MARGIN, mechanism
 from core.errors import DermisError
 from core.presets import BUILT_IN, Library
 from core.stream.protocols.packets import FULL, Reach
@@ -26,6 +28,9 @@ KEYS = [e.key for e in LIBRARY.list("devices") if not e.user]
 WORN_KEYS = [key for key in KEYS if LIBRARY.device(key).worn]
 PLATFORMS = {"thimble_3rrs": 2.07e-3, "cable_platform": 6.03e-3, "hexapod": 9.99e-3}  # [m] clear of the thickest
 STARTS = {"thimble_3rrs": 394, "cable_platform": 838, "hexapod": 1499}  # poses that ways begin at, as the page says
+DEEPENING = 0.05e-3  # [m] deeper than where it started: as far as a platform may press on the way
+SPARED = float(np.radians(8.0))  # [rad] of a servo's range, left to calibration
+DROP = 15.0e-3  # [m] below the pad: how far six legs let the platform down
 PAGE = (BUILT_IN / "streaming.md").read_text("utf-8")
 
 
@@ -42,6 +47,21 @@ def without(key: str, *names: str) -> Any:
         for channel in preset["channels"]:
             channel.pop(name, None)
     return from_preset(key, preset)
+
+
+def retracted(spec: DeviceSpec) -> Any:
+    """Return the safe pose of a device that ships: a value for every channel with an actuator [SI].
+
+    A thimble's servos turn away from the finger, all alike; cables are let out; six legs stand level, DROP below the
+    pad. A tactor returns to its middle, which stretches the skin least, and pins give no force.
+    """
+    if spec.kind == "thimble":
+        return mechanism(spec).servo_limits[1] - SPARED
+    if spec.kind == "cable_platform":
+        return cable_platform.mechanism(spec).rest + SPARED
+    if spec.kind == "hexapod":
+        return hexapod.mechanism(spec).commands(Poses(np.eye(3)[None], np.array([[0.0, 0.0, -DROP]])))[0]
+    return np.zeros(sum(bool(c.actuator) for c in spec.channels))
 
 
 # -- the poses
@@ -75,8 +95,8 @@ def test_the_safe_pose_is_clear_of_every_finger(key: str) -> None:
 def test_the_thimbles_safe_pose_is_firm_and_on_its_own_side() -> None:
     spec = LIBRARY.device("thimble_3rrs")
     device = mechanism(spec)
-    x = device.forward(Wire.of(spec).safe + device.servo_zero, (0.0, 0.0, 18e-3))
-    assert device.feasible(x) and posture(device, *x.tolist())[1] > 10 * FIRM
+    x = device.forward(Wire.of(spec).safe, (0.0, 0.0, 18e-3))
+    assert device.feasible(x) and inverse_kinematics(device, *x.tolist())[1] > 10 * MIN_MARGIN
 
 
 # -- the way there
@@ -203,7 +223,11 @@ def test_the_page_says_how_long_the_way_takes_and_how_clear_it_ends() -> None:
         told = re.fullmatch(r"([\d.]+) s", cells[-1])
         assert (told is None) == (wire.reach == Reach.AT_ONCE), key
         if told is not None:
-            far = np.maximum(wire.high - wire.safe, wire.safe - wire.low) / (wire.high - wire.low) * FULL
+            far = (
+                np.maximum(wire.range_high - wire.safe, wire.safe - wire.range_low)
+                / (wire.range_high - wire.range_low)
+                * FULL
+            )
             seconds = float((far / wire.slew_counts()).max()) / 1000.0  # whole counts: never faster than declared
             assert wire.safe_seconds <= seconds <= float(told[1]) < seconds + 0.01
         if key in PLATFORMS:
@@ -214,7 +238,7 @@ def test_the_page_says_how_long_the_way_takes_and_how_clear_it_ends() -> None:
 
 def test_counts_are_rounded_and_speeds_are_not_rounded_up() -> None:
     wire = Wire.of(LIBRARY.device("cable_platform"))
-    span = wire.high - wire.low
+    span = wire.range_high - wire.range_low
     for part, count in ((0.0, 0), (0.4, 0), (0.6, 1), (1.4, 1), (1.6, 2), (FULL - 0.6, FULL - 1), (FULL - 0.4, FULL)):
-        assert wire.counts(wire.low + span * part / FULL).tolist() == [count] * 3
+        assert wire.counts(wire.range_low + span * part / FULL).tolist() == [count] * 3
     assert wire.slew_counts().tolist() == [245] * 3, "600 deg/s over 160 degrees are 245.8 counts a millisecond"

@@ -17,17 +17,29 @@ SPEC = Library().device("haptip")
 TACTOR = ShearTactor.from_spec(SPEC)
 
 
+def rim(count: int) -> np.ndarray:
+    """Return cap positions around the workspace's rim [m]."""
+    angle = 2 * math.pi * np.arange(count) / count
+    return TACTOR.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
 def disc(count: int = 400) -> np.ndarray:
     rng = np.random.default_rng(0)
     radius, angle = 0.002 * np.sqrt(rng.uniform(size=count)), rng.uniform(0, 2 * math.pi, count)
     inside = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
-    return np.concatenate([inside, TACTOR.rim(), np.zeros((1, 2))])
+    return np.concatenate([inside, rim(720), np.zeros((1, 2))])
+
+
+def jacobian(angles: np.ndarray) -> np.ndarray:
+    """Return d position / d angles [m/rad] by differences, shape (..., 2, 2)."""
+    ways = 1e-6 * np.eye(2)
+    return np.stack([(TACTOR.forward(angles + h) - TACTOR.forward(angles - h)) / 2e-6 for h in ways], axis=-1)
 
 
 def test_reference_pose_has_orthogonal_rods_and_the_axis_in_front() -> None:
     assert TACTOR.inverse(np.zeros(2)) == pytest.approx([0.0, 0.0], abs=1e-15)
-    rods = TACTOR.jacobian(np.zeros(2)).T
-    assert rods[0] @ rods[1] == pytest.approx(0.0, abs=1e-18)
+    rods = jacobian(np.zeros(2)).T
+    assert rods[0] @ rods[1] == pytest.approx(0.0, abs=1e-12)
     assert TACTOR.axis == pytest.approx([0.0, 5e-3 * math.sqrt(2)])
 
 
@@ -55,14 +67,6 @@ def test_forward_undoes_inverse() -> None:
         assert np.abs(other.inverse(disc())).max() < math.radians(24)
 
 
-def test_jacobian_is_the_derivative() -> None:
-    q, eps = TACTOR.inverse(disc()), 1e-6
-    for i in range(2):
-        step = np.eye(2)[i] * eps
-        slope = (TACTOR.forward(q + step) - TACTOR.forward(q - step)) / (2 * eps)
-        assert TACTOR.jacobian(q)[..., i] == pytest.approx(slope, abs=1e-11)
-
-
 def test_pulleys_turn_at_most_24_degrees() -> None:
     largest = np.degrees(np.abs(TACTOR.inverse(disc())).max())
     assert 23.9 < largest <= 24.0
@@ -70,38 +74,24 @@ def test_pulleys_turn_at_most_24_degrees() -> None:
 
 
 def test_top_speed_of_the_cap_fits_the_pulleys_slew() -> None:
-    inverse = np.linalg.inv(TACTOR.jacobian(TACTOR.inverse(disc())))
+    inverse = np.linalg.inv(jacobian(TACTOR.inverse(disc())))
     fastest = 0.15 * np.linalg.norm(inverse, axis=-1).max()
     assert 0.95 * SPEC.channel("pulley_2").slew < fastest < SPEC.channel("pulley_2").slew
-
-
-def test_force_map_does_no_work_of_its_own() -> None:
-    """Virtual work: torque . dq = force . dp, for every pose, force and small turn."""
-    rng = np.random.default_rng(1)
-    q = TACTOR.inverse(disc())
-    force, turn = rng.normal(size=q.shape), rng.normal(size=q.shape)
-    torques = TACTOR.torques(q, force)
-    moved = np.einsum("nij,nj->ni", TACTOR.jacobian(q), turn)
-    assert np.allclose((torques * turn).sum(1), (force * moved).sum(1), atol=1e-15)
-    assert TACTOR.force(q, torques) == pytest.approx(force)
 
 
 def weakest_by_search(q: np.ndarray, bound) -> float:
     """Least over directions of the largest force that keeps the torques allowed."""
     angle = np.linspace(0, math.pi, 2001)
     ways = np.stack([np.cos(angle), np.sin(angle)], 1)
-    return float(min((TACTOR.torque / bound(np.abs(TACTOR.torques(pose, ways)))).min() for pose in q))
+    return float(min((TACTOR.torque / bound(np.abs(ways @ jacobian(pose)))).min() for pose in q))
 
 
 def test_the_two_force_figures() -> None:
-    q = TACTOR.inverse(np.concatenate([TACTOR.rim(90), np.zeros((1, 2))]))
+    q = TACTOR.inverse(np.concatenate([rim(90), np.zeros((1, 2))]))
     per_motor = weakest_by_search(q, lambda torques: torques.max(axis=-1))
     squares = weakest_by_search(q, lambda torques: np.hypot(torques[..., 0], torques[..., 1]))
     assert per_motor == pytest.approx(3.4, abs=1e-3) == SPEC.parameters["force_reference"]
     assert squares == pytest.approx(2.65, abs=2e-3) == pytest.approx(SPEC.parameters["force_anywhere"], abs=2e-3)
-    assert TACTOR.weakest_force(q).min() == pytest.approx(per_motor, rel=1e-4)
-    assert TACTOR.weakest_force(q, "root sum of squares").min() == pytest.approx(squares, rel=1e-4)
-    assert TACTOR.weakest_force(np.zeros(2), "root sum of squares") == pytest.approx(3.4)
 
 
 def test_follower_keeps_to_the_speed_and_catches_up() -> None:
@@ -142,5 +132,3 @@ def test_impossible_presets_and_positions_are_refused() -> None:
         ShearTactor.from_spec(from_preset("haptip", source))
     with pytest.raises(DermisError, match="cannot reach"):
         TACTOR.inverse(np.array([0.0, -0.003]))
-    with pytest.raises(DermisError, match="rule"):
-        TACTOR.weakest_force(np.zeros(2), "hope")

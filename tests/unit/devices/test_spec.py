@@ -62,7 +62,7 @@ def test_everything_is_read_in_si() -> None:
     )
     degree = 3.141592653589793 / 180
     assert spec.parameters == {"link": 0.005, "mode": "fast", "on": True, "names": ["a"], "list": [degree, 2 * degree]}
-    assert spec.wire == {"bandwidth": 115200.0, "bits_per_sample": 8.0}
+    assert spec.link_budget == {"bandwidth": 115200.0, "bits_per_sample": 8.0}
 
 
 def test_hash_is_the_presets_and_not_the_order_of_its_keys() -> None:
@@ -85,6 +85,7 @@ def test_hash_is_the_presets_and_not_the_order_of_its_keys() -> None:
         ("channels", ["x"], "'channels' must be a list"),
         ("rate", 0, r"rate: must be above zero \(found 0.0; allowed: > 0\)"),
         ("rate", {"value": [1, 2], "unit": "Hz"}, "one number is wanted, not a list"),
+        ("rate", {"value": 10.1, "unit": "kHz"}, r"rate: more commands .* \(found 10100.0; allowed: <= 10000 Hz\)"),
         ("rate", "fast", "rate: not a finite number"),
         ("channels/1/name", "x", r"two channels have one name \(found 'x, x'\)"),
         ("channels/1/name", "a,b", r"a character that it may not have \(found 'a,b'; allowed: letters"),
@@ -93,6 +94,7 @@ def test_hash_is_the_presets_and_not_the_order_of_its_keys() -> None:
         ("channels/1/unit", "mm", r"channel 'y': a channel's unit must be SI \(found 'mm'; allowed: m,"),
         ("channels/0/low", {"value": 3, "unit": "mm"}, r"'x': low is above high \(found 0.003; allowed: <= 0.002"),
         ("channels/0/rest", 0.5, r"rest is outside the range \(found 0.5; allowed: -0.002 to 0.002\)"),
+        ("channels/0/slwe", 0.1, r"channel 'x': unknown field \(found 'slwe'; allowed: name, unit, .*slew"),
         ("channels/0/slew", 0, r"channel 'x', slew: must be above zero"),
         ("channels/0/slew", {"value": 1, "unit": "mm"}, r"slew: a unit .* \(found 'mm'; .* converts to m/s\)"),
         ("channels/0/high", {"value": 1, "unit": "deg"}, r"high: a unit of another kind \(found 'deg'"),

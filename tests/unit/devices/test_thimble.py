@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from core.devices import linkage, thimble
+from core.devices.inverse_kinematics import inverse_kinematics
 from core.devices.spec import from_preset
 from core.errors import DermisError
 
@@ -109,7 +110,7 @@ def test_derivatives_equal_the_complex_step(device):
 
 def test_forward_kinematics_inverts(device):
     for x in configurations():
-        found = device.forward(device.servo_angles(x)[0], [0, 0, 0.018])
+        found = device.forward(inverse_kinematics(device, *x)[0], [0, 0, 0.018])
         np.testing.assert_allclose(found, x, atol=1e-9)
 
 
@@ -139,8 +140,8 @@ def test_forward_equals_a_general_constraint_solver(device):
 
 def test_constraints_are_zero_exactly_at_the_servo_limit(device):
     for side in (1, -1):
-        x = device.forward(np.full(3, device.servo_zero + side * device.servo_range), [0, 0, 0.018])
-        room, slopes = (part[:6] for part in device.constraints(x))
+        x = device.forward(np.full(3, side * device.servo_range), [0, 0, 0.018])
+        room, slopes = (part[:6] for part in device.constraints(x, *device.servo_limits))
         assert np.abs(room[:3] if side > 0 else room[3:]).max() < 1e-12
         np.testing.assert_allclose(slopes[:3], -slopes[3:])
     assert device.feasible([0, 0, 0.018])
@@ -149,7 +150,7 @@ def test_constraints_are_zero_exactly_at_the_servo_limit(device):
 
 
 def test_neutral_servos_hold_the_platform_level_under_the_pad(device):
-    x = device.forward(np.full(3, device.servo_zero), [0.1, -0.1, 0.017])
+    x = device.forward(np.zeros(3), [0.1, -0.1, 0.017])
     np.testing.assert_allclose(x, [0, 0, 0.018], atol=1e-9)
     in_finger = device.in_finger(device.pose(x))
     np.testing.assert_allclose(in_finger[:3, 3], 0, atol=1e-9)  # at the pad's centre
@@ -158,10 +159,10 @@ def test_neutral_servos_hold_the_platform_level_under_the_pad(device):
 
 
 def test_the_other_knee_closes_too(device):
-    inwards = replace(device, knee=-1.0)
+    inwards = replace(device, bend=-1.0)
     a, b = device.servo_angles([0.1, 0.2, 0.018])[0], inwards.servo_angles([0.1, 0.2, 0.018])[0]
     assert (np.abs(a - b) > 0.5).all()
-    np.testing.assert_allclose(inwards.forward(b, [0, 0, 0.018]), [0.1, 0.2, 0.018], atol=1e-9)
+    np.testing.assert_allclose(inwards.forward(b - inwards.servo_zero, [0, 0, 0.018]), [0.1, 0.2, 0.018], atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -197,11 +198,11 @@ def test_turning_and_shifting_equal_the_central_difference(device):
 
 def test_the_workspace_is_where_every_single_pose_is_feasible(device):
     pitch, roll, distance = np.radians([-40.0, 0.0, 25.0]), np.radians([0.0, 20.0]), np.linspace(0.009, 0.03, 8)
-    inside = device.workspace(pitch, roll, distance)
-    assert inside.shape == (3, 2, 8) and inside.any() and not inside.all()
+    inside = np.array([[[device.feasible((p, r, z)) for z in distance] for r in roll] for p in pitch])
+    assert inside.any() and not inside.all()
     for (i, j, k), value in np.ndenumerate(inside):
         x = [pitch[i], roll[j], distance[k]]
-        closes = bool((device.reach(x) > 0).all())
+        closes = bool((device.leg_margins(x) > 0).all())
         turned = np.abs(device.servo_angles(x)[0] - device.servo_zero).max() if closes else np.inf
         firm = closes and np.linalg.det(device.servo_angles(x)[1]) > 0  # no pose of this grid is near the margin
         assert value == (turned <= device.servo_range and firm)

@@ -1,4 +1,4 @@
-"""The page of the public interface is the docstrings'; whoever edits one runs `build_addon.py docs`."""
+"""The page of the public interface is the docstrings': `build_addon.py docs` makes it, and that of parameters."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from .conftest import ROOT
 PAGE = ROOT / "core" / "API.md"
 
 
-def test_the_page_is_current(tmp_path: Path) -> None:
-    assert build_addon.main(["docs", "--out", str(tmp_path / "API.md")]) == 0
-    made, kept = ((folder / "API.md").read_text(encoding="utf-8") for folder in (tmp_path, PAGE.parent))
-    assert made == kept, "write it anew: python3 build_addon.py docs"
+def test_the_pages_are_current(tmp_path: Path) -> None:
+    assert build_addon.main(["docs", "--out", str(tmp_path)]) == 0
+    for name in ("API.md", "PARAMETERS.md"):
+        made, kept = ((folder / name).read_text(encoding="utf-8") for folder in (tmp_path, PAGE.parent))
+        assert made == kept, "write it anew: python3 build_addon.py docs"
 
 
 def test_every_public_name_has_its_place_and_its_link() -> None:

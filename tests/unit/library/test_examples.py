@@ -41,7 +41,8 @@ def test_sphere_and_edge(library: Installed) -> None:
 def test_pins_matched(library: Installed) -> None:
     """Pins only push, and no harder than they can; of those that do, none is nearer than the optimum by its norm."""
     told = result(library, "pins_matched.py")
-    touch = told.pop("touch")
+    touch, track = told.pop("touch"), told.pop("track")
+    assert track["seconds"] == pytest.approx(1.0) and track["off"] < 1e-9
     for method, pins in told.items():
         if method.endswith(("1", "2")):
             assert pins["least"] >= 0.0 and pins["most"] <= pins["limit"] + 1e-12, method

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import build_addon
-from core.__main__ import _parser
+from core.command_line.verbs import parser
 
 from .conftest import ROOT, Installed
 
@@ -60,7 +60,7 @@ def understood(words: list[str]) -> None:
         words = [w for w in words[2:] if not w.startswith("[") and w not in ("...]", "FILE]")]
         build_addon.parser().parse_known_args(words)
     elif words[1:3] in (["-m", "core"], ["-m", "dermis"]) and "--help" not in words:
-        _parser().parse_args([w.replace("PORT", "loop://").replace("FILE.csv", "a.csv") for w in words[3:]])
+        parser("core").parse_args([w.replace("PORT", "loop://").replace("FILE.csv", "a.csv") for w in words[3:]])
 
 
 def test_the_hosts_workflow_runs_what_there_is() -> None:

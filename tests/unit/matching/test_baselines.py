@@ -7,10 +7,9 @@ import pytest
 
 from core.devices.disc_pose import FrictionState, placed
 from core.matching.baselines import ContactPatch, contact_patch, fit_plane, total_force
-from core.matching.thimble import match_sequence
-from core.steps import drain
 from core.surrogate.store import contact_of
 from tests import touches
+from tests.thimbles import match_sequence
 
 START = np.array([0.0, 0.0, 0.0175])
 
@@ -56,19 +55,19 @@ def test_force_only_reproduces_a_reachable_force_and_nothing_else(skin, device):
     contact = contact_of(device, skin, 0.6)
     contact.hold(FrictionState.rest(skin.pad_count))
     made = contact.solve(placed(device, device.pose((0.08, 0.06, 0.0171)))).spread(skin.pad_count)
-    found = drain(match_sequence(device, skin, np.array([made]), "force"))
+    found = match_sequence(device, skin, np.array([made]), "force")
     np.testing.assert_allclose(found.force[0].sum(axis=0), made.sum(axis=0), atol=1e-3 * np.abs(made.sum(axis=0)).max())
-    readout = total_force(skin.pad_count)
-    np.testing.assert_allclose(readout @ made.ravel(), made.sum(axis=0), rtol=1e-12)
+    observation_matrix = total_force(skin.pad_count)
+    np.testing.assert_allclose(observation_matrix @ made.ravel(), made.sum(axis=0), rtol=1e-12)
 
 
 def test_geometry_knows_no_friction_and_force_no_place(skin, device):
     """The two things that S0 finds missing in them: sliding leaves the plane still; front and back feel alike."""
     slide = touches.slide(40).forces(skin)
-    plane = drain(match_sequence(device, skin, slide, "geometry"))
+    plane = match_sequence(device, skin, slide, "geometry")
     pressed = (slide[:, :, 2].sum(axis=1) > 0.5) & (np.arange(40) > 14)
     assert np.degrees(np.ptp(plane.x[pressed, 1])) < 0.5
     back, front = (touches.rod_at(y, 12, 0.8).forces(skin) for y in (-4.0, 4.0))
     at = 6
-    plane = [drain(match_sequence(device, skin, f[at : at + 1], "geometry")).x[0, 0] for f in (back, front)]
+    plane = [match_sequence(device, skin, f[at : at + 1], "geometry").x[0, 0] for f in (back, front)]
     assert abs(plane[0] - plane[1]) > np.radians(5)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from core.devices.disc_pose import FrictionState
+from core.devices.inverse_kinematics import inverse_kinematics
 from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.matching.descent import descend
@@ -33,18 +34,20 @@ def test_plain_angles_are_the_angles():
     rng = np.random.default_rng(1)
     for _ in range(200):
         x = np.array([*rng.uniform(-0.5, 0.5, 2), 0.018 + rng.uniform(-3e-3, 3e-3)])
-        if not (DEVICE.reach(x) > 0).all():
+        if not (DEVICE.leg_margins(x) > 0).all():
             continue
-        np.testing.assert_allclose(DEVICE.turns(*x), DEVICE.servo_turns(DEVICE.pose(x))[0], atol=1e-12)
+        np.testing.assert_allclose(
+            inverse_kinematics(DEVICE, *x)[0], DEVICE.angles_from_neutral(DEVICE.pose(x))[0], atol=1e-12
+        )
     with pytest.raises(DermisError, match="cannot reach"):
-        DEVICE.turns(0.0, 0.0, 0.05)
+        inverse_kinematics(DEVICE, 0.0, 0.0, 0.05)
 
 
 def test_inside_is_what_the_constraints_say():
     limits = ServoLimits.of(DEVICE)
     low, high = limits.low.tolist(), limits.high.tolist()
     for at in ((0.0, 0.0, 0.0), (0.5, 0.3, 0.0), (-0.2, 0.55, 0.0)):
-        poses = [(*at[:2], z) for z in np.linspace(0.008, 0.03, 60) if (DEVICE.reach((*at[:2], z)) > 0).all()]
+        poses = [(*at[:2], z) for z in np.linspace(0.008, 0.03, 60) if (DEVICE.leg_margins((*at[:2], z)) > 0).all()]
         told = [DEVICE.within(*x, low, high) for x in poses]
         assert told == [bool(limits.constraints(DEVICE, np.array(x))[0].min() >= 0.0) for x in poses]
         assert any(told) and not all(told)
@@ -54,8 +57,8 @@ def test_inside_is_what_the_constraints_say():
 def test_a_reachable_target_is_found_exactly(goal):
     found = descend(curved, curved(np.array(goal))[0], np.array([0.0, 0.0, 0.018]), DEVICE)
     np.testing.assert_allclose(found.x, goal, atol=1e-6)
-    assert found.why in ("exact", "step") and not found.active and found.cost <= found.start_cost
-    np.testing.assert_allclose(found.room, DEVICE.constraints(found.x)[0], atol=1e-12)
+    assert found.why == "exact" and found.kkt <= 1e-7 and not found.active and found.cost <= found.start_cost
+    np.testing.assert_allclose(found.room, DEVICE.constraints(found.x, *DEVICE.servo_limits)[0], atol=1e-12)
 
 
 def test_where_a_limit_is_met_the_active_set_decides():
@@ -76,16 +79,6 @@ def test_noise_is_fitted_as_well_as_by_the_general_method():
         one, other = (f(curved, target, np.array([0.0, 0.0, 0.018]), DEVICE) for f in (descend, minimise))
         assert one.kkt <= 3e-3 or one.why in ("gain", "step")
         assert one.cost <= other.cost * (1 + 1e-3)
-
-
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_targets_that_are_not_numbers_are_refused(bad):
-    target = np.zeros(8)
-    target[3] = bad
-    with pytest.raises(DermisError, match="not finite"):
-        descend(curved, target, np.array([0.0, 0.0, 0.018]), DEVICE)
-    with pytest.raises(DermisError, match="does not fit"):
-        descend(curved, np.zeros(7), np.array([0.0, 0.0, 0.018]), DEVICE)
 
 
 def random_ridge(rng, p, c):

@@ -13,9 +13,8 @@ from core.contact.pad_sampler import PadSampler
 from core.errors import DermisError
 from core.matching.friction_screen import render, screen_maps
 from core.matching.screen_map import ScreenMap
-from core.matching.shear_tactor import device_times
 from core.presets import Library
-from core.scene.tactile_scene import Chunk, DeviceUse, Finger, Screen, TactileScene
+from core.scene.tactile_scene import Chunk, DeviceUse, Finger, Screen, TactileScene, device_times
 
 RATE = 240.0
 SIZE = (0.2, 0.1)
@@ -58,7 +57,7 @@ def scene_of(
     finger_world=None,
     screens=1,
     use_screen="Pad",
-    channels=None,
+    animated=None,
 ):
     """A finger whose pad follows `path` (n, 3) in the screen's own frame, sampled at 240 Hz."""
     path = np.asarray(path, float)
@@ -80,7 +79,7 @@ def scene_of(
         fingers=fingers[None],
         bodies=np.zeros((0, n, 4, 4)),
         screens=poses,
-        channels=channels or {},
+        animated=animated or {},
     )
     last = 1 + max(1, math.ceil((n - 1) * 24 / RATE))
     return TactileScene("test", Fraction(24), (1, last), RATE, (Finger("Index", (use,)),), (), all_screens, [chunk])
@@ -292,13 +291,13 @@ def test_a_sequence_that_ends_before_the_range_says_so():
 
 def test_animated_settings_override_the_constant_ones():
     t = np.arange(len(ACROSS)) / RATE
-    channels = {
+    animated = {
         "device/0/0/carrier": 60 + 140 * t,
         "device/0/0/scale": 100 * t,
         "screen/0/touch_distance": 0.001 - 0.002 * t,
     }
     result = rendered(
-        scene_of(ACROSS, device={"scale_mode": "manual", "scale": 7.0, "carrier": 80.0}, channels=channels)
+        scene_of(ACROSS, device={"scale_mode": "manual", "scale": 7.0, "carrier": 80.0}, animated=animated)
     )
     times = result.track.times
     np.testing.assert_allclose(result.track.column("carrier"), 60 + 140 * times)
@@ -311,7 +310,7 @@ def test_animated_settings_override_the_constant_ones():
 def test_a_keyed_scale_may_begin_at_zero_and_the_largest_is_written_down():
     t = np.arange(len(ACROSS)) / RATE
     result = rendered(
-        scene_of(ACROSS, device={"scale_mode": "manual", "scale": 0.0}, channels={"device/0/0/scale": 100 * t})
+        scene_of(ACROSS, device={"scale_mode": "manual", "scale": 0.0}, animated={"device/0/0/scale": 100 * t})
     )
     up = (result.signals["x"] < -0.001) & (result.track.times > 0.002)
     exact = 100 * result.track.times * result.signals["grad_x"]

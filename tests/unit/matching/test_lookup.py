@@ -14,9 +14,9 @@ from core.matching.nearest import NearestPoints
 from core.matching.table import SkinTable
 
 
-def table(commands, readings, hush=0.0):
+def table(commands, readings, noise_floor=0.0):
     commands, readings = np.asarray(commands, float), np.asarray(readings)
-    return SkinTable(commands, readings, 0, np.ones(commands.shape[1]), hush)
+    return SkinTable(commands, readings, 0, np.ones(commands.shape[1]), noise_floor)
 
 
 def line(count=9):
@@ -90,7 +90,7 @@ def test_a_sequence_carries_its_last_command():
 
 
 def test_what_cannot_be_told_from_rest_is_rest():
-    rows = replace(line(20), hush=15.0)
+    rows = replace(line(20), noise_floor=15.0)
     assert commands_of(rows, np.array([[14, 0]]))[0, 0] == 0.0
     assert commands_of(rows, np.array([[20, 0]]))[0, 0] == 2.0  # row 1, at 10, is not among the neighbours
 
@@ -99,7 +99,7 @@ def test_too_few_rows_are_refused():
     with pytest.raises(DermisError, match=r"too few rows .*found 7; allowed: >= 8"):
         line(7)
     with pytest.raises(DermisError, match="told from rest"):
-        commands_of(replace(line(9), hush=25.0), np.array([[30, 0]]))
+        commands_of(replace(line(9), noise_floor=25.0), np.array([[30, 0]]))
 
 
 def test_queries_that_do_not_fit_are_refused():

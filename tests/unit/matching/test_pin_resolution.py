@@ -14,9 +14,9 @@ from core.matching import pin_resolution, pins
 from core.matching.deformation import RANK_TOLERANCE
 from core.matching.pin_report import compare
 from core.presets import Library
-from core.scene.sliding import sliding_plane
 from core.scene.tactile_scene import DeviceUse
 from core.skin.model import fingertip_skin
+from tests.sliding import sliding_plane
 
 SPREAD = 0.8e-3
 UP = np.array([0.0, 0.0, 1.0])
@@ -54,8 +54,8 @@ def grid(step, half):
 
 def test_a_fine_mesh_has_the_gains_of_real_skin_and_sees_every_pattern():
     points = grid(1.5e-3, 3e-3)
-    layout, met, spread = flat(points, grid(0.3e-3, 8e-3))
-    gains = np.linalg.svd(spread, compute_uv=False)
+    layout, met, distribution = flat(points, grid(0.3e-3, 8e-3))
+    gains = np.linalg.svd(distribution, compute_uv=False)
     exact = pin_resolution.weakest_gain(points, layout.directions, SPREAD)
     assert gains[-1] / gains[0] == pytest.approx(exact, rel=2e-2)  # the mesh's Gaussians end at three deviations
     assert gains[-1] / gains[0] > pin_resolution.tolerance_of(layout, met)
@@ -64,8 +64,8 @@ def test_a_fine_mesh_has_the_gains_of_real_skin_and_sees_every_pattern():
 def test_a_pattern_that_the_nodes_cannot_tell_is_not_seen():
     """Twelve pins over nine nodes: at least three patterns press on nothing."""
     points = grid(1.5e-3, 3e-3)[:12]
-    layout, met, spread = flat(points, grid(3e-3, 3e-3))
-    gains = np.linalg.svd(spread, compute_uv=False)
+    layout, met, distribution = flat(points, grid(3e-3, 3e-3))
+    gains = np.linalg.svd(distribution, compute_uv=False)
     assert (gains > pin_resolution.tolerance_of(layout, met) * gains[0]).sum() <= 9
 
 
@@ -94,8 +94,8 @@ def test_inverse_methods_press_on_a_coarse_skin_as_on_the_standard_one():
 
 def test_the_standard_skin_sees_every_pattern_of_the_papers_array():
     matcher = pins.setup(fingertip_skin(level="standard"), SPEC).matcher
-    assert matcher.seen == len(matcher.active) == 128
-    expected = np.linalg.pinv(pins.setup(fingertip_skin(level="standard"), SPEC).spread)
+    assert matcher.controllable_patterns == len(matcher.active) == 128
+    expected = np.linalg.pinv(pins.setup(fingertip_skin(level="standard"), SPEC).distribution)
     assert np.abs(matcher.force_inverse - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
@@ -110,5 +110,7 @@ def test_an_inverse_on_a_mesh_coarser_than_the_pins_is_told(level, method, told)
     assert len(found) == told
     if told:
         assert found[0].severity == "warning" and method in found[0].what
-        nodes = np.abs(pins.setup(fingertip_skin(level=level), SPEC).spread).reshape(-1, 3, 128).max(axis=(1, 2)) > 0
+        nodes = (
+            np.abs(pins.setup(fingertip_skin(level=level), SPEC).distribution).reshape(-1, 3, 128).max(axis=(1, 2)) > 0
+        )
         assert found[0].value == f"{nodes.sum()} nodes under 126 pins"

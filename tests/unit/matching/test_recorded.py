@@ -16,8 +16,9 @@ from core.skin.model import fingertip_skin
 from core.surrogate.learned import LearnedModel
 from core.surrogate.ridge import fit_ridge
 from core.surrogate.store import contact_of
-from core.surrogate.table import SampleTable, read_table, write_table
+from core.surrogate.table import SampleTable, read_table
 from core.track import csv
+from tests.tables import write_table
 
 DEVICE = mechanism(Library().device("thimble_3rrs"))
 GAINS = np.random.default_rng(3).normal(size=(5, 3)) * [10.0, 10.0, 4e3]

@@ -44,5 +44,5 @@ def test_a_tracks_angles_give_its_poses(spec, matched):
 
 @pytest.mark.parametrize("x", [np.zeros((4, 2)), np.full((4, 3), np.nan)])
 def test_poses_that_are_none_are_refused(skin, spec, x):
-    with pytest.raises(DermisError, match="poses are"):
+    with pytest.raises(DermisError, match="configurations are"):
         Replay(mechanism(spec), skin, 0.6, x)

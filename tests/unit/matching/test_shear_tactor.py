@@ -17,10 +17,10 @@ from core.devices.shear_tactor import ShearTactor
 from core.errors import DermisError
 from core.matching.effect_sum import EffectSum
 from core.matching.rendered import Rendered
-from core.matching.shear_tactor import device_times, projected, render
+from core.matching.shear_tactor import projected, render
 from core.motion import matrices
 from core.presets import Library
-from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
+from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, device_times, sample_frames
 
 SPEC = Library().device("haptip")
 TACTOR = ShearTactor.from_spec(SPEC)
@@ -55,12 +55,12 @@ def baked(
     bodies: list[tuple[Body, np.ndarray]],
     use: Mapping[str, Any] | None = None,
     finger: Mapping[str, Any] | None = None,
-    channels: Mapping[str, np.ndarray] | None = None,
+    animated: Mapping[str, np.ndarray] | None = None,
     which: int = 0,
     spec: Any = SPEC,
 ) -> Rendered:
     device = DeviceUse("haptip", use or {})
-    touch, scene = swept(fingers, bodies, device, finger, channels)
+    touch, scene = swept(fingers, bodies, device, finger, animated)
     return render(touch, scene, which, device, spec)
 
 
@@ -69,11 +69,11 @@ def swept(
     bodies: list[tuple[Body, np.ndarray]],
     device: DeviceUse,
     finger: Mapping[str, Any] | None = None,
-    channels: Mapping[str, np.ndarray] | None = None,
+    animated: Mapping[str, np.ndarray] | None = None,
 ) -> tuple[PadContact, TactileScene]:
     """Sample a scene in which every finger wears the same device."""
     chunk = Chunk(
-        FRAMES, T, np.stack(fingers), np.stack([p for _, p in bodies]), np.zeros((0, len(T), 4, 4)), {}, channels or {}
+        FRAMES, T, np.stack(fingers), np.stack([p for _, p in bodies]), np.zeros((0, len(T), 4, 4)), {}, animated or {}
     )
     scene = TactileScene(
         "s",
@@ -196,12 +196,12 @@ def test_texture_switch_stops_the_texture_while_it_is_off_and_not_before_or_afte
     material = QUIET | {"texture_on": True, "friction": 0.7, "texture_amplitude_x": 0.3, "texture_amplitude_y": 0.2}
     sliding = [poses(path(x=0.04 * T - 0.01, y=0.01 * T, z=0.04))]
 
-    def shown(**channels: np.ndarray) -> EffectSum:
-        body = material if not channels or switch.startswith("device") else material | {"texture_on": header}
-        use = DeviceUse("haptip", {"use_texture": header} if channels and switch.startswith("device") else {})
-        touch, scene = swept(sliding, [(Body("b", TABLE, body), poses(path()))], use, channels=channels)
-        effects = EffectSum(touch, scene, 0, use, TACTOR, C)
-        effects.body(0)
+    def shown(**animated: np.ndarray) -> EffectSum:
+        body = material if not animated or switch.startswith("device") else material | {"texture_on": header}
+        use = DeviceUse("haptip", {"use_texture": header} if animated and switch.startswith("device") else {})
+        touch, scene = swept(sliding, [(Body("b", TABLE, body), poses(path()))], use, animated=animated)
+        effects = EffectSum(touch, scene, 0, use, TACTOR.tap_axis, C)
+        effects.add_body(0)
         return effects
 
     plain = shown().sum
@@ -238,7 +238,7 @@ def grip(
     shift: np.ndarray,
     use: Mapping[str, Any] | None = None,
     which: int = 0,
-    channels: Any = None,
+    animated: Any = None,
     more: Any = (),
     content: tuple[str, ...] = (),
     **material: Any,
@@ -246,7 +246,7 @@ def grip(
     """Thumb and index hold a cube of 4 cm, and everything moves along `shift`."""
     cube = (Body("cube", cuboid(0.02, 0.02, 0.02), QUIET | material, content), poses(shift))
     fingers = [poses(shift + [-0.02, 0, 0], THUMB), poses(shift + [0.02, 0, 0], INDEX)]
-    return baked(fingers, [cube, *more], use, channels=channels, which=which)
+    return baked(fingers, [cube, *more], use, animated=animated, which=which)
 
 
 def test_weight_in_the_pad_of_both_fingers() -> None:
@@ -348,7 +348,7 @@ def test_pattern_plays_on_its_own_in_the_pad_s_plane() -> None:
             "pattern_frequency": 2.0,
             "pattern_amplitude": 0.75,
         },
-        channels={"finger/0/pattern_play": (t >= 0.25).astype(float)},
+        animated={"finger/0/pattern_play": (t >= 0.25).astype(float)},
     )
     s = C - 0.25
     want = np.where((s >= 0) & (s <= 0.5), 1.5e-3 * np.sin(2 * np.pi * 2 * s), 0.0)
@@ -372,7 +372,7 @@ def test_pattern_switch_that_is_animated_silences_it_only_while_off() -> None:
                 [(Body("b", TABLE, QUIET), poses(path()))],
                 {"use_pattern": header},
                 finger=play,
-                channels={"device/0/0/use_pattern": use},
+                animated={"device/0/0/use_pattern": use},
             )
             expected = np.where(on, wave, 0.0)
             # where the switch cuts in or out the tactor needs some samples to follow

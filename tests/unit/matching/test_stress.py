@@ -13,20 +13,21 @@ from core.devices.disc_pose import FrictionState, placed
 from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.matching.stress import StressMatcher
-from core.matching.thimble import describe, match_sequence, match_stimuli, matcher, render
+from core.matching.thimble import describe, match_stimuli, matcher, render
 from core.presets import Library
 from core.scene.tactile_scene import DeviceUse, Finger, TactileScene
 from core.skin.fingertip import Level, fingertip_mesh
 from core.skin.model import fingertip_skin, mesh_skin
-from core.skin.stress import locate, probes_at
-from core.steps import drain
+from core.skin.stress import locate
 from core.surrogate.store import contact_of
 from tests import touches
+from tests.thimbles import match_sequence
+from tests.tissue import probes_at
 
 
 @pytest.fixture(scope="module")
-def readout(skin, device):
-    return describe(device, skin, 0.6).readout
+def observation_matrix(skin, device):
+    return describe(device, skin, 0.6).observation_matrix
 
 
 def device_path(count=24):
@@ -45,10 +46,10 @@ def made_by_device(skin, device, path, friction=0.6):
     return np.array(forces)
 
 
-def test_what_the_device_made_is_recovered_exactly(skin, device, readout):
+def test_what_the_device_made_is_recovered_exactly(skin, device, observation_matrix):
     path = device_path()
     forces = made_by_device(skin, device, path)
-    found = drain(match_sequence(device, skin, forces, readout=readout))
+    found = match_sequence(device, skin, forces, observation_matrix=observation_matrix)
     pressed = forces[:, :, 2].sum(axis=1) > 0.1
     assert pressed.sum() > 15
     np.testing.assert_allclose(np.degrees(found.x[pressed, :2]), np.degrees(path[pressed, :2]), atol=0.3)
@@ -56,7 +57,7 @@ def test_what_the_device_made_is_recovered_exactly(skin, device, readout):
     assert np.median(found.mismatch[pressed]) < 0.01
 
 
-def probe_readout(skin, points):
+def probe_observation(skin, points):
     """Stress at given points for forces on the pad nodes, shape (6 k, 3 m)."""
     probes = probes_at(skin.mesh, points)
     columns = []
@@ -73,7 +74,7 @@ def test_a_reachable_target_of_another_mesh_is_recovered(device):
     assert len(fine.mesh.tetrahedra) > 1.7 * len(skin.mesh.tetrahedra)
     points = fine.probes.points[np.isclose(fine.probes.depth, 2.0e-3)]
     points = points[locate(skin.mesh, points)[0] >= 0][::2]
-    coarse = probe_readout(skin, points)
+    coarse = probe_observation(skin, points)
     probes = probes_at(fine.mesh, points)
     path = device_path(16)
     forces = made_by_device(fine, device, path)
@@ -88,11 +89,11 @@ def test_a_reachable_target_of_another_mesh_is_recovered(device):
 @pytest.mark.parametrize(
     "touch", [touches.ball_roll(40), touches.edge_press(40), touches.slide(40)], ids=lambda t: t.name
 )
-def test_no_pose_of_a_grid_is_clearly_better(skin, device, readout, touch):
+def test_no_pose_of_a_grid_is_clearly_better(skin, device, observation_matrix, touch):
     """The search is local; a grid over the whole workspace, from the same friction state, is not."""
-    follower = StressMatcher(device, contact_of(device, skin, 0.6), readout)
+    follower = StressMatcher(device, contact_of(device, skin, 0.6), observation_matrix)
     forces = touch.forces(skin)
-    targets = forces.reshape(len(forces), -1) @ readout.T
+    targets = forces.reshape(len(forces), -1) @ observation_matrix.T
     checked = 0
     for i, target in enumerate(targets):
         state = follower.state
@@ -123,62 +124,62 @@ def test_sliding_makes_the_platform_roll_only_with_friction(skin, device):
     rolls = {}
     for friction in (0.6, 0.0):
         forces = touches.slide(50, friction=friction).forces(skin)
-        own = describe(device, skin, friction).readout
-        found = drain(match_sequence(device, skin, forces, friction=friction, readout=own))
-        sliding = found.wanted & (np.arange(50) > 15) & (np.arange(50) < 42)
+        own = describe(device, skin, friction).observation_matrix
+        found = match_sequence(device, skin, forces, friction=friction, observation_matrix=own)
+        sliding = found.touched & (np.arange(50) > 15) & (np.arange(50) < 42)
         rolls[friction] = np.degrees(np.ptp(found.x[sliding, 1]))
     assert rolls[0.0] < 0.2
     assert rolls[0.6] > 5 * max(rolls[0.0], 0.1)
 
 
-def test_without_touch_the_disc_hovers_and_friction_forgets(skin, device, readout):
-    follower = StressMatcher(device, contact_of(device, skin, 0.6), readout)
-    first = follower.step(np.zeros(len(readout)))
+def test_without_touch_the_disc_hovers_and_friction_forgets(skin, device, observation_matrix):
+    follower = StressMatcher(device, contact_of(device, skin, 0.6), observation_matrix)
+    first = follower.step(np.zeros(len(observation_matrix)))
     assert first.minimum is None and not first.touching and first.mismatch == 0.0
     np.testing.assert_allclose(first.x[:2], 0.0)
     forces = made_by_device(skin, device, [[0.1, 0.0, 0.0172]])
-    assert follower.step(forces.reshape(1, -1)[0] @ readout.T).touching
-    after = follower.step(np.zeros(len(readout)))
-    assert not after.touching and not follower.state.held.any()
+    assert follower.step(forces.reshape(1, -1)[0] @ observation_matrix.T).touching
+    after = follower.step(np.zeros(len(observation_matrix)))
+    assert not after.touching and not follower.state.anchored.any()
     gap = follower.contact.gap(placed(device, device.pose(after.x))).min()
     assert gap == pytest.approx(follower.hover * np.cos(after.x[0]) * np.cos(after.x[1]), rel=1e-3)
 
 
-def test_servo_speed_is_a_limit_of_the_search(skin, device, readout):
+def test_servo_speed_is_a_limit_of_the_search(skin, device, observation_matrix):
     forces = touches.ball_roll(30).forces(skin)
     change = np.radians(1.0)
-    found = drain(match_sequence(device, skin, forces, readout=readout, change=change))
-    start = matcher(device, skin, readout=readout).angles
+    found = match_sequence(device, skin, forces, observation_matrix=observation_matrix, change=change)
+    start = matcher(device, skin, observation_matrix=observation_matrix).angles
     assert np.abs(np.diff(np.concatenate([start[None], found.angles]), axis=0)).max() <= change * (1 + 1e-9)
     assert found.held_back.any()
     assert np.abs(found.angles).max() <= device.servo_range * (1 + 1e-12)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_targets_that_are_not_numbers_are_refused(skin, device, readout, bad):
-    follower = StressMatcher(device, contact_of(device, skin, 0.6), readout)
-    target = np.zeros(len(readout))
+def test_targets_that_are_not_numbers_are_refused(skin, device, observation_matrix, bad):
+    follower = StressMatcher(device, contact_of(device, skin, 0.6), observation_matrix)
+    target = np.zeros(len(observation_matrix))
     target[2] = bad
     with pytest.raises(DermisError, match="not finite"):
         follower.step(target)
     with pytest.raises(DermisError, match="do not fit the skin or are not finite"):
-        drain(match_sequence(device, skin, np.full((2, 3 * skin.pad_count), bad), readout=readout))
+        match_sequence(device, skin, np.full((2, 3 * skin.pad_count), bad), observation_matrix=observation_matrix)
     with pytest.raises(DermisError, match="do not fit"):
-        drain(match_sequence(device, skin, np.zeros((2, 7)), readout=readout))
+        match_sequence(device, skin, np.zeros((2, 7)), observation_matrix=observation_matrix)
 
 
-def test_servo_limits_that_exclude_first_contact_are_refused(skin, device, readout):
+def test_servo_limits_that_exclude_first_contact_are_refused(skin, device, observation_matrix):
     far = device.mount.copy()
     far[:3, 3] += [0.0, 0.0, 0.012]  # the base 12 mm higher: the platform ends short of the pad
     with pytest.raises(DermisError, match="first contact"):
-        StressMatcher(replace(device, mount=far), contact_of(device, skin, 0.6), readout)
+        StressMatcher(replace(device, mount=far), contact_of(device, skin, 0.6), observation_matrix)
 
 
-def test_methods_are_named(skin, device, readout):
+def test_methods_are_named(skin, device, observation_matrix):
     with pytest.raises(DermisError, match="unknown method.*stress, network, ridge, force, geometry"):
-        matcher(device, skin, "magic", readout=readout)
+        matcher(device, skin, "magic", observation_matrix=observation_matrix)
     with pytest.raises(DermisError, match="needs a surrogate"):
-        matcher(device, skin, "network", readout=readout)
+        matcher(device, skin, "network", observation_matrix=observation_matrix)
 
 
 def test_rendering_fills_the_track_at_the_devices_rate(skin):

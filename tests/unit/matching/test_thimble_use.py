@@ -16,15 +16,15 @@ from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.files import write_npz
 from core.matching.replay import configurations
-from core.matching.thimble import match_sequence, match_touch, render
+from core.matching.thimble import match_touch, render
 from core.matching.thimble_use import prepare
 from core.scene.tactile_scene import DeviceUse, Finger, TactileScene
 from core.skin.model import fingertip_skin
-from core.steps import drain
 from core.surrogate import onnx
 from core.surrogate.network import Network
 from core.surrogate.store import adapt, contact_of, save
 from tests import touches
+from tests.thimbles import match_sequence
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +109,7 @@ def test_tables_that_do_not_fit_together_are_a_finding(tmp_path, skin, spec, mad
     save(tmp_path / "mine", made)
     rewritten(tmp_path / "mine.npz", **{name: change})
     used = prepare(spec, skin, {"thimble_method": method, "thimble_surrogate": str(tmp_path / "mine.npz")})
-    assert used.method == "stress" and used.learned is None and used.readout is None
+    assert used.method == "stress" and used.learned is None and used.observation_matrix is None
     (finding,) = used.findings
     assert finding.code == "surrogate" and words in str(finding)
 
@@ -129,7 +129,7 @@ def test_a_network_of_other_size_or_without_numbers_is_a_finding(tmp_path, skin,
     assert used.method == "stress" and words in str(used.findings[0])
     forces = touches.flat_press(12).forces(skin)
     found = match_touch(used, forces)
-    assert np.median(found.mismatch[found.wanted]) < 0.3 and found.pressing.any() and not found.rescued.any()
+    assert np.median(found.mismatch[found.touched]) < 0.3 and found.pressing.any() and not found.rescued.any()
     # the polynomial beside it is what it was, as long as the network is none of another size
     assert prepare(spec, skin, {**use, "thimble_method": "ridge"}).method == ("stress" if more else "ridge")
 
@@ -173,7 +173,7 @@ def test_a_touch_too_steep_for_the_mechanism_ends_before_it_gives_way(skin, spec
     told = np.stack([out.track.column(n) for n in ("pitch", "roll", "distance")], axis=1)
     np.testing.assert_allclose(configurations(out.track, device), told, atol=1e-9)
     steepest = np.degrees(np.hypot(told[:, 0], told[:, 1])).max()
-    assert 20.0 < steepest < 36.0 and all(device.constraints(x)[0].min() >= -1e-9 for x in told)
+    assert 20.0 < steepest < 36.0 and all(device.constraints(x, *device.servo_limits)[0].min() >= -1e-9 for x in told)
     (finding,) = [f for f in out.findings if f.code == "singular-pose"]
     assert 5 <= finding.count <= int(out.signals["contact"].sum()) and "gives way" in finding.what
     # where nothing is steep nothing is said
@@ -231,7 +231,7 @@ def test_of_another_skin_friction_or_device(tmp_path, skin, spec, made):
         prepare(spec, fingertip_skin(level="draft"), {**use, "thimble_surrogate": "/none"}),
         touches.flat_press(12).forces(skin),
     )
-    assert np.median(found.mismatch[found.wanted]) < 0.3
+    assert np.median(found.mismatch[found.touched]) < 0.3
 
 
 def felt_of(skin, forces, rate=30.0):
@@ -260,7 +260,7 @@ def test_without_contact_the_device_waits_level_and_that_is_counted(skin, spec):
     felt = felt_of(skin, np.zeros((31, skin.pad_count, 3)))
     out = render(None, scene, 0, DeviceUse("thimble_3rrs"), spec, felt)  # type: ignore[arg-type]
     assert out.findings == () and not out.signals["contact"].any() and not out.signals["mismatch"].any()
-    assert np.ptp(out.track.values, axis=0).max() == 0.0 and out.skipped["thimble frames without touch"] == 101
+    assert np.ptp(out.track.values, axis=0).max() == 0.0 and out.skipped["thimble_frames_without_contact"] == 101
     assert not out.signals["normal_force"].any()
 
 
@@ -276,8 +276,8 @@ def test_a_speed_limit_does_not_keep_the_device_in_a_poor_place(skin, spec):
     device, forces = mechanism(spec), touches.edge_press(120).forces(skin)
     off = {}
     for change in (None, np.radians(6.0)):
-        found = drain(match_sequence(device, skin, forces, change=change))
-        off[change] = np.median(found.mismatch[found.wanted])
+        found = match_sequence(device, skin, forces, change=change)
+        off[change] = np.median(found.mismatch[found.touched])
         if change is not None:
             assert np.abs(np.diff(found.angles, axis=0)).max() <= change * (1 + 1e-9)
     assert off[np.radians(6.0)] < 1.25 * off[None] < 0.9

@@ -10,6 +10,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
+from core.command_line.verbs import parser
 from core.devices.kinds import KINDS
 from core.effects.weight import SIGNS
 from core.errors import DermisError
@@ -20,10 +21,14 @@ from core.parameters.finger import FINGER
 from core.parameters.material import BODY, MATERIAL
 from core.parameters.parameter import Parameter
 from core.parameters.skin import LENGTHS, SKIN, SKIN_CONTACT, TISSUE
+from core.parameters.stream import STREAM
 from core.presets import check
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 from core.skin.fingertip import LEVELS
 from core.skin.shape import FingertipShape
+from core.stream.protocols.adapter import NAMES as PROTOCOLS
+from core.stream.request import StreamRequest
+from core.stream.virtual.device import DEVICES
 from core.units import UNITS
 from tests import parameters_page as page
 
@@ -35,7 +40,7 @@ SI = {unit for unit, _ in UNITS.values()}
 def test_every_row_is_whole(title: str, row: Parameter) -> None:
     assert row.text and row.source
     if row.numeric:
-        assert row.unit in SI and UNITS[row.shown][0] == row.unit
+        assert row.unit in SI and UNITS[row.window_unit][0] == row.unit
     for value in (row.default, row.absent):
         if value is not None:
             row.check(value, title)
@@ -57,7 +62,36 @@ def test_choices_are_those_that_the_engine_has() -> None:
     assert set(DEVICE["pin_nodes"].keys) == set(get_args(Weighting))
     assert set(DEVICE["weight_sign"].keys) == set(SIGNS)
     assert set(SKIN_CONTACT["skin_level"].keys) == set(LEVELS)
+    assert set(STREAM["protocol"].keys) == set(PROTOCOLS) == set(DEVICES)
     assert tuple(LENGTHS) == tuple(field.name for field in fields(FingertipShape))
+
+
+def test_a_stream_begins_as_its_rows_say_and_keeps_to_their_ranges() -> None:
+    assert {name: getattr(StreamRequest(), name) for name in STREAM} == {n: row.absent for n, row in STREAM.items()}
+    StreamRequest(**{name: row.default for name, row in STREAM.items()}).check()
+    for name, row in STREAM.items():
+        beyond = [row.low - 1, row.high + 1, math.nan, True] if row.numeric else ["waltz"]
+        for value in beyond:
+            with pytest.raises(DermisError, match=name.replace("_", "[_ ]")) as error:
+                StreamRequest(**{name: value}).check()
+            assert error.value.limit
+
+
+@pytest.mark.parametrize("name", ["rate", "look_ahead", "ramp"])
+def test_the_command_line_takes_a_number_of_a_stream_from_its_row(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    row, words = STREAM[name], ["stream", "play", "a.csv", "--url", "virtual:"]
+    option = f"--{name.replace('_', '-')}"
+    assert getattr(parser("core").parse_args(words), name) == row.default
+    for value in (row.low, row.high):
+        assert getattr(parser("core").parse_args([*words, f"{option}={value}"]), name) == value
+    with pytest.raises(SystemExit):
+        parser("core").parse_args([*words, f"{option}={row.high + 1}"])
+    assert f"{option}: {row.high + 1} is not allowed: {row.allowed}" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        parser("core").parse_args(["stream", "play", "--help"])
+    assert row.text[1:] in " ".join(capsys.readouterr().out.split())
 
 
 def test_every_setting_of_a_device_is_read_by_some_kind() -> None:
@@ -76,6 +110,7 @@ REFUSED: list[tuple[Parameter, Any, str]] = [
     (FINGER["pattern"], "waltz", r"F, pattern: unknown pattern \(found 'waltz'; allowed: none, orientation, "),
     (FINGER["pattern_play"], "on", r"another kind of value \(found 'on'; allowed: true or false\)"),
     (FINGER["pattern_play"], 2, "another kind of value"),
+    (TISSUE["young"], 1e10, r"'young' is too large \(found '1e\+07 kPa'; allowed: <= 1e\+06 kPa\)"),
     (TISSUE["young"], 0.0, r"'young' is too small \(found '0 kPa'; allowed: >= 0.001 kPa\)"),
     (DEVICE["table_rows"], 100.5, r"'table_rows' must be a whole number \(found 100.5; allowed: 8 to 2e\+06\)"),
     (DEVICE["carrier"], True, "another kind of value"),
@@ -130,4 +165,4 @@ def test_skin_presets_may_hold_what_a_skin_has() -> None:
 
 
 def test_the_page_is_current() -> None:
-    assert page.PAGE.read_text(encoding="utf-8") == page.page(), "run python -m tests.parameters_page"
+    assert page.PAGE.read_text(encoding="utf-8") == page.page(), "run python3 build_addon.py docs"

@@ -54,15 +54,15 @@ import numpy as np
 from ..contact.holding_times import meet
 from ..devices.buzzer import Buzzer
 from ..parameters.device import DEVICE
+from ..scene.tactile_scene import device_times
 from ..track.command_track import CommandTrack
 from .rendered import Rendered
-from .shear_tactor import device_times
 
 
-def render(touch, scene, finger, use, spec):
+def render(pad_contact, scene, finger, use, spec):
     times = device_times(scene, spec.rate)
     gain = DEVICE["buzz_gain"].of(use.parameters, spec.key)
-    met = [meet(touch, scene, finger, b, times) for b in range(len(scene.bodies))]
+    met = [meet(pad_contact, scene, finger, b, times) for b in range(len(scene.bodies))]
     touching = np.any([m.touching for m in met if m is not None], axis=0) * np.ones(len(times))
     values = Buzzer.of(spec).strength * gain * touching
     return Rendered(CommandTrack(spec, times, values[:, None]), {"contact": touching})
@@ -140,7 +140,7 @@ def test_a_new_kind_bakes_when_it_is_added_where_the_readme_says(house: Path, tm
 
     section = (ROOT / "core/README.md").read_text(encoding="utf-8").split("## A new device")[1]
     places = re.findall(r"^\| `(\S+)` \|", section.split("\n## ")[0], re.MULTILINE)
-    assert changed == {place.replace("NAME", "buzzer") for place in places}
+    assert changed == {re.sub("KIND|RENDERER|PRESET", "buzzer", place) for place in places}
 
     out = tmp_path_factory.mktemp("out")
     command = [sys.executable, "-B", "-c", SCRIPT, str(house), str(out)]

@@ -237,3 +237,16 @@ def test_a_folder_that_is_a_file(tmp_path: Path) -> None:
     (tmp_path / "f").write_text("")
     with pytest.raises(DermisError, match="the file cannot be written"):
         plot.write_png(TRACK, tmp_path / "f" / "p.png")
+
+
+def test_like_channels_have_like_scales_and_others_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What moves half as far is drawn half as high; a channel of the same unit that means another thing is not."""
+    names, sizes = ("tactor_x", "tactor_y", "distance", "servo_1"), np.array([2e-3, 1e-3, 20e-3, 2e-3])
+    channels = tuple(Channel(n, "rad" if n.startswith("servo") else "m") for n in names)
+    wave = np.sin(np.linspace(0.0, 6.0, 101))[:, None]
+    limits: list[tuple[float, float]] = []
+    monkeypatch.setattr(plot, "Axes", lambda canvas, box, x, y: limits.append(y) or Axes(canvas, box, x, y))
+    track = CommandTrack(replace(SPEC, channels=channels), TRACK.times, wave * sizes)
+    plot.write_svg(track, tmp_path / "p.svg")
+    assert limits[0] == limits[1] and limits[0][1] == pytest.approx(2e-3 * 1.14, rel=0.01)
+    assert limits[2][1] == pytest.approx(10 * limits[0][1]) and limits[3] == pytest.approx(limits[0])

@@ -40,7 +40,7 @@ def cut(chunk, *places):
             chunk.bodies[:, i:j],
             chunk.screens[:, i:j],
             {b: meshes[i:j] for b, meshes in chunk.surfaces.items()},
-            {k: v[i:j] for k, v in chunk.channels.items()},
+            {k: v[i:j] for k, v in chunk.animated.items()},
         )
 
 
@@ -64,11 +64,11 @@ def test_the_last_bit_of_every_series_matters(name):
     assert digest([replace(chunk, **{name: array})]) != digest([chunk])
 
 
-def test_surfaces_channels_and_header_matter():
+def test_surfaces_animated_parameters_and_header_matter():
     chunk = samples()
     moved = Mesh(chunk.surfaces[1][-1].vertices + 1e-12, TRIANGLES)
     other = replace(chunk, surfaces={1: (*chunk.surfaces[1][:-1], moved)})
-    renamed = replace(chunk, channels={"body/1/friction": chunk.channels["body/0/friction"]})
+    renamed = replace(chunk, animated={"body/1/friction": chunk.animated["body/0/friction"]})
     digests = {digest([c]) for c in (chunk, other, renamed)}
     digests |= {digest([chunk], scene_of(gravity=(0.0, 0.0, -1.62))), digest([chunk], scene_of(fps=Fraction(25)))}
     assert len(digests) == 5

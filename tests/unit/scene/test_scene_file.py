@@ -91,7 +91,7 @@ def test_everything_comes_back(tmp_path: Path) -> None:
 def test_same_scene_same_bytes(tmp_path: Path) -> None:
     save(scene(), tmp_path / "a.npz")
     save(load(tmp_path / "a.npz"), tmp_path / "b.npz")
-    turned = tuple(replace(c, channels=dict(reversed(c.channels.items()))) for c in scene().chunks)
+    turned = tuple(replace(c, animated=dict(reversed(c.animated.items()))) for c in scene().chunks)
     save(scene(turned), tmp_path / "c.npz")
     first, second, third = ((tmp_path / f"{n}.npz").read_bytes() for n in "abc")
     assert first == third

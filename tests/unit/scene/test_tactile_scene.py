@@ -26,7 +26,7 @@ from core.scene.tactile_scene import (
 
 TRIANGLE = Mesh(np.eye(3), np.array([[0, 1, 2]], dtype=np.int32))
 CHUNK = Chunk(
-    *(np.zeros(s) for s in ((2,), (2,), (1, 2, 4, 4), (1, 2, 4, 4), (0, 2, 4, 4))), channels={"a": np.ones(2)}
+    *(np.zeros(s) for s in ((2,), (2,), (1, 2, 4, 4), (1, 2, 4, 4), (0, 2, 4, 4))), animated={"a": np.ones(2)}
 )
 
 
@@ -131,7 +131,7 @@ CHANGES: list[dict[str, Any]] = [
     {"screens": (Screen("P", (1.0, 1.0), np.ones((1, 1), np.float32)),)},
     {"chunks": ()},
     {"chunks": (replace(CHUNK, times=np.array([0.0, 1e-300])),)},
-    {"chunks": (replace(CHUNK, channels={"b": np.ones(2)}),)},
+    {"chunks": (replace(CHUNK, animated={"b": np.ones(2)}),)},
     {"chunks": (replace(CHUNK, surfaces={0: (TRIANGLE,)}),)},
 ]
 
@@ -141,7 +141,7 @@ def test_the_hash_changes_with_everything_and_with_nothing_else() -> None:
     assert len(set(digests)) == len(digests)
     copy = Chunk(
         *(np.asfortranarray(getattr(CHUNK, n)) for n in ("frames", "times", "fingers", "bodies", "screens")),
-        channels=dict(CHUNK.channels),
+        animated=dict(CHUNK.animated),
     )
     assert digest(scene(chunks=(copy,))) == digest(scene())
 

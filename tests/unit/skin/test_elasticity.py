@@ -14,8 +14,9 @@ from core.skin.fingertip import fingertip_mesh
 from core.skin.material import Elastic, lame
 from core.skin.mesh import TetraMesh
 from core.skin.model import fingertip_skin
-from core.skin.stress import StressOperator, stress_norm
+from core.skin.stress import StressOperator
 from tests.problems import Bulge, Swirl, cube_mesh, flat_press, linear_field, uniform_stress
+from tests.tissue import stress_norm
 
 Array = NDArray[np.float64]
 GRADIENT = np.array([[0.010, 0.004, -0.007], [0.002, -0.013, 0.005], [0.006, 0.001, 0.008]])

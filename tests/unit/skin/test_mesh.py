@@ -12,9 +12,10 @@ from core.presets import Library
 from core.skin.fingertip import LEVELS, Level, fingertip_mesh
 from core.skin.mesh import TetraMesh, boundary_faces, tetra_volumes
 from core.skin.model import skin_from_parameters
-from core.skin.quality import check_mesh, dihedral_angles, quality
-from core.skin.shape import FingertipShape, fingertip_surface
+from core.skin.quality import check_mesh
+from core.skin.shape import FingertipShape
 from tests.problems import cube_mesh
+from tests.tissue import dihedral_angles
 
 SIZES = {"draft": 1560, "standard": 6400, "fine": 26460, "reference": 88000}
 
@@ -29,7 +30,7 @@ def test_levels_have_their_size_and_positive_elements(level: str) -> None:
     mesh = fingertip_mesh(level=level)
     assert len(mesh.tetrahedra) == SIZES[level] == LEVELS[level].tetrahedra
     assert tetra_volumes(mesh.nodes, mesh.tetrahedra).min() > 0
-    assert np.degrees(quality(mesh).min_dihedral) > 2.5
+    assert np.degrees(dihedral_angles(mesh.nodes, mesh.tetrahedra).min()) > 2.5
     assert LEVELS["reference"].tetrahedra == SIZES["reference"]
 
 
@@ -90,17 +91,6 @@ def test_deterministic(mesh: TetraMesh) -> None:
     assert fingertip_mesh(FingertipShape(width=16.1e-3)).hash != mesh.hash
 
 
-def test_surface_for_drawing_is_closed_and_outward() -> None:
-    surface = fingertip_surface(FingertipShape())
-    triangles = surface.triangles
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    assert sorted(map(tuple, edges)) == sorted(map(tuple, edges[:, ::-1]))
-    a, b, c = (surface.vertices[triangles[:, i]] for i in range(3))
-    volume = np.einsum("ij,ij->", np.cross(a, b), c) / 6
-    box = np.prod(np.ptp(surface.vertices, axis=0))
-    assert 0.5 * box < volume < np.pi / 4 * box
-
-
 def test_every_preset_makes_a_mesh() -> None:
     library = Library()
     entries = library.list("skins")
@@ -138,6 +128,12 @@ def test_dihedral_angles_of_known_tetrahedra() -> None:
 def test_shapes_that_do_not_fit_are_refused(change: dict[str, float], what: str) -> None:
     with pytest.raises(DermisError, match=what):
         FingertipShape(**change)
+
+
+@pytest.mark.parametrize("thickness", [20e-3, 50e-3])
+def test_a_shape_whose_tissue_folds_is_refused_in_the_words_of_its_lengths(thickness: float) -> None:
+    with pytest.raises(DermisError, match=f"tissue .* folds.*thickness {1e3 * thickness:.2f}.*bone's lengths"):
+        fingertip_mesh(FingertipShape(thickness=thickness), "draft")
 
 
 def test_levels_that_cannot_be_symmetric_are_refused() -> None:

@@ -7,11 +7,11 @@ import pytest
 
 from core.cache import Cache
 from core.errors import DermisError
-from core.skin.file import save_mesh
 from core.skin.fingertip import fingertip_mesh
 from core.skin.model import fingertip_skin, skin_from_parameters
 from core.skin.own_mesh import digest
 from core.skin.shape import FingertipShape
+from tests.tissue import save_mesh
 
 PLACE = "finger 'Index', skin"
 

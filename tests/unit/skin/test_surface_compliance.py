@@ -24,11 +24,12 @@ from core.skin.nodal_forces import NodalForces
 from core.skin.pad_chart import PadChart, Patches
 from core.skin.remainder import STEPS, Remainder
 from core.skin.shape import FingertipShape
-from core.skin.stress import StressOperator, probes_at
+from core.skin.stress import StressOperator
 from core.skin.surface_compliance import SurfaceCompliance
 from core.skin.surface_store import find_remainder, make_remainder, remainder_key, shipped_name, surface_compliance
 from core.steps import drain
 from core.work.jobs import JOBS, Job
+from tests.tissue import probes_at
 
 Array = NDArray[np.float64]
 SHIPPED = Path(BUILT_IN) / "skins"

@@ -112,7 +112,9 @@ class FirmwareLab:
         for channel, start, width in self.board.pulses:
             time = start - self.play_from
             if since <= time <= until:
-                part = (source.value(time)[channel] - wire.low[channel]) / (wire.high[channel] - wire.low[channel])
+                part = (source.value(time)[channel] - wire.range_low[channel]) / (
+                    wire.range_high[channel] - wire.range_low[channel]
+                )
                 out.append(width - (1000.0 + 1000.0 * part))
         return np.array(out)
 

@@ -13,10 +13,10 @@ from core.devices.spec import Channel, DeviceSpec
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
 from core.stream.output_limiter import OutputLimiter
-from core.stream.panel_source import PanelSource
 from core.stream.protocols import osc
 from core.stream.protocols.adapter import Touch
 from core.stream.protocols.wire import Wire
+from core.stream.touch_panel_source import PanelSource
 from core.stream.virtual.osc import OscDevice
 from core.track import csv
 from core.track.command_track import CommandTrack
@@ -30,7 +30,7 @@ def test_the_virtual_osc_receiver_honours_time_tags() -> None:
     wire = Wire.of(Library().device("haptip"))
     device = OscDevice(wire)
     message = osc.message_head("/dermis/haptip/pulley_1") + struct.pack(">f", 0.25)
-    device.feed(osc.bundle(osc.ntp(time.time() + 0.5), [message]), 100.0)
+    device.feed(osc.bundle(round((time.time() + 0.5 + osc.NTP) * 2**32), [message]), 100.0)
     device.tick(100.4)
     assert device.latest[0] == 0.0 and len(device.waiting) == 1
     device.feed(osc.bundle(osc.IMMEDIATELY, [message[:-4] + struct.pack(">f", -0.125)]), 100.45)
@@ -77,14 +77,14 @@ def test_a_sleep_gives_no_credit_to_blend_or_speed() -> None:
     wire = Wire.of(Library().device("haptip"))
     limiter = OutputLimiter(wire)
     limiter.begin(np.zeros(2), 0.0, 1.0)
-    limiter.step(wire.most, 0.001)
-    assert np.allclose(limiter.step(wire.most, 0.901), wire.most * smooth(0.003), rtol=1e-9)
+    limiter.step(wire.upper_limit, 0.001)
+    assert np.allclose(limiter.step(wire.upper_limit, 0.901), wire.upper_limit * smooth(0.003), rtol=1e-9)
     for k in range(997):
-        out = limiter.step(wire.most, 0.902 + 0.001 * k)
-    assert np.allclose(out, wire.most), "the rest of the blend takes the rest of its time"
+        out = limiter.step(wire.upper_limit, 0.902 + 0.001 * k)
+    assert np.allclose(out, wire.upper_limit), "the rest of the blend takes the rest of its time"
     limiter.begin(np.zeros(2), 10.0, 0.0)
     limiter.step(np.zeros(2), 10.001)
-    path = [limiter.step(wire.most, t) for t in (10.9, 10.901, 10.902)]
+    path = [limiter.step(wire.upper_limit, t) for t in (10.9, 10.901, 10.902)]
     assert np.allclose(path, np.outer((2, 3, 4), wire.slew) * 0.001), "two periods, then one each"
 
 
@@ -140,16 +140,16 @@ def uphill(panel: PanelSource, end: float) -> None:
 def test_a_touch_that_is_not_repeated_grows_old(screen: ScreenMap) -> None:
     panel = PanelSource(Wire.of(Library().device("electrovibration")), screen)
     uphill(panel, 10.0)
-    assert panel.wanted(10.199, 10.199)[0] > 100
-    assert panel.wanted(10.201, 10.201)[0] == 0.0 and panel.aged == 1
-    assert panel.wanted(70.0, 70.0)[0] == 0.0 and panel.aged == 1, "counted once"
+    assert panel.values_at(10.199, 10.199)[0] > 100
+    assert panel.values_at(10.201, 10.201)[0] == 0.0 and panel.aged == 1
+    assert panel.values_at(70.0, 70.0)[0] == 0.0 and panel.aged == 1, "counted once"
     uphill(panel, 80.0)
     last = Touch(True, 0.001, 0.0)
     panel.touched(last, 80.01)
     panel.touched(last, 140.0)
-    assert panel.wanted(140.0, 140.0)[0] == 0.0 and panel.aged == 2
+    assert panel.values_at(140.0, 140.0)[0] == 0.0 and panel.aged == 2
     panel.touched(Touch(True, 0.002, 0.0, at=200.0), 200.3)
-    assert panel.wanted(200.3, 200.3)[0] == 0.0, "heard long before the sender looked"
+    assert panel.values_at(200.3, 200.3)[0] == 0.0, "heard long before the sender looked"
 
 
 def test_a_lost_word_of_the_end_leaves_no_voltage(screen: ScreenMap) -> None:

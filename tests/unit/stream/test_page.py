@@ -105,5 +105,5 @@ def test_times_ports_faults_and_options_are_the_codes_own() -> None:
     for fault in faults.NAMES:
         assert f"`{fault}" in PAGE, fault
     for name in adapter.NAMES:
-        for option in adapter.kind(name).OPTIONS:
+        for option in adapter.adapter_of(name).OPTIONS:
             assert f"`{option}`" in PAGE, option

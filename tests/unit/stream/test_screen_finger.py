@@ -13,9 +13,9 @@ from core.effects.heading import REST_RADIUS, STILL_SPEED, Heading
 from core.effects.slide import directions
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
-from core.stream.panel_source import PanelSource
 from core.stream.protocols.adapter import Touch
 from core.stream.protocols.wire import Wire
+from core.stream.touch_panel_source import PanelSource
 from tests.unit.stream import stream_lab
 from tests.unit.stream.stream_lab import Lab
 
@@ -38,7 +38,7 @@ def felt(panel: PanelSource, times: np.ndarray, x: np.ndarray, y: np.ndarray) ->
     volts = []
     for t, at_x, at_y in zip(times.tolist(), x.tolist(), y.tolist(), strict=True):
         panel.touched(Touch(True, at_x, at_y, t), t)
-        volts.append(float(panel.wanted(t, t)[0]))
+        volts.append(float(panel.values_at(t, t)[0]))
     return np.array(volts)
 
 
@@ -103,10 +103,10 @@ def test_start_reversal_and_lifting_are_followed(speed: float, rate: float) -> N
         span = (times >= begin + limit) & (times <= begin + legs)
         assert volts[span] == pytest.approx(wanted, abs=1e-3 * FULL)
     panel.touched(Touch(False, 0.0, 0.0, times[-1] + 0.01), times[-1] + 0.01)
-    assert panel.wanted(0.0, times[-1] + 0.01)[0] == 0.0
+    assert panel.values_at(0.0, times[-1] + 0.01)[0] == 0.0
     begin = times[-1] + 0.02
     panel.touched(Touch(True, 0.0, 0.0, begin), begin)
-    assert panel.wanted(0.0, begin)[0] == 0.0, "a new touch has no direction yet"
+    assert panel.values_at(0.0, begin)[0] == 0.0, "a new touch has no direction yet"
 
 
 def test_slow_motion_counts_and_drift_does_not() -> None:
@@ -234,6 +234,6 @@ def test_arming_begins_at_0_v_with_a_finger_that_is_already_there() -> None:
     times, x = stroke(100.0, (0.3, SPEED))
     assert felt(panel, times + 10.0, x, 0 * x)[-1] > 100
     panel.begin(10.35)
-    assert panel.wanted(10.35, 10.35)[0] == 0.0
+    assert panel.values_at(10.35, 10.35)[0] == 0.0
     panel.touched(Touch(True, 0.0, 0.0, 10.36), 10.36)
-    assert panel.wanted(10.36, 10.36)[0] == 0.0, "and no direction from before"
+    assert panel.values_at(10.36, 10.36)[0] == 0.0, "and no direction from before"

@@ -12,9 +12,9 @@ from core.devices.calibration import Calibration
 from core.devices.spec import Channel, DeviceSpec
 from core.presets import Library
 from core.stream.output_limiter import OutputLimiter
-from core.stream.protocols.clock import TrackClock
 from core.stream.protocols.wire import Wire
 from core.stream.shared_state import Heartbeat
+from core.stream.track_clock import TrackClock
 from core.track import csv
 from core.track.command_track import CommandTrack
 from tests.unit.stream.stream_lab import TICK, Lab
@@ -249,6 +249,16 @@ def test_safe_way_of_a_board_without_one_keeps_the_speed_limit() -> None:
     lab.run(0.03, lambda: path.append(float(lab.at[0])))
     assert path[-1] == pytest.approx(0.0, abs=1e-3)
     assert np.abs(np.diff(path)).max() <= math.radians(2300) * TICK + 1e-3
+
+
+def test_a_pose_that_the_device_knows_is_reported_as_commanded_and_left_as_driven() -> None:
+    made = Calibration.of(Library().device("haptip")).with_entry("pulley_1", zero=0.1, gain=-2.0)
+    lab = Lab(mode="jog", jog={"pulley_1": 0.05}, calibration=made.dumps())
+    lab.begin(0.01)
+    drive = lab.streamer.drive
+    assert drive is not None and np.allclose(drive.connection.adapter.pose, lab.at, atol=1e-3), "where a blend begins"
+    driven = lab.streamer.status()["reported"]["pulley_1"] * -2.0 + 0.1
+    assert driven == pytest.approx(drive.connection.adapter.pose[0], abs=1e-12)
 
 
 def test_jog_moves_one_actuator_through_the_calibration() -> None:

@@ -126,8 +126,8 @@ def test_round_trips_tell_the_way_from_a_queue() -> None:
 
 def test_counts_are_the_nearest_ones() -> None:
     wire = Wire.of(Library().device("haptip"))
-    values = np.random.default_rng(4).uniform(wire.low, wire.high, (2000, 2))
-    step = (wire.high - wire.low) / 65535
+    values = np.random.default_rng(4).uniform(wire.range_low, wire.range_high, (2000, 2))
+    step = (wire.range_high - wire.range_low) / 65535
     off = np.array([wire.values(wire.counts(v)) - v for v in values])
     assert (np.abs(off) <= 0.5001 * step).all() and (np.abs(off.mean(axis=0)) < 0.05 * step).all()
 
@@ -172,13 +172,13 @@ def test_what_nobody_asks_for_is_the_safe_state_not_rest() -> None:
             play.value(-0.01),
             play.value(0.2),
             follow_values(wire, ()),
-            JogSource(wire, {}).wanted(0.0, 0.0),
+            JogSource(wire, {}).values_at(0.0, 0.0),
         ):
             np.testing.assert_allclose(limiter.driven(wanted), wire.safe, atol=1e-12)
         assert play.value(0.05).tolist() == [0.0] * 3, "and the track as it is"
     screen = Library().device("electrovibration")
     wire = Wire.of(screen, Calibration.of(screen).with_entry("amplitude", zero=20.0, gain=2.0))
-    assert OutputLimiter(wire).driven(JogSource(wire, {}).wanted(0.0, 0.0))[0] == 0.0, "0 V stays 0 V"
+    assert OutputLimiter(wire).driven(JogSource(wire, {}).values_at(0.0, 0.0))[0] == 0.0, "0 V stays 0 V"
 
 
 def test_safe_states_of_the_presets() -> None:

@@ -12,6 +12,7 @@ import pytest
 from core.contact.surfaces import surface_of
 from core.errors import DermisError
 from core.scene.tactile_scene import Mesh
+from core.surface import shapes
 from core.surface.gap import Surface
 from core.surface.nearest import CentroidTree
 
@@ -126,7 +127,7 @@ def test_reach_cuts_outside_but_never_inside():
     vertices, triangles = sphere()
     surface = Surface.build(vertices, triangles)
     points = np.array([[0.0, 0, 0.0105], [0, 0, 0.02], [0.0001, 0, 0], [0, 0, 0.0095], [0.0099, 0.0099, 0.0]])
-    q = surface.query(points, reach=0.001)
+    q = surface.query(points, search_radius=0.001)
     assert np.isinf(q.gap[[1, 4]]).all() and (q.triangle[[1, 4]] == -1).all()
     assert (q.normal[[1, 4]] == 0).all() and np.isnan(q.point[[1, 4]]).all()
     np.testing.assert_allclose(q.gap[[0, 3]], [0.0005, -0.0005], atol=1e-5)
@@ -250,6 +251,18 @@ def test_coincident_points_are_finite():
     np.testing.assert_allclose(q.normal[8], [1, 0, 0])
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_point_on_the_surface_is_never_lost(seed):
+    """Bounds of the triangle that it lies on are rounding: they must not rule that triangle out."""
+    rng = np.random.default_rng(seed)
+    vertices, triangles = shapes.sphere(5e-3, 2000) if seed % 2 else shapes.block(0.06, 0.06, 0.01)
+    vertices = vertices @ np.linalg.qr(rng.normal(size=(3, 3)))[0].T + 0.02 * rng.normal(size=3)
+    corners = vertices[triangles[rng.integers(0, len(triangles), 400)]]
+    points = np.einsum("nc,ncj->nj", rng.dirichlet(np.ones(3), 400), corners)
+    found = Surface.build(vertices, triangles).query(points, 2.5e-3)
+    assert (found.triangle >= 0).all() and np.abs(found.gap).max() < 1e-15
+
+
 def test_rotating_the_world_changes_nothing():
     rng = np.random.default_rng(9)
     vertices, triangles = sphere(16, 20)
@@ -286,9 +299,9 @@ def test_surface_of_is_kept_by_identity_and_let_go():
     assert gone() is None
 
 
-@pytest.mark.parametrize("reach", [0.002, np.inf])
+@pytest.mark.parametrize("search_radius", [0.002, np.inf])
 @pytest.mark.parametrize("kind", ["sphere", "bowl", "sheet", "soup"])
-def test_cells_answer_as_a_fresh_search_does(kind, reach):
+def test_cells_answer_as_a_fresh_search_does(kind, search_radius):
     """From the second query on a surface remembers; what it remembers must change nothing, bit for bit."""
     rng = np.random.default_rng(12)
     vertices, triangles = sphere(20, 24)
@@ -301,13 +314,16 @@ def test_cells_answer_as_a_fresh_search_does(kind, reach):
         vertices = (rng.uniform(-0.01, 0.01, (200, 1, 3)) + rng.normal(size=(200, 3, 3)) * 0.002).reshape(-1, 3)
         triangles = np.arange(600).reshape(-1, 3)
     surface = Surface.build(vertices, triangles)
-    surface.query(vertices[:1], reach)
+    surface.query(vertices[:1], search_radius)
     place = np.zeros(3)
     for _ in range(12):
         place = place + rng.normal(size=3) * 0.001
         direction = rng.normal(size=(80, 3))
         points = place + direction / np.linalg.norm(direction, axis=1)[:, None] * rng.uniform(0.006, 0.013, 80)[:, None]
-        kept, fresh = surface.query(points, reach), Surface.build(vertices, triangles).query(points, reach)
+        kept, fresh = (
+            surface.query(points, search_radius),
+            Surface.build(vertices, triangles).query(points, search_radius),
+        )
         np.testing.assert_array_equal(kept.gap, fresh.gap)
         np.testing.assert_array_equal(kept.triangle, fresh.triangle)
         np.testing.assert_array_equal(kept.normal, fresh.normal)
@@ -326,3 +342,11 @@ def test_cells_answer_as_a_fresh_search_does(kind, reach):
 def test_broken_meshes_are_refused(vertices, triangles):
     with pytest.raises(DermisError):
         Surface.build(vertices, triangles)
+
+
+def test_a_wrong_vertex_is_named_and_a_number_with_a_fraction_is_none() -> None:
+    corners = np.eye(3)
+    with pytest.raises(DermisError, match=r"does not exist \(found -1; allowed: 0 to 2\)"):
+        Surface.build(corners, np.array([[0, 1, -1]]))
+    with pytest.raises(DermisError, match=r"whole numbers of vertices \(found 'float64'"):
+        Surface.build(corners, np.array([[0.0, 1.0, 2.0]]))

@@ -27,7 +27,7 @@ def test_an_animated_value_is_held(wrong: float, cuts: tuple[int, ...]) -> None:
     edges = [0, *cuts, N]
     chunks = [chunk(np.where(BAD, wrong, values), i, j) for i, j in zip(edges, edges[1:], strict=False)]
     repairs = Repairs()
-    np.testing.assert_array_equal(repairs.channels(chunks, FRAMES)["body/0/friction"], values[HELD])
+    np.testing.assert_array_equal(repairs.animated(chunks, FRAMES)["body/0/friction"], values[HELD])
     (found,) = repairs.findings()
     assert (found.code, found.severity, found.frame, found.count) == ("not-finite", "error", 1.0, int(BAD.sum()))
 
@@ -60,9 +60,9 @@ def test_values_that_cannot_be_joined_are_refused() -> None:
     values = np.arange(float(N))
     whole = chunk(values, 0, N)
     with pytest.raises(DermisError, match="never a finite number"):
-        Repairs().channels([chunk(values * np.nan, 0, N)], FRAMES)
+        Repairs().animated([chunk(values * np.nan, 0, N)], FRAMES)
     with pytest.raises(DermisError, match="one number per sample"):
-        Repairs().channels([whole], FRAMES[:-1])
+        Repairs().animated([whole], FRAMES[:-1])
     other = Chunk(FRAMES, FRAMES, whole.fingers, whole.bodies, whole.screens, {}, {})
     with pytest.raises(DermisError, match="missing from some"):
-        Repairs().channels([whole, other], np.tile(FRAMES, 2))
+        Repairs().animated([whole, other], np.tile(FRAMES, 2))

@@ -12,7 +12,8 @@ from core.files import write_npz
 from core.surrogate import onnx
 from core.surrogate.network import Network, sigmoid, softplus, train
 from core.surrogate.ridge import fit_ridge
-from core.surrogate.table import SampleTable, read_table, relative_rms, write_table
+from core.surrogate.table import SampleTable, read_table, relative_rms
+from tests.tables import write_table
 
 
 def table_of(function, count=400, inputs=7, seed=0):

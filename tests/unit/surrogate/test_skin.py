@@ -11,8 +11,8 @@ from core.devices.disc_pose import FrictionState, placed
 from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.matching.adapt import adapt_job
-from core.matching.thimble import describe, match_sequence
-from core.matching.thimble_use import fitted, prepare
+from core.matching.thimble import describe
+from core.matching.thimble_use import calibrated_mechanism, prepare
 from core.presets import Library
 from core.skin.model import skin_from_parameters
 from core.steps import drain
@@ -23,6 +23,7 @@ from core.surrogate.ridge import fit_ridge
 from core.surrogate.store import adapt, contact_of, load, place_of, save
 from core.surrogate.table import relative_rms
 from tests import touches
+from tests.thimbles import match_sequence
 
 
 @pytest.fixture(scope="module")
@@ -76,14 +77,15 @@ def test_stress_components_keep_the_norm_of_stress(skin, data):
     """W is the basis times an operator whose norm is that of the stress: with all components nothing is lost."""
     whole = skin.stress_components()
     spaces = descriptors(data, whole, tolerance=0.10)
-    assert 0.10 >= spaces.stress.error > 0.05 and spaces.stress.curve[spaces.stress.size - 1] > 0.10
+    curve, size = spaces.stress.curve, spaces.stress.size
+    assert 0.10 >= curve[size] > 0.05 and curve[size - 1] > 0.10
     force = data.force.astype(float)[::7]
     centred = force - data.force.astype(float).mean(axis=0)
     stress = np.linalg.norm(centred @ whole.T, axis=1)
-    kept = np.linalg.norm(centred @ spaces.readout.T, axis=1)
+    kept = np.linalg.norm(centred @ spaces.observation_matrix.T, axis=1)
     assert (kept <= stress * (1 + 1e-9)).all()
     left = np.sqrt(((stress**2 - kept**2).sum()) / (stress**2).sum())
-    assert left == pytest.approx(spaces.stress.error, abs=0.02)
+    assert left == pytest.approx(curve[size], abs=0.02)
 
 
 def test_the_previous_friction_state_helps(skin, data):
@@ -102,7 +104,7 @@ def test_stiffness_scales_stress_and_forces(skin, device, small):
     made, _ = small
     stiff = skin.with_material(alpha=2.0)
     x = np.array([0.05, -0.1, 0.0171])
-    readout = made.descriptors.readout
+    observation_matrix = made.descriptors.observation_matrix
     for state in (
         FrictionState.rest(skin.pad_count),
         FrictionState(
@@ -115,7 +117,7 @@ def test_stiffness_scales_stress_and_forces(skin, device, small):
         hard.hold(doubled)
         for a, b in zip(soft.evaluate(x), hard.evaluate(x), strict=True):
             np.testing.assert_allclose(b, 2 * a, rtol=1e-12)
-    direct = [DirectModel(device, contact_of(device, s, 0.6), readout).evaluate(x)[0] for s in (skin, stiff)]
+    direct = [DirectModel(device, contact_of(device, s, 0.6), observation_matrix).evaluate(x)[0] for s in (skin, stiff)]
     np.testing.assert_allclose(direct[1], 2 * direct[0], rtol=1e-6)
 
 
@@ -186,7 +188,7 @@ def test_a_job_makes_the_files_where_the_finger_looks_for_them(tmp_path, device)
     assert place_of(tmp_path, skin, device, 0.6).is_file()
     use = {"thimble_method": "ridge", "thimble_surrogate": str(tmp_path)}
     used = prepare(spec, skin, use)
-    assert used.method == "ridge" and not used.findings and used.learned.size == len(used.readout)
+    assert used.method == "ridge" and not used.findings and used.learned.size == len(used.observation_matrix)
     # another person's stiffness needs no new one, another person's shape does
     assert prepare(spec, skin.with_material(alpha=0.7), use).method == "ridge"
     other = prepare(spec, skin_from_parameters(library.skin("little_medium"), level="draft"), use)
@@ -205,13 +207,13 @@ def test_without_a_surrogate_the_direct_method_goes_on_and_says_so(tmp_path, ski
 def test_a_calibrated_thimble_touches_where_the_person_feels_it(skin, device):
     spec = Library().device("thimble_3rrs")
     felt = {"thimble_calibrated": True, "thimble_felt_1": 0.1, "thimble_felt_2": 0.12, "thimble_felt_3": 0.05}
-    fitted_device, _ = fitted(spec, skin, felt)
-    contact = contact_of(fitted_device, skin, 0.6)
-    x = fitted_device.forward(np.array([0.1, 0.12, 0.05]) + fitted_device.servo_zero, (0.0, 0.0, 0.018))
-    assert contact.gap(placed(fitted_device, fitted_device.pose(x))).min() == pytest.approx(0.0, abs=1e-9)
-    assert fitted(spec, skin, {**felt, "thimble_calibrated": False})[0].mount[2, 3] == device.mount[2, 3]
+    calibrated_device, _ = calibrated_mechanism(spec, skin, felt)
+    contact = contact_of(calibrated_device, skin, 0.6)
+    x = calibrated_device.forward(np.array([0.1, 0.12, 0.05]), (0.0, 0.0, 0.018))
+    assert contact.gap(placed(calibrated_device, calibrated_device.pose(x))).min() == pytest.approx(0.0, abs=1e-9)
+    assert calibrated_mechanism(spec, skin, {**felt, "thimble_calibrated": False})[0].mount[2, 3] == device.mount[2, 3]
     with pytest.raises(DermisError, match="outside the servos' range"):
-        fitted(spec, skin, {**felt, "thimble_felt_2": 1.0})
+        calibrated_mechanism(spec, skin, {**felt, "thimble_felt_2": 1.0})
     with pytest.raises(DermisError, match="'thimble_hover' is too large"):
         prepare(spec, skin, {"thimble_hover": 0.05})
 
@@ -221,10 +223,10 @@ def test_a_learned_model_matches_nearly_as_well(skin, device, data):
     spaces = descriptors(data, skin.stress_components())
     model = LearnedModel(fit_ridge(spaces.table(data)), spaces.friction)
     forces = touches.flat_press(40).forces(skin)
-    readout = describe(device, skin, 0.6).readout
+    observation_matrix = describe(device, skin, 0.6).observation_matrix
     left = {}
     for name, keys in (("stress", {}), ("ridge", {"model": model})):
-        found = drain(match_sequence(device, skin, forces, name, readout=spaces.readout, **keys))
-        rendered, target = (f.reshape(len(f), -1) @ readout.T for f in (found.force, forces))
+        found = match_sequence(device, skin, forces, name, observation_matrix=spaces.observation_matrix, **keys)
+        rendered, target = (f.reshape(len(f), -1) @ observation_matrix.T for f in (found.force, forces))
         left[name] = np.linalg.norm(rendered - target) / np.linalg.norm(target)
     assert left["stress"] < left["ridge"] < left["stress"] + 0.25

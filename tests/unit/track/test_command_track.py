@@ -318,11 +318,13 @@ def test_wire_budget_is_exact() -> None:
 
     def wire(bandwidth: float) -> list[str]:
         cost = {"bandwidth": bandwidth, "bits_per_sample": 40.0, "bits_per_channel": 16.0}
-        return codes(track(np.zeros((11, 3)), *channels, wire=cost))
+        return codes(track(np.zeros((11, 3)), *channels, link_budget=cost))
 
     assert wire(72000.0) == [] and wire(71999.0) == ["wire-budget"] and wire(0.0) == []
     loud = track(
-        np.zeros((11, 3)), *channels, wire={"bandwidth": 36000.0, "bits_per_sample": 40.0, "bits_per_channel": 16.0}
+        np.zeros((11, 3)),
+        *channels,
+        link_budget={"bandwidth": 36000.0, "bits_per_sample": 40.0, "bits_per_channel": 16.0},
     ).check()[0]
     assert (loud.value, loud.limit) == ("72000 bit/s", "36000 bit/s") and "500 Hz" in loud.remedy
 

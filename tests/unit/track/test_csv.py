@@ -18,7 +18,7 @@ from core.devices.spec import Channel, DeviceSpec
 from core.errors import DermisError
 from core.track import csv
 from core.track.command_track import CommandTrack
-from core.track.csv_header import EXPORT_META, FIRST_META, METHOD_META
+from core.track.known_keys import EXPORT_META, FIRST_META, METHOD_META
 
 FIXED = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 

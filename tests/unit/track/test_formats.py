@@ -40,7 +40,7 @@ def same_but_values(a: CommandTrack, b: CommandTrack) -> None:
     assert (dict(a.meta), dict(a.limited), a.channels) == (dict(b.meta), dict(b.limited), b.channels)
     assert (a.spec.key, a.spec.name, a.spec.kind, a.spec.rate) == (b.spec.key, b.spec.name, b.spec.kind, b.spec.rate)
     assert a.spec.hash == b.spec.hash
-    assert (dict(a.spec.parameters), dict(a.spec.wire)) == (dict(b.spec.parameters), dict(b.spec.wire))
+    assert (dict(a.spec.parameters), dict(a.spec.link_budget)) == (dict(b.spec.parameters), dict(b.spec.link_budget))
 
 
 def test_json_comes_back_to_the_last_bit(tmp_path: Path) -> None:

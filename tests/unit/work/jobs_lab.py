@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import sys
@@ -13,7 +14,7 @@ import numpy as np
 
 from core.errors import DermisError
 
-TABLE = {name: f"{__name__}:{name}" for name in ("echo", "dawdle", "refuse", "fail", "die")}
+TABLE = {name: f"{__name__}:{name}" for name in ("echo", "dawdle", "refuse", "fail", "die", "babble", "leave", "plain")}
 LINE = [sys.executable, "-c", f"from core.work.processes import serve; from {__name__} import TABLE; serve(TABLE)"]
 
 
@@ -55,3 +56,23 @@ def die(arrays: Any, parameters: Any, report: Any) -> Any:
     report(1, 3)
     print("last words", file=sys.stderr, flush=True)
     os._exit(3)
+
+
+def babble(arrays: Any, parameters: Any, report: Any) -> Any:
+    """Write to whatever is open, the pipe of the replies included."""
+    for descriptor in range(3, 16):
+        with contextlib.suppress(OSError):
+            os.write(descriptor, b"{babble}\n")
+    return {}
+
+
+def leave(arrays: Any, parameters: Any, report: Any) -> Any:
+    """Try to end Python."""
+    sys.exit(4)
+
+
+def plain(arrays: Any, parameters: Any, report: Any) -> Any:
+    """Return what a careless job does, and report so, too."""
+    report(np.int64(1), np.int64(1))
+    given = {"nothing": None, "numbers": {"x": [1, 2], 3: 4.5}, "object": {"x": np.array([{}])}}
+    return given[parameters["what"]]

@@ -93,6 +93,34 @@ def test_a_defect_in_a_job_is_named_not_swallowed(executor: JobExecutor) -> None
     assert error.what == "the job failed: KeyError" and "missing" in error.value and error.where == "job 'fail'"
 
 
+def test_what_a_careless_job_returns_is_made_an_array_or_refused(executor: JobExecutor) -> None:
+    future = executor.submit("plain", {}, {"what": "numbers"})
+    found = future.result(10)
+    assert {k: (type(v), v.tolist()) for k, v in found.items()} == {"x": (np.ndarray, [1, 2]), "3": (np.ndarray, 4.5)}
+    assert future.progress() == (1, 1), "numpy's numbers are numbers"
+    pid = int(executor.submit("echo").result(10)["pid"])
+    for what, code in (("nothing", "job-failed"), ("object", "not-plain")):
+        error = executor.submit("plain", {}, {"what": what}).exception(10)
+        assert isinstance(error, DermisError) and error.code == code
+    error = executor.submit("leave").exception(10)
+    assert isinstance(error, DermisError) and (error.code, error.what) == ("job-failed", "the job failed: SystemExit")
+    assert int(executor.submit("echo").result(10)["pid"]) == pid
+
+
+def test_after_nonsense_in_the_pipe_no_reply_goes_to_another_job() -> None:
+    with processes() as executor:
+        futures = [executor.submit(name, {"i": np.array(i)}) for i, name in enumerate(("echo", "babble", "echo"))]
+        error = futures[1].exception(10)
+        assert isinstance(error, DermisError) and error.code == "job-crashed" and "cannot be read" in error.what
+        assert [int(futures[i].result(10)["i"]) for i in (0, 2)] == [0, 2]
+
+
+@pytest.mark.parametrize("workers", [0, -1])
+def test_nobody_to_do_the_jobs_is_refused(workers: int) -> None:
+    with pytest.raises(DermisError, match="workers: .* >= 1"):
+        processes(workers)
+
+
 def test_wrong_names_and_python_objects_are_refused_before_anything_starts(executor: JobExecutor) -> None:
     with pytest.raises(DermisError) as caught:
         executor.submit("brew")
@@ -271,6 +299,20 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     line = [sys.executable, "-c", code, str(tmp_path / "pid")]
     done = subprocess.run(line, env=child.environment() | {"TMPDIR": str(tmp_path)}, timeout=20)
     assert done.returncode == -signal.SIGKILL and gone(int((tmp_path / "pid").read_text()))
+
+
+@posix
+def test_a_process_that_splits_off_ends_by_itself_and_ends_nobody() -> None:
+    code = (
+        "import os, sys, time\nfrom tests.unit.work.test_executor import processes\n"
+        "future = processes().submit('dawdle', {}, {'seconds': 1.0})\n"
+        "while future.progress() == (0, 0): time.sleep(0.01)\n"
+        "if os.fork() == 0: sys.exit(3)\n"
+        "print(os.waitstatus_to_exitcode(os.wait()[1]), 'span' in future.result(10))\n"
+    )
+    line = [sys.executable, "-W", "ignore", "-c", code]  # from 3.12 on Python warns of forks beside threads
+    done = subprocess.run(line, env=child.environment(), timeout=20, capture_output=True, text=True)
+    assert done.stdout == "3 True\n", done.stderr
 
 
 def test_the_end_of_python_ends_what_runs(tmp_path: Path) -> None:

@@ -118,7 +118,7 @@ def test_what_went_through_the_finger_is_let_go_and_said(skin):
         last = body
     assert min(forces) >= 0.0 and max(forces) > 1.0 and forces[-1] == 0.0
     told = {f.code: f for f in steps.solver.findings}
-    assert told["passed-through"].gaps == np.argmax(forces) + 1
+    assert told["passed-through"].frame == np.argmax(forces) + 1
     # back where it came from, it is felt again
     again = [steps.step([below(skin, plate, d)]).solution.force[:, 2].sum() for d in (-2e-3, 0.0, 0.5e-3)]
     assert again[0] == 0.0 and again[-1] > 0.01
@@ -138,7 +138,7 @@ def test_a_start_that_no_way_leads_to_is_said(skin):
     steps = stepper(skin)
     steps.step([below(skin, Surface.block(0.2, 0.2, 0.2), 0.1)], scene_frame=7.0)
     told = {f.code: f for f in steps.solver.findings}
-    assert told["starts-inside"].gaps == 7.0
+    assert told["starts-inside"].frame == 7.0
 
 
 def test_small_steps_are_not_divided(skin):

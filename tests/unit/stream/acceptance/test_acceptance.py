@@ -18,10 +18,10 @@ from core.devices.calibration import Calibration
 from core.errors import DermisError
 from core.presets import Library
 from core.stream.acceptance.bench import Bench
-from core.stream.acceptance.command import CHECKS, _tried
+from core.stream.acceptance.command import _tried
 from core.stream.acceptance.mover import fastest_over
 from core.stream.acceptance.player import slow_track
-from core.stream.acceptance.report import Check, Report, judged
+from core.stream.acceptance.report import CHECKS, Check, Report, judged
 from core.stream.acceptance.walk import Walk
 from core.stream.protocols import native
 from core.stream.protocols.wire import Wire

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from core.devices.calibration import Calibration
 from core.errors import DermisError
 from core.presets import Library
 from core.stream.client import SenderClient
@@ -108,6 +109,24 @@ def test_a_stuck_actuator_shows_in_what_the_device_reports() -> None:
         beating(client, 0.5, values=(0.2, 0.2))
         told = client.status()["received"]["values"]
         assert told["pulley_1"] == pytest.approx(0.2, abs=1e-3) and abs(told["pulley_2"]) < 1e-3
+
+
+def test_what_is_reported_is_as_commanded_whatever_the_calibration() -> None:
+    """A pulley that counts the other way round, and from another zero, is driven elsewhere than its twin is shown."""
+    made = (
+        Calibration.of(Library().device("haptip"))
+        .with_entry("pulley_1", zero=0.05, gain=-1.0)
+        .with_entry("pulley_2", gain=2.0)
+    )
+    with SenderClient() as client:
+        client.connect("virtual:", "native", "haptip", HAPTIP, mode="follow", ramp=0.0, calibration=made.dumps())
+        client.heartbeat()
+        client.wait("ready", 10)
+        client.arm()
+        beating(client, 0.5, values=(0.2, 0.1))
+        status = client.status()
+        assert status["received"]["values"] == pytest.approx({"pulley_1": -0.15, "pulley_2": 0.2}, abs=1e-4)
+        assert status["reported"] == pytest.approx({"pulley_1": 0.2, "pulley_2": 0.1}, abs=1e-4)
 
 
 def test_loss_and_corruption_are_counted_and_survived(track_file: Path) -> None:

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.devices.firmness import UPRIGHT, firmness, posture
+from core.devices.inverse_kinematics import UPRIGHT, inverse_kinematics
 from core.devices.linkage import LEG_DIRECTIONS
+from core.devices.singularity import singularity_margin
 from core.devices.spec import from_preset
-from core.devices.thimble import FIRM, mechanism
+from core.devices.thimble import MIN_MARGIN, mechanism
 from core.errors import DermisError
 from core.presets import Library
 from core.surrogate.store import device_key
@@ -22,7 +23,7 @@ DEVICE = mechanism(SPEC)
 def configurations(count=80, seed=0):
     rng = np.random.default_rng(seed)
     out = np.column_stack([rng.uniform(-0.6, 0.6, (count, 2)), rng.uniform(0.014, 0.022, count)])
-    return [x for x in out if (DEVICE.reach(x) > 0).all()]
+    return [x for x in out if (DEVICE.leg_margins(x) > 0).all()]
 
 
 def of_the_rods(x):
@@ -38,28 +39,28 @@ def of_the_rods(x):
 
 def test_it_is_what_the_rods_feel():
     for x in configurations():
-        turned, firm = posture(DEVICE, *x)
+        turned, margin = inverse_kinematics(DEVICE, *x)
         np.testing.assert_allclose(turned, DEVICE.servo_angles(x)[0] - DEVICE.servo_zero, atol=1e-13)
-        assert firm == pytest.approx(of_the_rods(x), abs=1e-13)
-        assert firmness(DEVICE, *x)[0] == pytest.approx(firm, abs=1e-14)
+        assert margin == pytest.approx(of_the_rods(x), abs=1e-13)
+        assert singularity_margin(DEVICE, *x)[0] == pytest.approx(margin, abs=1e-14)
 
 
 def test_level_it_is_the_cube_of_how_upright_the_rods_are():
     for z in (0.014, 0.018, 0.023):
         q = float(DEVICE.servo_angles([0, 0, z])[0][0])
         upright = (z - DEVICE.crank * np.sin(q)) / DEVICE.rod
-        assert posture(DEVICE, 0.0, 0.0, z)[1] == pytest.approx(upright**3, rel=1e-12)
+        assert inverse_kinematics(DEVICE, 0.0, 0.0, z)[1] == pytest.approx(upright**3, rel=1e-12)
 
 
 def test_its_sign_is_that_of_the_servo_angles_derivatives():
-    signs = [(posture(DEVICE, *x)[1], np.linalg.det(DEVICE.servo_angles(x)[1])) for x in configurations()]
+    signs = [(inverse_kinematics(DEVICE, *x)[1], np.linalg.det(DEVICE.servo_angles(x)[1])) for x in configurations()]
     assert {a > 0 for a, _ in signs} == {True, False}
     assert all((a > 0) == (b > 0) for a, b in signs)
 
 
 def test_its_derivative_equals_richardson_differences():
     for x in configurations(30, seed=4):
-        slope = firmness(DEVICE, *x)[1] * [1.0, 1.0, DEVICE.platform_radius]
+        slope = singularity_margin(DEVICE, *x)[1] * [1.0, 1.0, DEVICE.platform_radius]
         for j, unit in enumerate(np.diag([1.0, 1.0, DEVICE.platform_radius])):
             one, two = ((of_the_rods(x + h * unit) - of_the_rods(x - h * unit)) / (2 * h) for h in (2e-4, 1e-4))
             assert slope[j] == pytest.approx((4 * two - one) / 3, abs=1e-8)
@@ -72,7 +73,7 @@ def test_of_two_poses_with_the_same_servo_angles_one_is_feasible_at_most():
     np.testing.assert_allclose(DEVICE.servo_angles(one)[0], DEVICE.servo_angles(other)[0], atol=2e-4)
     for x in (one, other):
         assert np.abs(DEVICE.servo_angles(x)[0] - DEVICE.servo_zero).max() < DEVICE.servo_range
-    assert not DEVICE.feasible(one) and posture(DEVICE, *one)[1] < 0 < posture(DEVICE, *other)[1]
+    assert not DEVICE.feasible(one) and inverse_kinematics(DEVICE, *one)[1] < 0 < inverse_kinematics(DEVICE, *other)[1]
 
 
 def test_every_feasible_pose_is_the_one_that_its_servos_hold():
@@ -83,7 +84,7 @@ def test_every_feasible_pose_is_the_one_that_its_servos_hold():
             for roll in np.radians(np.arange(-40.0, 40.1, 4.0)):
                 x = np.array([pitch, roll, z])
                 if DEVICE.feasible(x):
-                    found = DEVICE.forward(DEVICE.servo_angles(x)[0], [0.0, 0.0, 0.018])
+                    found = DEVICE.forward(inverse_kinematics(DEVICE, *x)[0], [0.0, 0.0, 0.018])
                     np.testing.assert_allclose(found, x, rtol=0, atol=1e-9)
                     count, steepest = count + 1, max(steepest, float(np.hypot(pitch, roll)))
     assert count > 2500 and np.degrees(steepest) > 33
@@ -91,12 +92,13 @@ def test_every_feasible_pose_is_the_one_that_its_servos_hold():
 
 def test_the_limit_is_the_last_of_the_constraints():
     x = np.array([np.radians(24.0), np.radians(-16.0), 0.0178])
-    room, slopes = DEVICE.constraints(x)
-    firm, slope = firmness(DEVICE, *x)
-    assert room.shape == (7,) and room[6] == firm - FIRM
+    room, slopes = DEVICE.constraints(x, *DEVICE.servo_limits)
+    margin, slope = singularity_margin(DEVICE, *x)
+    assert room.shape == (7,) and room[6] == margin - MIN_MARGIN
     np.testing.assert_array_equal(slopes[6], slope)
     steep = x * [1.3, 1.3, 1.0]
-    assert DEVICE.constraints(steep)[0][:6].min() > 0 > DEVICE.constraints(steep)[0][6]
+    room, _ = DEVICE.constraints(steep, *DEVICE.servo_limits)
+    assert room[:6].min() > 0 > room[6]
     assert DEVICE.feasible(x) and not DEVICE.feasible(steep)
 
 
@@ -109,14 +111,14 @@ def test_a_platform_that_stands_on_its_rods_is_firm_on_its_own_side():
     assert device.side == -1.0 and device.feasible([0, 0, 0.018])
     for x in ([0.05, -0.03, 0.018], [-0.04, 0.04, 0.0175]):
         assert device.feasible(x)
-        np.testing.assert_allclose(device.forward(device.servo_angles(x)[0], [0, 0, 0.018]), x, atol=1e-9)
+        np.testing.assert_allclose(device.forward(inverse_kinematics(device, *x)[0], [0, 0, 0.018]), x, atol=1e-9)
 
 
 def test_rods_that_lie_flat_are_refused():
     preset = {**SPEC.source, "parameters": {**SPEC.source["parameters"]}}
     for name, value in (("crank", 18), ("rod", 14), ("base_radius", 24), ("reference_distance", 18)):
         preset["parameters"][name] = {"value": value, "unit": "mm", "source": "test"}
-    with pytest.raises(DermisError, match="too flat to hold the platform.*firmness"):
+    with pytest.raises(DermisError, match="too flat to hold the platform.*singularity margin"):
         mechanism(from_preset("flat", preset))
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from ..arrays import Array
 from ..errors import DermisError
 from .protocols.adapter import Touch
-from .protocols.clock import TrackClock
 from .protocols.wire import Wire
+from .track_clock import TrackClock
 
 TOUCH_OLD = 0.2  # a touch that the panel has not repeated for this long has ended [s]
 
@@ -90,7 +90,7 @@ class PanelSource:
         if self._heard is not None and (new or self.screen.changing):
             self._answer(touch, now)
 
-    def wanted(self, moment: float, now: float) -> Array:
+    def values_at(self, moment: float, now: float) -> Array:
         """Return the answer to the last touch, while it lasts."""
         self._age(now)
         return self._values

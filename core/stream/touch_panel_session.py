@@ -8,12 +8,12 @@ import numpy as np
 
 from ..errors import DermisError
 from .local_stream import LocalStream, say
-from .panel_source import PanelSource, Screen
 from .protocols.adapter import Touch
 from .request import StreamRequest
 from .signals import Signals
 from .streamer import Streamer
 from .touch_input import TouchInput
+from .touch_panel_source import PanelSource, Screen
 from .virtual.link import open_any_link
 
 
@@ -55,7 +55,7 @@ class PanelSession(LocalStream):
             panel.finger = self.given.finger
         if caution:
             say(caution)
-        most = min(limit, float(wire.most[wire.names.index("amplitude")]))
+        most = min(limit, float(wire.upper_limit[wire.names.index("amplitude")]))
         source = self.given.name if self.given is not None else "the device's own panel"
         say(
             f"{wire.spec.name} at {self.request.url}: up to {most:.4g} V as soon as a finger moves on it. "

@@ -1,18 +1,14 @@
-"""Platforms in the view: the twin around the finger, and its motors as gauges in the corner."""
+"""The card of a platform: its motors as gauges over their range, and the tensions of cables."""
 
 from __future__ import annotations
 
-import bpy
 import numpy as np
 
-from ..devices import platform_devices
 from ..preview.rows import Row
 from ..quantities import quantity
-from . import drawing, paint, platform_twin
-from .drawing import finger_matrix
+from . import paint, platform_twin
 
 LINE = 17
-_handlers = drawing.Handlers()
 
 
 def lines_of(row: Row) -> list[tuple[str, float, str]]:
@@ -34,7 +30,7 @@ def card(row: Row, state: platform_twin.State | None, left: float, bottom: float
     """Draw the motors as gauges over their range, and the cables' tensions [px]."""
     line = LINE * scale
     y = bottom + (len(row.values) + 0.2) * line
-    bar = 0.42 * width
+    bar = 0.38 * width
     for name, share, words in lines_of(row):
         paint.text(name, left, y, paint.FAINT, scale)
         x = left + 0.27 * width
@@ -46,22 +42,3 @@ def card(row: Row, state: platform_twin.State | None, left: float, bottom: float
         paint.text("in the air: at rest", left, y, paint.FAINT, scale)
     elif state is not None and state.tension is not None:
         paint.text("tension " + ", ".join(f"{t:.2f}" for t in state.tension.tolist()) + " N", left, y, paint.INK, scale)
-
-
-def _draw() -> None:
-    for row, state in drawing.rows_of(platform_devices.kinds()):
-        frame = finger_matrix(bpy.context.scene, row.finger)
-        if frame is None or state is None:
-            continue
-        with drawing.in_finger(frame):
-            drawing.solid(platform_twin.parts(state))
-
-
-def register() -> None:
-    """Draw platforms from now on."""
-    _handlers.add(_draw)
-
-
-def unregister() -> None:
-    """Draw them no more."""
-    _handlers.clear()

@@ -9,31 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import DermisError
-from .device_options import add_device, add_link, request_from
+from .device_options import request_from
+from .signals import Interrupted, Signals
+from .touch_panel_session import PanelSession
+from .touch_sources import touch_input
 
 TELL_TOUCHES = ("native", "osc")  # protocols whose device may have a touch panel of its own
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what `panel` takes."""
-    add_device(parser)
-    parser.add_argument("map", type=Path, metavar="MAP", help="a screen's map: NAME.map.npz, as exported")
-    add_link(parser)
-    parser.add_argument(
-        "--touch",
-        default="device",
-        metavar="FROM",
-        help="who tells where the finger is: the "
-        "device's own panel ('device', if left out), osc://:PORT or osc://HOST:PORT to listen at, "
-        "serial:PORT?baud=RATE, '-' for standard input, 'mouse' in a window",
-    )
-    parser.add_argument(
-        "--unit",
-        default="mm",
-        choices=("m", "mm"),
-        help="of x and y in lines 'x y [down]', from the screen's centre (mm)",
-    )
-    parser.add_argument("--yes", action="store_true", help="arm without asking")
 
 
 def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
@@ -42,10 +23,6 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
     Raises:
         DermisError: a map, device, link or source of touches that cannot be used; says which.
     """
-    from .panel_session import PanelSession
-    from .signals import Interrupted, Signals
-    from .touch_sources import touch_input
-
     if options.touch == "-" and not options.yes:
         raise DermisError(
             "standard input cannot both arm and tell touches",

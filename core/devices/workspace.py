@@ -1,4 +1,4 @@
-"""Reach: where a thimble's platform can go, as curves to draw and as figures to read."""
+"""Workspace: where a thimble's platform can go, as curves to draw and as figures to read."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ HALVINGS = 14  # of an interval in the search for a limit: 0.004 degrees, 1 um
 
 
 @dataclass(frozen=True, eq=False)
-class Reach:
+class Workspace:
     """What a platform can reach, tilted from level at several distances.
 
     Attributes:
@@ -55,7 +55,7 @@ def distance_range(device: Thimble, around: float, pitch: float = 0.0, roll: flo
     return around - low, around + high
 
 
-def reach(device: Thimble, around: float, levels: int = 9, directions: int = 48) -> Reach:
+def workspace(device: Thimble, around: float, levels: int = 9, directions: int = 48) -> Workspace:
     """Return the limits of tilt at several distances; `around` is a distance that the level platform reaches.
 
     Raises:
@@ -69,7 +69,7 @@ def reach(device: Thimble, around: float, levels: int = 9, directions: int = 48)
     tilt = np.array(
         [[_edge(device, np.array([0.0, 0.0, z]), way, STEEPEST) for way in ways] for z in distance.tolist()], np.float64
     )
-    return Reach(distance, direction, tilt)
+    return Workspace(distance, direction, tilt)
 
 
 def _edge(device: Thimble, start: Array, way: Array, most: float) -> float:

@@ -1,4 +1,4 @@
-"""StartTable: poses all over a thimble's workspace and what they make felt, to start searches from."""
+"""WarmStartTable: configurations all over a thimble's workspace and what they make felt, to start searches from."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TABLE_DEPTHS = (0.05e-3, 0.15e-3, 0.35e-3, 0.7e-3, 1.1e-3, 1.5e-3)
 
 
 @dataclass(frozen=True, eq=False)
-class StartTable:
+class WarmStartTable:
     """Poses all over the workspace and what they make felt from rest, to start searches from.
 
     Attributes:
@@ -32,7 +32,19 @@ class StartTable:
     direction: Array
     strength: Array
 
-    def pose(self, row: int, strength: float) -> Array:
+    @classmethod
+    def of(cls, x: list[Array], depth: list[float], stimuli: list[Array], none: str) -> WarmStartTable:
+        """Return the table of these configurations.
+
+        Raises:
+            DermisError: there are none, with these words.
+        """
+        if not x:
+            raise DermisError(none, where="thimble")
+        strength = np.sqrt((np.array(stimuli) ** 2).sum(axis=1))
+        return cls(np.array(x), np.array(depth), np.array(stimuli) / strength[:, None], strength)
+
+    def configuration(self, row: int, strength: float) -> Array:
         """Return an entry's tilt at the depth whose stimulus has a given strength, as a ball's has: depth^1.5."""
         depth = self.depth[row] * (max(strength, 0.0) / self.strength[row]) ** (2.0 / 3.0)
         x: Array = self.x[row].copy()
@@ -43,7 +55,7 @@ class StartTable:
 RECORDED_ROWS = 300  # of a recording, evenly chosen: more starts cost more in every frame
 
 
-def recorded_table(device: Thimble, contact: DiscContact, model: ForwardModel, x: Array) -> StartTable:
+def recorded_table(device: Thimble, contact: DiscContact, model: ForwardModel, x: Array) -> WarmStartTable:
     """Return the table of a model that was learned from recorded configurations, shape (n, 3).
 
     Raises:
@@ -58,14 +70,12 @@ def recorded_table(device: Thimble, contact: DiscContact, model: ForwardModel, x
                 rows.append(at)
                 depths.append(max(first_contact(device, contact, at[0], at[1]) - at[2], TABLE_DEPTHS[0]))
                 stimuli.append(stimulus)
-    if not rows:
-        raise DermisError("no recorded pose within the servo limits makes the channels change", where="thimble")
-    table = np.array(stimuli)
-    strength = np.sqrt((table**2).sum(axis=1))
-    return StartTable(np.array(rows), np.array(depths), table / strength[:, None], strength)
+    return WarmStartTable.of(
+        rows, depths, stimuli, "no recorded pose within the servo limits makes the channels change"
+    )
 
 
-def start_table(device: Thimble, contact: DiscContact, model: ForwardModel) -> StartTable:
+def warm_start_table(device: Thimble, contact: DiscContact, model: ForwardModel) -> WarmStartTable:
     """Return the table of a forward model.
 
     Raises:
@@ -84,8 +94,4 @@ def start_table(device: Thimble, contact: DiscContact, model: ForwardModel) -> S
                         rows.append(x)
                         depths.append(depth)
                         stimuli.append(stimulus)
-    if not rows:
-        raise DermisError("no pose within the servo limits touches the skin", where="thimble")
-    table = np.array(stimuli)
-    strength = np.sqrt((table**2).sum(axis=1))
-    return StartTable(np.array(rows), np.array(depths), table / strength[:, None], strength)
+    return WarmStartTable.of(rows, depths, stimuli, "no pose within the servo limits touches the skin")

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.devices.reach import distance_range, reach
 from core.devices.thimble import mechanism
+from core.devices.workspace import distance_range, workspace
 from core.errors import DermisError
 from core.presets import Library
 
@@ -21,7 +21,7 @@ def device():
 @pytest.mark.parametrize("tilt", [(0.0, 0.0), (0.3, 0.0), (-0.1, 0.2)])
 def test_at_either_end_a_servo_is_at_its_limit(device, tilt):
     for z in distance_range(device, 0.018, *tilt):
-        assert device.constraints((*tilt, z))[0].min() == pytest.approx(0.0, abs=1e-3)
+        assert device.constraints((*tilt, z), *device.servo_limits)[0].min() == pytest.approx(0.0, abs=1e-3)
         assert device.feasible((*tilt, z))
         away = z + np.sign(z - 0.018) * 5e-6
         assert not device.feasible((*tilt, away))
@@ -39,7 +39,7 @@ def test_level_ends_follow_from_the_links_alone(device):
 
 
 def test_tilts_on_the_limit_are_reached_and_others_are_not(device):
-    found = reach(device, 0.018, levels=5, directions=12)
+    found = workspace(device, 0.018, levels=5, directions=12)
     assert found.tilt.shape == (5, 12) and (np.diff(found.distance) > 0).all()
     assert found.tilt[2].min() > np.radians(20)
     for level in range(5):
@@ -54,4 +54,4 @@ def test_a_distance_out_of_reach_is_refused(device):
     with pytest.raises(DermisError, match="does not reach"):
         distance_range(device, 0.05)
     with pytest.raises(DermisError, match="does not reach"):
-        reach(replace(device, servo_range=1e-6), 0.021)
+        workspace(replace(device, servo_range=1e-6), 0.021)

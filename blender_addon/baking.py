@@ -1,0 +1,53 @@
+"""The bake: a scene is sampled and rendered, a sample at a time, so that whoever asked can stop between two."""
+
+from __future__ import annotations
+
+import time
+from contextlib import nullcontext
+from dataclasses import replace
+from typing import Any
+
+import bpy
+
+from ._core import core
+from .devices import platform_devices, skin_models
+from .jobs import Steps
+from .sampling import scene_sweep
+
+
+def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None = None) -> Steps:
+    """Sample a scene and render it; yield progress after every sample, return the engine's `Bake`.
+
+    The generator may be closed at any moment: frame and handlers are then as they were.
+
+    Raises:
+        DermisError: the scene cannot be sampled or rendered.
+    """
+    yield core.pipeline.render.Progress("preparing", 0, 1)
+    yield from platform_devices.make_missing(scene)
+    tactile = scene_sweep.sample(scene, span=span)
+    sweep = tactile.chunks
+    skins = skin_models.solved_in(tactile, library)
+    steps = core.pipeline.render.render(tactile, library, cache=skin_models.cache())
+    sampling_seconds = 0.0
+    try:
+        while True:
+            start = time.perf_counter()
+            ready = sweep.advance()
+            sampling_seconds += time.perf_counter() - start
+            if not ready:
+                yield core.pipeline.render.Progress("sampling", sweep.done, sweep.total)
+                continue
+            try:
+                with skin_models.one_thread() if skins else nullcontext():
+                    progress = next(steps)
+                yield progress
+            except StopIteration as stop:
+                baked = stop.value
+                # the sweep runs ahead of the pipeline's own clock, so that the job can stop between two samples
+                seconds = dict(baked.stage_seconds)
+                seconds["sampling"] = seconds.get("sampling", 0.0) + sampling_seconds
+                return replace(baked, findings=(*baked.findings, *sweep.findings), stage_seconds=seconds)
+    finally:
+        steps.close()
+        sweep.close()

@@ -1,0 +1,139 @@
+# mypy: disable-error-code="valid-type"
+"""Add > Dermis: example scenes, each built in a scene of its own and looked at."""
+
+from typing import Any
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
+
+from .. import choices
+from ..demos import demo_motors, demo_pins, demo_scene, demo_skin, demo_stage, demo_thimble
+from .work import Work
+
+
+class _Demo(Work):
+    """Builds a scene, shows it in the window, looks at it and says what to do next."""
+
+    bl_options = {"REGISTER", "UNDO"}
+    next_step = ""
+
+    def build(self) -> bpy.types.Scene:
+        """Return the new scene."""
+        raise NotImplementedError
+
+    def look(self, context: bpy.types.Context) -> None:
+        """Turn the views to it."""
+        demo_stage.look_at_skins(context)
+
+    def work(self: Any, context: bpy.types.Context) -> str | None:
+        """Build it and look at it."""
+        choices.refresh()
+        scene = self.build()
+        if context.window is None:
+            self.report({"WARNING"}, f"No window: the demo is in scene '{scene.name}'")
+            return None
+        context.window.scene = scene
+        self.look(context)
+        return str(self.next_step)
+
+
+class DERMIS_OT_demo_scene(_Demo, bpy.types.Operator):
+    """Open an example in a scene of its own: fingers stroke a plate, lift a box and feel a touch screen"""
+
+    bl_idname = "dermis.demo_scene"
+    bl_label = "Demo Scene"
+    next_step = "Play the animation, then press Bake in the Dermis tab"
+
+    def build(self) -> bpy.types.Scene:
+        """Return the scene with the first devices that fit."""
+        return demo_scene.build(choices.first_of_kind("shear_tactor"), choices.first_of_kind("friction_screen"))
+
+    def look(self, context: bpy.types.Context) -> None:
+        """Turn the views to it."""
+        demo_scene.look(context)
+
+
+class DERMIS_OT_demo_skin_scene(_Demo, bpy.types.Operator):
+    """Open an example in a scene of its own: fingertips press and slide over a sphere, an edge and a ribbed plate"""
+
+    bl_idname = "dermis.demo_skin_scene"
+    bl_label = "Demo Skin Scene"
+    next_step = "Play the animation to see the skin; Bake in the Dermis tab keeps its forces"
+
+    fingers: EnumProperty(
+        name="Fingers",
+        items=(
+            ("ONE", "One", "One finger touches one thing after the other"),
+            ("FIVE", "Five", "Five fingers touch five things at once"),
+        ),
+    )
+
+    def build(self) -> bpy.types.Scene:
+        """Return the scene."""
+        return demo_skin.build(5 if self.fingers == "FIVE" else 1)
+
+
+class DERMIS_OT_demo_pins_scene(_Demo, bpy.types.Operator):
+    """Open the paper's experiment in a scene of its own: a plane is pressed into the finger and drawn along"""
+
+    bl_idname = "dermis.demo_pins_scene"
+    bl_label = "Demo Pin Array Scene"
+    next_step = "Bake in the Dermis tab, then play: pins, target and rendered skin"
+
+    depth: FloatProperty(name="Depth [mm]", description="How deep the plane is pressed", default=2.0, min=0.01, max=4.0)
+    friction: FloatProperty(name="Friction", default=0.6, min=0.0, max=10.0, soft_max=1.0)
+    direction: FloatProperty(
+        name="Direction",
+        description="Of the movement: from the finger's right (0) to its tip (90)",
+        default=0.0,
+        subtype="ANGLE",
+    )
+
+    def build(self) -> bpy.types.Scene:
+        """Return the scene."""
+        return demo_pins.build(1e-3 * self.depth, self.friction, self.direction)
+
+
+class DERMIS_OT_demo_thimble_scene(_Demo, bpy.types.Operator):
+    """Open one of the paper's touches in a scene of its own"""
+
+    bl_idname = "dermis.demo_thimble_scene"
+    bl_label = "Demo Thimble Scene"
+    next_step = "Play the animation: twin, target and rendered skin. Bake keeps the servo angles"
+
+    touch: EnumProperty(name="Touch", items=tuple((k, s.title, s.text) for k, s in demo_thimble.SCENES.items()))
+
+    @classmethod
+    def description(cls, _context: bpy.types.Context, properties: Any) -> str:
+        """Return what this touch is."""
+        return demo_thimble.SCENES[properties.touch].text
+
+    def build(self) -> bpy.types.Scene:
+        """Return the scene."""
+        return demo_thimble.build(self.touch)
+
+
+class DERMIS_OT_demo_motors_scene(_Demo, bpy.types.Operator):
+    """Open one of the paper's six interactions in a scene of its own: a flat surface, moved by a hand that wobbles,
+    touches the finger three times"""
+
+    bl_idname = "dermis.demo_motors_scene"
+    bl_label = "Demo Interaction"
+    next_step = "Bake in the Dermis tab, then ask How Many Motors? there"
+
+    touch: EnumProperty(name="Touch", items=tuple((k, title, "") for k, title in demo_motors.TITLES.items()))
+    device: StringProperty(name="Device", description="Device preset", default=demo_motors.DEVICE)
+    seed: IntProperty(name="Seed", description="Of the hand's wobble", default=0, min=0, soft_max=100)
+
+    def build(self) -> bpy.types.Scene:
+        """Return the scene."""
+        return demo_motors.build(self.touch, self.device, self.seed)
+
+
+CLASSES: tuple[type, ...] = (
+    DERMIS_OT_demo_scene,
+    DERMIS_OT_demo_skin_scene,
+    DERMIS_OT_demo_pins_scene,
+    DERMIS_OT_demo_thimble_scene,
+    DERMIS_OT_demo_motors_scene,
+)

@@ -1,0 +1,110 @@
+"""What operators share: work that may be refused, the file or folder that it is asked for, menus of presets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import StringProperty
+
+from .. import choices, reporting
+from .._core import DermisError
+from ..devices import active_presets
+from ..polls import active_finger
+
+
+class Work:
+    """Runs a piece of work; what is refused goes to the status bar and the findings."""
+
+    subject = ""  # of what is refused, in the list of findings; the operator's label where left out
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Do it; return words for the status bar."""
+        raise NotImplementedError
+
+    def execute(self: Any, context: bpy.types.Context) -> set[str]:
+        """Do it, and report."""
+        try:
+            said = self.work(context)
+        except DermisError as error:
+            return reporting.report_error(self, error, self.subject or self.bl_label)
+        if said:
+            self.report({"INFO"}, said)
+        return {"FINISHED"}
+
+
+class File(Work):
+    """Asks for a file first."""
+
+    suffix = ""  # for a name that has none
+
+    filepath: StringProperty(name="File", subtype="FILE_PATH")  # type: ignore[valid-type]
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for the file."""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def path(self) -> Path:
+        """Return the file that was chosen.
+
+        Raises:
+            DermisError: it has no name.
+        """
+        path = Path(bpy.path.abspath(self.filepath))
+        if not path.name:
+            raise DermisError("no name for the file", value=self.filepath)
+        return path if path.suffix else path.with_suffix(self.suffix)
+
+
+class Folder(Work):
+    """Asks for a folder first."""
+
+    directory: StringProperty(name="Folder", subtype="DIR_PATH")  # type: ignore[valid-type]
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for the folder."""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def folder(self) -> Path:
+        """Return the folder that was chosen."""
+        return Path(bpy.path.abspath(self.directory))
+
+
+class Chooser:
+    """Opens a menu of presets, which draws what was read just before."""
+
+    menu = ""
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        """Read the presets, then open the menu."""
+        choices.refresh()
+        bpy.ops.wm.call_menu(name=self.menu)
+        return {"FINISHED"}
+
+
+def active_device(context: bpy.types.Context, family: active_presets.Family) -> Any | None:
+    """Return the settings of the active finger's first device of a family that is switched on, or None."""
+    finger = active_finger(context)
+    return active_presets.device_of(finger, family) if finger is not None else None
+
+
+def chosen(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """Return the selected objects, the active one included."""
+    selected, active = list(context.selected_objects), context.object
+    return selected if active is None or active in selected else [*selected, active]
+
+
+def select_only(context: bpy.types.Context, obj: bpy.types.Object) -> None:
+    """Make an object the active one, and the only selected."""
+    for other in context.selected_objects:
+        other.select_set(False)
+    obj.select_set(True)
+    context.view_layer.objects.active = obj
+
+
+def counted(number: int, what: str = "file") -> str:
+    """Return '1 file', '2 files'."""
+    return f"{number} {what}{'' if number == 1 else 's'}"

@@ -1,0 +1,79 @@
+"""What the artist sets of an object, and nothing else: parameters live in the .blend, results outside it.
+
+Readers do not convert by hand: `parameters(group)` gives a group's values in SI under the engine's names
+(`touch_distance_mm` -> `touch_distance` in metres), and `TABLES[type(group)]` their rows, for readers that sample
+animated values. A screen's width and height are the bounds of its mesh in its own XY.
+"""
+
+# mypy: disable-error-code="valid-type"
+# No postponed annotations here: Blender reads the properties from them when a class is registered.
+
+from typing import Any
+
+import bpy
+from bpy.props import CollectionProperty, EnumProperty, IntProperty, PointerProperty
+
+from .._core import core
+from ..registration import registration
+from .device_properties import DermisDevice
+from .fields import OVERRIDE, apply, declared, touched, values
+from .material_properties import DermisMaterial
+from .screen_properties import DermisScreen
+from .skin_properties import DermisSkin
+
+_rows = core.parameters
+
+
+@declared(_rows.finger.FINGER)
+class DermisFinger(bpy.types.PropertyGroup):
+    """A fingertip: origin at the pad's centre, +Y towards the tip, +Z towards the nail."""
+
+    skin: PointerProperty(type=DermisSkin, override=OVERRIDE)
+    devices: CollectionProperty(type=DermisDevice, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"})
+    active_device: IntProperty(name="Active Device", default=0, min=0, options=set(), override=OVERRIDE)
+
+
+class DermisObject(bpy.types.PropertyGroup):
+    """What an object is to Dermis."""
+
+    role: EnumProperty(
+        name="Role",
+        description="What this object is to Dermis",
+        items=(
+            ("NONE", "Nothing", "Dermis ignores this object"),
+            ("FINGER", "Finger", "A fingertip that feels"),
+            ("TOUCHABLE", "Touchable", "An object that fingers can feel"),
+            ("SCREEN", "Touch Screen", "A touch screen that renders friction"),
+        ),
+        default="NONE",
+        options=set(),
+        update=touched,
+        override=OVERRIDE,
+    )
+    finger: PointerProperty(type=DermisFinger, override=OVERRIDE)
+    material: PointerProperty(type=DermisMaterial, override=OVERRIDE)
+    screen: PointerProperty(type=DermisScreen, override=OVERRIDE)
+
+
+TABLES: dict[type, core.parameters.parameter.Table] = {
+    DermisDevice: _rows.device.DEVICE,
+    DermisFinger: _rows.finger.FINGER,
+    DermisMaterial: _rows.material.BODY,
+    DermisScreen: _rows.screen.SCREEN,
+}
+
+
+def parameters(group: Any) -> dict[str, Any]:
+    """Return a group's values in SI, by the engine's names: what `Body.parameters` and its like take."""
+    return values(group, TABLES[type(group)])
+
+
+def apply_parameters(group: Any, given: dict[str, Any]) -> list[str]:
+    """Set a group's properties from SI values; return the names that it does not have."""
+    return apply(group, TABLES[type(group)], given)
+
+
+register, unregister = registration(
+    (DermisSkin, DermisDevice, DermisFinger, DermisMaterial, DermisScreen, DermisObject),
+    (bpy.types.Object, "dermis", PointerProperty(type=DermisObject, name="Dermis", override=OVERRIDE)),
+)

@@ -1,0 +1,37 @@
+"""A module's own classes, and its properties on Blender's types: they come together and go in reverse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import bpy
+
+Hung = tuple[type, str, Any]
+
+
+def registration(
+    classes: Sequence[type], *hung: Hung, forget: Callable[[], None] | None = None
+) -> tuple[Callable[[], None], Callable[[], None]]:
+    """Return `register` and `unregister` of a module.
+
+    Args:
+        hung: properties on Blender's own types: the type, the name and the property. Values stay in the file as plain
+            data when they go.
+        forget: called before everything goes.
+    """
+    add, remove = bpy.utils.register_classes_factory(classes)
+
+    def register() -> None:
+        add()
+        for owner, name, declared in hung:
+            setattr(owner, name, declared)
+
+    def unregister() -> None:
+        if forget is not None:
+            forget()
+        for owner, name, _ in reversed(hung):
+            delattr(owner, name)
+        remove()
+
+    return register, unregister

@@ -1,0 +1,124 @@
+"""Solid parts of which twins are made: coloured triangles, lit by a fixed light so that they read as solid."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import Array
+
+Colour = tuple[float, float, float, float]
+
+SEGMENTS = 48  # of a circle
+LIGHT = np.array([0.35, -0.45, 0.82]) / np.linalg.norm([0.35, -0.45, 0.82])
+
+
+class Part(NamedTuple):
+    """Triangles with a colour at every vertex: positions [m] (n, 3), colours (n, 4), indices (t, 3)."""
+
+    positions: NDArray[np.float32]
+    colours: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+
+
+class Line(NamedTuple):
+    """A line through points [m], shape (n, 3); width at scale 1 [px]."""
+
+    points: Array
+    colour: Colour
+    width: float
+
+
+def part_of(positions: Array, colours: Array, triangles: Array) -> Part:
+    """Return a part of any arrays, in the graphics card's types."""
+    return Part(positions.astype(np.float32), colours.astype(np.float32), triangles.astype(np.int32))
+
+
+def heat(level: float) -> Colour:
+    """Return a colour for a level from 0 to 1: blue, through white, to orange; safe for the colour-blind."""
+    level = min(max(level, 0.0), 1.0)
+    stops = np.array([[0.20, 0.45, 0.85], [0.85, 0.87, 0.90], [1.0, 0.52, 0.10]])
+    r, g, b = (float(np.interp(level, (0.0, 0.5, 1.0), stops[:, k])) for k in range(3))
+    return (r, g, b, 1.0)
+
+
+def circle(radius: float, height: float = 0.0) -> Array:
+    """Return a closed line around the pad's centre: radius and height [m], shape (n, 3)."""
+    angle = np.linspace(0.0, 2.0 * np.pi, SEGMENTS + 1)
+    z = np.full_like(angle, height)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
+
+
+def disc(radius: float, height: float, middle: Colour, rim: Colour) -> Part:
+    """Return a flat disc in the pad's plane, from one colour in its middle to another at its rim."""
+    ring = circle(radius, height)[:-1]
+    i = np.arange(len(ring))
+    triangles = np.stack([np.zeros_like(i), 1 + i, 1 + np.roll(i, -1)], axis=1)
+    return part_of(np.vstack([[0.0, 0.0, height], ring]), np.array([middle] + [rim] * len(ring)), triangles)
+
+
+def lathe(profile: list[tuple[float, float]], colour: Colour) -> Part:
+    """Turn a profile of (radius, height) [m] about Z."""
+    pieces = []
+    angle = np.linspace(0.0, 2.0 * np.pi, SEGMENTS + 1)
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    for (r0, z0), (r1, z1) in zip(profile[:-1], profile[1:], strict=True):
+        length = np.hypot(z1 - z0, r1 - r0)
+        radial, axial = (z1 - z0) / -length, (r1 - r0) / length
+        normals = np.column_stack([ring * radial, np.full(len(ring), axial)])
+        start, end = (np.column_stack([ring * r, np.full(len(ring), z)]) for r, z in ((r0, z0), (r1, z1)))
+        pieces.append(_band(start, end, normals, colour))
+    return joined(pieces)
+
+
+def bar(start: Array, end: Array, half: float, colour: Colour, sides: int = 6) -> Part:
+    """Return a bar of a half width between two points [m], closed at both ends."""
+    side, up = across((end - start) / max(float(np.linalg.norm(end - start)), 1e-12))
+    angle = np.arange(sides + 1) * (2.0 * np.pi / sides)
+    normals = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up
+    sleeve, i = _band(start + half * normals, end + half * normals, normals, colour), np.arange(1, sides - 1)
+    cap = np.stack([np.zeros_like(i), i, i + 1], axis=1)
+    return sleeve._replace(triangles=np.vstack([sleeve.triangles, cap, cap + sides + 1]).astype(np.int32))
+
+
+def ribbon(first: Array, second: Array, colours: Array) -> Part:
+    """Return the strip between two lines of n points [m], shapes (n, 3), with colours along it, shape (n, 4)."""
+    n, i = len(first), np.arange(len(first) - 1)
+    triangles = np.vstack([np.stack([i, i + 1, n + i + 1], axis=1), np.stack([i, n + i + 1, n + i], axis=1)])
+    return part_of(np.vstack([first, second]), np.vstack([colours, colours]), triangles)
+
+
+def across(along: Array) -> tuple[Array, Array]:
+    """Return two unit vectors that are perpendicular to a unit vector and to each other."""
+    other = np.array([0.0, 1.0, 0.0] if abs(along[1]) < 0.9 else [1.0, 0.0, 0.0])
+    side = np.asarray(np.cross(along, other), np.float64)
+    side /= np.linalg.norm(side)
+    return side, np.asarray(np.cross(along, side), np.float64)
+
+
+def joined(pieces: list[Part]) -> Part:
+    """Return several parts as one."""
+    starts = np.cumsum([0, *(len(p.positions) for p in pieces[:-1])])
+    return part_of(
+        np.vstack([p.positions for p in pieces]),
+        np.vstack([p.colours for p in pieces]),
+        np.vstack([p.triangles + start for p, start in zip(pieces, starts.tolist(), strict=True)]),
+    )
+
+
+def placed(part: Part, pose: Array) -> Part:
+    """Return a part at a pose, shape (4, 4)."""
+    return part._replace(positions=(part.positions @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32))
+
+
+def faint(part: Part, opacity: float) -> Part:
+    """Return a part with so much of its opacity."""
+    return part._replace(colours=part.colours * np.array([1.0, 1.0, 1.0, opacity], np.float32))
+
+
+def _band(start: Array, end: Array, normals: Array, colour: Colour) -> Part:
+    """Return a lit band between two rings."""
+    shade = 0.55 + 0.45 * np.abs(normals @ LIGHT)
+    return ribbon(start, end, np.column_stack([shade[:, None] * np.array(colour[:3]), np.full(len(shade), colour[3])]))

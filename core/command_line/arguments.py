@@ -1,0 +1,109 @@
+"""Arguments of verbs, one row each; those that several verbs take stand here."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..errors import DermisError
+from ..parameters.skin import DEFAULT_SKIN
+from ..parameters.stream import STREAM
+
+
+class Argument(NamedTuple):
+    """What `ArgumentParser.add_argument` takes."""
+
+    names: tuple[str, ...]
+    settings: dict[str, Any]
+
+
+def argument(*names: str, **settings: Any) -> Argument:
+    """Return an argument, from what `ArgumentParser.add_argument` takes."""
+    return Argument(names, settings)
+
+
+def switch(name: str, text: str) -> Argument:
+    """Return an option that is there or not."""
+    return argument(name, action="store_true", help=text)
+
+
+def add_verb(verbs: Any, name: str, *arguments: Argument, run: Any, **more: Any) -> None:
+    """Add a verb to a command line.
+
+    Args:
+        verbs: what `ArgumentParser.add_subparsers` returned.
+        run: what the verb does; the options hold it.
+        more: what `add_parser` takes, such as help; and `writes`, the options that name files (False) or folders
+            (True) to write.
+    """
+    writes = more.pop("writes", {})
+    parser = verbs.add_parser(name, **more)
+    for names, settings in arguments:
+        parser.add_argument(*names, **settings)
+    parser.set_defaults(run=run, writes=writes)
+
+
+def number(text: str) -> float:
+    """Read a number."""
+    try:
+        return float(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number") from error
+
+
+def seconds(text: str) -> float:
+    """Read a length of time [s]."""
+    value = number(text)
+    if not 0.0 <= value <= 1e6:
+        raise argparse.ArgumentTypeError(f"{text} is not allowed: 0 to 1e6 s")
+    return value
+
+
+def setting(name: str) -> Argument:
+    """Return the option for a number of `STREAM`."""
+    row = STREAM[name]
+
+    def read(text: str) -> float:
+        value = number(text)
+        try:
+            row.check(value, "")
+        except DermisError as error:
+            raise argparse.ArgumentTypeError(f"{text} is not allowed: {error.limit}") from error
+        return value
+
+    what = f"{row.text[0].lower()}{row.text[1:]} ({row.default:g} {row.unit})"
+    return argument(f"--{name.replace('_', '-')}", type=read, default=row.default, metavar=row.unit.upper(), help=what)
+
+
+PRESETS = argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
+SCENE = argument("scene", type=Path, metavar="FILE", help="a scene sampled to a file (.npz)")
+TRACK = argument("track", type=Path, metavar="TRACK", help="a command track: CSV, JSON or binary")
+MAPS = switch("--maps", "also write the maps of touch screens, for real fingers")
+QUIET = switch("--quiet", "no progress")
+LEVEL = argument("--level", default="draft", choices=("draft", "standard"), help="accuracy of the skin")
+
+THIMBLE = (argument("--device", default="thimble_3rrs", metavar="PRESET", help="the device preset"), PRESETS)
+SKIN = (argument("--skin", default=DEFAULT_SKIN, metavar="PRESET", help="the skin preset"), LEVEL)
+
+SPEAKS = (
+    argument(
+        "--protocol",
+        default=STREAM["protocol"].default,
+        choices=sorted(STREAM["protocol"].keys),
+        help="what the device speaks (native)",
+    ),
+    PRESETS,
+)
+
+
+def device(left_out: str) -> tuple[Argument, ...]:
+    """Return the options that say which device it is; `left_out`: what it is without."""
+    return argument("--device", default="", metavar="KEY", help=f"device preset; {left_out} if left out"), *SPEAKS
+
+
+LINK = (
+    argument("--url", required=True, help="port or URL of the device, 'virtual:' for the simulated one"),
+    argument("--calibration", type=Path, metavar="FILE", help="calibration of this device"),
+    setting("rate"),
+)

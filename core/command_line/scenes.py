@@ -1,0 +1,56 @@
+"""`python -m core render | compare`: what verbs make of sampled scenes."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from ..errors import DermisError
+from ..matching import pin_report
+from ..pipeline import outputs
+from ..pipeline import render as pipeline
+from ..presets import Library
+from ..scene import scene_file
+from ..track.export import format_of
+from ..track.file_names import FileNames
+from .findings import FAILED, tell
+from .progress import drain_shown
+from .tracks import write
+
+
+def render(options: argparse.Namespace) -> int:
+    """Render a sampled scene and write its tracks."""
+    scene, library = scene_file.load(options.scene), Library(options.presets)
+    bake = drain_shown(pipeline.render(scene, library), quiet=options.quiet)
+    try:
+        written = outputs.export(bake, options.out, plots=options.plots)
+    except DermisError:
+        tell(bake.all_findings, sys.stderr)  # why there is nothing to write
+        raise
+    if options.maps:
+        written += outputs.export_screen_maps(scene, library, options.out)
+    for path in written:
+        print(path)
+    refused, names = 0, FileNames()
+    for form in dict.fromkeys(options.format):
+        for stem, output in zip(outputs.file_names(bake), bake.outputs, strict=True):
+            try:
+                path = options.out / names.take(stem, format_of(form).suffix)
+                print(write(output.track, path, form, options.force))
+            except DermisError as error:  # one finger's track does not take the others down
+                print(f"error: {output.finger}, {output.device}, {form}: {error}", file=sys.stderr)
+                refused += 1
+    for name in sorted(bake.skipped):
+        if bake.skipped[name] and not options.quiet:
+            print(f"skipped: {bake.skipped[name]} {name}", file=sys.stderr)
+    return max(tell(bake.all_findings, sys.stderr), FAILED if refused else 0)
+
+
+def compare(options: argparse.Namespace) -> int:
+    """Say how far each matching method of a pin array would miss for a sampled scene."""
+    scene, library = scene_file.load(options.scene), Library(options.presets)
+    compared = pin_report.compare_scene(scene, library, finer=options.finer)
+    for name, reports in compared.reports.items():
+        print(name)
+        print(pin_report.table(reports))
+    return tell(compared.findings, sys.stderr)

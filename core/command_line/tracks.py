@@ -1,0 +1,74 @@
+"""`python -m core export | check`: what verbs make of command tracks."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from ..errors import DermisError, worst
+from ..presets import Library
+from ..track import check as checks
+from ..track import export as formats
+from ..track.command_track import CommandTrack
+from ..track.file_names import FileNames
+from .findings import FAILED, REFUSED, tell
+
+
+def export(options: argparse.Namespace) -> int:
+    """Write tracks in other formats, whole or a range of them."""
+    failed, names = 0, FileNames()
+    for path in options.tracks:  # a track that is still to be read is none to write over
+        names.reserve(path)
+    for path in options.tracks:
+        stem, suffix = path.name.removesuffix(path.suffix), formats.format_of(options.format).suffix
+        folder = options.out or path.parent
+        try:
+            if (folder / (stem + suffix)).resolve() == path.resolve():
+                raise DermisError("the file would replace itself", where=str(path), remedy="Choose another folder")
+            target = folder / names.take(stem, suffix, folder)
+            track = formats.read(path)
+            if options.limit:
+                track = track.within_limits()
+            if options.rate:
+                track = track.resampled(options.rate)
+            if options.range:
+                track = formats.cut(track, *options.range)
+            print(write(track, target, options.format, options.force))
+        except DermisError as error:  # one bad file does not take the others down
+            print(f"error: {error}", file=sys.stderr)
+            failed += 1
+    return REFUSED if failed else 0
+
+
+def check(options: argparse.Namespace) -> int:
+    """Check a track and say what is wrong with it."""
+    track, library = formats.read(options.track), Library(options.presets)
+    findings = (*checks.preset_findings(track, library), *checks.findings_of(checks.by_preset(track, library)))
+    if options.json:
+        report = {
+            "file": str(options.track),
+            "device": track.spec.key,
+            "samples": len(track.times),
+            "duration_s": track.duration,
+            "rate_hz": track.spec.rate,
+            "worst": worst(findings),
+            "findings": [f.as_dict() for f in findings],
+        }
+        print(json.dumps(report, indent=1, ensure_ascii=False, default=str))
+        return FAILED if worst(findings) == "error" else 0
+    print(
+        f"{options.track}: {track.spec.name}, {len(track.channels)} channels, {len(track.times)} samples, "
+        f"{track.duration:.6g} s at {track.spec.rate:g} Hz"
+    )
+    status = tell(findings, sys.stdout)
+    if not findings:
+        print("no findings")
+    return status
+
+
+def write(track: CommandTrack, path: Path, form: str, force: bool) -> Path:
+    """Write one track; tell what its check found."""
+    tell(formats.write(track, path, form, force=force), sys.stderr)
+    return path

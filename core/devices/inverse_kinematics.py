@@ -1,0 +1,56 @@
+"""Inverse kinematics of a 3-RRS platform: the servo angles at a configuration, with its singularity margin at no cost.
+
+A leg's joint stands at r outwards of its servo and at height h. With the platform's normal a, which turns it without
+torsion, and m = a.e of the leg's direction e:
+
+    r = rp (3/2 - a_z / 2 - 2 m^2 / (1 + a_z)) - rb        h = distance - rp m
+
+Source: [S0] 3.1 with the kinematics of the project's corrections (closed form of the 3-RRS)
+"""
+
+from __future__ import annotations
+
+import math
+
+from ..errors import DermisError
+from .linkage import LEGS, Linkage
+
+UPRIGHT = 1.5 * math.sqrt(3.0)  # the determinant of a level platform on upright rods
+
+
+def inverse_kinematics(linkage: Linkage, pitch: float, roll: float, distance: float) -> tuple[list[float], float]:
+    """Return the servos' angles from neutral [rad] and the singularity margin, as plain numbers.
+
+    Raises:
+        DermisError: a leg cannot reach.
+    """
+    cp, sp, cr, sr = math.cos(pitch), math.sin(pitch), math.cos(roll), math.sin(roll)
+    up, up_pitch, up_roll = cp * cr, -sp * cr, -cp * sr
+    across, turn = 1.0 / (1.0 + up), sp * sr
+    size, base, bend = linkage.platform_radius, linkage.base_radius, linkage.bend
+    crank, rod = linkage.crank, linkage.rod
+    fixed, double = crank * crank - rod * rod, 2.0 * crank
+    angles: list[float] = []
+    rows = []
+    for ex, ey in LEGS:
+        m, m_pitch, m_roll = sr * ex + up_pitch * ey, -up * ey, cr * ex + turn * ey
+        bent = 2.0 * m * across
+        r, h = size * (1.5 - 0.5 * up - bent * m) - base, distance - size * m
+        squared = r * r + h * h
+        cosine = (fixed + squared) / (double * math.sqrt(squared))
+        if abs(cosine) >= 1.0:
+            raise DermisError("a leg cannot reach the platform", where=f"thimble, leg {len(angles) + 1}")
+        angle = math.atan2(h, r) - bend * math.acos(cosine)
+        angles.append(angle - linkage.servo_zero)
+        out, rise = r - crank * math.cos(angle), h - crank * math.sin(angle)  # the rod, of length L2
+        curve = bent * m * across - 0.5
+        rows.append(
+            (
+                out * (curve * up_pitch - 2.0 * bent * m_pitch) - rise * m_pitch,
+                out * (curve * up_roll - 2.0 * bent * m_roll) - rise * m_roll,
+                rise,
+            )
+        )
+    (a, b, c), (d, e, f), (g, i, j) = rows
+    volume = a * (e * j - f * i) - b * (d * j - f * g) + c * (d * i - e * g)
+    return angles, linkage.side * volume / (UPRIGHT * rod * rod * rod)

@@ -1,0 +1,102 @@
+"""How a device is streamed to: the settings of a `StreamRequest`, in Blender's panel and in `stream play` alike."""
+
+from __future__ import annotations
+
+from .parameter import SWITCH, TEXT, Parameter, table
+
+STREAM = table(
+    Parameter(
+        name="protocol",
+        unit=TEXT,
+        label="Protocol",
+        text="What the device speaks",
+        default="native",
+        choices=(
+            ("native", "Dermis Native", "With handshake, check sums, device time and a watchdog in the device"),
+            ("maestro", "Pololu Maestro", "Compact protocol; the board has no watchdog unless you set one"),
+            ("servo-animation", "Servo Animation", "Receivers of Blender Servo Animation; they have no watchdog"),
+            ("torque", "Torque Board", "Torques over UDP at 1 kHz, HapTip style; positions are closed here"),
+            ("osc", "OSC", "Open Sound Control over UDP; receivers need a watchdog of their own"),
+        ),
+    ),
+    Parameter(
+        name="mode",
+        unit=TEXT,
+        label="Mode",
+        text="What moves the device",
+        default="play",
+        choices=(
+            ("play", "Play", "The baked track, in step with Blender's playback"),
+            ("follow", "Follow", "What the preview shows, while you scrub or play"),
+            ("jog", "Jog", "Single actuators by hand, for calibration"),
+            ("panel", "Touch", "A real finger on the panel: its place asks, the relief answers"),
+        ),
+    ),
+    Parameter(
+        name="offset",
+        unit="s",
+        label="Start Offset",
+        text="Plays the track earlier by this much",
+        default=0.0,
+        low=-1e6,
+        high=1e6,
+        soft=(-1.0, 1.0),
+    ),
+    Parameter(
+        name="look_ahead",
+        unit="s",
+        label="Look-Ahead",
+        text="Commands leave this much before they count; makes up for the device's delay",
+        default=0.1,
+        absent=0.0,
+        low=0.0,
+        high=10.0,
+        soft=(None, 1.0),
+        note="none where nobody says: a finger on a touch screen is answered at once",
+    ),
+    Parameter(
+        name="rate",
+        unit="Hz",
+        label="Rate",
+        text="Commands a second; 0: the device's own rate. A slow link carries fewer; taken when connecting",
+        default=0.0,
+        low=0.0,
+        high=10_000.0,
+        soft=(None, 1000.0),
+        digits=0,
+    ),
+    Parameter(
+        name="ramp",
+        unit="s",
+        label="Ramp",
+        text="Time from the device's own pose to the track after arming",
+        default=1.0,
+        low=0.0,
+        high=600.0,
+        soft=(0.1, 10.0),
+    ),
+    Parameter(
+        name="stall",
+        unit="s",
+        label="Stall",
+        text="When Blender stands still for this long the device goes to its safe state",
+        default=0.5,
+        low=0.01,
+        high=60.0,
+        soft=(0.1, 5.0),
+    ),
+    Parameter(
+        name="play_on",
+        unit=SWITCH,
+        label="Play On",
+        text="A baked track goes on while Blender stands still",
+        default=False,
+    ),
+    Parameter(
+        name="reconnect",
+        unit=SWITCH,
+        label="Reconnect",
+        text="Try again when the link is lost; it never arms by itself",
+        default=False,
+    ),
+)

@@ -395,8 +395,6 @@ READERS = (
 
 # What reads, and reads nothing of others: functions, or whole modules, and why they are in no table.
 OWN = {
-    "core.contact.solver.path:PathSolver._remember": "unpacks what it packed",
-    "core.contact.solver.path:PathSolver.adopt": "unpacks what it packed",
     "core.matching.screen_map:ScreenMap.save": "writes",
     "core.matching.table:SkinTable.save": "writes",
     "core.presets:Library.load": "copies what it holds",

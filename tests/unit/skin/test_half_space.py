@@ -155,6 +155,65 @@ def test_a_flat_punch() -> None:
     assert force[inner] / skin.areas[inner] == pytest.approx(pressure, rel=0.04)
 
 
+def strips(middles: Array, width: float, long: float) -> Array:
+    """Return the sinking of the middle of each strip for a force on another [1/m], shape (n, n)."""
+    count = len(middles)
+    chord = np.zeros((count, count, 3))
+    chord[..., 0] = middles[:, None] - middles
+    sides = np.broadcast_to(np.array([[width, 0.0, 0.0], [0.0, long, 0.0]]), (count * count, 2, 3))
+    found = rectangle_kernel(chord.reshape(-1, 3), np.tile(OUT, (count * count, 1)), sides, NU)
+    return found[:, 2, 2].reshape(count, count)
+
+
+def test_a_wedge_pressed_along_a_line() -> None:
+    """Johnson 5.3: E* slope a for a contact 2 a wide, its pressure E* slope arcosh(a / x) / pi off the apex."""
+    slope, width, long = 0.2, 0.01e-3, 0.2
+    x = (np.arange(120) - 59.5) * width
+    kernel, gap = strips(x, width, long), slope * np.abs(x)
+    touched = np.abs(x) < 0.4e-3  # what is pressed so wide is pressed as deep as the edges of it say
+    depth = np.ones(touched.sum())
+    both = np.linalg.solve(kernel[np.ix_(touched, touched)], np.stack([depth, gap[touched]], axis=1))
+    force = both[:, 0] * (both[-1, 1] / both[-1, 0]) - both[:, 1]  # none at the rim
+    assert (force[1:-1] > 0).all()
+    pressure, half = force / (width * long), 0.4e-3 - 0.5 * width
+    stiff = 1 / (1 - NU**2)
+    assert force.sum() / long == pytest.approx(stiff * slope * half, rel=0.01)
+    off = (np.abs(x[touched]) > 0.04e-3) & (np.abs(x[touched]) < 0.36e-3)
+    exact = stiff * slope / np.pi * np.arccosh(half / np.abs(x[touched][off]))
+    assert pressure[off] == pytest.approx(exact, rel=0.03)
+
+
+def test_a_punch_with_ribs() -> None:
+    """Johnson 13.3's periodic array of flat ribs: the middle one of 31, to 5 % off its edges and 1 % in its shape."""
+    period, cells, ribs, long = 1.5e-3, 24, 31, 3.0
+    width = 0.5 * period / cells
+    inner = (np.arange(cells) - 0.5 * (cells - 1)) * width
+    x = (period * (np.arange(ribs) - ribs // 2)[:, None] + inner).ravel()
+    force = np.linalg.solve(strips(x, width, long), np.ones(len(x))).reshape(ribs, cells)[ribs // 2]
+    found = force / force.mean() / 0.5  # over the mean pressure on a period
+    half = np.sin(0.25 * np.pi) ** 2
+    exact = np.cos(np.pi * inner / period) / np.sqrt(half - np.sin(np.pi * inner / period) ** 2)
+    off = np.abs(inner) < 0.23 * period
+    assert found[off] == pytest.approx(exact[off], rel=0.05)
+    middle = np.abs(inner) < 0.12 * period
+    assert found[middle] / found[middle].mean() == pytest.approx(exact[middle] / exact[middle].mean(), rel=0.01)
+
+
+def test_errors_fall_with_the_size_of_the_cells() -> None:
+    """Of force, halving the cells: below a twentieth of their share of the contact's radius, so as fast as they."""
+    depth, slope, radius = 0.4e-3, 0.3, 6e-3
+    stiff = 1 / (1 - NU**2)
+    shapes = {
+        "ball": (np.sqrt(radius * depth), lambda r: r**2 / (2 * radius), 4 / 3 * np.sqrt(radius) * depth**1.5),
+        "cone": (2 * depth / (np.pi * slope), lambda r: slope * r, 2 / np.pi * depth**2 / slope),
+    }
+    for name, (contact, profile, exact) in shapes.items():
+        for cells in (5, 10, 20):
+            skin = grid(1.2 * contact, contact / cells)
+            force = press(skin, profile(np.linalg.norm(skin.positions, axis=1)) - depth, NU)
+            assert force.sum() == pytest.approx(stiff * exact, rel=0.05 / cells), (name, cells)
+
+
 def test_pressure_on_a_disc_below_its_middle() -> None:
     """Johnson 3.33, to rounding."""
     radius, z = 1.5e-3, np.array([0.3e-3, 1.2e-3, 4e-3])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Array, Indices
-from .nearest import DENSE_PAIRS
+from .nearest import PAIRS_AT_ONCE
 from .triangles import TriangleTable
 
 # Ways that pass beside a triangle by less than this share of its size meet it: none slips through between two.
@@ -35,7 +35,7 @@ def first_crossing(table: TriangleTable, start: Array, end: Array, side: int = 1
         return triangle, share
     a, ab, ac = (table.rows[k : k + 3, chosen] for k in (0, 3, 6))
     normal = np.cross(ab, ac, axis=0)
-    size = max(1, DENSE_PAIRS // chosen.size)
+    size = max(1, PAIRS_AT_ONCE // chosen.size)
     for first in range(0, len(start), size):
         part = slice(first, first + size)
         origin, way = start[part], end[part] - start[part]

@@ -156,18 +156,8 @@ def node_gaps(
         bone: a point inside the finger [m], shape (3,): an open surface is touched on the side where it lies.
         expected: where the deformed nodes are; the undeformed ones where None.
     """
-    m = points.shape[0]
     places = points if expected is None else expected.places
-    found = NodeGaps(
-        tuple(bodies),
-        np.full(m, np.inf),
-        np.full(m, np.inf),
-        np.zeros((m, 3)),
-        np.full(m, -1),
-        np.full(m, -1),
-        np.zeros(m),
-        np.zeros(m),
-    )
+    found: tuple[Array, Array, Indices, Indices, Array, Array] | None = None
     for index, body in enumerate(bodies):
         if body.away:
             continue
@@ -180,24 +170,41 @@ def node_gaps(
                 answer, side = answer.flipped(), -1
             if expected is not None:
                 _keep_sides(answer, body, index, side, local, expected)
-        closer = np.flatnonzero((answer.triangle >= 0) & (answer.gap < found.clearance))
-        found.clearance[closer] = answer.gap[closer]
-        found.normal[closer] = answer.normal[closer] @ body.rotation.T
-        found.body[closer], found.triangle[closer] = index, answer.triangle[closer]
-        found.friction[closer], found.softness[closer] = body.friction, body.softness
-    found.gap[:] = found.clearance
-    if expected is not None:
-        near = np.flatnonzero(found.body >= 0)
-        found.gap[near] -= np.einsum("ij,ij->i", places[near] - points[near], found.normal[near])
-    return found
+        own = _of_body(answer, body, index)
+        if found is None:
+            found = own
+            continue
+        closer = ((answer.triangle >= 0) & (answer.gap < found[0])).nonzero()[0]
+        for ours, others in zip(found, own, strict=True):
+            ours[closer] = others[closer]
+    m = len(points)
+    nothing = np.full(m, np.inf), np.zeros((m, 3)), np.full(m, -1), np.full(m, -1), np.zeros(m), np.zeros(m)
+    clearance, normal, *rest = found or nothing
+    # beyond reach the normal is zero
+    gap = clearance.copy() if expected is None else clearance - _dot(places - points, normal)
+    return NodeGaps(tuple(bodies), gap, clearance, normal, *rest)
+
+
+def _of_body(answer: GapQuery, body: ContactBody, index: int) -> tuple[Array, Array, Indices, Indices, Array, Array]:
+    """Return clearance, normal, body, triangle, friction and softness of the nodes above one body."""
+    near = answer.triangle >= 0
+    owner = np.where(near, index, -1)
+    return (
+        answer.gap,
+        answer.normal @ body.rotation.T,
+        owner,
+        answer.triangle,
+        near * body.friction,
+        near * body.softness,
+    )
 
 
 def _keep_sides(answer: GapQuery, body: ContactBody, index: int, side: int, local: Array, expected: Expected) -> None:
     """Give nodes that went through a surface the face that they went through first, in place."""
     assert isinstance(body.surface, Surface)
-    own = np.flatnonzero((expected.body == index) & (answer.triangle >= 0))
-    before = expected.normal[own] @ body.rotation
-    turned = own[np.einsum("ij,ij->i", before, answer.normal[own]) < SAME_SIDE]
+    # a node without a body has no normal, and one beyond reach has none now
+    cosine = _dot(expected.normal @ body.rotation, answer.normal)
+    turned = ((cosine < SAME_SIDE) & (expected.body == index) & (answer.triangle >= 0)).nonzero()[0]
     if turned.size == 0:
         return
     above = expected.origins[turned] + ABOVE * expected.normal[turned]
@@ -207,7 +214,7 @@ def _keep_sides(answer: GapQuery, body: ContactBody, index: int, side: int, loca
     turned, triangle, start, share = turned[through], triangle[through], start[through], share[through]
     normal = side * body.surface.table.bounds[3:6].take(triangle, axis=1).T
     way = local[turned] - start
-    answer.gap[turned] = (1.0 - share) * np.einsum("ij,ij->i", way, normal)
+    answer.gap[turned] = (1.0 - share) * _dot(way, normal)
     answer.normal[turned], answer.triangle[turned] = normal, triangle
     answer.point[turned] = start + share[:, None] * way
     answer.beside[turned] = False
@@ -220,13 +227,8 @@ def to_material(bodies: Sequence[ContactBody], owner: Indices, triangle: Indices
     deforms, two affine weights in the plane of a triangle and the height above it.
     """
     out = np.empty_like(positions)
-    for index, body in enumerate(bodies):
-        own = owner == index
-        count = np.count_nonzero(own)
-        if count == 0:
-            continue
-        # no copies where there is only one body
-        which: NDArray[np.bool_] | slice = slice(None) if count == owner.size else own
+    for index, which in owned(owner):
+        body = bodies[index]
         local = (positions[which] - body.translation) @ body.rotation
         if body.deforms and isinstance(body.surface, Surface):
             a, ab, ac, normal = _plane_of(body.surface, triangle[which])
@@ -246,7 +248,8 @@ def from_material(
 ) -> Array:
     """Return where material points are now, in the finger's frame [m], shape (n, 3); the inverse of `to_material`."""
     out = np.full_like(material, np.nan)
-    for body, which in _owned(bodies, owner):
+    for index, which in owned(owner):
+        body = bodies[index]
         if body.deforms and isinstance(body.surface, Surface):
             a, ab, ac, normal = _plane_of(body.surface, triangle[which])
             u, w, height = material[which].T[:, :, None]
@@ -257,15 +260,17 @@ def from_material(
     return out
 
 
-def _owned(
-    bodies: Sequence[ContactBody], owner: NDArray[np.integer]
-) -> Iterator[tuple[ContactBody, NDArray[np.bool_] | slice]]:
-    """Yield each body that owns any, with which are its own; a slice, which copies nothing, where it owns all."""
-    for index, body in enumerate(bodies):
-        own = owner == index
-        count = np.count_nonzero(own)
-        if count:
-            yield body, slice(None) if count == owner.size else own
+def owned(owner: NDArray[np.integer]) -> Iterator[tuple[int, Indices | slice]]:
+    """Yield the index of each body that owns any, with which those are; a slice, which copies nothing, where all."""
+    if owner.size == 0:
+        return
+    first = int(owner[0])
+    if (owner == first).all():
+        if first >= 0:
+            yield first, slice(None)
+        return
+    for index in set(owner.tolist()) - {-1}:
+        yield index, (owner == index).nonzero()[0]
 
 
 def _plane_of(surface: Surface, triangle: Indices) -> tuple[Array, Array, Array, Array]:

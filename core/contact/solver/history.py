@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
-from .bodies import ContactBody, Expected, NodeGaps, from_material, to_material
+from .bodies import ContactBody, Expected, NodeGaps, from_material, owned, to_material
 
 _ARRAYS = ("body", "_material", "_triangle", "_normal", "_gap", "_sticking")
 
@@ -72,9 +72,8 @@ class ContactHistory:
         """
         anchors = from_material(bodies, self.body, self._material, self._triangle)
         normal = np.zeros_like(anchors)
-        for index, body in enumerate(bodies):
-            own = np.flatnonzero(self.body == index)
-            normal[own] = self._normal[own] @ body.rotation.T
+        for index, own in owned(self.body):
+            normal[own] = self._normal[own] @ bodies[index].rotation.T
         moved = anchors - deformed
         carried = self._sticking & (np.einsum("ij,ij->i", moved, moved) <= search_radius * search_radius)
         places = np.where(carried[:, None], anchors, deformed)
@@ -119,9 +118,8 @@ class ContactHistory:
         self.body = np.where(near, gaps.body, -1)
         self._sticking = near & sticking
         self._gap = np.maximum(gap, 0.0)
-        for index, body in enumerate(gaps.bodies):
-            own = np.flatnonzero(self.body == index)
-            self._normal[own] = gaps.normal[own] @ body.rotation
+        for index, own in owned(self.body):
+            self._normal[own] = gaps.normal[own] @ gaps.bodies[index].rotation
 
     def _put(
         self, bodies: Sequence[ContactBody], nodes: Indices, body: Indices, triangle: Indices, positions: Array

@@ -7,7 +7,6 @@ only where the skin of every finger that holds it is simulated: what an unseen f
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +26,10 @@ SHARE = 1e-3
 
 
 def may_be_held(scene: TactileScene, b: int, chunk: Chunk) -> bool:
-    """Return, from the header and one chunk, whether a body could be held there: it has a mass and a way to be held."""
+    """Return, from the header and one chunk, whether a body could be held there: it says a mass and how it is held."""
     given = scene.bodies[b].parameters
-    if not _mass(given) > 0.0:
-        return False
+    if "mass" not in given and f"body/{b}/mass" not in chunk.animated:
+        return False  # contents that say no mass weigh alike; what says none is not held
     mode = BODY["held_mode"].of(given, f"object '{scene.bodies[b].name}'")
     if mode == "keyed":
         switch = chunk.animated.get(f"body/{b}/held")
@@ -71,6 +70,8 @@ class HeldBody:
         self._first_unseen = float(pad_contact.frames[np.argmax(unseen)])
         if not self.held.any():
             return
+        mass = pad_contact.series(f"body/{b}", BODY["mass"], self._body.parameters, times)
+        self._mass = np.broadcast_to(mass, times.shape)
         centre = pad_contact.centre(b, self._body.mesh)
         self._centre, self._acceleration = centre.at(times), centre.at(times, 2)
         motion = pad_contact.body_motion(b)
@@ -135,6 +136,7 @@ class HeldBody:
             contexts: of the fingers in `order`.
         """
         held_object = self._at(surface, turn.T @ (self._centre[sample] - origin))
+        held_object.mass = float(self._mass[sample])
         mine = next((r.bodies[r.own] for r in contexts if r is not None), None)
         if mine is not None:
             held_object.friction, held_object.softness, held_object.deforms = mine.friction, mine.softness, mine.deforms
@@ -160,22 +162,22 @@ class HeldBody:
         if known is None:
             known = self._object = GripSolver(
                 surface,
-                _mass(self._body.parameters),
+                0.0,
                 self._fingers,
                 0.0,
                 centre=centre,
-                inertia=inertia_of(surface, _mass(self._body.parameters), centre),
+                inertia=inertia_of(surface, centre),
                 gravity=self._gravity,
                 name=f"object '{self._body.name}'",
             )
         elif known.surface is not surface:
             known.surface, known.centre = surface, centre
-            known.inertia = inertia_of(surface, known.mass, centre)
+            known.inertia = inertia_of(surface, centre)
         return known
 
 
-def inertia_of(surface: Surface, mass: float, centre: Array) -> Array:
-    """Return the inertia of a homogeneous solid about a point, or of its box where it encloses nothing [kg m^2].
+def inertia_of(surface: Surface, centre: Array) -> Array:
+    """Return the inertia of a homogeneous kilogram about a point, or of its box where it encloses nothing [m^2].
 
     A sum over the tetrahedra that its triangles span with the point, shape (3, 3).
     """
@@ -184,16 +186,12 @@ def inertia_of(surface: Surface, mass: float, centre: Array) -> Array:
     total = float(volume.sum())
     size = surface.box[1] - surface.box[0]
     if not surface.closed or not abs(total) > 1e-6 * float(size.max()) ** 3:
-        return np.asarray(np.diag((size @ size - size**2) * mass / 12.0))
+        return np.asarray(np.diag((size @ size - size**2) / 12.0))
     # integral of x x' over a tetrahedron with a corner at the origin: V/20 (sum of corner products + sum sum')
     corners = a + b + c
     second = sum(np.einsum("n,ni,nj->ij", volume, x, x) for x in (a, b, c, corners)) / 20.0
-    second = np.asarray(second) * (mass / total)
+    second = np.asarray(second) / total
     return np.asarray(np.trace(second) * np.eye(3) - second)
-
-
-def _mass(parameters: Mapping[str, Any]) -> float:
-    return float(parameters.get("mass", 0.0))  # not what weighs contents: what says no mass is not held
 
 
 def rigid(turn: Array, place: Array) -> Array:

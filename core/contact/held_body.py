@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import Finding
+from ..motion import RoundedPath, accumulated
 from ..parameters.material import BODY
 from ..scene.tactile_scene import Body, Chunk, TactileScene
 from ..surface.gap import Surface
@@ -21,8 +22,8 @@ from .pad_contact import PadContact
 from .solver.bodies import ContactBody
 from .solver.grip_solver import GripSolver, GripStep, HoldContext, HoldingFinger
 
-# Angular acceleration is the difference of angular velocity over this share of a sample to either side.
-SHARE = 1e-3
+# Smaller changes of velocity from sample to sample are no kinks [m/s], [rad/s].
+KINK, TURNING_KINK = 1e-3, 0.02
 
 
 def may_be_held(scene: TactileScene, b: int, chunk: Chunk) -> bool:
@@ -66,6 +67,7 @@ class HeldBody:
                 unseen |= holds & (f not in skins)
         self.keyed = BODY["held_mode"].of(self._body.parameters) == "keyed"
         self.held: NDArray[np.bool_] = whole & ~unseen
+        self._kinks = np.zeros(0)  # frames
         self._unseen = int(unseen.sum())
         self._first_unseen = float(pad_contact.frames[np.argmax(unseen)])
         if not self.held.any():
@@ -73,43 +75,38 @@ class HeldBody:
         mass = pad_contact.series(f"body/{b}", BODY["mass"], self._body.parameters, times)
         self._mass = np.broadcast_to(mass, times.shape)
         centre = pad_contact.centre(b, self._body.mesh)
-        self._centre, self._acceleration = centre.at(times), centre.at(times, 2)
         motion = pad_contact.body_motion(b)
-        self._spin = motion.at(times).angular_velocity
-        self._spin_rate = np.zeros_like(self._spin)
-        if len(times) > 2:
-            h = SHARE * float(np.diff(times).min())
-            before, after = (np.clip(times + d, times[0], times[-1]) for d in (-h, h))
-            change = motion.at(after).angular_velocity - motion.at(before).angular_velocity
-            self._spin_rate = change / (after - before)[:, None]
+        self._centre, self._spin = centre.at(times), motion.at(times).angular_velocity
+        over = BODY["kink_time"].of(self._body.parameters, f"object '{self._body.name}'")
+        path = RoundedPath(times, centre.values, over, KINK)
+        turning = RoundedPath(times, accumulated(motion.rotations.values), over, TURNING_KINK)
+        self._acceleration, self._spin_rate = path.acceleration, turning.acceleration
+        kinks = np.union1d(path.samples, turning.samples)
+        self._kinks = pad_contact.frames[kinks[self.held[kinks]]]
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Frames in which it slipped, and whether fingers without a simulated skin hold it."""
+        """Frames in which it slipped, what its motion lacks, and who holds it whose skin is not simulated."""
         found = () if self._object is None else self._object.findings
+        if len(self._kinks):
+            what = "its motion has kinks, where it changes its velocity from one sample to the next"
+            remedy = "Smooth its keys, or say over which time a kink is rounded for its weight and inertia"
+            found = (*found, self._finding("kinks", what, self._kinks[0], len(self._kinks), remedy))
         if self._shared:
-            shared = Finding(
-                "info",
-                "held-together",
-                "a finger holds another object too: this one follows its animated path there",
-                where=f"object '{self._body.name}'",
-                frame=self._shared[0],
-                count=self._shared[1],
+            what = "a finger holds another object too: this one follows its animated path there"
+            found = (*found, self._finding("held-together", what, *self._shared))
+        if self._unseen:
+            what = (
+                "it is held by a finger whose skin is not simulated: it follows its animated path there, and the "
+                "contacts need not carry its weight"
             )
-            found = (*found, shared)
-        if not self._unseen:
-            return found
-        unseen = Finding(
-            "info",
-            "held-unseen",
-            "it is held by a finger whose skin is not simulated: it follows its "
-            "animated path there, and the contacts need not carry its weight",
-            where=f"object '{self._body.name}'",
-            remedy="Show the skin of every finger that holds it",
-            frame=self._first_unseen,
-            count=self._unseen,
-        )
-        return (*found, unseen)
+            remedy = "Show the skin of every finger that holds it"
+            found = (*found, self._finding("held-unseen", what, self._first_unseen, self._unseen, remedy))
+        return found
+
+    def _finding(self, code: str, what: str, frame: float, count: int, remedy: str = "") -> Finding:
+        where = f"object '{self._body.name}'"
+        return Finding("info", code, what, where=where, remedy=remedy, frame=float(frame), count=count)
 
     def shared(self, frame: float) -> None:
         """Record a sample in which a finger that holds it already balances another object."""

@@ -22,7 +22,12 @@ GROUPS: tuple[tuple[str, str, str, Table], ...] = (
     ("A finger's skin", "`Finger.parameters`, beside `skin`", _SKIN, SKIN_CONTACT),
     ("Skin", "`skin` of `Finger.parameters`, and presets in `presets/skins`", _SKIN, SKIN),
     ("Device on a finger", "`DeviceUse.parameters`", _DEVICES, DEVICE),
-    ("Object", "`Body.parameters`; presets in `presets/materials`, all but `held`", "object.dermis.material", BODY),
+    (
+        "Object",
+        "`Body.parameters`; presets in `presets/materials`, all but `held` and `kink_time`",
+        "object.dermis.material",
+        BODY,
+    ),
     ("Screen", "`Screen.parameters`", "object.dermis.screen", {**SCREEN, **SEQUENCE, HEIGHT.name: HEIGHT}),
     ("Stream", "a `StreamRequest`; `python -m core stream` has options for some", "scene.dermis_stream", STREAM),
 )

@@ -19,7 +19,7 @@ DEVICE = "finger.devices[0]."
 CONSTANT = {
     object_properties.DermisDevice: ("auto_range", "direction_window"),
     object_properties.DermisFinger: ("pattern_repeat",),
-    object_properties.DermisMaterial: ("mass", "content_length_mm", "content_size_mm", "content_damping"),
+    object_properties.DermisMaterial: ("content_length_mm", "content_size_mm", "content_damping", "kink_time"),
     object_properties.DermisScreen: ("height_mm", "invert"),
 }
 KEYED = {
@@ -57,6 +57,7 @@ KEYED = {
         "weight_acceleration",
         "weight_gravity",
         "content_on",
+        "mass",
         "content_amplitude",
         "held",
     },
@@ -89,7 +90,7 @@ def test_keys_that_an_older_file_has_for_a_constant_are_told_and_do_nothing() ->
     thing, pane, tip = cube(), screen(), finger()
     tip.dermis.finger.devices.add().preset = "haptip"
     compat.set_keys(thing, "dermis.material.content_length_mm", 0, [1, 25], [30.0, 200.0])
-    compat.set_keys(thing, "dermis.material.mass", 0, [1, 25], [1.0, 2.0])
+    compat.set_keys(thing, "dermis.material.kink_time", 0, [1, 25], [0.1, 0.2])
     compat.set_keys(thing, "dermis.material.friction", 0, [1, 25], [0.0, 1.0])
     compat.set_keys(pane, "dermis.screen.invert", 0, [1, 25], [0, 1])
     compat.set_keys(tip, f"dermis.{DEVICE}auto_range", 0, [1, 25], [0, 1])
@@ -98,7 +99,7 @@ def test_keys_that_an_older_file_has_for_a_constant_are_told_and_do_nothing() ->
     told = [(f.severity, f.where, f.value) for f in tactile.findings if f.code == "keyed-constant"]
     assert sorted(told) == [
         ("warning", "object 'Cube'", "Length"),
-        ("warning", "object 'Cube'", "Mass [kg]"),
+        ("warning", "object 'Cube'", "Rounding"),
         ("warning", "object 'Finger'", "Auto Range"),
         ("warning", "object 'Screen'", "Depth Map"),
     ]

@@ -3,80 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
 import pytest
 
 from core.contact.held_body import inertia_of
 from core.contact.holding_times import holding_times
-from core.contact.pad_sampler import PadSampler
 from core.contact.skin_sampler import SkinSampler
 from core.errors import DermisError
-from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
+from core.scene.tactile_scene import Chunk, Finger, Mesh
 from core.surface.gap import Surface
+from tests.held_blocks import (
+    CLOSED,
+    CORNERS,
+    COUNT,
+    GRAVITY,
+    HALF,
+    TIMES,
+    TRIANGLES,
+    carried,
+    codes,
+    make,
+    on_block,
+    run,
+)
 
-HALF = np.array([0.01, 0.015, 0.01])
-CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float) * HALF
-TRIANGLES = np.array([
-    [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
-    [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
-], dtype=np.int32)  # fmt: skip
-BLOCK = Mesh(CORNERS, TRIANGLES)
-GRAVITY = np.array([0.0, -9.81, 0.0])
-RATE, COUNT, CLOSED, SQUEEZE = 240.0, 30, 8, 1e-3
 BALANCE = 1e-6
-TIMES = np.arange(COUNT) / RATE
-
-
-def carried(path, turn=None):
-    """Poses of the block and of two pads facing each other along z, closing over the first samples."""
-    block = np.tile(np.eye(4), (COUNT, 1, 1))
-    block[:, :3, 3] = path
-    if turn is not None:
-        block[:, :3, :3] = turn
-    open_by = 2e-3 * np.clip(1 - np.arange(COUNT) / CLOSED, 0, 1)
-    fingers = np.tile(np.eye(4), (2, COUNT, 1, 1))
-    fingers[1, :, :3, :3] = np.diag([-1.0, 1.0, -1.0])
-    height = HALF[2] - SQUEEZE + open_by
-    fingers[0, :, 2, 3], fingers[1, :, 2, 3] = height, -height
-    return block, block[None] @ fingers
-
-
-def make(mass=0.03, mode="auto", **more):
-    given = {"friction": 0.6, "held_mode": mode, **({} if mass is None else {"mass": mass}), **more}
-    fingers = tuple(Finger(n) for n in ("index", "thumb"))
-    return TactileScene(
-        "s", Fraction(24), (1, 2), RATE, fingers, (Body("block", BLOCK, given),), (), (), tuple(GRAVITY)
-    )
-
-
-def run(scene, skins, block, fingers, cuts=(), animated=None, surfaces=None):
-    pads, sampler = PadSampler(scene), SkinSampler(scene, skins)
-    for i, j in zip((0, *cuts), (*cuts, COUNT), strict=True):
-        screens = np.zeros((0, j - i, 4, 4))
-        chunk = Chunk(
-            np.arange(i, j) / 10 + 1,
-            TIMES[i:j],
-            fingers[:, i:j],
-            block[None, i:j],
-            screens,
-            {} if surfaces is None else {0: surfaces[i:j]},
-            {k: v[i:j] for k, v in (animated or {}).items()},
-        )
-        pads.add(chunk)
-        sampler.add(chunk)
-    touch = pads.finish()
-    return sampler.finish(touch), touch
-
-
-def on_block(felt, fingers, sample):
-    """Newton's third law, counted from the nodes' forces in world space."""
-    return -sum(fingers[f, sample, :3, :3] @ felt[f].force_at(sample).sum(axis=0) for f in felt)
-
-
-def codes(felt):
-    return [f.code for touch in felt.values() for f in touch.findings]
 
 
 def shaken():
@@ -219,12 +171,12 @@ def test_the_touch_of_the_range_is_needed(skin):
 
 def test_inertia_of_a_solid():
     """A box in closed form, off its centre by Steiner's theorem; an open sheet has that of its box."""
-    size, mass = 2 * HALF, 0.05
+    size = 2 * HALF
     box = Surface.build(CORNERS + [0.3, 0.1, 0.0], TRIANGLES)
-    exact = np.diag((size @ size - size**2) * mass / 12)
-    np.testing.assert_allclose(inertia_of(box, mass, np.array([0.3, 0.1, 0])), exact, rtol=1e-9, atol=1e-15)
+    exact = np.diag((size @ size - size**2) / 12)
+    np.testing.assert_allclose(inertia_of(box, np.array([0.3, 0.1, 0])), exact, rtol=1e-9, atol=1e-15)
     d = np.array([0.02, -0.01, 0.005])
-    steiner = exact + mass * (d @ d * np.eye(3) - np.outer(d, d))
-    np.testing.assert_allclose(inertia_of(box, mass, np.array([0.3, 0.1, 0]) - d), steiner, rtol=1e-9)
+    steiner = exact + d @ d * np.eye(3) - np.outer(d, d)
+    np.testing.assert_allclose(inertia_of(box, np.array([0.3, 0.1, 0]) - d), steiner, rtol=1e-9)
     sheet = Surface.build(CORNERS, TRIANGLES[:-2])
-    np.testing.assert_allclose(inertia_of(sheet, mass, np.zeros(3)), exact, rtol=1e-12)
+    np.testing.assert_allclose(inertia_of(sheet, np.zeros(3)), exact, rtol=1e-12)

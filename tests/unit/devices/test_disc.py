@@ -64,7 +64,7 @@ def test_a_path_equals_the_path_solver(skin, device, friction):
     ours, _ = forces_along(contact_with(skin, device, friction), device, path)
     solver = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
     bodies = ([disc.body(placed(device, device.pose(x)), friction)] for x in path)
-    gaps = (node_gaps(skin.positions, body, solver.search_radius, solver.bone) for body in bodies)  # of undeformed nodes
+    gaps = (node_gaps(skin.positions, body, solver.search_radius, solver.bone) for body in bodies)
     theirs = np.array([solver.step_gaps(frame).solution.force for frame in gaps])
     assert np.abs(theirs).max() > 0.05
     np.testing.assert_allclose(ours, theirs, atol=2e-5 * np.abs(theirs).max())

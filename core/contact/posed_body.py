@@ -62,6 +62,7 @@ class PosedBody:
         self._turned: tuple[Array, Array] | None = None  # linear maps, and their rotations
         self._turned_here = False  # whether those are this chunk's
         self._box: tuple[Mesh, Array] | None = None  # of a mesh, in its object's space
+        self._boxes: Array | None = None  # of this chunk's meshes
         self._previous: tuple[Array, Mesh | None] | None = None  # pose and mesh of the sample before the chunk
 
     def take(self, b: int, chunk: Chunk, *, again: bool = False) -> None:
@@ -69,6 +70,7 @@ class PosedBody:
         if not again and len(self._poses):
             self._previous = self._poses[-1], None if self._meshes is None else self._meshes[-1]
         self._poses, self._meshes, self._turned_here = chunk.bodies[b], chunk.surfaces.get(b), False
+        self._boxes = None
 
     def cut(self) -> None:
         """Forget the sample before the chunk: what follows does not come from there."""
@@ -80,9 +82,10 @@ class PosedBody:
         Raises:
             DermisError: the object has no surface.
         """
-        if self._meshes is not None:
-            return np.array([self._box_of(mesh) for mesh in self._meshes])
-        return self._box_of(rigid_mesh(self._body))[None]
+        if self._boxes is None:
+            meshes = (rigid_mesh(self._body),) if self._meshes is None else self._meshes
+            self._boxes = np.array([self._box_of(mesh) for mesh in meshes])
+        return self._boxes
 
     def at(self, i: int) -> Posed:
         """Return the body at a sample.

@@ -67,6 +67,14 @@ class PosedScene:
             self._turns = np.ascontiguousarray(turns) if linear.shape[1] == 1 else turns
         return self._turns
 
+    def own_boxes(self, b: int) -> Array:
+        """Return a body's box in its own space at every sample [m], shape (n, 2, 3), or (1, 2, 3) where it is rigid.
+
+        Raises:
+            DermisError: a deforming object has no surface.
+        """
+        return self._bodies[b].boxes()
+
     def boxes(self) -> tuple[Array, Array]:
         """Return middle and half size of the bodies' boxes in the world at every sample [m], shape (B, n, 3) each.
 
@@ -94,11 +102,13 @@ class PosedScene:
         assert mesh is not None  # `boxes` refused it
         return mesh
 
-    def relative(self, turn: Array, place: Array, b: int) -> RelativePoses:
-        """Return a body at all samples, seen from a finger of rotations (n, 3, 3) and places [m], shape (n, 3)."""
-        poses, back = self.chunk.bodies[b], np.swapaxes(turn, 1, 2)
-        moved = back @ (poses[:, :3, 3] - place)[:, :, None]
-        return RelativePoses(back @ poses[:, :3, :3], moved[:, :, 0])
+    def relative(self, turn: Array, place: Array, bodies: Sequence[int]) -> dict[int, RelativePoses]:
+        """Return bodies at all samples, seen from a finger of rotations (n, 3, 3) and places [m], shape (n, 3)."""
+        if not bodies:
+            return {}
+        poses, back = self.chunk.bodies[list(bodies)], np.swapaxes(turn, 1, 2)
+        moved = (back @ (poses[:, :, :3, 3] - place)[..., None])[..., 0]
+        return {b: RelativePoses(*seen) for b, *seen in zip(bodies, back @ poses[:, :, :3, :3], moved, strict=True)}
 
     def finger_before(self, f: int, i: int) -> tuple[Array, Array] | None:
         """Return a finger's rotation (3, 3) and place [m] at the sample before sample `i`; None where none was."""

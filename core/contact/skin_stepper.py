@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import Finding
 from ..scene.tactile_scene import Finger
 from ..skin.model import SkinModel
@@ -65,10 +66,12 @@ class SkinStepper:
         box_middle, box_half = self._scene.boxes()
         inside = (np.abs(middle - box_middle) <= half + box_half).all(axis=2)
         self.far += int((~inside).sum())
-        near = {int(b): inside[b] for b in np.flatnonzero(inside.any(axis=1))}
+        near = np.flatnonzero(inside.any(axis=1)).tolist()
         # so that a body keeps its index in the solver's memory
         self._order += [b for b in near if b not in self._order]
-        return Approach(near, turn, place, {b: self._scene.relative(turn, place, b) for b in near})
+        poses = self._scene.relative(turn, place, near)
+        apart = self._proximity.apart([*poses.values()], [self._scene.own_boxes(b) for b in near])
+        return Approach(dict(zip(near, inside[near], strict=True)), turn, place, poses, apart)
 
     def step(self, approach: Approach, i: int) -> SkinStep:
         """Solve sample `i` of the chunk.
@@ -97,23 +100,24 @@ class SkinStepper:
             untouched: return these too.
         """
         close, loaded = approach.close(i), self.bone.solver.loaded_bodies
-        search_radius = self.bone.solver.bulge if loaded else 0.0
+        reach = self._proximity.grouped(self.bone.solver.bulge) if loaded else np.zeros(1)
+        within = close if untouched else approach.within(i, reach)
         return [
-            self._body(approach, i, b, search_radius, known=untouched or k in loaded) if b in close else AWAY
+            self._body(approach, i, b, None if untouched or k in loaded else reach)
+            if b in close and (b in within or k in loaded)
+            else AWAY
             for k, b in enumerate(self._order)
         ]
 
-    def _body(self, approach: Approach, i: int, b: int, search_radius: float, *, known: bool) -> ContactBody:
-        """Return a body at a sample; away, unless it is `known` to count, where nothing of it can be within reach."""
+    def _body(self, approach: Approach, i: int, b: int, reach: Array | None) -> ContactBody:
+        """Return a body at a sample; away where no group of nodes has it within reach [m], shape (g,) or (1,)."""
+        if reach is None:
+            return self._scene.seen_from(approach.turn[i], approach.place[i], b, i)
         mesh = self._scene.mesh_at(b, i)
-        if not known and self._proximity.gap(b, i, approach.poses[b], mesh) > search_radius:
+        if (self._proximity.gaps(b, i, approach.poses, mesh) > reach).all():
             return AWAY
         body = self._scene.seen_from(approach.turn[i], approach.place[i], b, i)
-        if not known:
-            gap = self._proximity.measure(b, i, approach.poses[b], mesh, body, self.bone.solver.search_radius)
-            if gap > search_radius:
-                return AWAY
-        return body
+        return AWAY if (self._proximity.measure(b, i, approach.poses, mesh, body) > reach).all() else body
 
     def _before(self, i: int) -> list[ContactBody] | None:
         """Return the same bodies at the sample before, wherever they were; None where that is not known."""

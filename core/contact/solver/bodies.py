@@ -188,15 +188,9 @@ def node_gaps(
 def _of_body(answer: GapQuery, body: ContactBody, index: int) -> tuple[Array, Array, Indices, Indices, Array, Array]:
     """Return clearance, normal, body, triangle, friction and softness of the nodes above one body."""
     near = answer.triangle >= 0
-    owner = np.where(near, index, -1)
-    return (
-        answer.gap,
-        answer.normal @ body.rotation.T,
-        owner,
-        answer.triangle,
-        near * body.friction,
-        near * body.softness,
-    )
+    owner: Indices = np.where(near, index, -1)
+    friction, softness = (np.where(near, value, 0.0) for value in (body.friction, body.softness))
+    return answer.gap, answer.normal @ body.rotation.T, owner, answer.triangle, friction, softness
 
 
 def _keep_sides(answer: GapQuery, body: ContactBody, index: int, side: int, local: Array, expected: Expected) -> None:

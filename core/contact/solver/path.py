@@ -39,7 +39,7 @@ EASY = 3
 AT_REST = 1e-9
 # Depth that linear skin is still trusted at [m]: against a neo-Hookean one its stress is then off by a third.
 DEPTH_LIMIT = 2e-3
-# In a frame skin comes out by no more than this multiple of the largest displacement of the last, and a margin [m].
+# In a frame skin comes out by no more than this multiple of its displacement in the last, and a margin [m].
 BULGE, MARGIN = 1.5, 0.3e-3
 # What a frame changes, besides the history; each is replaced, never written into.
 _STATE = ("_force", "_y", "_last", "_image", "_step", "_bodies", "_at_rest", "frames")
@@ -193,10 +193,10 @@ class PathSolver:
         return np.asarray(self._force.any(axis=1), dtype=np.bool_)
 
     @property
-    def bulge(self) -> float:
-        """How far skin may come out in the next frame to what it does not touch yet [m]."""
-        moved = float(np.sqrt(np.einsum("ij,ij->i", self._image, self._image).max(initial=0.0)))
-        return min(BULGE * moved + MARGIN, self.search_radius)
+    def bulge(self) -> Array:
+        """How far skin may come out in the next frame to what it does not touch [m], shape (m,), or (1,) for all."""
+        moved = np.sqrt(np.einsum("ij,ij->i", self._image, self._image))
+        return np.minimum(BULGE * moved + MARGIN, self.search_radius)
 
     @property
     def loaded_bodies(self) -> frozenset[int]:

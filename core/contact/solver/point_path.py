@@ -21,7 +21,7 @@ from .candidates import CandidateInverse
 from .compliance import Linear
 from .cone import project
 from .history import ContactHistory
-from .path import BONE, DEPTH_LIMIT, PathSolver, PathStep
+from .path import BONE, DEPTH_LIMIT, MARGIN, PathSolver, PathStep
 from .point_history import succession
 from .point_matrix import PointMatrix
 from .point_tree import PointTree
@@ -95,6 +95,11 @@ class PointSolver(PathSolver):
     def pad(self) -> Array:
         """Points of the undeformed skin that tell where anything first touches [m], shape (n, 3)."""
         return self._pad
+
+    @property
+    def bulge(self) -> Array:
+        """How far skin may come out in the next frame to what it does not touch yet [m], the same everywhere."""
+        return super().bulge.max(keepdims=True, initial=MARGIN)
 
     def reset(self) -> None:
         """Forget the history: the next frame is solved from rest."""

@@ -36,14 +36,15 @@ def test_a_bound_is_never_above_the_gap(skin, stretch):
         return ContactBody(carried, poses.linear[i] @ np.linalg.inv(stretch), poses.place[i])
 
     true = np.array([node_gaps(skin.positions, [body(i)], np.inf, BONE).gap.min() for i in range(n)])
-    assert proximity.gap(0, 0, poses, mesh) == -np.inf
-    measured = proximity.measure(0, 20, poses, mesh, body(20), REACH)
+    seen = {0: poses}
+    assert (proximity.gaps(0, 0, seen, mesh) == -np.inf).all()
+    measured = proximity.measure(0, 20, seen, mesh, body(20)).min()
     assert measured <= true[20] + 1e-12
-    bounds = np.array([proximity.gap(0, i, poses, mesh) for i in range(n)])
+    bounds = np.array([proximity.gaps(0, i, seen, mesh).min() for i in range(n)])
     assert (bounds <= true + 1e-12).all() and bounds[20] == measured
     # a plate of 30 cm that turns a little under a still finger is not as far away as its corners move
     assert np.abs(true - bounds)[15:26].max() < 4e-3
-    assert proximity.gap(0, 20, poses, Surface.block(0.3, 0.3, 0.01).mesh) == -np.inf  # another surface: not known
+    assert (proximity.gaps(0, 20, seen, Surface.sphere(0.01).mesh) == -np.inf).all()  # another surface: not known
 
 
 def test_a_gap_within_reach_is_exact(skin):
@@ -52,7 +53,25 @@ def test_a_gap_within_reach_is_exact(skin):
     body = ContactBody(surface, translation=poses.place[0])
     exact = node_gaps(skin.positions, [body], np.inf, BONE).gap.min()
     assert 1e-3 < exact < REACH
-    assert Proximity(skin.positions, BONE).measure(0, 0, poses, surface.mesh, body, REACH) == pytest.approx(exact)
+    gaps = Proximity(skin.positions, BONE).measure(0, 0, {0: poses}, surface.mesh, body)
+    assert gaps.min() == pytest.approx(exact)
+
+
+def test_a_surface_that_deforms_is_as_far_as_its_vertices_came_nearer(skin):
+    """And groups of nodes are told apart: a ball beside the finger is near some of them only."""
+    surface = Surface.sphere(5e-3, 500)
+    low, high = skin.positions.min(axis=0), skin.positions.max(axis=0)
+    place = np.array([[high[0] + 7e-3, 0.0, (low[2] + high[2]) / 2 + 5e-3]] * 2)
+    poses = {0: RelativePoses(np.array([np.eye(3)] * 2), place)}
+    proximity = Proximity(skin.positions, BONE)
+    before = proximity.measure(0, 0, poses, surface.mesh, ContactBody(surface, translation=place[0]))
+    assert before.min() > 1e-3 and before.max() > before.min() + 5e-3
+    swollen = Surface.build(surface.vertices * [1.1, 1.0, 1.05], surface.triangles)
+    after = proximity.gaps(0, 1, poses, swollen.mesh)
+    body = ContactBody(swollen, translation=place[1])
+    assert 0.0 < after.min() <= node_gaps(skin.positions, [body], np.inf, BONE).gap.min()
+    reach = proximity.grouped(np.where(skin.positions[:, 0] < 0.0, 2e-3, 0.0))
+    assert (after > reach).all() and not (after > 2e-3).all()
 
 
 def test_what_is_far_is_told_by_few_points(skin, monkeypatch):
@@ -62,6 +81,6 @@ def test_what_is_far_is_told_by_few_points(skin, monkeypatch):
     surface = Surface.sphere(5e-3, 500)
     poses = RelativePoses(np.eye(3)[None], np.array([[0.0, 0.0, -0.03]]))
     gap = Proximity(skin.positions, BONE).measure(
-        0, 0, poses, surface.mesh, ContactBody(surface, translation=poses.place[0]), REACH
+        0, 0, {0: poses}, surface.mesh, ContactBody(surface, translation=poses.place[0])
     )
-    assert gap > 0.02 and asked == [16]
+    assert gap.min() > 0.02 and asked == [32]

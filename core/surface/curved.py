@@ -127,7 +127,7 @@ def curved_mesh(
     net = patches.net(mesh.vertices, corners)
     allowed = tolerance
     refined = _Refined(mesh, patches)
-    while not refined.reach(net, allowed, max(most, len(mesh.triangles))):
+    while (bends(net) > tolerance).any() and not refined.reach(net, allowed, max(most, len(mesh.triangles))):
         allowed *= 2.0
         refined = _Refined(mesh, patches)
     new = slice(len(mesh.vertices), None)

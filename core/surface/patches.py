@@ -129,6 +129,15 @@ def _twins(topology: Topology) -> NDArray[np.int64]:
 
 def _folds(net: Array) -> NDArray[np.bool_]:
     """Return which patches turn over somewhere, shape (T,)."""
+    sides = net[:, [1, 2, 0]] - net[:, :3]
+    area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    # control points lie a third of the triangle's height apart: those that move by much less keep their order
+    out = bends(net) * np.linalg.norm(sides, axis=2).max(axis=1) > area / 16.0
+    out[out] = _turn_over(net[out])
+    return np.asarray(out)
+
+
+def _turn_over(net: Array) -> NDArray[np.bool_]:
     number = {tuple(g): i for i, g in enumerate(_GRID.tolist())}
     small = np.array([[number[tuple(c)] for c in t] for t in _SMALL.tolist()])
     places = np.column_stack([_GRID, 4 - _GRID.sum(axis=1)])[:, [2, 0, 1]] / 4.0

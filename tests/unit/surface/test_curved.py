@@ -174,14 +174,17 @@ def test_bounded_triangles_say_what_is_left():
 
 def test_a_patch_that_would_fold_stays_flat():
     # a sliver that the hole's edge would bend beyond its far corner
-    points = np.array([[0, 0, 0], [4e-3, 0, 0], [2e-3, -2e-4, 0], [0, 0, -2e-3], [4e-3, 0, -2e-3]], float)
+    points = np.array([[0, 0, 0], [4e-3, 0, 0], [2e-3, -2e-4, 0], [0, 0, -2e-3], [4e-3, 0, -2e-3]])
     mesh = Mesh(points, np.array([[0, 2, 1], [0, 1, 4], [0, 4, 3]], np.int32))
-    normals = corner_normals(mesh)
-    normals[1:, :, 1] += 0.4 * np.sign(normals[1:, :, 0] + np.array([[1, -1, -1], [1, -1, 1]]))
-    made = curved_mesh(mesh, normals)
-    a, b, c = np.moveaxis(made.mesh.vertices[made.mesh.triangles], 1, 0)
-    up = np.cross(b - a, c - a)[np.abs(made.mesh.vertices[made.mesh.triangles][..., 2]).max(axis=1) < 1e-9]
-    assert (up[:, 2] * up[0, 2] > 0).all()
+    turn = np.radians(25)
+    wall = np.array([[np.sin(turn), np.cos(turn), 0], [-np.sin(turn), np.cos(turn), 0]])[[0, 1, 1, 0, 1]]
+    normals = wall[[[0, 0, 0], [0, 1, 4], [0, 4, 3]]]
+    normals[0] = 0, 0, 1
+    for deep, bent in ((1, False), (8, True)):  # with room for it, the edge bends
+        made = curved_mesh(Mesh(points * [1, deep, 1], mesh.triangles), normals).mesh
+        top = made.vertices[made.triangles[(made.vertices[made.triangles][..., 2] == 0).all(axis=1)]]
+        assert (np.cross(top[:, 1] - top[:, 0], top[:, 2] - top[:, 0])[:, 2] > 0).all()
+        assert (len(top) > 1) is bent
 
 
 @pytest.mark.parametrize(("normals", "tolerance"), [(np.ones((4, 3)), 1e-5), (None, 0.0), (None, np.nan)])

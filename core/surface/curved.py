@@ -103,7 +103,12 @@ class CurvedMesh:
 
 
 def curved_mesh(
-    mesh: Mesh, normals: Array | None = None, *, tolerance: float = TOLERANCE, most: int = MOST, where: str = "mesh"
+    mesh: Mesh,
+    normals: NDArray[np.floating] | None = None,
+    *,
+    tolerance: float = TOLERANCE,
+    most: int = MOST,
+    where: str = "mesh",
 ) -> CurvedMesh:
     """Return the mesh on the curved surface that another one's triangles and normals stand for.
 
@@ -233,7 +238,7 @@ def _points(net: Array, patch: NDArray[np.int64], table: Array) -> Array:
     return out
 
 
-def _corner_normals(mesh: Mesh, normals: Array | None, where: str) -> Array:
+def _corner_normals(mesh: Mesh, normals: NDArray[np.floating] | None, where: str) -> Array:
     if normals is None:
         return corner_normals(mesh)
     given = np.asarray(normals, np.float64)

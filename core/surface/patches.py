@@ -40,7 +40,7 @@ class Patches:
         triangles: as given. topology: how they hang together. straight: edges that stay so, shape (T, 3).
     """
 
-    def __init__(self, vertices: Array, normals: Array, triangles: NDArray[np.integer]) -> None:
+    def __init__(self, vertices: Array, normals: Array, triangles: NDArray[np.int32]) -> None:
         self.triangles = triangles
         self.topology = Topology.build(vertices, triangles)
         self._twin = _twins(self.topology)

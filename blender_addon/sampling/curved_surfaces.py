@@ -62,5 +62,4 @@ def findings(evaluated: bpy.types.Object, unit: float, made: Any | None, where: 
 
 def _scale(matrix: Any) -> float:
     """Return the most that an object stretches by."""
-    scale = float(np.linalg.norm(np.asarray(matrix, np.float64)[:3, :3], ord=2))
-    return scale if np.isfinite(scale) and scale > 0.0 else 1.0
+    return float(core.surface.curved.stretch_of(np.asarray(matrix, np.float64)))

@@ -147,6 +147,12 @@ def curved_mesh(
     return CurvedMesh(made, offset, refined.left, tolerance, patches, patch, table, bends(net), most)
 
 
+def stretch_of(pose: Array) -> float:
+    """Return the most that an object's pose, shape (4, 4), stretches its mesh by; 1 where it says nothing."""
+    most = float(np.linalg.norm(pose[:3, :3], ord=2))
+    return most if np.isfinite(most) and most > 0.0 else 1.0
+
+
 class _Refined:
     """Triangles on patches, split round after round.
 

@@ -111,3 +111,26 @@ def test_a_scene_file_keeps_the_curved_surface_and_what_is_told(tmp_path):
     again = load(tmp_path / "ball.npz")
     np.testing.assert_array_equal(again.bodies[0].mesh.vertices, tactile.bodies[0].mesh.vertices)
     assert findings["curved"] in again.findings
+
+
+def test_the_live_preview_follows_the_switch_and_keeps_the_surface_while_nothing_changes():
+    obj = ball()
+    build.finger()
+    scene = build.span(1, 5)
+
+    def now():
+        (chunk,) = scene_sweep.sample_now(scene, bpy.context.evaluated_depsgraph_get()).chunks
+        return chunk.surfaces[0][0]
+
+    scene_sweep.forget()
+    assert len(now().triangles) == 320
+    obj.dermis.material.curved = True
+    made = now()
+    assert len(made.triangles) > 4000 and now() is made
+    obj.data.polygons.foreach_set("use_smooth", [False] * 320)
+    obj.data.update()
+    bpy.context.view_layer.update()
+    flat = now()
+    assert np.linalg.norm(flat.vertices, axis=1).min() < 0.99 * R
+    obj.dermis.material.curved = False
+    assert len(now().triangles) == 320

@@ -18,9 +18,7 @@ from ..scene.tactile_scene import Mesh
 from .patches import Patches, bends, weights
 from .shading import corner_normals
 
-TOLERANCE = (
-    10e-6  # [m] that triangles may be off: a ball of 6 mm pushes back within 0.3 %, of 320 flat faces 5 to 12 % off
-)
+TOLERANCE = 10e-6  # [m] a ball of 6 mm pushes back within 0.3 %; in 320 flat faces it is up to 5 % off
 MOST = 100_000  # triangles that a curved surface may have; what comes with more keeps them
 _LOOKS = (1 / 3, 2 / 3)  # along an edge, where it is compared with its patch
 _PEAK = 9 / 8  # what a parabola is off at its middle, over what it is there

@@ -23,7 +23,7 @@ class DERMIS_PT_material(DermisPanel, bpy.types.Panel):
         material = context.object.dermis.material
         title = choices.title("materials", material.preset)
         self.layout.operator("dermis.choose_material", text=title or "From Preset", icon="PRESET")
-        properties(self.layout, material, "friction", "surface_stiffness_mpa_m")
+        properties(self.layout, material, "friction", "surface_stiffness_mpa_m", "curved")
 
 
 class _Effect(DermisPanel):

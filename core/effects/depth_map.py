@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from .. import images
 from ..errors import DermisError, Finding, Severity
-from .repair import FEWEST_LEVELS, MAX_LEVELS, filled, holes_in, smoothed, staircase
+from .repair import FEWEST_LEVELS, MAX_LEVELS, filled, holes_in, likely_holes, smoothed, staircase
 
 Meaning = Literal["height", "depth"]
 Steps = Literal["smooth", "keep"]
 MEANINGS: tuple[Meaning, ...] = ("height", "depth")
 STEPS: tuple[Steps, ...] = ("smooth", "keep")
+FINEST_WHITE = 1 << 16  # levels of the finest format whose largest number is white
+LEAST_OF_RANGE = 256  # numbers below this part of their type's range are not scaled to it
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,10 +29,12 @@ class DepthMap:
     Attributes:
         heights: row 0 at the bottom, float32, shape (rows, columns), or (k, rows, columns) for a sequence.
         findings: what was repaired or noticed.
+        height_unit: metres that one unit of the heights stands for, as `Screen.height_unit`; 0 where nobody said.
     """
 
     heights: NDArray[np.float32]
     findings: tuple[Finding, ...] = ()
+    height_unit: float = 0.0
 
 
 def read(
@@ -39,33 +43,49 @@ def read(
     meaning: Meaning = "height",
     hole: float | None = None,
     steps: Steps = "smooth",
+    unit: float | None = None,
 ) -> DepthMap:
     """Read an image file, or several as a sequence in the order given.
 
-    Whole-number formats run from 0 (black) to 1 (white); PFM and floating NPY are taken as stored.
+    Whole-number formats run from 0 (black) to 1 (white); PFM and floating NPY are taken as stored. Whole numbers of 32
+    or 64 bits that use next to nothing of their range are measures, with no white: they need a unit.
 
     Args:
         source: a path, or paths (`core.images.sequence` finds the numbered ones that follow one).
         meaning: 'height' towards the viewer, or 'depth' away from the viewer, which is negated.
         hole: a stored value that stands for 'nothing measured' (depth cameras write 0).
         steps: what to do with the staircases of 8-bit images; finer formats are exact and stay as they are.
+        unit: metres that one stored number stands for: 1e-3 of a depth camera's millimetres. It gives `height_unit`.
 
     Raises:
-        DermisError: no image, one that cannot be read, images of differing size, nothing but holes.
+        DermisError: no image, one that cannot be read, images of differing size or kind, nothing but holes, measures
+            without a unit, a unit that is not above zero.
     """
     paths = [source] if isinstance(source, str | Path) else list(source)
     if not paths:
         raise DermisError("no image", where="depth map", remedy="Choose an image for the touch screen")
     first = f"image '{Path(paths[0]).name}'"
     where = first if len(paths) == 1 else f"{first} and {len(paths) - 1} more"
+    if unit is not None and not (np.isfinite(unit) and unit > 0.0):
+        raise DermisError("the unit must be above zero", where=where, value=unit, limit="> 0 m")
     noticed: list[Finding] = []
     work = _Repair(meaning, hole, steps, where)
     heights: NDArray[np.float32] | None = None
+    largest = 1  # the stored number that became 1
     for index, path in enumerate(paths):  # one image in memory at a time: a sequence has hundreds
         raster = images.read(path)
         shape = raster.values.shape
         if heights is None:
-            heights = np.empty((len(paths), *shape), np.float32)
+            heights, largest = np.empty((len(paths), *shape), np.float32), _largest(raster)
+        if unit is None:
+            _check_white(raster, path)
+        elif _largest(raster) != largest:
+            raise DermisError(
+                "the images of a sequence differ in their numbers' type",
+                where=f"image '{Path(path).name}'",
+                value=f"up to {_largest(raster)}",
+                limit=f"up to {largest}, as the first",
+            )
         if heights.shape[1:] != shape:
             raise DermisError(
                 "the images of a sequence differ in size",
@@ -76,7 +96,8 @@ def read(
         heights[index] = work.repaired(raster.values, raster.holes, raster.levels, f"image '{Path(path).name}'")
         noticed += raster.findings
     assert heights is not None
-    return DepthMap(heights if len(paths) > 1 else heights[0], _merged(noticed) + work.findings())
+    shown = heights if len(paths) > 1 else heights[0]
+    return DepthMap(shown, _merged(noticed) + work.findings(), (unit or 0.0) * largest)
 
 
 def from_array(
@@ -131,6 +152,26 @@ def from_array(
     return DepthMap(heights[0] if single else heights, work.findings())
 
 
+def _largest(raster: images.Raster) -> int:
+    """Return the stored number that a raster's 1 stands for."""
+    return max(raster.levels - 1, 1)
+
+
+def _check_white(raster: images.Raster, path: str | Path) -> None:
+    """Refuse measures without a unit."""
+    if raster.levels <= FINEST_WHITE:
+        return
+    found = np.array([raster.values.min(), raster.values.max()], np.float64) * _largest(raster)
+    if np.abs(found).max() * LEAST_OF_RANGE < raster.levels:
+        raise DermisError(
+            "the map's whole numbers are measures, and nobody says in what unit",
+            where=f"image '{Path(path).name}'",
+            value=f"{found[0]:.7g} to {found[1]:.7g} of {raster.levels - 1}",
+            remedy="Say what one stands for: Values Are in the Dermis tab under Screen, or unit=1e-3 (mm) in a script",
+            code="no-unit",
+        )
+
+
 class _Repair:
     """Repairs map after map, and counts."""
 
@@ -145,6 +186,7 @@ class _Repair:
         self._sign = -1.0 if meaning == "depth" else 1.0
         self._hole, self._smooth, self._where = hole, steps == "smooth", where
         self._pixels = self._holes = self._smoothed = self._kept = self._flat = self._few = self._levels = 0
+        self._zeros = 0
 
     def repaired(
         self, values: NDArray[Any], declared: NDArray[np.bool_] | None, levels: int, where: str
@@ -155,6 +197,8 @@ class _Repair:
         if self._hole is not None:
             # As the file's own precision would store it: 0.1 is another number in float32.
             gaps |= values == np.asarray(self._hole).astype(values.dtype)
+        elif self._sign < 0.0:
+            self._zeros += likely_holes(heights[~gaps])
         known = ~gaps
         if not known.any():
             raise DermisError(
@@ -182,7 +226,7 @@ class _Repair:
     def findings(self) -> tuple[Finding, ...]:
         """Return what was repaired and noticed, one finding a kind."""
         levels = f"{self._levels} levels"
-        share = f"{100.0 * self._holes / max(self._pixels, 1):.3g} %"
+        share, zeros = (f"{100.0 * n / max(self._pixels, 1):.3g} %" for n in (self._holes, self._zeros))
         rows: tuple[tuple[int, Severity, str, str, str | None, str], ...] = (
             (
                 self._holes,
@@ -191,6 +235,15 @@ class _Repair:
                 "pixels without a height were filled smoothly from their rims",
                 share,
                 "",
+            ),
+            (
+                self._zeros,
+                "warning",
+                "zeros-like-holes",
+                "pixels hold exactly 0, far from all others: depth cameras write 0 where they measured nothing, but "
+                "here it is a depth, and cliffs",
+                zeros,
+                "Take them as holes: Zero Is a Hole in the Dermis tab under Screen, hole=0 in a script",
             ),
             (
                 self._smoothed,

@@ -309,3 +309,14 @@ BODY = table(
         note="about as fast as a hand turns back; of use to simulated skin",
     ),
 )
+# Decides on an object's surface while a scene is sampled; the engine gets it curved already, in `Body.mesh`.
+CURVED = Parameter(
+    name="curved",
+    unit=SWITCH,
+    label="Curved Surface",
+    text="Feel the curved surface that smooth shading shows in place of its flat faces: through the same corners, "
+    "sharp and flat where the shading is",
+    source="Vlachos et al. 2001, curved PN triangles",
+    default=False,
+    note="scripts call `curved_mesh`",
+)

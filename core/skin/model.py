@@ -21,7 +21,7 @@ from .fingertip import LEVELS, fingertip_mesh
 from .material import Elastic
 from .mesh import TetraMesh
 from .own_mesh import own_mesh
-from .quality import check_mesh
+from .quality import check_mesh, unsolvable
 from .shape import FingertipShape, shape_from_parameters
 from .store import MESH_ARRAYS, read_model, read_table, write_model, write_table
 from .stress import Probes, StressOperator, receptor_probes
@@ -280,7 +280,10 @@ def skin_from_parameters(
     """
     shape, material = shape_and_material(parameters, where)
     if shape is None:
-        return mesh_skin(own_mesh(parameters, where), material, cache=cache)
+        try:
+            return mesh_skin(own_mesh(parameters, where), material, cache=cache)
+        except DermisError as error:
+            raise error if where in error.where else error.changed(where=f"{where}, {error.where}") from error
     return fingertip_skin(shape, material, level=level, cache=cache)
 
 
@@ -325,4 +328,7 @@ def condensed_pad(mesh: TetraMesh, material: Elastic, element: Element, *, respo
     """Return what forces on the pad of a mesh do at E = 1, and with `response` what they do to all free nodes."""
     free = degrees(mesh.free)
     matrix = stiffness(mesh, material.unit, element)[free][:, free]
-    return condense(matrix, np.searchsorted(mesh.free, mesh.pad), response=response)
+    try:
+        return condense(matrix, np.searchsorted(mesh.free, mesh.pad), response=response)
+    except DermisError as error:  # the mesh is held, or `check_mesh` had refused it: numbers are too far apart
+        raise unsolvable(mesh, material.poisson) from error

@@ -177,3 +177,70 @@ def test_floating_point_is_exact_and_never_smoothed(tmp_path):
 def test_refuses_arrays_that_are_no_map(values, options, message):
     with pytest.raises(DermisError, match=message):
         from_array(values, **options)
+
+
+def camera(rows=40, columns=60):
+    """Return a depth camera's picture in millimetres, 0 where it measured nothing."""
+    depths = np.rint(600 + 200 * waves(rows, columns)).astype(np.uint16)
+    depths[5:12, 20:30] = 0
+    return depths
+
+
+def test_zeros_of_a_depth_camera_are_offered_as_holes():
+    (offered,) = from_array(camera(), meaning="depth").findings
+    assert offered.code == "zeros-like-holes" and offered.severity == "warning" and offered.count == 70
+    assert "hole=0" in offered.remedy and offered.value == "2.92 %"
+    taken = from_array(camera(), meaning="depth", hole=0)
+    assert [f.code for f in taken.findings] == ["holes-filled"] and taken.heights.max() < -500
+
+
+@pytest.mark.parametrize(
+    ("depths", "meaning"),
+    [
+        (camera(), "height"),  # ground that a relief stands on
+        (np.rint(255 * waves() / waves().max()).astype(np.uint16), "depth"),  # comes down to 0 in small steps
+        (np.kron(np.eye(6), np.full((8, 8), 255)).astype(np.uint8), "depth"),  # a mask, engraved
+        (np.zeros((9, 9)), "depth"),
+    ],
+)
+def test_zeros_that_are_meant_are_not_offered(depths, meaning):
+    assert "zeros-like-holes" not in {f.code for f in from_array(depths, meaning=meaning).findings}
+
+
+@pytest.mark.parametrize(("kind", "unit"), [(np.uint16, 1e-3), (np.int32, 1e-3), (np.int64, 1e-6), (np.uint8, 1.0)])
+def test_whole_numbers_with_a_unit_are_lengths(tmp_path, kind, unit):
+    heights = (waves() * 200).astype(kind)
+    np.save(tmp_path / "map.npy", heights[::-1])
+    made = read(tmp_path / "map.npy", unit=unit, steps="keep")
+    np.testing.assert_allclose(made.heights * made.height_unit, heights * unit, rtol=1e-6)
+
+
+def test_floats_with_a_unit_are_lengths_and_without_one_have_none(tmp_path):
+    np.save(tmp_path / "map.npy", waves())
+    assert read(tmp_path / "map.npy").height_unit == 0.0
+    assert read(tmp_path / "map.npy", unit=1e-3).height_unit == 1e-3
+
+
+def test_measures_without_a_unit_are_asked_for_one(tmp_path):
+    np.save(tmp_path / "map.npy", (waves() * 3000).astype(np.int32))
+    with pytest.raises(
+        DermisError, match=r"in what unit \(found '.* of 2147483647'\). Say what one stands for"
+    ) as caught:
+        read(tmp_path / "map.npy")
+    assert caught.value.code == "no-unit" and "unit=1e-3" in caught.value.remedy
+    np.save(tmp_path / "map.npy", (waves() * 2**31).astype(np.int32))  # scaled to its type: white is there
+    assert read(tmp_path / "map.npy").heights.max() == pytest.approx(waves().max())
+
+
+@pytest.mark.parametrize("unit", [0.0, -1.0, np.nan])
+def test_a_unit_is_above_zero(tmp_path, unit):
+    np.save(tmp_path / "map.npy", waves())
+    with pytest.raises(DermisError, match="unit must be above zero"):
+        read(tmp_path / "map.npy", unit=unit)
+
+
+def test_a_sequence_has_one_type_of_numbers(tmp_path):
+    np.save(tmp_path / "map_1.npy", np.full((4, 4), 3, np.uint16))
+    np.save(tmp_path / "map_2.npy", np.full((4, 4), 3, np.int32))
+    with pytest.raises(DermisError, match="numbers' type"):
+        read([tmp_path / "map_1.npy", tmp_path / "map_2.npy"], unit=1e-3)

@@ -13,7 +13,7 @@ from core.skin.assembly import degrees, stiffness
 from core.skin.held import check_held, parts_by_face
 from core.skin.material import Elastic
 from core.skin.mesh import TetraMesh, boundary_faces
-from core.skin.model import _condensed, skin_from_parameters
+from core.skin.model import condensed_pad, skin_from_parameters
 from core.skin.quality import check_mesh, unsolvable
 from tests.problems import cube_mesh
 from tests.tissue import save_mesh
@@ -97,7 +97,7 @@ def test_what_cannot_be_solved_is_told_by_its_worst_element() -> None:
     told = str(unsolvable(mesh, 0.4999))
     assert "of a regular one's volume" in told and "Poisson's ratio is 0.4999" in told
     with pytest.raises(DermisError, match=r"cannot be solved.*element \d+ at"):
-        _condensed(replace(mesh, fixed=mesh.fixed[:0]), Elastic(1.0, 0.3), "anp")
+        condensed_pad(replace(mesh, fixed=mesh.fixed[:0]), Elastic(1.0, 0.3), "anp")
 
 
 def test_a_refused_skin_names_its_finger(tmp_path: Path) -> None:

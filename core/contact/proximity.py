@@ -67,12 +67,25 @@ class Proximity:
         # over the chunk that these poses are of, how far each body is from where it was measured [m]
         self._chunk: Mapping[int, RelativePoses] = {}
         self._moved: dict[int, Array] = {}
+        # over the chunk of those poses, how far the groups are from the bodies' boxes [m]
+        self._apart: tuple[Mapping[int, RelativePoses], Array] | None = None
 
     def grouped(self, values: Array) -> Array:
         """Return the largest of the nodes' values, shape (m,), in each group, shape (g,); what is one for all stays."""
         return values if len(values) == 1 else np.maximum.reduceat(values.take(self._order), self._starts)
 
-    def apart(self, poses: Sequence[RelativePoses], boxes: Sequence[Array]) -> Array:
+    def within(self, poses: Mapping[int, RelativePoses], boxes: Mapping[int, Array], i: int, reach: Array) -> set[int]:
+        """Return the bodies whose boxes are within reach of a group at a sample, [m], shape (g,), or (1,) for all.
+
+        Args:
+            poses: of the bodies that are near in the chunk. boxes: see `_boxes_apart`, of the same bodies.
+        """
+        if self._apart is None or self._apart[0] is not poses:
+            self._apart = poses, self._boxes_apart([*poses.values()], [boxes[b] for b in poses])
+        touched = np.any(self._apart[1][:, i] <= reach, axis=1)
+        return {b for b, some in zip(poses, touched.tolist(), strict=True) if some}
+
+    def _boxes_apart(self, poses: Sequence[RelativePoses], boxes: Sequence[Array]) -> Array:
         """Return how far the groups are from the boxes of bodies, at least [m], shape (B, n, g).
 
         Args:
@@ -81,8 +94,6 @@ class Proximity:
         Returns:
             -inf where a body has scale 0.
         """
-        if not poses:
-            return np.zeros((0, 0, len(self._radii)))
         linear, place = (np.array([seen[k] for seen in poses]) for k in (0, 1))
         flat = singular(linear.reshape(-1, 3, 3)).reshape(linear.shape[:2])
         inverse = np.linalg.inv(np.where(flat[..., None, None], np.eye(3), linear))

@@ -24,25 +24,18 @@ class Approach:
         near: body -> in which samples it is near the finger, shape (n,); only bodies that ever are.
         turn: rotation to the world, shape (n, 3, 3). place: of the pad's centre in the world [m], shape (n, 3).
         poses: of those bodies, seen from the finger.
-        apart: how far groups of the finger's nodes are from the boxes of those bodies, at least [m], shape (B, n, g).
+        boxes: of those bodies, each in its own space [m], shape (n, 2, 3) or (1, 2, 3).
     """
 
     near: Mapping[int, NDArray[np.bool_]]
     turn: Array
     place: Array
     poses: Mapping[int, RelativePoses]
-    apart: Array
+    boxes: Mapping[int, Array]
 
     def close(self, i: int) -> set[int]:
         """Return the bodies that are near at a sample."""
         return {b for b, inside in self.near.items() if inside[i]}
-
-    def within(self, i: int, reach: Array) -> set[int]:
-        """Return the bodies whose boxes are within reach at a sample, [m] of each group, shape (g,), or (1,) of all."""
-        if not self.near:
-            return set()
-        touched = np.any(self.apart[:, i] <= reach, axis=1)
-        return {b for b, some in zip(self.near, touched.tolist(), strict=True) if some}
 
 
 @dataclass(frozen=True, eq=False)

@@ -69,9 +69,9 @@ class SkinStepper:
         near = np.flatnonzero(inside.any(axis=1)).tolist()
         # so that a body keeps its index in the solver's memory
         self._order += [b for b in near if b not in self._order]
+        boxes = {b: self._scene.own_boxes(b) for b in near}
         poses = self._scene.relative(turn, place, near)
-        apart = self._proximity.apart([*poses.values()], [self._scene.own_boxes(b) for b in near])
-        return Approach(dict(zip(near, inside[near], strict=True)), turn, place, poses, apart)
+        return Approach(dict(zip(near, inside[near], strict=True)), turn, place, poses, boxes)
 
     def step(self, approach: Approach, i: int) -> SkinStep:
         """Solve sample `i` of the chunk.
@@ -100,13 +100,14 @@ class SkinStepper:
             untouched: return these too.
         """
         close, loaded = approach.close(i), self.bone.solver.loaded_bodies
-        reach = self._proximity.grouped(self.bone.solver.bulge) if loaded else np.zeros(1)
-        within = close if untouched else approach.within(i, reach)
+        known = close if untouched else {self._order[k] for k in loaded if k >= 0} & close
+        reach = within = None
+        if len(known) < len(close):
+            reach = self._proximity.grouped(self.bone.solver.bulge) if loaded else np.zeros(1)
+            within = self._proximity.within(approach.poses, approach.boxes, i, reach) & close
         return [
-            self._body(approach, i, b, None if untouched or k in loaded else reach)
-            if b in close and (b in within or k in loaded)
-            else AWAY
-            for k, b in enumerate(self._order)
+            self._body(approach, i, b, None if b in known else reach) if b in known or within and b in within else AWAY
+            for b in self._order
         ]
 
     def _body(self, approach: Approach, i: int, b: int, reach: Array | None) -> ContactBody:

@@ -269,10 +269,11 @@ class Surface:
         if not self.closed or found.which.size == close.size:
             return found
         # where the way out of the slabs is shorter than the one to the surface, it leads outside
-        lost = (outside <= -search_radius).nonzero()[0]
-        lost = lost[~np.isin(lost, found.which)]
-        if lost.size == 0:
+        lost = outside <= -search_radius
+        lost[found.which] = False
+        if not lost.any():
             return found
+        lost = lost.nonzero()[0]
         deep = nearest(self.table, self._tree, points[lost], np.inf)
         inside = (self._signed(points[lost], deep).gap < 0.0).nonzero()[0]
         which = np.concatenate([found.which, lost[inside]])

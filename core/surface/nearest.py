@@ -45,12 +45,9 @@ def nearest(table: TriangleTable, tree: TriangleTree | None, points: Array, limi
     n = len(points)
     if tree is None or n == 0:
         return Nearest(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
-    x, places, upper = np.ascontiguousarray(points.T), tree.places(points), np.full(n, limit)
-    if tree.deep:
-        np.minimum(upper, np.sqrt(table.closest(x, tree.some(places))[0]), out=upper)
-    pairs = tree.within(places, upper, PAIRS_AT_ONCE if n > 1 else np.iinfo(np.int64).max)
+    pairs = tree.candidates(points, limit, PAIRS_AT_ONCE if n > 1 else np.iinfo(np.int64).max)
     if pairs is not None:
-        return _closest(table, x, *pairs, limit)
+        return _closest(table, np.ascontiguousarray(points.T), *pairs, limit)
     # too many of them are equally near, as about the middle of a ball
     one, other = (nearest(table, tree, half, limit) for half in (points[: n // 2], points[n // 2 :]))
     joined = [np.concatenate(columns) for columns in zip(one, other, strict=True)]

@@ -27,7 +27,10 @@ LEAF, HALVINGS = 10, 5
 # What is so many times longer than wide is bounded by a disc that moves.
 LONG = 3.0
 # Rounding of squared distances and of places in single precision, as shares of them: more than all of it together.
-ROUNDED_SQUARE, ROUNDED = np.float32(4e-6), 2e-6
+ROUNDED_SQUARE, ROUNDED, ROUNDED_PRODUCT = np.float32(4e-6), 2e-6, 3e-6
+# Points are measured at once to so many groups about their place, all in all; the place reaches beyond them by so much
+# of its size; so many places are remembered.
+AT_ONCE, AROUND, PLACES = 50_000, 0.1, 8
 
 _GROUPS: weakref.WeakKeyDictionary[Topology, Indices] = weakref.WeakKeyDictionary()
 
@@ -38,12 +41,11 @@ class TriangleTree:
     Args:
         table: the triangles.
         topology: groups are kept with it: another shape of the same triangles only measures them anew.
-
-    Attributes:
-        deep: there is more than one group.
     """
 
     def __init__(self, table: TriangleTable, topology: Topology) -> None:
+        self._table = table
+        self._places: list[_Place] = []  # looked at last
         usable = np.flatnonzero(table.usable)
         groups = _GROUPS.get(topology)
         if groups is None or groups.max() + 1 != usable.size:
@@ -68,90 +70,165 @@ class TriangleTree:
             (level if level[11].any() else level[:8]).astype(np.float32) for level in reversed(levels)
         ]
         self._extent = float(np.abs(corners).max())
-        self.deep = len(levels) > 1
 
-    def places(self, points: Array) -> Single:
-        """Return points [m], shape (n, 3), about the middle of the surface, shape (3, n)."""
-        return np.ascontiguousarray(points.T - self._middle, dtype=np.float32)
-
-    def some(self, x: Single) -> Indices:
-        """Return a triangle near each of some `places`, mostly the closest or its neighbour, shape (n,)."""
-        node = np.zeros(x.shape[1], dtype=np.int64)
-        for level in self._levels:
-            away = x[:, :, None] - _of(level, node, 0, 3)
-            square = np.add.reduce(away * away)
-            if len(level) > 8:
-                _along(square, away, _of(level, node, 8, 12))
-            node *= level.shape[2]
-            node += square.argmin(axis=1)
-        return self._triangles.take(node)
-
-    def within(self, x: Single, limit: Array, most: int) -> tuple[Indices, Indices] | None:
-        """Return all pairs (place, triangle) within each place's limit, and some beyond; places rise.
+    def candidates(self, points: Array, limit: float, most: int) -> tuple[Indices, Indices] | None:
+        """Return all pairs of a point and a triangle that may be its closest, and some more; points rise.
 
         Args:
-            x: see `places`, shape (3, n). limit: [m], shape (n,).
+            points: [m], shape (n, 3). limit: largest distance of interest [m], may be inf.
             most: None is returned where more pairs would have to be looked at.
         """
-        rounded = limit * (1.0 + ROUNDED) + ROUNDED * (self._extent + float(np.abs(x).max()))
-        bound = np.square(rounded, dtype=np.float32)
-        owner = row = np.arange(x.shape[1])
-        node = np.zeros(x.shape[1], dtype=np.int64)
-        for level in self._levels:
+        x = np.ascontiguousarray(points.T - self._middle, dtype=np.float32)
+        place = self._place(x, limit)
+        if x.shape[1] * place.nodes.size > most:
+            return None
+        square, height = place.measured(x)
+        upper = np.full(len(points), limit)
+        if place.nodes.size > 1:
+            some = self._some(x, place.nodes.take(square.argmin(axis=1)), place.depth)
+            np.minimum(upper, np.sqrt(self._table.closest(np.ascontiguousarray(points.T), some)[0]), out=upper)
+        upper *= 1.0 + ROUNDED
+        upper += ROUNDED * (self._extent + float(np.abs(x).max()))
+        bound = np.square(upper, dtype=np.float32)
+        below = _below(square, height, place.shapes)
+        near = (below <= (bound + place.slack(x))[:, None]).reshape(-1).nonzero()[0]
+        owner = near // place.nodes.size
+        node = place.nodes.take(near - owner * place.nodes.size)
+        for level in self._levels[place.depth + 1 :]:
             fan = level.shape[2]
             if owner.size * fan > most:
                 return None
-            if level.shape[1] > 1:
-                x, bound = x.take(row, axis=1), bound.take(row)
-            near = (_square_below(x, _of(level, node, 0, 12)) <= bound[:, None]).reshape(-1).nonzero()[0]
+            shapes = level.take(node, axis=1)
+            square, height, rounded = _measured(x.take(owner, axis=1), shapes)
+            below = _below(square, height, shapes)
+            below -= rounded
+            near = (below <= bound.take(owner)[:, None]).reshape(-1).nonzero()[0]
             row = near // fan
             node = (node.take(row) - row) * fan + near
             owner = owner.take(row)
         return owner, self._triangles.take(node)
 
+    def _some(self, x: Single, node: Indices, depth: int) -> Indices:
+        """Return a triangle near each point, of a group at a depth, mostly the closest or its neighbour, shape (n,)."""
+        for level in self._levels[depth + 1 :]:
+            node = node * level.shape[2] + _measured(x, level.take(node, axis=1))[0].argmin(axis=1)
+        return self._triangles.take(node)
 
-def _of(level: Single, node: Indices, first: int, last: int) -> Single:
-    """Return some columns of the members of each node, shape (last - first, n, fan), or n = 1 for the same of all."""
-    part = level[first:last]
-    return part if level.shape[1] == 1 else part.take(node, axis=1)
+    def _place(self, x: Single, limit: float) -> _Place:
+        """Return the groups about points, shape (3, n): the finest that are few enough, as a rule from last time."""
+        count = 1 << x.shape[1].bit_length()
+        low, high = x.min(axis=1), x.max(axis=1)
+        for k, place in enumerate(self._places):
+            if (
+                place.count == count
+                and place.limit == limit
+                and (low >= place.low).all()
+                and (high <= place.high).all()
+            ):
+                if k:
+                    self._places.insert(0, self._places.pop(k))
+                return place
+        margin = np.float32(AROUND * float((high - low).max())) + np.float32(0.1 * limit)
+        middle, half = (low + high) / 2, (high - low) / 2 + margin
+        nodes, found = np.zeros(1, dtype=np.int64), None
+        for depth, level in enumerate(self._levels):
+            every = (nodes[:, None] * level.shape[2] + np.arange(level.shape[2])).reshape(-1)
+            shapes = level.take(nodes, axis=1).reshape(len(level), -1)
+            size = np.sqrt(shapes[6] ** 2 + shapes[7] ** 2) + (shapes[11] if len(shapes) > 8 else 0.0)
+            away = np.maximum(np.abs(shapes[:3] - middle[:, None]) - half[:, None], 0.0)
+            rounded = (limit + size) * (1.0 + ROUNDED) + ROUNDED * (self._extent + float(np.abs(x).max()))
+            near = (np.sqrt((away * away).sum(axis=0)) <= rounded).nonzero()[0]
+            if found is not None and near.size * count > AT_ONCE:
+                break
+            nodes = every.take(near)
+            found = _Place(depth, nodes, shapes.take(near, axis=1), middle, half, limit, count)
+        assert found is not None  # there is a level
+        self._places = [found, *self._places[: PLACES - 1]]
+        return found
 
 
-def _square_below(x: Single, shapes: Single) -> Single:
-    """Return lower bounds of squared distances to shapes [m^2], shape (n, fan).
+class _Place:
+    """Groups of one level about a place, which every point there is measured to, in products of matrices.
 
     Args:
-        x: shape (3, n). shapes: of each place, or the same for all, shape (8 or 12, n or 1, fan).
+        depth: of the level. nodes: which of its groups, shape (k,). shapes: of those, shape (8 or 12, k).
+        middle, half: of the place and its size [m]. limit: distance of interest there [m]. count: of points, about.
+    """
+
+    def __init__(
+        self, depth: int, nodes: Indices, shapes: Single, middle: Single, half: Single, limit: float, count: int
+    ) -> None:
+        self.depth, self.nodes, self.shapes = depth, nodes, shapes
+        self.low, self.high, self.limit, self.count = middle - half, middle + half, limit, count
+        self._middle = middle[:, None]
+        centre = shapes[:3] - self._middle
+        self._farthest = np.square(centre).sum(axis=0).max(initial=0.0)
+        rows = [[*(-2.0 * centre), (centre * centre).sum(axis=0), np.ones_like(centre[0])]]
+        rows += [
+            [*axis, -(centre * axis).sum(axis=0), np.zeros_like(centre[0])]
+            for axis in (shapes[3:6], shapes[8:11])
+            if len(axis)
+        ]
+        self._matrices = np.array(rows, dtype=np.float32)
+
+    def measured(self, x: Single) -> tuple[Single, Single]:
+        """Return squared distances of points (3, n) to the middles of the shapes, and heights above, shape (n, k)."""
+        columns = np.ones((5, x.shape[1]), dtype=np.float32)
+        away = np.subtract(x, self._middle, out=columns[:3])
+        np.add.reduce(away * away, out=columns[4])
+        square, height, *along = columns.T @ self._matrices
+        if along:
+            _beside(square, along[0], self.shapes[11])
+        return square, height
+
+    def slack(self, x: Single) -> float:
+        """Return how far squared distances may be rounded, at most [m^2]."""
+        return ROUNDED_PRODUCT * (self._farthest + 3.0 * float(np.square(x - self._middle).max(initial=0.0)))
+
+
+def _measured(x: Single, shapes: Single) -> tuple[Single, Single, Single]:
+    """Return squared distances to the middles of shapes, heights above them, and how much those are rounded, (n, fan).
+
+    Args:
+        x: shape (3, n). shapes: of each place, shape (8 or 12, n, fan).
     """
     away = x[:, :, None] - shapes[:3]
     height = np.add.reduce(away * shapes[3:6])
     square = np.add.reduce(away * away)
-    across = square - height * height
+    rounded = square * ROUNDED_SQUARE
     if len(shapes) > 8:
-        _along(across, away, shapes[8:])
-    np.maximum(across, 0.0, out=across)
-    np.sqrt(across, out=across)
-    across -= shapes[7]
-    np.maximum(across, 0.0, out=across)
-    across *= across
+        _beside(square, np.add.reduce(away * shapes[8:11]), shapes[11])
+    return square, height, rounded
+
+
+def _beside(square: Single, along: Single, length: Single) -> None:
+    """Make squared distances to points, in place, those to lines through them, so far along them, of half lengths."""
+    square -= along * along
+    np.abs(along, out=along)
+    along -= length
+    np.maximum(along, 0.0, out=along)
+    along *= along
+    square += along
+
+
+def _below(square: Single, height: Single, shapes: Single) -> Single:
+    """Return lower bounds of squared distances to shapes [m^2], but for rounding; what is given is overwritten.
+
+    Args:
+        square: distances to their middles. height: above their planes.
+    """
+    square -= height * height
+    np.maximum(square, 0.0, out=square)
+    np.sqrt(square, out=square)
+    square -= shapes[7]
+    np.maximum(square, 0.0, out=square)
+    square *= square
     np.abs(height, out=height)
     height -= shapes[6]
     np.maximum(height, 0.0, out=height)
     height *= height
-    across += height
-    square *= ROUNDED_SQUARE
-    across -= square
-    return across
-
-
-def _along(square: Single, away: Single, lines: Single) -> None:
-    """Make squared distances to points, in place, those to lines through them: directions (3) and half lengths."""
-    along = np.add.reduce(away * lines[:3])
-    square -= along * along
-    np.abs(along, out=along)
-    along -= lines[3]
-    np.maximum(along, 0.0, out=along)
-    along *= along
-    square += along
+    square += height
+    return square
 
 
 def _fans(count: int) -> list[int]:

@@ -144,10 +144,9 @@ def test_a_keyed_mass_goes_through_a_scene_file(skin, tmp_path):
     np.testing.assert_allclose(total(felt, fingers)[CLOSED:], -np.outer(mass, GRAVITY)[CLOSED:], atol=1e-6)
 
 
-@pytest.mark.parametrize("wrong", [-0.01, np.nan])
-def test_a_mass_that_cannot_be_is_refused(skin, wrong):
+def test_a_mass_that_cannot_be_is_refused(skin):
     block, fingers = carried(STILL)
-    mass = np.where(np.arange(COUNT) == 50, wrong, 0.03)
+    mass = np.where(np.arange(COUNT) == 50, -0.01, 0.03)
     with pytest.raises(DermisError, match="object 'block'.*'mass'"):
         run(make(0.03), {0: skin, 1: skin}, block, fingers, animated={"body/0/mass": mass})
 

@@ -29,7 +29,7 @@ from .solve import status_of
 SEARCH_RADIUS = 3e-3
 # A frame is balanced again after a displacement above this at the skin [m], or a torque that is off by more [N m].
 STILL, TORQUE = 2e-5, 1e-6
-MAX_ROUNDS = 8
+MAX_ROUNDS, MEASURED = 8, 3
 # The steps are weighed with this many times a node's own compliance, where they are fewest.
 WEIGHT = 1.5
 # A displacement from one frame to the next that nobody expects of an object that is held [m], [rad].
@@ -135,14 +135,14 @@ class GripSolver:
             if not again:
                 self._more_torque = torque - asked[3:] if found.holds else np.zeros(3)
             still = found.size <= STILL
-            if not found.holds or (still and np.abs(torque - required[3:]).max() <= TORQUE):
+            if not found.holds or ((still or again > MEASURED) and np.abs(torque - required[3:]).max() <= TORQUE):
                 break
-            if not still:
+            if not still and again < MEASURED:  # at an edge the closest faces may go round in circles
                 now = rotation, middle
                 grips = [None if c is None else self._grip(i, c, now, began) for i, c in enumerate(contexts)]
         if not (pressing and found.holds):
             self._note_failure(pressing, scene_frame)
-        elif self._loaded:
+        if self._loaded:
             self._note_move(self._shift - before[0], _vector(self._turn @ before[1].T), scene_frame)
         self._loaded = pressing
         return self._finish(grips, found, contexts, required, pose)

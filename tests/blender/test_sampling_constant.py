@@ -92,6 +92,7 @@ def test_keys_that_an_older_file_has_for_a_constant_are_told_and_do_nothing() ->
     compat.set_keys(thing, "dermis.material.content_length_mm", 0, [1, 25], [30.0, 200.0])
     compat.set_keys(thing, "dermis.material.kink_time", 0, [1, 25], [0.1, 0.2])
     compat.set_keys(thing, "dermis.material.friction", 0, [1, 25], [0.0, 1.0])
+    compat.set_keys(thing, "dermis.material.mass", 0, [1, 25], [0.0, 0.4])
     compat.set_keys(pane, "dermis.screen.invert", 0, [1, 25], [0, 1])
     compat.set_keys(tip, f"dermis.{DEVICE}auto_range", 0, [1, 25], [0, 1])
     compat.set_keys(tip, "dermis.finger.devices[7].auto_range", 0, [1, 25], [0, 1])  # of a device that is no more
@@ -104,7 +105,9 @@ def test_keys_that_an_older_file_has_for_a_constant_are_told_and_do_nothing() ->
         ("warning", "object 'Screen'", "Depth Map"),
     ]
     chunks = list(tactile.chunks)
-    assert all(set(c.animated) == {"body/0/friction"} for c in chunks)
+    assert all(set(c.animated) == {"body/0/friction", "body/0/mass"} for c in chunks)
+    assert chunks[0].animated["body/0/mass"][0] == 0.0
+    assert chunks[-1].animated["body/0/mass"][-1] == pytest.approx(0.4)
     assert tactile.bodies[0].parameters["content_length"] == pytest.approx(0.03)
 
 

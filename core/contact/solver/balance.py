@@ -18,8 +18,8 @@ from .grip import Grip
 
 TOLERANCE = 1e-8
 SLIDING_TOLERANCE = 1e-5
-MAX_ITERATIONS = 3000
-RELAXATION = 1.6
+MAX_ITERATIONS = 6000
+RELAXATION = 1.8
 # An object that holds moves in a frame by no more than this where the skin holds it [m]: what is drawn so far past a
 # pad slips on all of it.
 REACH = 3e-3

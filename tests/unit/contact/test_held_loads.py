@@ -5,10 +5,16 @@ Every sample obeys Coulomb, and Newton where it holds; the block never leaves it
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from core.contact.skin_sampler import skin_contacts
 from core.contact.solver.grip_solver import GripSolver
+from core.errors import DermisError
+from core.scene.scene_file import load, save
+from core.scene.tactile_scene import Chunk
 from tests.held_blocks import CLOSED, GRAVITY, RATE, carried, codes, make, on_block, run
 
 MU, COUNT = 0.6, 96
@@ -125,6 +131,24 @@ def test_a_mass_that_is_only_keyed_makes_it_held(skin):
     mass = np.linspace(0.0, 0.03, COUNT)
     felt, _ = run(make(None), {0: skin, 1: skin}, block, fingers, animated={"body/0/mass": mass})
     np.testing.assert_allclose(total(felt, fingers)[CLOSED:], -np.outer(mass, GRAVITY)[CLOSED:], atol=1e-6)
+
+
+def test_a_keyed_mass_goes_through_a_scene_file(skin, tmp_path):
+    block, fingers = carried(STILL)
+    mass = np.linspace(0.0, 0.03, COUNT)
+    whole = Chunk(
+        np.arange(COUNT) / 10 + 1, TIMES, fingers, block[None], np.zeros((0, COUNT, 4, 4)), {}, {"body/0/mass": mass}
+    )
+    save(replace(make(0.01), chunks=(whole,), frame_range=(1, 11)), tmp_path / "held.scene")
+    felt = skin_contacts(load(tmp_path / "held.scene"), {0: skin, 1: skin})
+    np.testing.assert_allclose(total(felt, fingers)[CLOSED:], -np.outer(mass, GRAVITY)[CLOSED:], atol=1e-6)
+
+
+def test_a_mass_that_cannot_be_is_refused(skin):
+    block, fingers = carried(STILL)
+    mass = np.where(np.arange(COUNT) == 50, -0.01, 0.03)
+    with pytest.raises(DermisError, match="object 'block'.*'mass'"):
+        run(make(0.03), {0: skin, 1: skin}, block, fingers, animated={"body/0/mass": mass})
 
 
 LINES = keys([0, 0.1, 0.2, 0.3, 0.4], [(0, 0, 0), (0, 0, 0), (0.02, 0, 0), (0.02, 0.02, 0), (0, 0, 0)])

@@ -144,6 +144,11 @@ class PadChart:
         starts = np.array(self.starts)
         return np.where(level > 0, starts[level - 1] + (cells - starts[level]) // 4, -1)
 
+    def ancestors(self, cells: Indices) -> Indices:
+        """Return the cell of level 0 that each cell lies in, shape (n,)."""
+        starts, level = np.array(self.starts), self.levels[cells]
+        return (cells - starts[level]) >> (2 * level.astype(np.int64))
+
     def descendants(self, cells: Indices, level: int) -> tuple[Indices, Indices]:
         """Return the cells that cover some cells down to a level, and which of them each one lies in.
 

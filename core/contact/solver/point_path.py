@@ -8,27 +8,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...arrays import Array, Indices
 from ...skin.nodal_forces import NodalForces
 from ...skin.surface_compliance import SurfaceCompliance
+from ...surface.gap import Surface
 from .admm import State, iterate
-from .bodies import ContactBody, Expected, NodeGaps, node_gaps, travel
+from .bodies import ContactBody, Expected, NodeGaps, moved, node_gaps
 from .candidates import CandidateInverse
 from .compliance import Linear
 from .cone import project
+from .flatness import flat_reach
 from .history import ContactHistory
 from .path import BONE, DEPTH_LIMIT, PathSolver, PathStep
 from .point_history import succession
 from .point_matrix import PointMatrix
-from .point_tree import PointTree
+from .point_tree import PointTree, Seen
 
 TOLERANCE = 1e-4
-# The tree is asked again when something has moved this far since [m].
-ASK = 0.06e-3
 # Points join the iteration ahead of time below the first of these shares of their cell's side, and leave it above the
 # second: they have rows of the compliance already, so it takes little to join.
 MEMBERS = (0.1, 0.3)
@@ -41,9 +41,17 @@ WEIGHT = 0.75
 ABOVE = 0.4e-3
 # Normals that differ by more than this cosine says are of the two sides of something thin, or of a needle.
 OPPOSITE = -0.7
-# Cells without a point: their displacement is not known, or known from afar, as it is looked for within this [m].
-UNKNOWN, NOBODY = -1, -2
-NEAR_BASE = 0.8e-3
+# A cell without a point in it.
+UNKNOWN = -1
+# The points are changed before a frame is looked at where it moves less than this [m]; else on its way.
+SLOW = 0.15e-3
+
+
+class _Asked(NamedTuple):
+    """The bodies when the tree was asked last, and how far the skin had moved along itself [m]."""
+
+    bodies: tuple[ContactBody, ...]
+    common: Array
 
 
 class PointSolver(PathSolver):
@@ -72,17 +80,17 @@ class PointSolver(PathSolver):
         self._begin(tolerance, bone, name, depth_limit)
         self.surface, self.nodes = surface, nodes
         self.search_radius = REACH
-        self._tree = PointTree(surface)
+        self._tree = PointTree(surface, REACH)
         self._matrix = PointMatrix(surface)
         self.operator = Linear(np.zeros((0, 0)))
         self._place = np.full(len(surface.chart.places), -1)  # of each cell in `cells`
         self._candidates = CandidateInverse(self._matrix.matrix, np.zeros(0), *MEMBERS)
-        count = surface.chart.starts[1]
-        self._rows = np.full((count, 3, 3 * count), np.nan, dtype=np.float32)  # of the coarsest cells, as asked for
+        self._owner, self._shift = np.full_like(self._place, UNKNOWN), np.zeros((len(self._place), 3))
         self.history = ContactHistory(0)
-        self._asked: tuple[ContactBody, ...] | None = None  # the bodies when the tree was asked last
+        self._asked: _Asked | None = None
         starts = surface.chart.starts
         self._pad = surface.cells.positions[starts[1] : starts[2]]
+        self._sample = self._pad[:: max(len(self._pad) // 32, 1)]
         self._number()
         self.reset()
 
@@ -128,8 +136,10 @@ class PointSolver(PathSolver):
 
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps, without taking it."""
-        if self.fresh:
-            self._survey(tuple(bodies))
+        bodies = tuple(bodies)
+        far = None if self.fresh else self._moved(bodies)
+        if self.fresh or (far is not None and far.max() < SLOW and self._tree.asks(far)):
+            self._survey(bodies)
         return super().look(bodies)
 
     def step(
@@ -141,49 +151,66 @@ class PointSolver(PathSolver):
         part: bool = False,
     ) -> PathStep:
         """Solve the next frame, as `PathSolver.step` does."""
-        if (part or not self.unmoved(bodies)) and self._asks(bodies):
-            self._survey(tuple(bodies))
+        if (part or not self.unmoved(bodies)) and self._asks(bodies) and self._survey(tuple(bodies)):
             gaps = None
         return super().step(bodies, scene_frame=scene_frame, gaps=gaps, part=part)
 
     # -- the points ----------------------------------------------------------------------------------------------
 
     def _asks(self, bodies: Sequence[ContactBody]) -> bool:
-        return self._asked is None or self._moved(bodies) > ASK
+        far = self._moved(bodies)
+        return far is None or self._tree.asks(far)
 
-    def _moved(self, bodies: Sequence[ContactBody]) -> float:
-        """Return how far anything moved since the tree was asked [m]."""
-        before = self._asked
-        if before is None or len(before) != len(bodies):
-            return np.inf
-        some = self.points[self.loaded] if self.loaded.any() else self._pad[:: max(len(self._pad) // 32, 1)]
-        far = 0.0
-        for a, b in zip(before, bodies, strict=True):
-            if a.away and b.away:
+    def _moved(self, bodies: Sequence[ContactBody]) -> Array | None:
+        """Return how far anything moved along the skin, and towards it, since the tree was asked [m].
+
+        None where that cannot be said.
+        """
+        asked = self._asked
+        if asked is None or len(asked.bodies) != len(bodies):
+            return None
+        loaded = self.loaded.nonzero()[0]
+        points, normal = self._sample, None
+        if loaded.size and self._step is not None and self._step.gaps is not None:
+            points, normal = self.points[loaded], self._step.gaps.normal[loaded]
+        far = near = 0.0
+        for a, b in zip(asked.bodies, bodies, strict=True):
+            if a is b or (a.away and b.away):
                 continue
-            if a.away or b.away or a.surface is not b.surface:
-                return np.inf
-            far = max(far, travel(a, b, some))
-        return far
+            if a.away or b.away:
+                return None
+            if a.surface is not b.surface:
+                reach = _deformed(a, b)
+                if reach is None:
+                    return None
+                far, near = max(far, reach), max(near, reach)
+                continue
+            way = moved(a, b, points)
+            across = way - (self._common() - asked.common)
+            far = max(far, float(np.einsum("ij,ij->i", across, across).max()) ** 0.5)
+            near = max(near, far if normal is None else float(np.abs(np.einsum("ij,ij->i", way, normal)).max()))
+        return np.array([far, near])
 
-    def _survey(self, bodies: tuple[ContactBody, ...]) -> None:
-        """Ask the tree which cells may touch, and go over to them."""
-        moved = self._moved(bodies)
+    def _survey(self, bodies: tuple[ContactBody, ...]) -> bool:
+        """Ask the tree which cells may touch, and go over to them; return whether they are others."""
+        far = self._moved(bodies)
+        if far is None:
+            self._tree.renew()
         before, force, history = self.cells, self._force, self.history
-        sources = self._sources()
-        normal = self._turned(bodies)
+        marked = self._mark()
 
-        def look(cells: Indices, points: Array) -> NodeGaps:
-            return self._look_at(bodies, sources, normal, cells, points)
+        def look(cells: Indices, points: Array) -> Seen:
+            return self._look_at(bodies, cells, points)
 
-        found = self._tree.survey(look, moved)
-        self._asked = bodies
-        entering = found[self._place[found] < 0]
+        found = self._tree.survey(look, np.zeros(2) if far is None else far)
+        self._owner[marked] = UNKNOWN
+        self._asked = _Asked(bodies, self._common())
         inside = np.zeros(len(self._place), dtype=bool)
         inside[found] = True
         leaving = np.flatnonzero(~inside[before])
+        entering = found[self._place[found] < 0]
         if len(leaving) == 0 and len(entering) == 0:
-            return
+            return False
         passed = succession(self.surface.chart, self.surface.cells.areas, before[leaving], leaving, entering)
         order = self._change(leaving, entering)
         count = len(order)
@@ -195,8 +222,7 @@ class PointSolver(PathSolver):
 
         self._zero, self._status = np.zeros((len(self.cells), 3)), np.zeros(len(self.cells), dtype=np.int8)
         self._force = kept(force)
-        new = self._force[count:]
-        passed.force(force, new)
+        passed.force(force, self._force[count:])
         self._last = None if len(passed.heirs) else self._last and (kept(self._last[0]), kept(self._last[1]))
         self._y = kept(self._y)
         self._image = self._apply(self._force)
@@ -210,6 +236,7 @@ class PointSolver(PathSolver):
         if self._step is not None:
             self._step = self._carried_over(self._step, order, heirs, main)
         self._at_rest = False
+        return True
 
     def _change(self, leaving: Indices, entering: Indices) -> Indices:
         """Go over to other cells; return where each point that stays was."""
@@ -252,97 +279,90 @@ class PointSolver(PathSolver):
 
     # -- what the tree sees --------------------------------------------------------------------------------------
 
-    def _sources(self) -> tuple[Indices, Array]:
-        """Return for every cell with a known displacement a point that lies in it or that it lies in, and the mean."""
-        chart = self.surface.chart
-        place, mean = self._place.copy(), np.zeros((len(self._place), 3))
-        mean[self.cells] = self._raised()
-        cells = self.cells
-        level = chart.levels[cells] if len(cells) else cells
-        for above in range(len(chart.starts) - 2, 0, -1):
-            own = cells[level == above]
-            if not len(own):
-                continue
-            parents, which = np.unique(chart.parent(own), return_inverse=True)
-            number = np.bincount(which)
-            for k in range(3):
-                mean[parents, k] = np.bincount(which, mean[own, k]) / number
-            loads = place[own]
-            place[parents[which]] = loads
-            cells = np.concatenate([cells[level != above], parents])
-            level = np.concatenate([level[level != above], np.full(len(parents), above - 1)])
-        return place, mean
-
-    def _raised(self) -> Array:
-        """Return how far the points have moved [m], but for what spreads them along the skin.
-
-        An edge parts the cells that it presses in between: only their common way is theirs, else they see it no more.
-        """
+    def _common(self) -> Array:
+        """Return how far the skin that touches has moved along itself, by its share of the load [m], shape (3,)."""
+        load = np.sqrt(np.einsum("ij,ij->i", self._force, self._force))
+        total = float(load.sum())
+        if total == 0.0:
+            return np.zeros(3)
         along = self.surface.cells.normals[self.cells]
         across = self._image - np.einsum("ij,ij->i", self._image, along)[:, None] * along
-        load = np.sqrt(np.einsum("ij,ij->i", self._force, self._force))
-        common = load @ across / max(float(load.sum()), 1e-300)
-        return self._image - across + (common - (along @ common)[:, None] * along)
+        return np.asarray(load @ across / total)
 
-    def _turned(self, bodies: tuple[ContactBody, ...]) -> Array:
-        expected = self.history.expected(bodies, self.points + self._image, self.search_radius)
-        return expected.normal
+    def _mark(self) -> Indices:
+        """Note for the points, and for the cells that they are in, which point it is and how far it has moved.
 
-    def _look_at(
-        self,
-        bodies: tuple[ContactBody, ...],
-        sources: tuple[Indices, Array],
-        normal: Array,
-        cells: Indices,
-        points: Array,
-    ) -> NodeGaps:
-        place, mean = sources
-        chart = self.surface.chart
-        up = cells
+        But for what spreads them along the skin: an edge parts the cells that it presses in between. Only their common
+        way is theirs, else they see it no more.
+        """
+        chart, cells = self.surface.chart, self.cells
+        along, common = self.surface.cells.normals[cells], self._common()
+        depth = np.einsum("ij,ij->i", self._image - common, along)
+        self._owner[cells] = np.arange(len(cells))
+        self._shift[cells] = common + depth[:, None] * along
+        marked = [cells]
+        for above in range(len(chart.starts) - 2, 0, -1):
+            cells = np.concatenate([part[chart.levels[part] == above] for part in marked])
+            if len(cells):
+                parents = np.unique(chart.parent(cells))
+                children = chart.children(parents)
+                known = self._owner[children] != UNKNOWN
+                mean = np.einsum("nk,nka->na", known, self._shift[children]) / known.sum(axis=1)[:, None]
+                self._shift[parents], self._owner[parents] = mean, self._owner[children].max(axis=1)
+                marked.append(parents)
+        return np.concatenate(marked)
+
+    def _look_at(self, bodies: tuple[ContactBody, ...], cells: Indices, points: Array) -> Seen:
+        chart, up = self.surface.chart, cells
         while True:
-            lost = np.flatnonzero(place[up] == UNKNOWN)
-            lost = lost[chart.levels[up[lost]] > 0]
+            lost = np.flatnonzero(self._owner[up] == UNKNOWN)
+            lost = lost[up[lost] >= chart.starts[1]]
             if not len(lost):
                 break
             up = up.copy()
             up[lost] = chart.parent(up[lost])
-        gaps = self._look_for(bodies, normal, place[up], points + mean[up])
-        new = np.flatnonzero((place[up] == UNKNOWN) & (gaps.clearance < NEAR_BASE))
-        if len(new) and self._force.any():
-            found = np.unique(up[new])
-            place[found], mean[found] = NOBODY, self._far(found)
-            gaps = self._look_for(bodies, normal, place[up], points + mean[up])
-        return gaps
-
-    def _look_for(self, bodies: tuple[ContactBody, ...], normal: Array, owner: Indices, places: Array) -> NodeGaps:
+        owner, shift = self._owner[up], self._shift[up]
+        afar = np.flatnonzero(owner == UNKNOWN)
+        shift[afar] = self._far(up[afar]) if self._force.any() else 0.0
+        places = points + shift
         gaps = node_gaps(places, bodies, self.search_radius, self.bone)
+        self._put_on_their_side(bodies, gaps, owner, places)
+        flat = np.zeros(len(cells))
+        for index, body in enumerate(bodies):
+            own = np.flatnonzero(gaps.body == index)
+            if not isinstance(body.surface, Surface):
+                flat[own] = np.inf
+            elif len(own) and not body.deforms:
+                on = places[own] - gaps.clearance[own, None] * gaps.normal[own]
+                flat[own] = flat_reach(body.surface, gaps.triangle[own], (on - body.translation) @ body.rotation)
+        return Seen(gaps.clearance, gaps.normal, flat)
+
+    def _put_on_their_side(
+        self, bodies: tuple[ContactBody, ...], gaps: NodeGaps, owner: Indices, places: Array
+    ) -> None:
+        """Look again for those that see the other side of something thin: it is not what the skin lies on."""
         own = np.flatnonzero(owner >= 0)
-        above = normal[owner[own]]
-        same = self.history.body[owner[own]] == gaps.body[own]
-        turned = own[same & (np.einsum("ij,ij->i", above, gaps.normal[own]) < OPPOSITE)]
-        if not len(turned):
-            return gaps
-        # the other side of something thin: what is seen there is not what the skin lies on
-        before = normal[owner[turned]]
-        body = self.history.body[owner[turned]]
-        expected = Expected(places[turned], places[turned] + ABOVE * before, before, body)
+        own = own[self.history.body[owner[own]] == gaps.body[own]]
+        if not len(own):
+            return
+        before = self.history.normals(bodies)[owner[own]]
+        other = np.flatnonzero(np.einsum("ij,ij->i", before, gaps.normal[own]) < OPPOSITE)
+        if not len(other):
+            return
+        turned, before = own[other], before[other]
+        expected = Expected(places[turned], places[turned] + ABOVE * before, before, gaps.body[turned])
         again = node_gaps(places[turned], bodies, self.search_radius, self.bone, expected)
         gaps.clearance[turned], gaps.normal[turned] = again.clearance, again.normal
-        return gaps
+        gaps.triangle[turned] = again.triangle
 
     def _far(self, cells: Indices) -> Array:
         """Return the displacement of cells of the coarsest level beside the points [m], by the forces under each."""
         loaded = np.flatnonzero(self._force.any(axis=1))
-        base = self.cells[loaded]
-        for _ in range(len(self.surface.chart.starts) - 2):
-            base = np.maximum(self.surface.chart.parent(base), np.where(self.surface.chart.levels[base] > 0, 0, base))
-        missing = cells[np.isnan(self._rows[cells, 0, 0])]
-        if len(missing):
-            every = self.surface.chart.base
-            self._rows[missing] = self.surface.rows(missing, every).reshape(len(missing), 3, -1)
-        force = np.zeros((len(self._rows), 3))
-        np.add.at(force, base, self._force[loaded])
-        return (self._rows[cells] @ force.reshape(-1).astype(np.float32)).astype(np.float64)
+        base = self.surface.chart.ancestors(self.cells[loaded])
+        under, which = np.unique(base, return_inverse=True)
+        force = np.zeros((len(under), 3))
+        np.add.at(force, which, self._force[loaded])
+        return np.asarray(np.einsum("nmij,mj->ni", self._matrix.coarse(cells, under), force), dtype=np.float64)
 
     # -- the compliance ------------------------------------------------------------------------------------------
 
@@ -363,3 +383,13 @@ class PointSolver(PathSolver):
             inverse, rho, b.reshape(-1), normal, friction, state, state, image, self.tolerance, MOST_ITERATIONS
         )
         return found.state.z, found.iterations, "admm"
+
+
+def _deformed(a: ContactBody, b: ContactBody) -> float | None:
+    """Return how far the vertices of a body moved that changed its shape [m]; None where they are others."""
+    if not (isinstance(a.surface, Surface) and isinstance(b.surface, Surface)):
+        return None
+    if not np.array_equal(a.surface.triangles, b.surface.triangles):
+        return None
+    one, other = (x.surface.vertices @ x.rotation.T + x.translation for x in (a, b))
+    return float(np.sqrt(((other - one) ** 2).sum(axis=1).max()))

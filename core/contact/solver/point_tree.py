@@ -1,34 +1,52 @@
 """PointTree: where a smooth pad is looked at: cells as fine as what presses into it is bent, and no finer.
 
 A cell is split where surfaces seen from its corners turn, or where their gap is not linear; it is whole again only well
-below those limits, so that nothing flickers. Corners reach beyond their cell: an edge between two cells is in both.
+below those limits, so that nothing flickers. Corners reach beyond their cell: an edge between two cells is in both, and
+nothing gets into a cell before it has moved by what they reach beyond. Until then a cell is not looked at again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from ...skin.surface_compliance import SurfaceCompliance
-from .bodies import NodeGaps
 
 # A cell is split where normals at its corners differ by more than this, or a gap is off linear by more than this [m].
 TURNED, BENT = 0.15, 0.04e-3
 # A cell stays split down to this share of the limits.
 MERGE = 0.6
-# Cells of the last level but one are split only where normals differ by more than this: at sharp edges.
-SHARP = 1.0
+# Cells of the last level but one are split only where normals differ by more than this: at the sharpest edges.
+SHARP = 1.5
 # A cell that seems to lie deeper than this [m] is lifted; across its normal by no more than the inverse of this.
 DEEP, STEEP = 0.02e-3, 0.3
 CORNERS = 0.75  # of a cell's sides, from its centre
-# Points may touch below this share of their cell's side, and a margin for what moves until the tree is asked again [m].
+# Points may touch below this share of their cell's side, and a margin for what moves until they are looked at again [m].
 NEAR, MARGIN = 0.4, 0.1e-3
 AROUND = 0.35  # times its side that a cell's corners may be nearer than its centre
+FLAT = 1.2  # times its side about a cell's centre that a surface must be flat for its corners to be no matter
+# A cell is looked at again when something has moved this share of its side along it, or the second share towards it,
+# but no sooner than this, and no later than that [m].
+AGAIN, TOWARDS, SOONEST, LATEST = 0.25, 0.125, 0.1e-3, 0.4e-3
+# What will be due so soon [m] is looked at together with what is.
+TOGETHER = 0.03e-3
+NEVER = -np.inf
 
-Look = Callable[[Indices, Array], NodeGaps]
+
+class Seen(NamedTuple):
+    """What cells see: clearance [m], inf beyond reach, shape (n,); normal out of the body, shape (n, 3); and how far
+    the surface is flat about the point that each is closest to, at least [m], shape (n,)."""
+
+    clearance: Array
+    normal: Array
+    flat: Array
+
+
+Look = Callable[[Indices, Array], Seen]
 
 
 class PointTree:
@@ -36,90 +54,134 @@ class PointTree:
 
     Args:
         pad: with the chart that the cells are of.
+        search_radius: beyond which nothing is seen [m].
     """
 
-    def __init__(self, pad: SurfaceCompliance) -> None:
-        self.pad, self.chart = pad, pad.chart
-        self.levels = len(self.chart.starts) - 1
-        self.split = np.zeros(self.chart.starts[-2] if self.levels > 1 else self.chart.starts[-1], dtype=bool)
+    def __init__(self, pad: SurfaceCompliance, search_radius: float) -> None:
+        self.pad, self.chart, self.search_radius = pad, pad.chart, search_radius
+        starts = self.chart.starts
+        self.inner = starts[-2] if len(starts) > 2 else 0  # cells from here on have no children
         self.sides: Array = np.sqrt(pad.cells.areas)
-        self._corners = np.empty((len(self.split), 4, 3))
-        self._known = np.zeros(len(self.split), dtype=bool)
-        self._clearance = np.full(self.chart.starts[1], -np.inf)  # of the coarsest cells, at least [m]
+        self._limit = NEAR * self.sides + MARGIN
+        self._corners = np.empty((self.inner, 4, 3))
+        self._known = np.zeros(self.inner, dtype=bool)
+        count = len(self.sides)
+        self._wants = np.zeros(count, dtype=bool)
+        self._clearance = np.full(count, np.inf)
+        self._due = np.full((count, 2), NEVER)  # how far anything may move along and towards a cell
+        self.forget()
 
     def forget(self) -> None:
         """Begin again: nothing is split, and nothing is known."""
-        self.split = np.zeros_like(self.split)
-        self._clearance = np.full_like(self._clearance, -np.inf)
+        self._present = self.chart.base
+        self._due[:] = NEVER
+        self._wants[:] = False
+        self._moved, self._next = np.zeros(2), np.full(2, NEVER)
 
-    def save(self) -> tuple[Array, Array]:
+    def renew(self) -> None:
+        """Look at every cell again: something else is near."""
+        self._due[self._present] = NEVER
+        self._next = np.full(2, NEVER)
+
+    def save(self) -> tuple[Array, ...]:
         """Return what a survey changes."""
-        return self.split, self._clearance
+        cells = self._present
+        return cells, self._due[cells], self._wants[cells], self._clearance[cells], self._moved, self._next
 
-    def restore(self, state: tuple[Array, Array]) -> None:
+    def restore(self, state: tuple[Array, ...]) -> None:
         """Go back to a saved state."""
-        self.split, self._clearance = state
+        self._leave(self._present)
+        cells, self._due[state[0]], self._wants[state[0]], self._clearance[state[0]], self._moved, self._next = state
+        self._present = cells
 
-    def survey(self, look: Look, moved: float) -> Indices:
+    def asks(self, moved: Array) -> bool:
+        """Return whether any cell is to be looked at again.
+
+        Args:
+            moved: how far anything moved since the last survey, along the skin or in any way, and towards it [m].
+        """
+        return bool((self._moved + moved >= self._next).any())
+
+    def survey(self, look: Look, moved: Array) -> Indices:
         """Split and merge cells, and return those that may touch.
 
         Args:
             look: measures points [m], shape (n, 3), that move with cells, shape (n,).
-            moved: how far anything moved since the last survey, at most [m].
+            moved: as in `asks`.
         """
-        known = self._clearance - 2.0 * moved
-        side = float(self.sides[: self.chart.starts[1]].max())
-        cells = np.flatnonzero(known < NEAR * side + MARGIN + AROUND * side)
-        split, leaves = np.zeros_like(self.split), []
-        base = True
+        self._moved = self._moved + moved
+        before = self._present
+        due = before[(self._due[before] <= self._moved + TOGETHER).any(axis=1)]
+        split = np.zeros(len(self.sides), dtype=bool)
+        split[before] = self._wants[before]
+        self._look_at(due, look, split)
+        present, leaves, cells = [], [], self.chart.base
         while len(cells):
-            centre = look(cells, self.pad.cells.positions[cells])
-            clearance = centre.clearance
-            if base:
-                known[cells] = clearance
-                base = False
-            side_ = self.sides[cells]
-            limit = NEAR * side_ + MARGIN
-            wants = np.zeros(len(cells), dtype=bool)
-            if cells[0] < len(self.split):
-                close = np.flatnonzero(clearance < limit + AROUND * side_)
-                wants[close] = self._wants(cells[close], centre, close, look, limit[close])
-                split[cells[wants]] = True
-            leaves.append(cells[~wants & (clearance < limit)])
-            cells = self.chart.children(cells[wants]).ravel() if wants.any() else cells[:0]
-        self._clearance, self.split = known, split
-        found = np.concatenate(leaves) if leaves else np.zeros(0, dtype=np.int64)
-        return found
+            unknown = cells[self._due[cells, 0] == NEVER]
+            if len(unknown):
+                self._look_at(unknown, look, split)
+            present.append(cells)
+            wants = self._wants[cells]
+            leaves.append(cells[~wants & (self._clearance[cells] < self._limit[cells])])
+            cells = self.chart.children(cells[wants]).ravel()
+        self._present = np.concatenate(present)
+        gone = np.ones(len(before), dtype=bool)
+        mark = np.zeros(len(self.sides), dtype=bool)
+        mark[self._present] = True
+        gone = before[~mark[before]]
+        self._leave(gone)
+        self._next = self._due[self._present].min(axis=0)
+        return np.concatenate(leaves)
 
-    def _wants(self, cells: Indices, centre: NodeGaps, at: Indices, look: Look, limit: Array) -> NDArray[np.bool_]:
-        """Return which cells shall be split."""
+    def _leave(self, cells: Indices) -> None:
+        self._due[cells], self._wants[cells] = NEVER, False
+
+    def _look_at(self, cells: Indices, look: Look, split: NDArray[np.bool_]) -> None:
+        """Find out which cells shall be split, and when to look again."""
         if len(cells) == 0:
-            return np.zeros(0, dtype=bool)
-        own, facing = centre.clearance[at], centre.normal[at]
+            return
+        centre = look(cells, self.pad.cells.positions[cells])
+        own, flat = centre.clearance, centre.flat
+        side, limit = self.sides[cells], self._limit[cells]
+        close = np.flatnonzero((cells < self.inner) & (own < limit + AROUND * side) & (flat < FLAT * side))
+        wants = np.zeros(len(cells), dtype=bool)
+        if len(close):
+            wants[close] = self._turns(cells[close], own[close], centre.normal[close], look, split[cells[close]])
+        self._wants[cells], self._clearance[cells] = wants, own
+        beyond = 0.5 * (np.minimum(own, self.search_radius) - limit - AROUND * side)
+        even = np.minimum(flat - FLAT * side, LATEST)
+        self._due[cells, 0] = self._moved[0] + np.maximum(np.maximum(AGAIN * side, SOONEST), np.maximum(beyond, even))
+        self._due[cells, 1] = self._moved[1] + np.maximum(np.maximum(TOWARDS * side, 0.5 * SOONEST), beyond)
+
+    def _turns(
+        self, cells: Indices, own: Array, facing: Array, look: Look, split: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """Return which cells shall be split by what their corners see."""
         # what is in between is to be seen from the surface: deep below it every edge is sharp
         up = -self.pad.cells.normals[cells]
-        steep = np.maximum(np.einsum("ij,ij->i", up, facing), STEEP)
         deep = np.flatnonzero(own < -DEEP)
+        steep = np.maximum(np.einsum("ij,ij->i", up[deep], facing[deep]), STEEP)
         lift = np.zeros_like(up)
-        lift[deep] = (-own[deep] / steep[deep])[:, None] * up[deep]
-        points = self._corner_points(cells) + lift[:, None]
-        seen = look(np.repeat(cells, 4), points.reshape(-1, 3))
-        gap, normal = seen.clearance.reshape(-1, 4), seen.normal.reshape(-1, 4, 3)
-        near = np.minimum(gap.min(axis=1), own) < limit
+        lift[deep] = (-own[deep] / steep)[:, None] * up[deep]
+        points = (self._corner_points(cells) + lift[:, None]).reshape(-1, 3)
+        middle = self.pad.cells.positions[cells[deep]] + lift[deep]
+        seen = look(np.concatenate([np.repeat(cells, 4), cells[deep]]), np.concatenate([points, middle]))
+        count = 4 * len(cells)
+        gap, normal = seen.clearance[:count].reshape(-1, 4), seen.normal[:count].reshape(-1, 4, 3)
+        near = np.minimum(gap.min(axis=1), own) < self._limit[cells]
         if len(deep):
-            again = look(cells[deep], self.pad.cells.positions[cells[deep]] + lift[deep])
             own, facing = own.copy(), facing.copy()
-            own[deep], facing[deep] = again.clearance, again.normal
+            own[deep], facing[deep] = seen.clearance[count:], seen.normal[count:]
         apart = normal - facing[:, None]
         turned = np.sqrt(np.einsum("ijk,ijk->ij", apart, apart).max(axis=1))
         with np.errstate(invalid="ignore"):
-            middle = np.abs(gap.mean(axis=1) - own)
+            off = np.abs(gap.mean(axis=1) - own)
             twist = 0.25 * np.abs(gap[:, 0] - gap[:, 1] - gap[:, 2] + gap[:, 3])
-        bent = np.nan_to_num(np.maximum(middle, twist), nan=np.inf, posinf=np.inf)
-        share = np.where(self.split[cells], MERGE, 1.0)
-        if cells[0] >= self.chart.starts[2]:
-            return near & (turned > SHARP * share)
-        return near & ((turned > TURNED * share) | (bent > BENT * share))
+        bent = np.nan_to_num(np.maximum(off, twist), nan=np.inf, posinf=np.inf)
+        share = np.where(split, MERGE, 1.0)
+        last = cells >= self.chart.starts[-3]
+        rough = np.where(last, turned > SHARP * share, (turned > TURNED * share) | (bent > BENT * share))
+        return near & rough
 
     def _corner_points(self, cells: Indices) -> Array:
         missing = cells[~self._known[cells]]

@@ -6,7 +6,7 @@ those cells that may touch is kept up, and what friction remembers goes from cel
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -85,7 +85,9 @@ class PointSolver(PathSolver):
         self.operator = Linear(np.zeros((0, 0)))
         self._place = np.full(len(surface.chart.places), -1)  # of each cell in `cells`
         self._candidates = CandidateInverse(self._matrix.matrix, np.zeros(0), *MEMBERS)
-        self._owner, self._shift = np.full_like(self._place, UNKNOWN), np.zeros((len(self._place), 3))
+        finest = 1 << (len(surface.chart.starts) - 2)
+        self._owner = np.full((surface.chart.starts[1], finest * finest), UNKNOWN)  # of the finest squares
+        self._marked: Indices = np.zeros(0, dtype=np.int64)
         self.history = ContactHistory(0)
         self._asked: _Asked | None = None
         starts = surface.chart.starts
@@ -197,13 +199,13 @@ class PointSolver(PathSolver):
         if far is None:
             self._tree.renew()
         before, force, history = self.cells, self._force, self.history
-        marked = self._mark()
+        raised = self._raised()
+        self._mark()
 
         def look(cells: Indices, points: Array) -> Seen:
-            return self._look_at(bodies, cells, points)
+            return self._look_at(bodies, raised, cells, points)
 
         found = self._tree.survey(look, np.zeros(2) if far is None else far)
-        self._owner[marked] = UNKNOWN
         self._asked = _Asked(bodies, self._common())
         inside = np.zeros(len(self._place), dtype=bool)
         inside[found] = True
@@ -211,7 +213,7 @@ class PointSolver(PathSolver):
         entering = found[self._place[found] < 0]
         if len(leaving) == 0 and len(entering) == 0:
             return False
-        passed = succession(self.surface.chart, self.surface.cells.areas, before[leaving], leaving, entering)
+        passed = succession(self.surface.chart, before[leaving], leaving, entering)
         order = self._change(leaving, entering)
         count = len(order)
 
@@ -289,41 +291,58 @@ class PointSolver(PathSolver):
         across = self._image - np.einsum("ij,ij->i", self._image, along)[:, None] * along
         return np.asarray(load @ across / total)
 
-    def _mark(self) -> Indices:
-        """Note for the points, and for the cells that they are in, which point it is and how far it has moved.
+    def _raised(self) -> Array:
+        """Return how far the points have moved [m], but for what spreads them along the skin, shape (n, 3).
 
-        But for what spreads them along the skin: an edge parts the cells that it presses in between. Only their common
-        way is theirs, else they see it no more.
+        An edge parts the cells that it presses in between. Only their common way is theirs, else they see it no more.
         """
-        chart, cells = self.surface.chart, self.cells
-        along, common = self.surface.cells.normals[cells], self._common()
-        depth = np.einsum("ij,ij->i", self._image - common, along)
-        self._owner[cells] = np.arange(len(cells))
-        self._shift[cells] = common + depth[:, None] * along
-        marked = [cells]
-        for above in range(len(chart.starts) - 2, 0, -1):
-            cells = np.concatenate([part[chart.levels[part] == above] for part in marked])
-            if len(cells):
-                parents = np.unique(chart.parent(cells))
-                children = chart.children(parents)
-                known = self._owner[children] != UNKNOWN
-                mean = np.einsum("nk,nka->na", known, self._shift[children]) / known.sum(axis=1)[:, None]
-                self._shift[parents], self._owner[parents] = mean, self._owner[children].max(axis=1)
-                marked.append(parents)
-        return np.concatenate(marked)
+        along, common = self.surface.cells.normals[self.cells], self._common()
+        return common + np.einsum("ij,ij->i", self._image - common, along)[:, None] * along
 
-    def _look_at(self, bodies: tuple[ContactBody, ...], cells: Indices, points: Array) -> Seen:
-        chart, up = self.surface.chart, cells
-        while True:
-            lost = np.flatnonzero(self._owner[up] == UNKNOWN)
-            lost = lost[up[lost] >= chart.starts[1]]
-            if not len(lost):
-                break
-            up = up.copy()
-            up[lost] = chart.parent(up[lost])
-        owner, shift = self._owner[up], self._shift[up]
+    def _mark(self) -> None:
+        """Note over the pad which point is where."""
+        tiles, cells = self.surface.chart.tiles, self.cells
+        self._owner[self._marked] = UNKNOWN
+        self._marked = np.unique(tiles.root[cells])
+        for part, number in self._blocks(cells):
+            self._owner[tiles.root[cells[part], None], number] = part[:, None]
+
+    def _blocks(self, cells: Indices) -> Iterator[tuple[Indices, Indices]]:
+        """Yield cells of one shape, by their places, and which of the finest squares of their roots they cover."""
+        tiles = self.surface.chart.tiles
+        deepest = tiles.levels - 1
+        kind = tiles.halved[cells] @ np.array([tiles.levels, 1])
+        for one in np.unique(kind).tolist():
+            part = np.flatnonzero(kind == one)
+            a, b = (deepest - k for k in divmod(one, tiles.levels))
+            place = tiles.place[cells[part]]
+            rows = (place[:, :1] << a) + np.arange(1 << a)
+            columns = (place[:, 1:] << b) + np.arange(1 << b)
+            yield part, ((rows[:, :, None] << deepest) + columns[:, None]).reshape(len(part), -1)
+
+    def _found(self, cells: Indices, raised: Array) -> tuple[Indices, Array]:
+        """Return a point under each cell, or one beside it, -1 where there is none, and how far it has moved [m]."""
+        tiles = self.surface.chart.tiles
+        owner, shift = np.full(len(cells), UNKNOWN), np.zeros((len(cells), 3))
+        for part, number in self._blocks(cells):
+            found = self._owner[tiles.root[cells[part], None], number]
+            known = found != UNKNOWN
+            count = known.sum(axis=1)
+            none = count == 0
+            if none.any():  # not under a point, but beside one
+                beside = self._owner[tiles.root[cells[part[none]]]].max(axis=1)
+                found[none, 0], known[none, 0], count[none] = beside, beside != UNKNOWN, 1
+            owner[part] = found.max(axis=1)
+            weight = known / count[:, None]
+            shift[part] = np.einsum("nk,nka->na", weight, raised[found]) if len(raised) else 0.0
+        return owner, shift
+
+    def _look_at(self, bodies: tuple[ContactBody, ...], raised: Array, cells: Indices, points: Array) -> Seen:
+        owner, shift = self._found(cells, raised)
         afar = np.flatnonzero(owner == UNKNOWN)
-        shift[afar] = self._far(up[afar]) if self._force.any() else 0.0
+        if len(afar) and self._force.any():
+            base, which = np.unique(self.surface.chart.tiles.root[cells[afar]], return_inverse=True)
+            shift[afar] = self._far(base)[which]
         places = points + shift
         gaps = node_gaps(places, bodies, self.search_radius, self.bone)
         self._put_on_their_side(bodies, gaps, owner, places)
@@ -358,7 +377,7 @@ class PointSolver(PathSolver):
     def _far(self, cells: Indices) -> Array:
         """Return the displacement of cells of the coarsest level beside the points [m], by the forces under each."""
         loaded = np.flatnonzero(self._force.any(axis=1))
-        base = self.surface.chart.ancestors(self.cells[loaded])
+        base = self.surface.chart.tiles.root[self.cells[loaded]]
         under, which = np.unique(base, return_inverse=True)
         force = np.zeros((len(under), 3))
         np.add.at(force, which, self._force[loaded])

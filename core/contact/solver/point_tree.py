@@ -1,7 +1,8 @@
 """PointTree: where a smooth pad is looked at: cells as fine as what presses into it is bent, and no finer.
 
-A cell is split where surfaces seen from its corners turn, or where their gap is not linear; it is whole again only well
-below those limits, so that nothing flickers. Corners reach beyond their cell: an edge between two cells is in both, and
+A cell is cut along the finger, around it or both ways, where surfaces seen from its corners turn that way, or where
+their gap is not linear: across an edge cells are fine, along it they are long. It is whole again only well below those
+limits, so that nothing flickers. Corners reach beyond their cell: an edge between two cells is in both, and
 nothing gets into a cell before it has moved by what they reach beyond. Until then a cell is not looked at again.
 """
 
@@ -11,23 +12,24 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from ...skin.surface_compliance import SurfaceCompliance
+from ...skin.tiles import ALONG, AROUND, BOTH
 
-# A cell is split where normals at its corners differ by more than this, or a gap is off linear by more than this [m].
-TURNED, BENT = 0.15, 0.04e-3
-# A cell stays split down to this share of the limits.
+# A cell is cut where normals at its corners differ by more than this, or a gap is off linear by more than this [m].
+TURNED, BENT = 0.3, 0.04e-3
+# A cell stays cut down to this share of the limits.
 MERGE = 0.6
-# Cells of the last level but one are split only where normals differ by more than this: at the sharpest edges.
-SHARP = 1.5
+# Sides that were halved so often are halved again only where normals differ by more than the first of these, at sharp
+# edges along the cell, or the second, at the sharpest edges across it: there squares are many, and gain less.
+OFTEN, SHARP, SHARPEST = 2, 1.0, 1.5
 # A cell that seems to lie deeper than this [m] is lifted; across its normal by no more than the inverse of this.
 DEEP, STEEP = 0.02e-3, 0.3
 CORNERS = 0.75  # of a cell's sides, from its centre
-# Points may touch below this share of their cell's side, and a margin for what moves until they are looked at again [m].
+# Points may touch below this share of their cell's side, and a margin for what moves until it is looked at again [m].
 NEAR, MARGIN = 0.4, 0.1e-3
-AROUND = 0.35  # times its side that a cell's corners may be nearer than its centre
+BESIDE = 0.35  # times its longer side that a cell's corners may be nearer than its centre
 FLAT = 1.2  # times its side about a cell's centre that a surface must be flat for its corners to be no matter
 # A cell is looked at again when something has moved this share of its side along it, or the second share towards it,
 # but no sooner than this, and no later than that [m].
@@ -35,6 +37,9 @@ AGAIN, TOWARDS, SOONEST, LATEST = 0.25, 0.125, 0.1e-3, 0.4e-3
 # What will be due so soon [m] is looked at together with what is.
 TOGETHER = 0.03e-3
 NEVER = -np.inf
+
+
+_SIGNS = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])  # of a cell's corners, along and around
 
 
 class Seen(NamedTuple):
@@ -59,23 +64,23 @@ class PointTree:
 
     def __init__(self, pad: SurfaceCompliance, search_radius: float) -> None:
         self.pad, self.chart, self.search_radius = pad, pad.chart, search_radius
-        starts = self.chart.starts
-        self.inner = starts[-2] if len(starts) > 2 else 0  # cells from here on have no children
+        self._tiles = self.chart.tiles
+        lengths = np.linalg.norm(pad.cells.sides, axis=2)
         self.sides: Array = np.sqrt(pad.cells.areas)
+        self._short, self._long = lengths.min(axis=1), lengths.max(axis=1)
         self._limit = NEAR * self.sides + MARGIN
-        self._corners = np.empty((self.inner, 4, 3))
-        self._known = np.zeros(self.inner, dtype=bool)
         count = len(self.sides)
-        self._wants = np.zeros(count, dtype=bool)
+        self._inner = (self._tiles.ways.max(axis=2) > 0)[tuple(self._tiles.halved.T)]  # those that can be cut
+        self._ways = np.zeros(count, dtype=np.int8)
         self._clearance = np.full(count, np.inf)
         self._due = np.full((count, 2), NEVER)  # how far anything may move along and towards a cell
         self.forget()
 
     def forget(self) -> None:
-        """Begin again: nothing is split, and nothing is known."""
+        """Begin again: nothing is cut, and nothing is known."""
         self._present = self.chart.base
         self._due[:] = NEVER
-        self._wants[:] = False
+        self._ways[:] = 0
         self._moved, self._next = np.zeros(2), np.full(2, NEVER)
 
     def renew(self) -> None:
@@ -86,12 +91,12 @@ class PointTree:
     def save(self) -> tuple[Array, ...]:
         """Return what a survey changes."""
         cells = self._present
-        return cells, self._due[cells], self._wants[cells], self._clearance[cells], self._moved, self._next
+        return cells, self._due[cells], self._ways[cells], self._clearance[cells], self._moved, self._next
 
     def restore(self, state: tuple[Array, ...]) -> None:
         """Go back to a saved state."""
         self._leave(self._present)
-        cells, self._due[state[0]], self._wants[state[0]], self._clearance[state[0]], self._moved, self._next = state
+        cells, self._due[state[0]], self._ways[state[0]], self._clearance[state[0]], self._moved, self._next = state
         self._present = cells
 
     def asks(self, moved: Array) -> bool:
@@ -103,7 +108,7 @@ class PointTree:
         return bool((self._moved + moved >= self._next).any())
 
     def survey(self, look: Look, moved: Array) -> Indices:
-        """Split and merge cells, and return those that may touch.
+        """Cut and merge cells, and return those that may touch.
 
         Args:
             look: measures points [m], shape (n, 3), that move with cells, shape (n,).
@@ -111,52 +116,44 @@ class PointTree:
         """
         self._moved = self._moved + moved
         before = self._present
-        due = before[(self._due[before] <= self._moved + TOGETHER).any(axis=1)]
-        split = np.zeros(len(self.sides), dtype=bool)
-        split[before] = self._wants[before]
-        self._look_at(due, look, split)
+        self._look_at(before[(self._due[before] <= self._moved + TOGETHER).any(axis=1)], look)
         present, leaves, cells = [], [], self.chart.base
         while len(cells):
-            unknown = cells[self._due[cells, 0] == NEVER]
-            if len(unknown):
-                self._look_at(unknown, look, split)
+            self._look_at(cells[self._due[cells, 0] == NEVER], look)
             present.append(cells)
-            wants = self._wants[cells]
-            leaves.append(cells[~wants & (self._clearance[cells] < self._limit[cells])])
-            cells = self.chart.children(cells[wants]).ravel()
+            ways = self._ways[cells]
+            leaves.append(cells[(ways == 0) & (self._clearance[cells] < self._limit[cells])])
+            cells = self._tiles.cut(cells, ways)[0]
         self._present = np.concatenate(present)
-        gone = np.ones(len(before), dtype=bool)
         mark = np.zeros(len(self.sides), dtype=bool)
         mark[self._present] = True
-        gone = before[~mark[before]]
-        self._leave(gone)
+        self._leave(before[~mark[before]])
         self._next = self._due[self._present].min(axis=0)
         return np.concatenate(leaves)
 
     def _leave(self, cells: Indices) -> None:
-        self._due[cells], self._wants[cells] = NEVER, False
+        self._due[cells], self._ways[cells] = NEVER, 0
 
-    def _look_at(self, cells: Indices, look: Look, split: NDArray[np.bool_]) -> None:
-        """Find out which cells shall be split, and when to look again."""
+    def _look_at(self, cells: Indices, look: Look) -> None:
+        """Find out which cells shall be cut, and when to look again."""
         if len(cells) == 0:
             return
         centre = look(cells, self.pad.cells.positions[cells])
         own, flat = centre.clearance, centre.flat
-        side, limit = self.sides[cells], self._limit[cells]
-        close = np.flatnonzero((cells < self.inner) & (own < limit + AROUND * side) & (flat < FLAT * side))
-        wants = np.zeros(len(cells), dtype=bool)
+        limit, long = self._limit[cells], self._long[cells]
+        close = np.flatnonzero(self._inner[cells] & (own < limit + BESIDE * long) & (flat < FLAT * long))
+        ways = np.zeros(len(cells), dtype=np.int8)
         if len(close):
-            wants[close] = self._turns(cells[close], own[close], centre.normal[close], look, split[cells[close]])
-        self._wants[cells], self._clearance[cells] = wants, own
-        beyond = 0.5 * (np.minimum(own, self.search_radius) - limit - AROUND * side)
-        even = np.minimum(flat - FLAT * side, LATEST)
-        self._due[cells, 0] = self._moved[0] + np.maximum(np.maximum(AGAIN * side, SOONEST), np.maximum(beyond, even))
-        self._due[cells, 1] = self._moved[1] + np.maximum(np.maximum(TOWARDS * side, 0.5 * SOONEST), beyond)
+            ways[close] = self._turns(cells[close], own[close], centre.normal[close], look)
+        self._ways[cells], self._clearance[cells] = ways, own
+        beyond = 0.5 * (np.minimum(own, self.search_radius) - limit - BESIDE * long)
+        even = np.minimum(flat - FLAT * long, LATEST)
+        short = self._short[cells]
+        self._due[cells, 0] = self._moved[0] + np.maximum(np.maximum(AGAIN * short, SOONEST), np.maximum(beyond, even))
+        self._due[cells, 1] = self._moved[1] + np.maximum(np.maximum(TOWARDS * short, 0.5 * SOONEST), beyond)
 
-    def _turns(
-        self, cells: Indices, own: Array, facing: Array, look: Look, split: NDArray[np.bool_]
-    ) -> NDArray[np.bool_]:
-        """Return which cells shall be split by what their corners see."""
+    def _turns(self, cells: Indices, own: Array, facing: Array, look: Look) -> Indices:
+        """Return in which ways cells shall be cut by what their corners see."""
         # what is in between is to be seen from the surface: deep below it every edge is sharp
         up = -self.pad.cells.normals[cells]
         deep = np.flatnonzero(own < -DEEP)
@@ -172,24 +169,28 @@ class PointTree:
         if len(deep):
             own, facing = own.copy(), facing.copy()
             own[deep], facing[deep] = seen.clearance[count:], seen.normal[count:]
-        apart = normal - facing[:, None]
-        turned = np.sqrt(np.einsum("ijk,ijk->ij", apart, apart).max(axis=1))
+        halved, before = self._tiles.halved[cells], self._ways[cells]
+        ways = np.zeros(len(cells), dtype=np.int64)
+        sharp = np.where(halved.min(axis=1) < OFTEN, SHARP, SHARPEST)
+        for axis, (way, pairs) in enumerate(((ALONG, ((0, 2), (1, 3))), (AROUND, ((0, 1), (2, 3))))):
+            turned = np.zeros(len(cells))
+            for one, other in pairs:
+                apart = normal[:, one] - normal[:, other]
+                turned = np.maximum(turned, np.einsum("ij,ij->i", apart, apart))
+            share = np.where(before & way, MERGE, 1.0)
+            limit = np.where(halved[:, axis] < OFTEN, TURNED, sharp) * share
+            ways |= np.where(turned > limit * limit, way, 0)
         with np.errstate(invalid="ignore"):
             off = np.abs(gap.mean(axis=1) - own)
             twist = 0.25 * np.abs(gap[:, 0] - gap[:, 1] - gap[:, 2] + gap[:, 3])
         bent = np.nan_to_num(np.maximum(off, twist), nan=np.inf, posinf=np.inf)
-        share = np.where(split, MERGE, 1.0)
-        last = cells >= self.chart.starts[-3]
-        rough = np.where(last, turned > SHARP * share, (turned > TURNED * share) | (bent > BENT * share))
-        return near & rough
+        bends = (ways == 0) & (bent > BENT * np.where(before == BOTH, MERGE, 1.0)) & (halved.max(axis=1) < OFTEN)
+        ways[bends] = BOTH
+        ways[~near] = 0
+        return np.asarray(self._tiles.ways[halved[:, 0], halved[:, 1], ways])
 
     def _corner_points(self, cells: Indices) -> Array:
-        missing = cells[~self._known[cells]]
-        if len(missing):
-            middle = self.pad.cells.positions[missing][:, None]
-            normal = self.pad.cells.normals[missing][:, None]
-            arms = self.chart.corners(missing, CORNERS)[0] - middle
-            # in the tangent plane: it is not the skin's own curvature that asks for more points
-            self._corners[missing] = middle + arms - (arms * normal).sum(axis=2, keepdims=True) * normal
-            self._known[missing] = True
-        return self._corners[cells]
+        middle = self.pad.cells.positions[cells][:, None]
+        # in the tangent plane: it is not the skin's own curvature that asks for more points
+        arms = CORNERS * (self.pad.cells.sides[cells][:, None] * _SIGNS[:, :, None]).sum(axis=2)
+        return middle + arms

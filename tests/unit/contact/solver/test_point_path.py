@@ -130,16 +130,16 @@ def test_nothing_near_is_idle(pad):
 
 
 def test_splitting_and_merging_keep_the_force(pad):
-    chart, areas = pad.chart, pad.cells.areas
+    chart = pad.chart
     random = np.random.default_rng(0)
     coarse = chart.base[100:110]
     fine = chart.children(chart.children(coarse).ravel()).ravel()
     force = random.normal(size=(len(coarse), 3))
-    down = succession(chart, areas, coarse, np.arange(len(coarse)), fine)
+    down = succession(chart, coarse, np.arange(len(coarse)), fine)
     spread = np.zeros((len(fine), 3))
     down.force(force, spread)
     np.testing.assert_allclose(spread.sum(axis=0), force.sum(axis=0), atol=1e-12)
-    up = succession(chart, areas, fine, np.arange(len(fine)), coarse)
+    up = succession(chart, fine, np.arange(len(fine)), coarse)
     back = np.zeros_like(force)
     up.force(spread, back)
     np.testing.assert_allclose(back, force, atol=1e-12)

@@ -88,6 +88,10 @@ class PointSolver(PathSolver):
         finest = 1 << (len(surface.chart.starts) - 2)
         self._owner = np.full((surface.chart.starts[1], finest * finest), UNKNOWN)  # of the finest squares
         self._marked: Indices = np.zeros(0, dtype=np.int64)
+        tiles = surface.chart.tiles
+        size = finest >> tiles.halved
+        rows, columns = ((tiles.place * size)[:, k, None] + size[:, k, None] * [1, 3] // 4 for k in range(2))
+        self._quarters = (rows[:, :, None] * finest + columns[:, None]).reshape(-1, 4)  # squares in each cell
         self.history = ContactHistory(0)
         self._asked: _Asked | None = None
         starts = surface.chart.starts
@@ -199,11 +203,11 @@ class PointSolver(PathSolver):
         if far is None:
             self._tree.renew()
         before, force, history = self.cells, self._force, self.history
-        raised = self._raised()
+        raised = np.concatenate([self._raised(), np.zeros((1, 3))])
         self._mark()
 
-        def look(cells: Indices, points: Array) -> Seen:
-            return self._look_at(bodies, raised, cells, points)
+        def look(cells: Indices, points: Array, centres: int) -> Seen:
+            return self._look_at(bodies, raised, cells, points, centres)
 
         found = self._tree.survey(look, np.zeros(2) if far is None else far)
         self._asked = _Asked(bodies, self._common())
@@ -321,23 +325,23 @@ class PointSolver(PathSolver):
             yield part, ((rows[:, :, None] << deepest) + columns[:, None]).reshape(len(part), -1)
 
     def _found(self, cells: Indices, raised: Array) -> tuple[Indices, Array]:
-        """Return a point under each cell, or one beside it, -1 where there is none, and how far it has moved [m]."""
-        tiles = self.surface.chart.tiles
-        owner, shift = np.full(len(cells), UNKNOWN), np.zeros((len(cells), 3))
-        for part, number in self._blocks(cells):
-            found = self._owner[tiles.root[cells[part], None], number]
-            known = found != UNKNOWN
-            count = known.sum(axis=1)
-            none = count == 0
-            if none.any():  # not under a point, but beside one
-                beside = self._owner[tiles.root[cells[part[none]]]].max(axis=1)
-                found[none, 0], known[none, 0], count[none] = beside, beside != UNKNOWN, 1
-            owner[part] = found.max(axis=1)
-            weight = known / count[:, None]
-            shift[part] = np.einsum("nk,nka->na", weight, raised[found]) if len(raised) else 0.0
-        return owner, shift
+        """Return a point under each cell, or one beside it, -1 where there is none, and how far it has moved [m].
 
-    def _look_at(self, bodies: tuple[ContactBody, ...], raised: Array, cells: Indices, points: Array) -> Seen:
+        Args:
+            raised: of the points, and zero at the end, shape (n + 1, 3).
+        """
+        root = self.surface.chart.tiles.root[cells]
+        found = self._owner[root[:, None], self._quarters[cells]]
+        count = (found != UNKNOWN).sum(axis=1)
+        none = np.flatnonzero(count == 0)
+        if len(none):  # not under a point, but beside one
+            found[none, 0] = self._owner[root[none]].max(axis=1)
+            count[none] = 1
+        return found.max(axis=1), raised[found].sum(axis=1) / count[:, None]
+
+    def _look_at(
+        self, bodies: tuple[ContactBody, ...], raised: Array, cells: Indices, points: Array, centres: int
+    ) -> Seen:
         owner, shift = self._found(cells, raised)
         afar = np.flatnonzero(owner == UNKNOWN)
         if len(afar) and self._force.any():
@@ -346,9 +350,9 @@ class PointSolver(PathSolver):
         places = points + shift
         gaps = node_gaps(places, bodies, self.search_radius, self.bone)
         self._put_on_their_side(bodies, gaps, owner, places)
-        flat = np.zeros(len(cells))
+        flat = np.zeros(centres)
         for index, body in enumerate(bodies):
-            own = np.flatnonzero(gaps.body == index)
+            own = np.flatnonzero(gaps.body[:centres] == index)
             if not isinstance(body.surface, Surface):
                 flat[own] = np.inf
             elif len(own) and not body.deforms:

@@ -25,7 +25,7 @@ MERGE = 0.6
 # edges along the cell, or the second, at the sharpest edges across it: there squares are many, and gain less.
 OFTEN, SHARP, SHARPEST = 2, 1.0, 1.5
 # A cell that seems to lie deeper than this [m] is lifted; across its normal by no more than the inverse of this.
-DEEP, STEEP = 0.02e-3, 0.3
+DEEP, STEEP = 0.06e-3, 0.3
 CORNERS = 0.75  # of a cell's sides, from its centre
 # Points may touch below this share of their cell's side, and a margin for what moves until it is looked at again [m].
 NEAR, MARGIN = 0.4, 0.1e-3
@@ -35,7 +35,7 @@ FLAT = 1.2  # times its side about a cell's centre that a surface must be flat f
 # but no sooner than this, and no later than that [m].
 AGAIN, TOWARDS, SOONEST, LATEST = 0.25, 0.125, 0.1e-3, 0.4e-3
 # What will be due so soon [m] is looked at together with what is.
-TOGETHER = 0.03e-3
+TOGETHER = 0.06e-3
 NEVER = -np.inf
 
 
@@ -44,14 +44,14 @@ _SIGNS = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])  # of a 
 
 class Seen(NamedTuple):
     """What cells see: clearance [m], inf beyond reach, shape (n,); normal out of the body, shape (n, 3); and how far
-    the surface is flat about the point that each is closest to, at least [m], shape (n,)."""
+    the surface is flat about the points that the first k are closest to, at least [m], shape (k,)."""
 
     clearance: Array
     normal: Array
     flat: Array
 
 
-Look = Callable[[Indices, Array], Seen]
+Look = Callable[[Indices, Array, int], Seen]
 
 
 class PointTree:
@@ -72,6 +72,7 @@ class PointTree:
         count = len(self.sides)
         self._inner = (self._tiles.ways.max(axis=2) > 0)[tuple(self._tiles.halved.T)]  # those that can be cut
         self._ways = np.zeros(count, dtype=np.int8)
+        self._turning = np.zeros(count, dtype=bool)  # whether corners were of interest
         self._clearance = np.full(count, np.inf)
         self._due = np.full((count, 2), NEVER)  # how far anything may move along and towards a cell
         self.forget()
@@ -81,6 +82,7 @@ class PointTree:
         self._present = self.chart.base
         self._due[:] = NEVER
         self._ways[:] = 0
+        self._turning[:] = False
         self._moved, self._next = np.zeros(2), np.full(2, NEVER)
 
     def renew(self) -> None:
@@ -91,13 +93,20 @@ class PointTree:
     def save(self) -> tuple[Array, ...]:
         """Return what a survey changes."""
         cells = self._present
-        return cells, self._due[cells], self._ways[cells], self._clearance[cells], self._moved, self._next
+        kept = tuple(table[cells] for table in self._tables)
+        return cells, *kept, self._moved, self._next
 
     def restore(self, state: tuple[Array, ...]) -> None:
         """Go back to a saved state."""
         self._leave(self._present)
-        cells, self._due[state[0]], self._ways[state[0]], self._clearance[state[0]], self._moved, self._next = state
-        self._present = cells
+        self._present, *kept, self._moved, self._next = state
+        for table, values in zip(self._tables, kept, strict=True):
+            table[self._present] = values
+
+    @property
+    def _tables(self) -> tuple[Array, ...]:
+        """What is known of cells."""
+        return self._due, self._ways, self._turning, self._clearance
 
     def asks(self, moved: Array) -> bool:
         """Return whether any cell is to be looked at again.
@@ -111,7 +120,7 @@ class PointTree:
         """Cut and merge cells, and return those that may touch.
 
         Args:
-            look: measures points [m], shape (n, 3), that move with cells, shape (n,).
+            look: measures points [m], shape (n, 3), that move with cells, shape (n,), the first so many centres.
             moved: as in `asks`.
         """
         self._moved = self._moved + moved
@@ -138,37 +147,53 @@ class PointTree:
         """Find out which cells shall be cut, and when to look again."""
         if len(cells) == 0:
             return
-        centre = look(cells, self.pad.cells.positions[cells])
-        own, flat = centre.clearance, centre.flat
-        limit, long = self._limit[cells], self._long[cells]
-        close = np.flatnonzero(self._inner[cells] & (own < limit + BESIDE * long) & (flat < FLAT * long))
-        ways = np.zeros(len(cells), dtype=np.int8)
+        n, limit, long = len(cells), self._limit[cells], self._long[cells]
+        # one look at centres and corners, where corners were of interest before, or are for what has just been cut
+        fresh = self._due[cells, 0] == NEVER
+        some = np.flatnonzero(
+            np.where(fresh, self._inner[cells] & (cells >= self.chart.starts[1]), self._turning[cells])
+        )
+        places = np.concatenate([self.pad.cells.positions[cells], self._corner_points(cells[some])])
+        seen = look(np.concatenate([cells, np.repeat(cells[some], 4)]), places, n)
+        own, flat = seen.clearance[:n], seen.flat
+        turning = self._inner[cells] & (own < limit + BESIDE * long) & (flat < FLAT * long)
+        gap, normal = np.zeros((n, 4)), np.zeros((n, 4, 3))
+        gap[some], normal[some] = seen.clearance[n:].reshape(-1, 4), seen.normal[n:].reshape(-1, 4, 3)
+        middle = own.copy()
+        # what is in between is to be seen from the surface: deep below it every edge is sharp
+        deep = turning & (own < -DEEP)
+        missed = deep | turning
+        missed[some] = deep[some]
+        more = np.flatnonzero(missed)
+        if len(more):
+            up = -self.pad.cells.normals[cells[more]]
+            steep = np.maximum(np.einsum("ij,ij->i", up, seen.normal[more]), STEEP)
+            lift = (np.where(deep[more], -own[more], 0.0) / steep)[:, None] * up
+            corners = self._corner_points(cells[more]).reshape(-1, 4, 3) + lift[:, None]
+            places = np.concatenate([self.pad.cells.positions[cells[more]] + lift, corners.reshape(-1, 3)])
+            found = look(np.concatenate([cells[more], np.repeat(cells[more], 4)]), places, 0)
+            k = len(more)
+            middle[more] = found.clearance[:k]
+            gap[more], normal[more] = found.clearance[k:].reshape(-1, 4), found.normal[k:].reshape(-1, 4, 3)
+        ways = np.zeros(n, dtype=np.int8)
+        close = np.flatnonzero(turning)
         if len(close):
-            ways[close] = self._turns(cells[close], own[close], centre.normal[close], look)
-        self._ways[cells], self._clearance[cells] = ways, own
+            ways[close] = self._turns(cells[close], own[close], middle[close], gap[close], normal[close])
+        self._ways[cells], self._clearance[cells], self._turning[cells] = ways, own, turning
         beyond = 0.5 * (np.minimum(own, self.search_radius) - limit - BESIDE * long)
         even = np.minimum(flat - FLAT * long, LATEST)
         short = self._short[cells]
         self._due[cells, 0] = self._moved[0] + np.maximum(np.maximum(AGAIN * short, SOONEST), np.maximum(beyond, even))
         self._due[cells, 1] = self._moved[1] + np.maximum(np.maximum(TOWARDS * short, 0.5 * SOONEST), beyond)
 
-    def _turns(self, cells: Indices, own: Array, facing: Array, look: Look) -> Indices:
-        """Return in which ways cells shall be cut by what their corners see."""
-        # what is in between is to be seen from the surface: deep below it every edge is sharp
-        up = -self.pad.cells.normals[cells]
-        deep = np.flatnonzero(own < -DEEP)
-        steep = np.maximum(np.einsum("ij,ij->i", up[deep], facing[deep]), STEEP)
-        lift = np.zeros_like(up)
-        lift[deep] = (-own[deep] / steep)[:, None] * up[deep]
-        points = (self._corner_points(cells) + lift[:, None]).reshape(-1, 3)
-        middle = self.pad.cells.positions[cells[deep]] + lift[deep]
-        seen = look(np.concatenate([np.repeat(cells, 4), cells[deep]]), np.concatenate([points, middle]))
-        count = 4 * len(cells)
-        gap, normal = seen.clearance[:count].reshape(-1, 4), seen.normal[:count].reshape(-1, 4, 3)
+    def _turns(self, cells: Indices, own: Array, middle: Array, gap: Array, normal: Array) -> Indices:
+        """Return in which ways cells shall be cut by what their corners see.
+
+        Args:
+            own: clearance of the centres [m]. middle: the same seen from where the corners are looked from, shape (n,).
+            gap: of the corners [m], shape (n, 4). normal: there, shape (n, 4, 3).
+        """
         near = np.minimum(gap.min(axis=1), own) < self._limit[cells]
-        if len(deep):
-            own, facing = own.copy(), facing.copy()
-            own[deep], facing[deep] = seen.clearance[count:], seen.normal[count:]
         halved, before = self._tiles.halved[cells], self._ways[cells]
         ways = np.zeros(len(cells), dtype=np.int64)
         sharp = np.where(halved.min(axis=1) < OFTEN, SHARP, SHARPEST)
@@ -181,7 +206,7 @@ class PointTree:
             limit = np.where(halved[:, axis] < OFTEN, TURNED, sharp) * share
             ways |= np.where(turned > limit * limit, way, 0)
         with np.errstate(invalid="ignore"):
-            off = np.abs(gap.mean(axis=1) - own)
+            off = np.abs(gap.mean(axis=1) - middle)
             twist = 0.25 * np.abs(gap[:, 0] - gap[:, 1] - gap[:, 2] + gap[:, 3])
         bent = np.nan_to_num(np.maximum(off, twist), nan=np.inf, posinf=np.inf)
         bends = (ways == 0) & (bent > BENT * np.where(before == BOTH, MERGE, 1.0)) & (halved.max(axis=1) < OFTEN)
@@ -190,7 +215,7 @@ class PointTree:
         return np.asarray(self._tiles.ways[halved[:, 0], halved[:, 1], ways])
 
     def _corner_points(self, cells: Indices) -> Array:
-        middle = self.pad.cells.positions[cells][:, None]
         # in the tangent plane: it is not the skin's own curvature that asks for more points
-        arms = CORNERS * (self.pad.cells.sides[cells][:, None] * _SIGNS[:, :, None]).sum(axis=2)
-        return middle + arms
+        arms = np.einsum("cs,nsk->nck", CORNERS * _SIGNS, self.pad.cells.sides[cells])
+        arms += self.pad.cells.positions[cells][:, None]
+        return arms.reshape(-1, 3)

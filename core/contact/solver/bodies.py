@@ -94,6 +94,12 @@ class NodeGaps:
     friction: Array
     softness: Array
 
+    @classmethod
+    def nothing(cls, bodies: tuple[ContactBody, ...], count: int) -> NodeGaps:
+        """Return the gaps of so many nodes that nothing is near."""
+        far, none, zero = np.full(count, np.inf), np.full(count, -1), np.zeros(count)
+        return cls(bodies, far, far.copy(), np.zeros((count, 3)), none, none.copy(), zero, zero.copy())
+
     def compliance(self, areas: Array | None, where: str) -> Array:
         """Return the compliance of the bodies' own surfaces at the nodes [m/N], shape (m,).
 
@@ -161,18 +167,8 @@ def node_gaps(
         bone: a point inside the finger [m], shape (3,): an open surface is touched on the side where it lies.
         expected: where the deformed nodes are; the undeformed ones where None.
     """
-    m = points.shape[0]
     places = points if expected is None else expected.places
-    found = NodeGaps(
-        tuple(bodies),
-        np.full(m, np.inf),
-        np.full(m, np.inf),
-        np.zeros((m, 3)),
-        np.full(m, -1),
-        np.full(m, -1),
-        np.zeros(m),
-        np.zeros(m),
-    )
+    found = NodeGaps.nothing(tuple(bodies), points.shape[0])
     for index, body in enumerate(bodies):
         if body.away:
             continue

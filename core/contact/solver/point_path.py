@@ -6,11 +6,12 @@ those cells that may touch is kept up, and what friction remembers goes from cel
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from ...skin.nodal_forces import NodalForces
@@ -25,8 +26,9 @@ from .flatness import flat_reach
 from .history import ContactHistory
 from .path import BONE, DEPTH_LIMIT, PathSolver, PathStep
 from .point_history import succession
+from .point_map import NONE, PointMap
 from .point_matrix import PointMatrix
-from .point_tree import PointTree, Seen
+from .point_tree import CORNERS, PointTree, Seen
 
 TOLERANCE = 1e-4
 # Points join the iteration ahead of time below the first of these shares of their cell's side, and leave it above the
@@ -41,10 +43,11 @@ WEIGHT = 0.75
 ABOVE = 0.4e-3
 # Normals that differ by more than this cosine says are of the two sides of something thin, or of a needle.
 OPPOSITE = -0.7
-# A cell without a point in it.
-UNKNOWN = -1
 # The points are changed before a frame is looked at where it moves less than this [m]; else on its way.
 SLOW = 0.15e-3
+
+
+_PER_POINT = ("gap", "clearance", "normal", "body", "triangle", "friction", "softness")
 
 
 class _Asked(NamedTuple):
@@ -85,8 +88,10 @@ class PointSolver(PathSolver):
         self.operator = Linear(np.zeros((0, 0)))
         self._place = np.full(len(surface.chart.places), -1)  # of each cell in `cells`
         self._candidates = CandidateInverse(self._matrix.matrix, np.zeros(0), *MEMBERS)
+        self._map = PointMap(surface.chart, CORNERS)
+        self._candidates = CandidateInverse(self._matrix.matrix, np.zeros(0), *MEMBERS)
         finest = 1 << (len(surface.chart.starts) - 2)
-        self._owner = np.full((surface.chart.starts[1], finest * finest), UNKNOWN)  # of the finest squares
+        self._owner = np.full((surface.chart.starts[1], finest * finest), NONE)  # of the finest squares
         self._marked: Indices = np.zeros(0, dtype=np.int64)
         tiles = surface.chart.tiles
         size = finest >> tiles.halved
@@ -142,11 +147,7 @@ class PointSolver(PathSolver):
 
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps, without taking it."""
-        bodies = tuple(bodies)
-        far = None if self.fresh else self._moved(bodies)
-        if self.fresh or (far is not None and far.max() < SLOW and self._tree.asks(far)):
-            self._survey(bodies)
-        return super().look(bodies)
+        return self._looked(tuple(bodies), SLOW)
 
     def step(
         self,
@@ -157,15 +158,23 @@ class PointSolver(PathSolver):
         part: bool = False,
     ) -> PathStep:
         """Solve the next frame, as `PathSolver.step` does."""
-        if (part or not self.unmoved(bodies)) and self._asks(bodies) and self._survey(tuple(bodies)):
-            gaps = None
+        if gaps is None and (part or not self.unmoved(bodies)):
+            gaps = self._looked(tuple(bodies), np.inf)
         return super().step(bodies, scene_frame=scene_frame, gaps=gaps, part=part)
 
-    # -- the points ----------------------------------------------------------------------------------------------
+    def _looked(self, bodies: tuple[ContactBody, ...], slow: float) -> NodeGaps:
+        """Measure gaps, at other points where the tree asks for them and bodies move less than this [m]."""
+        moved = self._moved(bodies)
+        if self.fresh:
+            if moved is None or self._tree.asks(moved):
+                self._survey(bodies, moved, None)
+            return super().look(bodies)
+        gaps = super().look(bodies)
+        if moved is None or (moved.max() < slow and self._tree.asks(moved)):
+            return self._survey(bodies, moved, gaps) or super().look(bodies)
+        return gaps
 
-    def _asks(self, bodies: Sequence[ContactBody]) -> bool:
-        far = self._moved(bodies)
-        return far is None or self._tree.asks(far)
+    # -- the points ----------------------------------------------------------------------------------------------
 
     def _moved(self, bodies: Sequence[ContactBody]) -> Array | None:
         """Return how far anything moved along the skin, and towards it, since the tree was asked [m].
@@ -197,26 +206,29 @@ class PointSolver(PathSolver):
             near = max(near, far if normal is None else float(np.abs(np.einsum("ij,ij->i", way, normal)).max()))
         return np.array([far, near])
 
-    def _survey(self, bodies: tuple[ContactBody, ...]) -> bool:
-        """Ask the tree which cells may touch, and go over to them; return whether they are others."""
-        far = self._moved(bodies)
-        if far is None:
+    def _survey(self, bodies: tuple[ContactBody, ...], moved: Array | None, gaps: NodeGaps | None) -> NodeGaps | None:
+        """Ask the tree which cells may touch, and go over to them; return their gaps if those of the last are given."""
+        if moved is None:
             self._tree.renew()
         before, force, history = self.cells, self._force, self.history
         raised = np.concatenate([self._raised(), np.zeros((1, 3))])
-        self._mark()
 
         def look(cells: Indices, points: Array, centres: int) -> Seen:
             return self._look_at(bodies, raised, cells, points, centres)
 
-        found = self._tree.survey(look, np.zeros(2) if far is None else far)
+        def glance(cells: Indices) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+            assert gaps is not None
+            return self._glance_at(gaps, raised, cells)
+
+        known = gaps is not None and len(before) > 0
+        found = self._tree.survey(look, glance if known else None, np.zeros(2) if moved is None else moved)
         self._asked = _Asked(bodies, self._common())
         inside = np.zeros(len(self._place), dtype=bool)
         inside[found] = True
         leaving = np.flatnonzero(~inside[before])
         entering = found[self._place[found] < 0]
         if len(leaving) == 0 and len(entering) == 0:
-            return False
+            return gaps
         passed = succession(self.surface.chart, before[leaving], leaving, entering)
         order = self._change(leaving, entering)
         count = len(order)
@@ -242,7 +254,19 @@ class PointSolver(PathSolver):
         if self._step is not None:
             self._step = self._carried_over(self._step, order, heirs, main)
         self._at_rest = False
-        return True
+        return None if gaps is None else self._completed(gaps, order, bodies)
+
+    def _completed(self, gaps: NodeGaps, order: Indices, bodies: tuple[ContactBody, ...]) -> NodeGaps:
+        """Return the gaps of the present points: those that stay were measured already."""
+        n, count = len(self.cells), len(order)
+        new = np.arange(count, n)
+        expected = self.history.expected(bodies, self.points + self._image, self.search_radius)
+        some = Expected(
+            *(value[count:] for value in (expected.places, expected.origins, expected.normal, expected.body))
+        )
+        found = node_gaps(self.points[new], bodies, self.search_radius, self.bone, some)
+        parts = ((getattr(gaps, name)[order], getattr(found, name)) for name in _PER_POINT)
+        return NodeGaps(bodies, *(np.concatenate(pair) for pair in parts))
 
     def _change(self, leaving: Indices, entering: Indices) -> Indices:
         """Go over to other cells; return where each point that stays was."""
@@ -256,6 +280,7 @@ class PointSolver(PathSolver):
         cells, pad = self._matrix.cells, self.surface
         self._place[:] = -1
         self._place[cells] = np.arange(len(cells))
+        self._map.mark(cells)
         self.points, self.areas = pad.cells.positions[cells], pad.cells.areas[cells]
         self._spacing = self._tree.sides[cells]
         diagonal = self._matrix.matrix.diagonal().reshape(-1, 3).astype(np.float64)
@@ -266,22 +291,12 @@ class PointSolver(PathSolver):
         gaps = step.gaps
         if gaps is None:
             return step
-        n, count = len(self.cells), len(order)
-        gap, clearance = np.full(n, np.inf), np.full(n, np.inf)
-        normal, body, triangle = np.zeros((n, 3)), np.full(n, -1), np.full(n, -1)
-        friction, softness = np.zeros(n), np.zeros(n)
+        count = len(order)
         here, there = np.concatenate([np.arange(count), heirs]), np.concatenate([order, main])
-        for new, old in (
-            (gap, gaps.gap),
-            (clearance, gaps.clearance),
-            (normal, gaps.normal),
-            (body, gaps.body),
-            (triangle, gaps.triangle),
-            (friction, gaps.friction),
-            (softness, gaps.softness),
-        ):
-            new[here] = old[there]
-        return replace(step, gaps=NodeGaps(gaps.bodies, gap, clearance, normal, body, triangle, friction, softness))
+        nothing = NodeGaps.nothing(gaps.bodies, len(self.cells))
+        for name in _PER_POINT:
+            getattr(nothing, name)[here] = getattr(gaps, name)[there]
+        return replace(step, gaps=nothing)
 
     # -- what the tree sees --------------------------------------------------------------------------------------
 
@@ -303,47 +318,30 @@ class PointSolver(PathSolver):
         along, common = self.surface.cells.normals[self.cells], self._common()
         return common + np.einsum("ij,ij->i", self._image - common, along)[:, None] * along
 
-    def _mark(self) -> None:
-        """Note over the pad which point is where."""
-        tiles, cells = self.surface.chart.tiles, self.cells
-        self._owner[self._marked] = UNKNOWN
-        self._marked = np.unique(tiles.root[cells])
-        for part, number in self._blocks(cells):
-            self._owner[tiles.root[cells[part], None], number] = part[:, None]
-
-    def _blocks(self, cells: Indices) -> Iterator[tuple[Indices, Indices]]:
-        """Yield cells of one shape, by their places, and which of the finest squares of their roots they cover."""
-        tiles = self.surface.chart.tiles
-        deepest = tiles.levels - 1
-        kind = tiles.halved[cells] @ np.array([tiles.levels, 1])
-        for one in np.unique(kind).tolist():
-            part = np.flatnonzero(kind == one)
-            a, b = (deepest - k for k in divmod(one, tiles.levels))
-            place = tiles.place[cells[part]]
-            rows = (place[:, :1] << a) + np.arange(1 << a)
-            columns = (place[:, 1:] << b) + np.arange(1 << b)
-            yield part, ((rows[:, :, None] << deepest) + columns[:, None]).reshape(len(part), -1)
-
-    def _found(self, cells: Indices, raised: Array) -> tuple[Indices, Array]:
-        """Return a point under each cell, or one beside it, -1 where there is none, and how far it has moved [m].
-
-        Args:
-            raised: of the points, and zero at the end, shape (n + 1, 3).
-        """
-        root = self.surface.chart.tiles.root[cells]
-        found = self._owner[root[:, None], self._quarters[cells]]
-        count = (found != UNKNOWN).sum(axis=1)
-        none = np.flatnonzero(count == 0)
-        if len(none):  # not under a point, but beside one
-            found[none, 0] = self._owner[root[none]].max(axis=1)
-            count[none] = 1
-        return found.max(axis=1), raised[found].sum(axis=1) / count[:, None]
+    def _glance_at(
+        self, gaps: NodeGaps, raised: Array, cells: Indices
+    ) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+        """Tell of cells what the points under them and beside them see."""
+        five = self._map.around(cells)
+        under = five[:, 0].copy()
+        under[under == NONE] = self._map.under(cells[under == NONE]).max(axis=1)
+        known = (under != NONE) & (gaps.body[under] >= 0)
+        none = (five == NONE) | (gaps.body[five] < 0)
+        five = np.where(none, under[:, None], five)
+        centre = self.surface.cells.positions[cells][:, None]
+        places = np.concatenate([centre, self._tree.corner_points(cells).reshape(-1, 4, 3)], axis=1)
+        way = places + raised[under][:, None] - (self.points + raised[:-1])[five]
+        normal = gaps.normal[five]
+        gap = gaps.clearance[five] + np.einsum("nck,nck->nc", way, normal)
+        return gap[:, 0], gap[:, 1:], normal[:, 1:], known
 
     def _look_at(
         self, bodies: tuple[ContactBody, ...], raised: Array, cells: Indices, points: Array, centres: int
     ) -> Seen:
-        owner, shift = self._found(cells, raised)
-        afar = np.flatnonzero(owner == UNKNOWN)
+        found = self._map.under(cells)
+        owner = found.max(axis=1)
+        shift = raised[found].sum(axis=1) / np.maximum((found != NONE).sum(axis=1), 1)[:, None]
+        afar = np.flatnonzero(owner == NONE)
         if len(afar) and self._force.any():
             base, which = np.unique(self.surface.chart.tiles.root[cells[afar]], return_inverse=True)
             shift[afar] = self._far(base)[which]

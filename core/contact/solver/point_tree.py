@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from ...skin.surface_compliance import SurfaceCompliance
@@ -33,7 +34,9 @@ BESIDE = 0.35  # times its longer side that a cell's corners may be nearer than 
 FLAT = 1.2  # times its side about a cell's centre that a surface must be flat for its corners to be no matter
 # A cell is looked at again when something has moved this share of its side along it, or the second share towards it,
 # but no sooner than this, and no later than that [m].
-AGAIN, TOWARDS, SOONEST, LATEST = 0.25, 0.125, 0.1e-3, 0.4e-3
+AGAIN, SOONEST, LATEST = 0.25, 0.1e-3, 0.4e-3
+# What is known of cells that surfaces turn in serves again when something has moved this far [m].
+GLANCE = 0.06e-3
 # What will be due so soon [m] is looked at together with what is.
 TOGETHER = 0.06e-3
 NEVER = -np.inf
@@ -52,6 +55,8 @@ class Seen(NamedTuple):
 
 
 Look = Callable[[Indices, Array, int], Seen]
+# For cells: clearance of centres, (n,), of corners, (n, 4), normals there, (n, 4, 3), and whether they are known, (n,).
+Glance = Callable[[Indices], tuple[Array, Array, Array, NDArray[np.bool_]]]
 
 
 class PointTree:
@@ -116,19 +121,27 @@ class PointTree:
         """
         return bool((self._moved + moved >= self._next).any())
 
-    def survey(self, look: Look, moved: Array) -> Indices:
+    def survey(self, look: Look, glance: Glance | None, moved: Array) -> Indices:
         """Cut and merge cells, and return those that may touch.
 
         Args:
             look: measures points [m], shape (n, 3), that move with cells, shape (n,), the first so many centres.
+            glance: tells what is known of cells without measuring.
             moved: as in `asks`.
         """
         self._moved = self._moved + moved
         before = self._present
-        self._look_at(before[(self._due[before] <= self._moved + TOGETHER).any(axis=1)], look)
+        due = (self._due[before] <= self._moved + TOGETHER).any(axis=1)
+        self._look_at(before[due], look)
+        if glance is not None:
+            self._glance_at(before[~due & self._turning[before]], glance)
         present, leaves, cells = [], [], self.chart.base
         while len(cells):
-            self._look_at(cells[self._due[cells, 0] == NEVER], look)
+            fresh = cells[self._due[cells, 0] == NEVER]
+            if len(fresh):
+                if glance is not None:
+                    fresh = self._glance_at(fresh, glance)
+                self._look_at(fresh, look)
             present.append(cells)
             ways = self._ways[cells]
             leaves.append(cells[(ways == 0) & (self._clearance[cells] < self._limit[cells])])
@@ -138,10 +151,29 @@ class PointTree:
         mark[self._present] = True
         self._leave(before[~mark[before]])
         self._next = self._due[self._present].min(axis=0)
+        if self._turning[self._present].any():
+            self._next[0] = min(self._next[0], self._moved[0] + GLANCE)
         return np.concatenate(leaves)
 
     def _leave(self, cells: Indices) -> None:
         self._due[cells], self._ways[cells] = NEVER, 0
+
+    def _glance_at(self, cells: Indices, glance: Glance) -> Indices:
+        """Find out by what is known which cells shall be cut; return those that are to be looked at."""
+        own, gap, normal, known = glance(cells)
+        lost, cells = cells[~known], cells[known]
+        if len(cells) == 0:
+            return lost
+        own, gap, normal = own[known], gap[known], normal[known]
+        turning = self._inner[cells] & (own < self._limit[cells] + BESIDE * self._long[cells])
+        ways = np.zeros(len(cells), dtype=np.int8)
+        close = np.flatnonzero(turning)
+        if len(close):
+            ways[close] = self._turns(cells[close], own[close], own[close], gap[close], normal[close])
+        fresh = cells[self._due[cells, 0] == NEVER]
+        self._ways[cells], self._clearance[cells], self._turning[cells] = ways, own, turning
+        self._due[fresh] = self._moved + [LATEST, 0.5 * LATEST]
+        return lost
 
     def _look_at(self, cells: Indices, look: Look) -> None:
         """Find out which cells shall be cut, and when to look again."""
@@ -153,7 +185,7 @@ class PointTree:
         some = np.flatnonzero(
             np.where(fresh, self._inner[cells] & (cells >= self.chart.starts[1]), self._turning[cells])
         )
-        places = np.concatenate([self.pad.cells.positions[cells], self._corner_points(cells[some])])
+        places = np.concatenate([self.pad.cells.positions[cells], self.corner_points(cells[some])])
         seen = look(np.concatenate([cells, np.repeat(cells[some], 4)]), places, n)
         own, flat = seen.clearance[:n], seen.flat
         turning = self._inner[cells] & (own < limit + BESIDE * long) & (flat < FLAT * long)
@@ -169,7 +201,7 @@ class PointTree:
             up = -self.pad.cells.normals[cells[more]]
             steep = np.maximum(np.einsum("ij,ij->i", up, seen.normal[more]), STEEP)
             lift = (np.where(deep[more], -own[more], 0.0) / steep)[:, None] * up
-            corners = self._corner_points(cells[more]).reshape(-1, 4, 3) + lift[:, None]
+            corners = self.corner_points(cells[more]).reshape(-1, 4, 3) + lift[:, None]
             places = np.concatenate([self.pad.cells.positions[cells[more]] + lift, corners.reshape(-1, 3)])
             found = look(np.concatenate([cells[more], np.repeat(cells[more], 4)]), places, 0)
             k = len(more)
@@ -183,8 +215,10 @@ class PointTree:
         beyond = 0.5 * (np.minimum(own, self.search_radius) - limit - BESIDE * long)
         even = np.minimum(flat - FLAT * long, LATEST)
         short = self._short[cells]
-        self._due[cells, 0] = self._moved[0] + np.maximum(np.maximum(AGAIN * short, SOONEST), np.maximum(beyond, even))
-        self._due[cells, 1] = self._moved[1] + np.maximum(np.maximum(TOWARDS * short, 0.5 * SOONEST), beyond)
+        soon = np.maximum(AGAIN * short, SOONEST)
+        soon[turning] = LATEST
+        self._due[cells, 0] = self._moved[0] + np.maximum(soon, np.maximum(beyond, even))
+        self._due[cells, 1] = self._moved[1] + np.maximum(0.5 * soon, beyond)
 
     def _turns(self, cells: Indices, own: Array, middle: Array, gap: Array, normal: Array) -> Indices:
         """Return in which ways cells shall be cut by what their corners see.
@@ -214,7 +248,8 @@ class PointTree:
         ways[~near] = 0
         return np.asarray(self._tiles.ways[halved[:, 0], halved[:, 1], ways])
 
-    def _corner_points(self, cells: Indices) -> Array:
+    def corner_points(self, cells: Indices) -> Array:
+        """Return the four corners of cells [m], shape (4 n, 3)."""
         # in the tangent plane: it is not the skin's own curvature that asks for more points
         arms = np.einsum("cs,nsk->nck", CORNERS * _SIGNS, self.pad.cells.sides[cells])
         arms += self.pad.cells.positions[cells][:, None]

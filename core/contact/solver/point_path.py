@@ -18,7 +18,7 @@ from ...skin.nodal_forces import NodalForces
 from ...skin.surface_compliance import SurfaceCompliance
 from ...surface.gap import Surface
 from .admm import State, iterate
-from .bodies import ContactBody, Expected, NodeGaps, moved, node_gaps
+from .bodies import ContactBody, Expected, NodeGaps, moved, node_gaps, travel
 from .candidates import CandidateInverse
 from .compliance import Linear
 from .cone import project
@@ -147,7 +147,11 @@ class PointSolver(PathSolver):
 
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps, without taking it."""
-        return self._looked(tuple(bodies), SLOW)
+        before, some = self._bodies, self._sample
+        slow = len(before) == len(bodies) and all(
+            travel(a, b, some) <= SLOW for a, b in zip(before, bodies, strict=True)
+        )
+        return self._looked(tuple(bodies), slow)
 
     def step(
         self,
@@ -159,18 +163,18 @@ class PointSolver(PathSolver):
     ) -> PathStep:
         """Solve the next frame, as `PathSolver.step` does."""
         if gaps is None and (part or not self.unmoved(bodies)):
-            gaps = self._looked(tuple(bodies), np.inf)
+            gaps = self._looked(tuple(bodies), True)
         return super().step(bodies, scene_frame=scene_frame, gaps=gaps, part=part)
 
-    def _looked(self, bodies: tuple[ContactBody, ...], slow: float) -> NodeGaps:
-        """Measure gaps, at other points where the tree asks for them and bodies move less than this [m]."""
+    def _looked(self, bodies: tuple[ContactBody, ...], slow: bool) -> NodeGaps:
+        """Measure gaps, at other points where the tree asks for them and bodies move slowly."""
         moved = self._moved(bodies)
         if self.fresh:
             if moved is None or self._tree.asks(moved):
                 self._survey(bodies, moved, None)
             return super().look(bodies)
         gaps = super().look(bodies)
-        if moved is None or (moved.max() < slow and self._tree.asks(moved)):
+        if slow and (moved is None or self._tree.asks(moved)):
             return self._survey(bodies, moved, gaps) or super().look(bodies)
         return gaps
 

@@ -20,6 +20,8 @@ from ...skin.tiles import ALONG, AROUND, BOTH
 
 # A cell is cut where normals at its corners differ by more than this, or a gap is off linear by more than this [m].
 TURNED, BENT = 0.3, 0.04e-3
+# A way is no matter where surfaces turn by less than this share of what they turn the other way.
+ODD = 0.4
 # A cell stays cut down to this share of the limits.
 MERGE = 0.6
 # Sides that were halved so often are halved again only where normals differ by more than the first of these, at sharp
@@ -38,7 +40,8 @@ AGAIN, SOONEST, LATEST = 0.25, 0.1e-3, 0.4e-3
 # What is known of cells that surfaces turn in serves again when something has moved this far [m].
 GLANCE = 0.06e-3
 # What will be due so soon [m] is looked at together with what is.
-TOGETHER = 0.06e-3
+TOGETHER = 0.03e-3
+STEP = 0.06e-3  # times come in multiples of this [m], so that many fall together
 NEVER = -np.inf
 
 
@@ -88,7 +91,7 @@ class PointTree:
         self._due[:] = NEVER
         self._ways[:] = 0
         self._turning[:] = False
-        self._moved, self._next = np.zeros(2), np.full(2, NEVER)
+        self._moved, self._next, self._check = np.zeros(2), np.full(2, NEVER), np.zeros(2)
 
     def renew(self) -> None:
         """Look at every cell again: something else is near."""
@@ -99,12 +102,12 @@ class PointTree:
         """Return what a survey changes."""
         cells = self._present
         kept = tuple(table[cells] for table in self._tables)
-        return cells, *kept, self._moved, self._next
+        return cells, *kept, self._moved, self._next, self._check
 
     def restore(self, state: tuple[Array, ...]) -> None:
         """Go back to a saved state."""
         self._leave(self._present)
-        self._present, *kept, self._moved, self._next = state
+        self._present, *kept, self._moved, self._next, self._check = state
         for table, values in zip(self._tables, kept, strict=True):
             table[self._present] = values
 
@@ -131,10 +134,16 @@ class PointTree:
         """
         self._moved = self._moved + moved
         before = self._present
+        if (self._moved >= self._check - TOGETHER).any():
+            self._check = self._moved + [LATEST, 0.5 * LATEST]
         due = (self._due[before] <= self._moved + TOGETHER).any(axis=1)
-        self._look_at(before[due], look)
         if glance is not None:
-            self._glance_at(before[~due & self._turning[before]], glance)
+            # what is cut is known from its parts; what is whole is looked at for what nothing has seen yet
+            known = self._turning[before] & (~due | (self._ways[before] != 0))
+            lost = self._glance_at(before[known], glance)
+            self._look_at(np.concatenate([before[due & ~known], lost]), look)
+        else:
+            self._look_at(before[due], look)
         present, leaves, cells = [], [], self.chart.base
         while len(cells):
             fresh = cells[self._due[cells, 0] == NEVER]
@@ -170,9 +179,9 @@ class PointTree:
         close = np.flatnonzero(turning)
         if len(close):
             ways[close] = self._turns(cells[close], own[close], own[close], gap[close], normal[close])
-        fresh = cells[self._due[cells, 0] == NEVER]
         self._ways[cells], self._clearance[cells], self._turning[cells] = ways, own, turning
-        self._due[fresh] = self._moved + [LATEST, 0.5 * LATEST]
+        late = (self._due[cells] <= self._moved + TOGETHER).any(axis=1)
+        self._due[cells[late]] = self._check
         return lost
 
     def _look_at(self, cells: Indices, look: Look) -> None:
@@ -216,9 +225,11 @@ class PointTree:
         even = np.minimum(flat - FLAT * long, LATEST)
         short = self._short[cells]
         soon = np.maximum(AGAIN * short, SOONEST)
-        soon[turning] = LATEST
-        self._due[cells, 0] = self._moved[0] + np.maximum(soon, np.maximum(beyond, even))
-        self._due[cells, 1] = self._moved[1] + np.maximum(0.5 * soon, beyond)
+        far = np.maximum(soon, np.maximum(beyond, even)), np.maximum(0.5 * soon, beyond)
+        for k in range(2):  # together with others, and no sooner than this
+            steps = np.maximum(np.floor((self._moved[k] + far[k]) / STEP), np.ceil(self._moved[k] / STEP) + 1.0)
+            self._due[cells, k] = STEP * steps
+        self._due[cells[turning]] = self._check
 
     def _turns(self, cells: Indices, own: Array, middle: Array, gap: Array, normal: Array) -> Indices:
         """Return in which ways cells shall be cut by what their corners see.
@@ -231,19 +242,29 @@ class PointTree:
         halved, before = self._tiles.halved[cells], self._ways[cells]
         ways = np.zeros(len(cells), dtype=np.int64)
         sharp = np.where(halved.min(axis=1) < OFTEN, SHARP, SHARPEST)
-        for axis, (way, pairs) in enumerate(((ALONG, ((0, 2), (1, 3))), (AROUND, ((0, 1), (2, 3))))):
-            turned = np.zeros(len(cells))
-            for one, other in pairs:
+        turned = np.empty((2, len(cells), 2))
+        for axis, pairs in enumerate((((0, 2), (1, 3)), ((0, 1), (2, 3)))):
+            for k, (one, other) in enumerate(pairs):
                 apart = normal[:, one] - normal[:, other]
-                turned = np.maximum(turned, np.einsum("ij,ij->i", apart, apart))
+                turned[axis, :, k] = np.sqrt(np.einsum("ij,ij->i", apart, apart))
+        most, least = turned.max(axis=2), turned.min(axis=2)
+        mean = most + least
+        # one corner that sees another side tells no way, and lies beyond the cell: what was cut that way stays
+        odd = (least < ODD * most).all(axis=0)
+        for axis, way in enumerate((ALONG, AROUND)):
             share = np.where(before & way, MERGE, 1.0)
             limit = np.where(halved[:, axis] < OFTEN, TURNED, sharp) * share
-            ways |= np.where(turned > limit * limit, way, 0)
+            told = np.where(odd, before & way, mean[axis] > ODD * mean[1 - axis])
+            ways |= np.where((most[axis] > limit) & (told != 0), way, 0)
         with np.errstate(invalid="ignore"):
             off = np.abs(gap.mean(axis=1) - middle)
             twist = 0.25 * np.abs(gap[:, 0] - gap[:, 1] - gap[:, 2] + gap[:, 3])
         bent = np.nan_to_num(np.maximum(off, twist), nan=np.inf, posinf=np.inf)
-        bends = (ways == 0) & (bent > BENT * np.where(before == BOTH, MERGE, 1.0)) & (halved.max(axis=1) < OFTEN)
+        bends = (
+            (most < TURNED).all(axis=0)
+            & (bent > BENT * np.where(before == BOTH, MERGE, 1.0))
+            & (halved.max(axis=1) < OFTEN)
+        )
         ways[bends] = BOTH
         ways[~near] = 0
         return np.asarray(self._tiles.ways[halved[:, 0], halved[:, 1], ways])

@@ -32,8 +32,8 @@ from .point_tree import CORNERS, PointTree, Seen
 
 TOLERANCE = 1e-4
 # Points join the iteration ahead of time below the first of these shares of their cell's side, and leave it above the
-# second: they have rows of the compliance already, so it takes little to join.
-MEMBERS = (0.1, 0.3)
+# second: they have rows of the compliance already, so it takes little to join. At most so many do at once.
+MEMBERS = (0.1, 0.3, 48)
 # Skin is looked for this far out [m].
 REACH = 2.5e-3
 MOST_ITERATIONS = 3000

@@ -135,7 +135,7 @@ class PointTree:
         self._moved = self._moved + moved
         before = self._present
         if (self._moved >= self._check - TOGETHER).any():
-            self._check = self._moved + [LATEST, 0.5 * LATEST]
+            self._check = self._moved + LATEST
         due = (self._due[before] <= self._moved + TOGETHER).any(axis=1)
         if glance is not None:
             # what is cut is known from its parts; what is whole is looked at for what nothing has seen yet
@@ -148,9 +148,14 @@ class PointTree:
         while len(cells):
             fresh = cells[self._due[cells, 0] == NEVER]
             if len(fresh):
-                if glance is not None:
-                    fresh = self._glance_at(fresh, glance)
-                self._look_at(fresh, look)
+                if glance is None:
+                    self._look_at(fresh, look)
+                else:  # they are cut in their turn, by what they see as points
+                    self._turning[fresh], self._clearance[fresh], self._due[fresh] = (
+                        self._inner[fresh],
+                        0.0,
+                        self._check,
+                    )
             present.append(cells)
             ways = self._ways[cells]
             leaves.append(cells[(ways == 0) & (self._clearance[cells] < self._limit[cells])])
@@ -225,7 +230,7 @@ class PointTree:
         even = np.minimum(flat - FLAT * long, LATEST)
         short = self._short[cells]
         soon = np.maximum(AGAIN * short, SOONEST)
-        far = np.maximum(soon, np.maximum(beyond, even)), np.maximum(0.5 * soon, beyond)
+        far = np.maximum(soon, np.maximum(beyond, even)), np.maximum(soon, beyond)
         for k in range(2):  # together with others, and no sooner than this
             steps = np.maximum(np.floor((self._moved[k] + far[k]) / STEP), np.ceil(self._moved[k] / STEP) + 1.0)
             self._due[cells, k] = STEP * steps

@@ -30,7 +30,7 @@ from .point_map import NONE, PointMap
 from .point_matrix import PointMatrix
 from .point_tree import CORNERS, PointTree, Seen
 
-TOLERANCE = 1e-4
+TOLERANCE = 3e-4
 # Points join the iteration ahead of time below the first of these shares of their cell's side, and leave it above the
 # second: they have rows of the compliance already, so it takes little to join. At most so many do at once.
 MEMBERS = (0.1, 0.3, 48)
@@ -172,10 +172,12 @@ class PointSolver(PathSolver):
         if self.fresh:
             if moved is None or self._tree.asks(moved):
                 self._survey(bodies, moved, None)
-            return super().look(bodies)
+            return super().look(bodies) if len(self.cells) else NodeGaps.nothing(bodies, 0)
         gaps = super().look(bodies)
         if slow and (moved is None or self._tree.asks(moved)):
-            return self._survey(bodies, moved, gaps) or super().look(bodies)
+            found = self._survey(bodies, moved, gaps)
+            assert found is not None
+            return found
         return gaps
 
     # -- the points ----------------------------------------------------------------------------------------------

@@ -41,7 +41,7 @@ AGAIN, SOONEST, LATEST = 0.25, 0.1e-3, 0.4e-3
 GLANCE = 0.06e-3
 # What will be due so soon [m] is looked at together with what is.
 TOGETHER = 0.03e-3
-STEP = 0.06e-3  # times come in multiples of this [m], so that many fall together
+STEP = 0.2e-3  # times come in multiples of this [m], so that many fall together
 NEVER = -np.inf
 
 
@@ -165,8 +165,10 @@ class PointTree:
         mark[self._present] = True
         self._leave(before[~mark[before]])
         self._next = self._due[self._present].min(axis=0)
-        if self._turning[self._present].any():
-            self._next[0] = min(self._next[0], self._moved[0] + GLANCE)
+        turning = self._present[self._turning[self._present]]
+        if len(turning):
+            fine = AGAIN * float(self._short[turning].min())
+            self._next[0] = min(self._next[0], self._moved[0] + max(fine, GLANCE))
         return np.concatenate(leaves)
 
     def _leave(self, cells: Indices) -> None:

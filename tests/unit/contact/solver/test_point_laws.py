@@ -61,7 +61,7 @@ def test_coulomb_holds_at_every_point_and_friction_only_takes(pad, surface):
         assert cone_residual(done) <= 1e-9
         assert (done.normal_force >= 0.0).all()
         slip = done.displacement - (done.displacement * done.normals).sum(axis=1)[:, None] * done.normals
-        assert (done.force * slip).sum() <= 1e-3 * (np.abs(done.force) * np.abs(slip)).sum() + 1e-12
+        assert (done.force * slip).sum() <= 1e-3 * np.abs(done.force).sum() * 0.02e-3
         last = done
     assert last.force[:, 0].sum() < 0.0  # it was drawn back
 
@@ -72,11 +72,13 @@ def test_the_frame_rate_does_not_matter(pad):
 
 
 def test_what_rests_does_not_creep(pad):
+    """Where an edge has just come, surfaces are seen ever more exactly for some frames; then nothing changes."""
     steps = stepper(pad)
     walk(steps, EDGE, way(20))
-    first = walk(steps, EDGE, [(0.6e-3, 0.6e-3)] * 2)[-1]
-    later = [steps.step([at(EDGE, 0.6e-3 + 1e-12 * k, 0.6e-3)]) for k in range(10)][-1]
-    np.testing.assert_allclose(total(later), total(first), atol=2e-3 * np.linalg.norm(total(first)))
+    settled, *_, later = (total(steps.step([at(EDGE, 0.6e-3 + 1e-12 * k, 0.6e-3)])) for k in range(12, 40))
+    np.testing.assert_allclose(later, settled, atol=0.01 * np.linalg.norm(settled))
+    *_, before, last = (total(steps.step([at(EDGE, 0.6e-3 + 1e-12 * k, 0.6e-3)])) for k in range(40, 60))
+    np.testing.assert_allclose(last, before, atol=1e-4 * np.linalg.norm(settled))
 
 
 def test_the_same_way_gives_the_same_bytes(pad):
@@ -140,7 +142,7 @@ def test_a_ball_that_rolls_needs_little_friction(pad):
     for k in range(40):
         angle = 0.005 * max(k - 10, 0)
         turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
-        centre = np.array([radius * angle, 0.0, 0.05e-3 * min(k, 10) - radius])
+        centre = np.array([-radius * angle, 0.0, 0.05e-3 * min(k, 10) - radius])
         last = steps.step([ContactBody(BALL, turn, centre - turn @ [0.0, 0.0, -radius], 0.6)])
     pull, press = total(last)[0], total(last)[2]
     assert press > 0.02

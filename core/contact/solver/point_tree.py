@@ -9,7 +9,7 @@ nothing gets into a cell before it has moved by what they reach beyond. Until th
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ from ...skin.tiles import ALONG, AROUND, BOTH
 
 # A cell is cut where normals at its corners differ by more than this, or a gap is off linear by more than this [m].
 TURNED, BENT = 0.3, 0.04e-3
+# Sides are halved less often, by one, where there would be more points than this, and more often again below that.
+MANY, FEW = 350, 90
 # A way is no matter where surfaces turn by less than this share of what they turn the other way.
 ODD = 0.4
 # A cell stays cut down to this share of the limits.
@@ -79,6 +81,7 @@ class PointTree:
         self._limit = NEAR * self.sides + MARGIN
         count = len(self.sides)
         self._inner = (self._tiles.ways.max(axis=2) > 0)[tuple(self._tiles.halved.T)]  # those that can be cut
+        self.finest = self._tiles.levels - 1  # how often sides are halved at most
         self._ways = np.zeros(count, dtype=np.int8)
         self._turning = np.zeros(count, dtype=bool)  # whether corners were of interest
         self._clearance = np.full(count, np.inf)
@@ -88,6 +91,7 @@ class PointTree:
     def forget(self) -> None:
         """Begin again: nothing is cut, and nothing is known."""
         self._present = self.chart.base
+        self.finest = self._tiles.levels - 1
         self._due[:] = NEVER
         self._ways[:] = 0
         self._turning[:] = False
@@ -98,16 +102,16 @@ class PointTree:
         self._due[self._present] = NEVER
         self._next = np.full(2, NEVER)
 
-    def save(self) -> tuple[Array, ...]:
+    def save(self) -> tuple[Any, ...]:
         """Return what a survey changes."""
         cells = self._present
         kept = tuple(table[cells] for table in self._tables)
-        return cells, *kept, self._moved, self._next, self._check
+        return cells, *kept, self._moved, self._next, self._check, self.finest
 
-    def restore(self, state: tuple[Array, ...]) -> None:
+    def restore(self, state: tuple[Any, ...]) -> None:
         """Go back to a saved state."""
         self._leave(self._present)
-        self._present, *kept, self._moved, self._next, self._check = state
+        self._present, *kept, self._moved, self._next, self._check, self.finest = state
         for table, values in zip(self._tables, kept, strict=True):
             table[self._present] = values
 
@@ -132,6 +136,18 @@ class PointTree:
             glance: tells what is known of cells without measuring.
             moved: as in `asks`.
         """
+        found = self._survey(look, glance, moved)
+        while len(found) > MANY and self.finest > 0 and glance is None:
+            self.finest -= 1
+            self.renew()
+            found = self._survey(look, glance, np.zeros(2))
+        if len(found) > MANY:
+            self.finest = max(self.finest - 1, 0)
+        elif len(found) < FEW:
+            self.finest = min(self.finest + 1, self._tiles.levels - 1)
+        return found
+
+    def _survey(self, look: Look, glance: Glance | None, moved: Array) -> Indices:
         self._moved = self._moved + moved
         before = self._present
         if (self._moved >= self._check - TOGETHER).any():
@@ -261,6 +277,7 @@ class PointTree:
         for axis, way in enumerate((ALONG, AROUND)):
             share = np.where(before & way, MERGE, 1.0)
             limit = np.where(halved[:, axis] < OFTEN, TURNED, sharp) * share
+            limit = np.where(halved[:, axis] < self.finest, limit, np.inf)
             told = np.where(odd, before & way, mean[axis] > ODD * mean[1 - axis])
             ways |= np.where((most[axis] > limit) & (told != 0), way, 0)
         with np.errstate(invalid="ignore"):

@@ -149,7 +149,7 @@ def travel(a: ContactBody, b: ContactBody, points: Array) -> float:
 
 def moved(a: ContactBody, b: ContactBody, points: Array) -> Array:
     """Return how a body's matter at points [m], shape (n, 3), moves from one pose to another [m], shape (n, 3)."""
-    return np.asarray(((points - a.translation) @ a.rotation) @ b.rotation.T + (b.translation - points))
+    return np.asarray(((points - a.translation) @ a.rotation) @ b.rotation.T + b.translation - points)
 
 
 def node_gaps(
@@ -167,8 +167,18 @@ def node_gaps(
         bone: a point inside the finger [m], shape (3,): an open surface is touched on the side where it lies.
         expected: where the deformed nodes are; the undeformed ones where None.
     """
+    m = points.shape[0]
     places = points if expected is None else expected.places
-    found = NodeGaps.nothing(tuple(bodies), points.shape[0])
+    found = NodeGaps(
+        tuple(bodies),
+        np.full(m, np.inf),
+        np.full(m, np.inf),
+        np.zeros((m, 3)),
+        np.full(m, -1),
+        np.full(m, -1),
+        np.zeros(m),
+        np.zeros(m),
+    )
     for index, body in enumerate(bodies):
         if body.away:
             continue

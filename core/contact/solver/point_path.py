@@ -28,7 +28,7 @@ from .path import BONE, DEPTH_LIMIT, PathSolver, PathStep
 from .point_history import succession
 from .point_map import NONE, PointMap
 from .point_matrix import PointMatrix
-from .point_tree import CORNERS, PointTree, Seen
+from .point_tree import CORNERS, MANY, OFTEN, PointTree, Seen
 
 TOLERANCE = 3e-4
 # Points join the iteration ahead of time below the first of these shares of their cell's side, and leave it above the
@@ -141,6 +141,21 @@ class PointSolver(PathSolver):
         self._asked = state["asked"]
         super().restore({name: state[name] for name in state if name not in ("cells", "tree", "asked")})
 
+    def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
+        """Return how far matter moves along its own normal at points [m].
+
+        Gaps would tell it only of bodies that change their shape: where a surface turns they jump.
+        """
+        far, which = 0.0, gaps.body[nodes]
+        for i in np.unique(which).tolist():
+            a, b, own = start[i], gaps.bodies[i], nodes[which == i]
+            if a.surface is b.surface:
+                way = np.einsum("ij,ij->i", moved(a, b, self.points[own]), gaps.normal[own])
+                far = max(far, float(np.abs(way).max()))
+            else:
+                far = max(far, super().pressing(start, gaps, own))
+        return far
+
     def nodal(self, force: Array) -> Array:
         """Return forces on the points [N] as forces on the nodes of the skin's mesh, shape (m, 3)."""
         return force if self.nodes is None else self.nodes.spread(self.cells, force)
@@ -226,9 +241,18 @@ class PointSolver(PathSolver):
             assert gaps is not None
             return self._glance_at(gaps, raised, cells)
 
-        known = gaps is not None and len(before) > 0
-        found = self._tree.survey(look, glance if known else None, np.zeros(2) if moved is None else moved)
+        seen = glance if gaps is not None and len(before) > 0 else None
+        found = self._tree.survey(look, seen, np.zeros(2) if moved is None else moved)
         self._asked = _Asked(bodies, self._common())
+        if self._tree.finest < OFTEN:
+            self.notes.warn(
+                "too-fine",
+                "contact has more edges than points may follow: it is solved on coarser ones",
+                self.frames,
+                value=f"{len(found)} points",
+                limit=f"<= {MANY}",
+                remedy="Press less deep, or touch with fewer edges at once",
+            )
         inside = np.zeros(len(self._place), dtype=bool)
         inside[found] = True
         leaving = np.flatnonzero(~inside[before])
@@ -267,9 +291,8 @@ class PointSolver(PathSolver):
         n, count = len(self.cells), len(order)
         new = np.arange(count, n)
         expected = self.history.expected(bodies, self.points + self._image, self.search_radius)
-        some = Expected(
-            *(value[count:] for value in (expected.places, expected.origins, expected.normal, expected.body))
-        )
+        places, origins = expected.places[count:], expected.origins[count:]
+        some = Expected(places, origins, expected.normal[count:], expected.body[count:])
         found = node_gaps(self.points[new], bodies, self.search_radius, self.bone, some)
         parts = ((getattr(gaps, name)[order], getattr(found, name)) for name in _PER_POINT)
         return NodeGaps(bodies, *(np.concatenate(pair) for pair in parts))
@@ -418,5 +441,6 @@ def _deformed(a: ContactBody, b: ContactBody) -> float | None:
         return None
     if not np.array_equal(a.surface.triangles, b.surface.triangles):
         return None
-    one, other = (x.surface.vertices @ x.rotation.T + x.translation for x in (a, b))
+    one = a.surface.vertices @ a.rotation.T + a.translation
+    other = b.surface.vertices @ b.rotation.T + b.translation
     return float(np.sqrt(((other - one) ** 2).sum(axis=1).max()))

@@ -21,7 +21,7 @@ from ...skin.tiles import ALONG, AROUND, BOTH
 # A cell is cut where normals at its corners differ by more than this, or a gap is off linear by more than this [m].
 TURNED, BENT = 0.3, 0.04e-3
 # Sides are halved less often, by one, where there would be more points than this, and more often again below that.
-MANY, FEW = 350, 90
+MANY, FEW = 650, 100
 # A way is no matter where surfaces turn by less than this share of what they turn the other way.
 ODD = 0.4
 # A cell stays cut down to this share of the limits.
@@ -82,7 +82,7 @@ class PointTree:
         count = len(self.sides)
         self._inner = (self._tiles.ways.max(axis=2) > 0)[tuple(self._tiles.halved.T)]  # those that can be cut
         self.finest = self._tiles.levels - 1  # how often sides are halved at most
-        self._ways = np.zeros(count, dtype=np.int8)
+        self._ways: Indices = np.zeros(count, dtype=np.int64)
         self._turning = np.zeros(count, dtype=bool)  # whether corners were of interest
         self._clearance = np.full(count, np.inf)
         self._due = np.full((count, 2), NEVER)  # how far anything may move along and towards a cell
@@ -116,7 +116,7 @@ class PointTree:
             table[self._present] = values
 
     @property
-    def _tables(self) -> tuple[Array, ...]:
+    def _tables(self) -> tuple[NDArray[Any], ...]:
         """What is known of cells."""
         return self._due, self._ways, self._turning, self._clearance
 
@@ -198,7 +198,7 @@ class PointTree:
             return lost
         own, gap, normal = own[known], gap[known], normal[known]
         turning = self._inner[cells] & (own < self._limit[cells] + BESIDE * self._long[cells])
-        ways = np.zeros(len(cells), dtype=np.int8)
+        ways = np.zeros(len(cells), dtype=np.int64)
         close = np.flatnonzero(turning)
         if len(close):
             ways[close] = self._turns(cells[close], own[close], own[close], gap[close], normal[close])
@@ -239,7 +239,7 @@ class PointTree:
             k = len(more)
             middle[more] = found.clearance[:k]
             gap[more], normal[more] = found.clearance[k:].reshape(-1, 4), found.normal[k:].reshape(-1, 4, 3)
-        ways = np.zeros(n, dtype=np.int8)
+        ways = np.zeros(n, dtype=np.int64)
         close = np.flatnonzero(turning)
         if len(close):
             ways[close] = self._turns(cells[close], own[close], middle[close], gap[close], normal[close])

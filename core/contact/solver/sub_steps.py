@@ -17,7 +17,7 @@ from ...arrays import Array, Indices
 from ...motion import matrices, quaternions
 from ...surface.crossing import first_crossing
 from ...surface.gap import Surface
-from .bodies import AWAY, ContactBody, NodeGaps, moved, node_gaps, travel
+from .bodies import AWAY, ContactBody, NodeGaps, node_gaps, travel
 from .path import PathSolver
 from .path_step import PathStep
 
@@ -118,30 +118,10 @@ class SubStepper:
         same = pressed[last.body[pressed] == gaps.body[pressed]]
         if same.size == 0:
             return int(np.ceil(self._travel(start, bodies, gaps, pressed) / PRESSING))
-        parts = np.ceil(self._pressing(start, bodies, gaps, same) / PRESSING)
+        parts = np.ceil(self.solver.pressing(start, gaps, same) / PRESSING)
         if np.einsum("ij,ij->i", gaps.normal[same], last.normal[same]).min() < STRAIGHT:
             parts = max(parts, np.ceil(self._travel(start, bodies, gaps, same) / TURNING))
         return max(int(parts), 1)
-
-    def _pressing(
-        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices
-    ) -> float:
-        """Return how far matter moves along its own normal at the nodes that it is closest to [m].
-
-        Their gaps tell it only of bodies that change their shape: where a surface turns they jump.
-        """
-        last = self.solver.gaps
-        assert last is not None
-        far, which = 0.0, gaps.body[nodes]
-        for i in np.unique(which).tolist():
-            own = nodes[which == i]
-            if start[i].surface is bodies[i].surface:
-                way = moved(start[i], bodies[i], self.solver.points[own])
-                change = np.einsum("ij,ij->i", way, gaps.normal[own])
-            else:
-                change = gaps.gap[own] - last.gap[own]
-            far = max(far, float(np.abs(change).max()))
-        return far
 
     def _travel(
         self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices

@@ -7,6 +7,7 @@ along the finger (`FingertipShape.skin` of the exponential of a complex number),
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,6 +18,7 @@ from ..arrays import Array, Indices
 from ..errors import DermisError
 from .mesh import PAD_TILT
 from .shape import FingertipShape
+from .tiles import Tiles
 
 CELL_SIDES = (0.8e-3, 0.4e-3, 0.2e-3, 0.1e-3)  # [m] of the tree's levels, about: each halves the one above
 ROOTS = 8  # times the side of level 0, of the squares that level 0 is split from: the chart narrows towards the tip
@@ -54,14 +56,14 @@ class PadChart:
     """A fingertip's pad as a smooth surface with a tree of cells.
 
     Cells of level 0 come first, then the four children of each in the same order, and so on: cell i of a level has its
-    children at 4 i, 4 i + 1, ... of the next.
+    children at 4 i, 4 i + 1, ... of the next. After all levels come bars, see `Tiles`.
 
     Attributes:
         shape: the fingertip.
         places: centres in the chart, shape (n, 2): logarithm of the distance along the finger (0 at the pad's centre,
             rising to the cut end), angle round it (0 at the pad's centre, rising to -X).
         halves: half the sides in the chart, shape (n, 2).
-        starts: where each level begins, and the number of cells, shape (levels + 1,).
+        starts: where each level begins, and the bars, shape (levels + 1,).
     """
 
     shape: FingertipShape
@@ -105,20 +107,26 @@ class PadChart:
             tree.append(_split(*tree[-1]))
         starts = np.cumsum([0] + [len(level[0]) for level in tree])
         places, halves = (np.concatenate(parts) for parts in zip(*tree, strict=True))
-        return cls(shape, places, halves, tuple(starts.tolist()))
+        return cls(shape, *_with_bars(places, halves, starts.tolist()), tuple(starts.tolist()))
 
     def __repr__(self) -> str:
         return f"PadChart({self.starts[1]} cells, {len(self.starts) - 1} levels)"
 
     @cached_property
     def cells(self) -> Patches:
-        """All cells of the tree."""
+        """All cells of the tree, and all bars."""
         return _patches(self.shape, self.places, self.halves)
 
     @cached_property
+    def tiles(self) -> Tiles:
+        """How cells and bars lie in each other."""
+        return Tiles(self.starts)
+
+    @cached_property
     def levels(self) -> NDArray[np.int8]:
-        """The level of each cell, 0 the coarsest, shape (n,)."""
-        return np.repeat(np.arange(len(self.starts) - 1, dtype=np.int8), np.diff(self.starts))
+        """The level of each cell, 0 the coarsest; -1 for bars, shape (n,)."""
+        levels = np.repeat(np.arange(len(self.starts) - 1, dtype=np.int8), np.diff(self.starts))
+        return np.concatenate([levels, np.full(len(self.places) - len(levels), -1, np.int8)])
 
     @property
     def base(self) -> Indices:
@@ -129,11 +137,13 @@ class PadChart:
         """Return the four children of each cell, shape (n, 4).
 
         Raises:
-            DermisError: a cell of the finest level.
+            DermisError: a cell of the finest level, or a bar.
         """
         level = self.levels[cells]
-        if len(level) and level.max() + 2 >= len(self.starts):
-            raise DermisError("cells of the finest level have no children", where="pad", value=int(level.max()))
+        if len(level) and (level.max() + 2 >= len(self.starts) or level.min() < 0):
+            raise DermisError(
+                "bars and cells of the finest level have no children", where="pad", value=int(level.max())
+            )
         starts = np.array(self.starts)
         first = starts[level + 1] + 4 * (cells - starts[level])
         return first[:, None] + np.arange(4)
@@ -203,8 +213,9 @@ class PadChart:
 
     def with_levels(self, levels: int) -> PadChart:
         """Return the same tree without its finest levels."""
-        count = self.starts[levels]
-        return replace(self, places=self.places[:count], halves=self.halves[:count], starts=self.starts[: levels + 1])
+        count, starts = self.starts[levels], self.starts[: levels + 1]
+        places, halves = _with_bars(self.places[:count], self.halves[:count], starts)
+        return replace(self, places=places, halves=halves, starts=starts)
 
 
 def _frame(shape: FingertipShape, places: Array) -> tuple[Array, Array, Array]:
@@ -227,6 +238,15 @@ def _patches(shape: FingertipShape, places: Array, halves: Array) -> Patches:
     vectors = np.cross(sides[:, 0], sides[:, 1])
     areas = np.linalg.norm(vectors, axis=1)
     return Patches(points, vectors / areas[:, None], sides, areas)
+
+
+def _with_bars(places: Array, halves: Array, starts: Sequence[int]) -> tuple[Array, Array]:
+    tiles = Tiles(starts)
+    bars = slice(starts[-1], tiles.count)
+    root, parts = tiles.root[bars], 1 << tiles.halved[bars]
+    own = halves[root] / parts
+    middle = places[root] - halves[root] + (2 * tiles.place[bars] + 1) * own
+    return np.concatenate([places, middle]), np.concatenate([halves, own])
 
 
 def _split(places: Array, halves: Array) -> tuple[Array, Array]:

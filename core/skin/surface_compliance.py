@@ -136,11 +136,14 @@ class SurfaceCompliance:
         force = np.asarray(force, np.float64).reshape(-1, 3)
         moments = self.functions(cells).astype(np.float64).T @ force
         out = self.remainder.below(probes.functions, probes.plane.depths, moments)
+        cells, owner = self.chart.tiles.squares(cells)
+        carried_by = np.bincount(owner, self.cells.areas[cells], minlength=len(force))
+        force_on = (self.cells.areas[cells] / carried_by[owner])[:, None] * force[owner]
         step = max(1, _PAIRS_AT_ONCE // max(1, len(cells)))
         for start in range(0, len(out), step):
             part = np.arange(start, min(start + step, len(out)))
             probe, source = np.repeat(part, len(cells)), np.tile(cells, len(part))
-            carried = np.tile(force, (len(part), 1))
+            carried = np.tile(force_on, (len(part), 1))
             while len(source):
                 side, depth = np.sqrt(self.cells.areas[source]), probes.plane.depths[probe]
                 apart = np.linalg.norm(probes.plane.feet[probe] - self.cells.positions[source], axis=1)

@@ -94,6 +94,12 @@ class NodeGaps:
     friction: Array
     softness: Array
 
+    @classmethod
+    def nothing(cls, bodies: tuple[ContactBody, ...], count: int) -> NodeGaps:
+        """Return the gaps of so many nodes that nothing is near."""
+        far, none, zero = np.full(count, np.inf), np.full(count, -1), np.zeros(count)
+        return cls(bodies, far, far.copy(), np.zeros((count, 3)), none, none.copy(), zero, zero.copy())
+
     def compliance(self, areas: Array | None, where: str) -> Array:
         """Return the compliance of the bodies' own surfaces at the nodes [m/N], shape (m,).
 
@@ -137,8 +143,13 @@ def travel(a: ContactBody, b: ContactBody, points: Array) -> float:
     """Return how far a body's matter at points [m], shape (n, 3), moves from one pose to another [m]."""
     if a.away or b.away:
         return 0.0
-    moved = ((points - a.translation) @ a.rotation) @ b.rotation.T + b.translation - points
-    return float(np.sqrt((moved * moved).sum(axis=1)).max())
+    way = moved(a, b, points)
+    return float(np.sqrt((way * way).sum(axis=1)).max())
+
+
+def moved(a: ContactBody, b: ContactBody, points: Array) -> Array:
+    """Return how a body's matter at points [m], shape (n, 3), moves from one pose to another [m], shape (n, 3)."""
+    return np.asarray(((points - a.translation) @ a.rotation) @ b.rotation.T + b.translation - points)
 
 
 def node_gaps(

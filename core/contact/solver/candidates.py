@@ -30,12 +30,18 @@ class CandidateInverse:
         compliance: C of all nodes [m/N], shape (3 m, 3 m).
         rho: the shift of each node [m/N], shape (m,).
         ahead, leave: gaps, over the spacing of the nodes, below which they join ahead of time and above which they go.
+        most: nodes that are updated at once; where more come or go, it starts over.
     """
 
     def __init__(
-        self, compliance: NDArray[np.floating], rho: Array, ahead: float = PREFETCH, leave: float = LEAVE
+        self,
+        compliance: NDArray[np.floating],
+        rho: Array,
+        ahead: float = PREFETCH,
+        leave: float = LEAVE,
+        most: int = REBUILD,
     ) -> None:
-        self.rho, self.ahead, self.leave = rho, ahead, leave
+        self.rho, self.ahead, self.leave, self.most = rho, ahead, leave, most
         self.count = compliance.shape[0] // 3
         self._c = compliance
         self._store = np.zeros((0, 0), dtype=np.float32)
@@ -57,7 +63,7 @@ class CandidateInverse:
         place = np.full(self.count, -1)
         place[order] = np.arange(len(order))
         leaving = self.members[place[self.members] < 0]
-        if leaving.size > REBUILD:
+        if leaving.size > self.most:
             self.members = self.members[:0]
         else:
             self.remove(leaving)
@@ -92,7 +98,7 @@ class CandidateInverse:
         """
         needed = (gap < ENTER * spacing) | loaded
         missing = (needed & ~self.inside).nonzero()[0]
-        if self.members.size == 0 or missing.size > REBUILD or self.stale(softness):
+        if self.members.size == 0 or missing.size > self.most or self.stale(softness):
             self.rebuild(np.flatnonzero(needed | (gap < self.ahead * spacing)), softness)
             return
         if missing.size:

@@ -71,13 +71,18 @@ class ContactHistory:
             search_radius: a body that moved farther than this takes nothing along [m].
         """
         anchors = from_material(bodies, self.body, self._material, self._triangle)
-        normal = np.zeros_like(anchors)
-        for index, own in owned(self.body):
-            normal[own] = self._normal[own] @ bodies[index].rotation.T
+        normal = self.normals(bodies)
         moved = anchors - deformed
         carried = self._sticking & (np.einsum("ij,ij->i", moved, moved) <= search_radius * search_radius)
         places = np.where(carried[:, None], anchors, deformed)
         return Expected(places, anchors + self._gap[:, None] * normal, normal, self.body)
+
+    def normals(self, bodies: Sequence[ContactBody]) -> Array:
+        """Return the normals of the surfaces that points were above, turned with their bodies, shape (m, 3)."""
+        normal = np.zeros_like(self._normal)
+        for index, own in owned(self.body):
+            normal[own] = self._normal[own] @ bodies[index].rotation.T
+        return normal
 
     def offset(self, gaps: NodeGaps, points: Array) -> Array:
         """Return b of the contact problem: the gap along the normal, the slip since the anchor across it.

@@ -240,6 +240,12 @@ class PathSolver:
         expected = self.history.expected(bodies, self.points + self._image, self.search_radius)
         return node_gaps(self.points, bodies, self.search_radius, self.bone, expected)
 
+    def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
+        """Return how far surfaces press on at nodes, from where bodies were [m]."""
+        last = self.gaps
+        assert last is not None
+        return float(np.abs(gaps.gap[nodes] - last.gap[nodes]).max())
+
     def step_gaps(self, gaps: NodeGaps, *, scene_frame: float | None = None, part: bool = False) -> PathStep:
         """Solve the next frame from gaps that were measured elsewhere."""
         from_rest = self.fresh

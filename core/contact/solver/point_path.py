@@ -8,30 +8,32 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from ...skin.nodal_forces import NodalForces
 from ...skin.surface_compliance import SurfaceCompliance
+from ...surface.gap import Surface
 from .admm import State, iterate
-from .bodies import ContactBody, Expected, NodeGaps, node_gaps, travel
+from .bodies import ContactBody, Expected, NodeGaps, moved, node_gaps, travel
 from .candidates import CandidateInverse
 from .compliance import Linear
 from .cone import project
+from .flatness import flat_reach
 from .history import ContactHistory
 from .path import BONE, DEPTH_LIMIT, MARGIN, PathSolver, PathStep
 from .point_history import succession
+from .point_map import NONE, PointMap
 from .point_matrix import PointMatrix
-from .point_tree import PointTree
+from .point_tree import CORNERS, MANY, OFTEN, PointTree, Seen
 
-TOLERANCE = 1e-4
-# The tree is asked again when something has moved this far since [m].
-ASK = 0.06e-3
+TOLERANCE = 3e-4
 # Points join the iteration ahead of time below the first of these shares of their cell's side, and leave it above the
-# second: they have rows of the compliance already, so it takes little to join.
-MEMBERS = (0.1, 0.3)
+# second: they have rows of the compliance already, so it takes little to join. At most so many do at once.
+MEMBERS = (0.1, 0.3, 48)
 # Skin is looked for this far out [m].
 REACH = 2.5e-3
 MOST_ITERATIONS = 3000
@@ -41,9 +43,18 @@ WEIGHT = 0.75
 ABOVE = 0.4e-3
 # Normals that differ by more than this cosine says are of the two sides of something thin, or of a needle.
 OPPOSITE = -0.7
-# Cells without a point: their displacement is not known, or known from afar, as it is looked for within this [m].
-UNKNOWN, NOBODY = -1, -2
-NEAR_BASE = 0.8e-3
+# The points are changed before a frame is looked at where it moves less than this [m]; else on its way.
+SLOW = 0.15e-3
+
+
+_PER_POINT = ("gap", "clearance", "normal", "body", "triangle", "friction", "softness")
+
+
+class _Asked(NamedTuple):
+    """The bodies when the tree was asked last, and how far the skin had moved along itself [m]."""
+
+    bodies: tuple[ContactBody, ...]
+    common: Array
 
 
 class PointSolver(PathSolver):
@@ -72,17 +83,25 @@ class PointSolver(PathSolver):
         self._begin(tolerance, bone, name, depth_limit)
         self.surface, self.nodes = surface, nodes
         self.search_radius = REACH
-        self._tree = PointTree(surface)
+        self._tree = PointTree(surface, REACH)
         self._matrix = PointMatrix(surface)
         self.operator = Linear(np.zeros((0, 0)))
         self._place = np.full(len(surface.chart.places), -1)  # of each cell in `cells`
         self._candidates = CandidateInverse(self._matrix.matrix, np.zeros(0), *MEMBERS)
-        count = surface.chart.starts[1]
-        self._rows = np.full((count, 3, 3 * count), np.nan, dtype=np.float32)  # of the coarsest cells, as asked for
+        self._map = PointMap(surface.chart, CORNERS)
+        self._candidates = CandidateInverse(self._matrix.matrix, np.zeros(0), *MEMBERS)
+        finest = 1 << (len(surface.chart.starts) - 2)
+        self._owner = np.full((surface.chart.starts[1], finest * finest), NONE)  # of the finest squares
+        self._marked: Indices = np.zeros(0, dtype=np.int64)
+        tiles = surface.chart.tiles
+        size = finest >> tiles.halved
+        rows, columns = ((tiles.place * size)[:, k, None] + size[:, k, None] * [1, 3] // 4 for k in range(2))
+        self._quarters = (rows[:, :, None] * finest + columns[:, None]).reshape(-1, 4)  # squares in each cell
         self.history = ContactHistory(0)
-        self._asked: tuple[ContactBody, ...] | None = None  # the bodies when the tree was asked last
+        self._asked: _Asked | None = None
         starts = surface.chart.starts
         self._pad = surface.cells.positions[starts[1] : starts[2]]
+        self._sample = self._pad[:: max(len(self._pad) // 32, 1)]
         self._number()
         self.reset()
 
@@ -127,15 +146,32 @@ class PointSolver(PathSolver):
         self._asked = state["asked"]
         super().restore({name: state[name] for name in state if name not in ("cells", "tree", "asked")})
 
+    def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
+        """Return how far matter moves along its own normal at points [m].
+
+        Gaps would tell it only of bodies that change their shape: where a surface turns they jump.
+        """
+        far, which = 0.0, gaps.body[nodes]
+        for i in np.unique(which).tolist():
+            a, b, own = start[i], gaps.bodies[i], nodes[which == i]
+            if a.surface is b.surface:
+                way = np.einsum("ij,ij->i", moved(a, b, self.points[own]), gaps.normal[own])
+                far = max(far, float(np.abs(way).max()))
+            else:
+                far = max(far, super().pressing(start, gaps, own))
+        return far
+
     def nodal(self, force: Array) -> Array:
         """Return forces on the points [N] as forces on the nodes of the skin's mesh, shape (m, 3)."""
         return force if self.nodes is None else self.nodes.spread(self.cells, force)
 
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps, without taking it."""
-        if self.fresh:
-            self._survey(tuple(bodies))
-        return super().look(bodies)
+        before, some = self._bodies, self._sample
+        slow = len(before) == len(bodies) and all(
+            travel(a, b, some) <= SLOW for a, b in zip(before, bodies, strict=True)
+        )
+        return self._looked(tuple(bodies), slow)
 
     def step(
         self,
@@ -146,50 +182,89 @@ class PointSolver(PathSolver):
         part: bool = False,
     ) -> PathStep:
         """Solve the next frame, as `PathSolver.step` does."""
-        if (part or not self.unmoved(bodies)) and self._asks(bodies):
-            self._survey(tuple(bodies))
-            gaps = None
+        if gaps is None and (part or not self.unmoved(bodies)):
+            gaps = self._looked(tuple(bodies), True)
         return super().step(bodies, scene_frame=scene_frame, gaps=gaps, part=part)
+
+    def _looked(self, bodies: tuple[ContactBody, ...], slow: bool) -> NodeGaps:
+        """Measure gaps, at other points where the tree asks for them and bodies move slowly."""
+        moved = self._moved(bodies)
+        if self.fresh:
+            if moved is None or self._tree.asks(moved):
+                self._survey(bodies, moved, None)
+            return super().look(bodies) if len(self.cells) else NodeGaps.nothing(bodies, 0)
+        gaps = super().look(bodies)
+        if slow and (moved is None or self._tree.asks(moved)):
+            found = self._survey(bodies, moved, gaps)
+            assert found is not None
+            return found
+        return gaps
 
     # -- the points ----------------------------------------------------------------------------------------------
 
-    def _asks(self, bodies: Sequence[ContactBody]) -> bool:
-        return self._asked is None or self._moved(bodies) > ASK
+    def _moved(self, bodies: Sequence[ContactBody]) -> Array | None:
+        """Return how far anything moved along the skin, and towards it, since the tree was asked [m].
 
-    def _moved(self, bodies: Sequence[ContactBody]) -> float:
-        """Return how far anything moved since the tree was asked [m]."""
-        before = self._asked
-        if before is None or len(before) != len(bodies):
-            return np.inf
-        some = self.points[self.loaded] if self.loaded.any() else self._pad[:: max(len(self._pad) // 32, 1)]
-        far = 0.0
-        for a, b in zip(before, bodies, strict=True):
-            if a.away and b.away:
+        None where that cannot be said.
+        """
+        asked = self._asked
+        if asked is None or len(asked.bodies) != len(bodies):
+            return None
+        loaded = self.loaded.nonzero()[0]
+        points, normal = self._sample, None
+        if loaded.size and self._step is not None and self._step.gaps is not None:
+            points, normal = self.points[loaded], self._step.gaps.normal[loaded]
+        far = near = 0.0
+        for a, b in zip(asked.bodies, bodies, strict=True):
+            if a is b or (a.away and b.away):
                 continue
-            if a.away or b.away or a.surface is not b.surface:
-                return np.inf
-            far = max(far, travel(a, b, some))
-        return far
+            if a.away or b.away:
+                return None
+            if a.surface is not b.surface:
+                reach = _deformed(a, b)
+                if reach is None:
+                    return None
+                far, near = max(far, reach), max(near, reach)
+                continue
+            way = moved(a, b, points)
+            across = way - (self._common() - asked.common)
+            far = max(far, float(np.einsum("ij,ij->i", across, across).max()) ** 0.5)
+            near = max(near, far if normal is None else float(np.abs(np.einsum("ij,ij->i", way, normal)).max()))
+        return np.array([far, near])
 
-    def _survey(self, bodies: tuple[ContactBody, ...]) -> None:
-        """Ask the tree which cells may touch, and go over to them."""
-        moved = self._moved(bodies)
+    def _survey(self, bodies: tuple[ContactBody, ...], moved: Array | None, gaps: NodeGaps | None) -> NodeGaps | None:
+        """Ask the tree which cells may touch, and go over to them; return their gaps if those of the last are given."""
+        if moved is None:
+            self._tree.renew()
         before, force, history = self.cells, self._force, self.history
-        sources = self._sources()
-        normal = self._turned(bodies)
+        raised = np.concatenate([self._raised(), np.zeros((1, 3))])
 
-        def look(cells: Indices, points: Array) -> NodeGaps:
-            return self._look_at(bodies, sources, normal, cells, points)
+        def look(cells: Indices, points: Array, centres: int) -> Seen:
+            return self._look_at(bodies, raised, cells, points, centres)
 
-        found = self._tree.survey(look, moved)
-        self._asked = bodies
-        entering = found[self._place[found] < 0]
+        def glance(cells: Indices) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+            assert gaps is not None
+            return self._glance_at(gaps, raised, cells)
+
+        seen = glance if gaps is not None and len(before) > 0 else None
+        found = self._tree.survey(look, seen, np.zeros(2) if moved is None else moved)
+        self._asked = _Asked(bodies, self._common())
+        if self._tree.finest < OFTEN:
+            self.notes.warn(
+                "too-fine",
+                "contact has more edges than points may follow: it is solved on coarser ones",
+                self.frames,
+                value=f"{len(found)} points",
+                limit=f"<= {MANY}",
+                remedy="Press less deep, or touch with fewer edges at once",
+            )
         inside = np.zeros(len(self._place), dtype=bool)
         inside[found] = True
         leaving = np.flatnonzero(~inside[before])
+        entering = found[self._place[found] < 0]
         if len(leaving) == 0 and len(entering) == 0:
-            return
-        passed = succession(self.surface.chart, self.surface.cells.areas, before[leaving], leaving, entering)
+            return gaps
+        passed = succession(self.surface.chart, before[leaving], leaving, entering)
         order = self._change(leaving, entering)
         count = len(order)
 
@@ -200,8 +275,7 @@ class PointSolver(PathSolver):
 
         self._zero, self._status = np.zeros((len(self.cells), 3)), np.zeros(len(self.cells), dtype=np.int8)
         self._force = kept(force)
-        new = self._force[count:]
-        passed.force(force, new)
+        passed.force(force, self._force[count:])
         self._last = None if len(passed.heirs) else self._last and (kept(self._last[0]), kept(self._last[1]))
         self._y = kept(self._y)
         self._image = self._apply(self._force)
@@ -215,6 +289,18 @@ class PointSolver(PathSolver):
         if self._step is not None:
             self._step = self._carried_over(self._step, order, heirs, main)
         self._at_rest = False
+        return None if gaps is None else self._completed(gaps, order, bodies)
+
+    def _completed(self, gaps: NodeGaps, order: Indices, bodies: tuple[ContactBody, ...]) -> NodeGaps:
+        """Return the gaps of the present points: those that stay were measured already."""
+        n, count = len(self.cells), len(order)
+        new = np.arange(count, n)
+        expected = self.history.expected(bodies, self.points + self._image, self.search_radius)
+        places, origins = expected.places[count:], expected.origins[count:]
+        some = Expected(places, origins, expected.normal[count:], expected.body[count:])
+        found = node_gaps(self.points[new], bodies, self.search_radius, self.bone, some)
+        parts = ((getattr(gaps, name)[order], getattr(found, name)) for name in _PER_POINT)
+        return NodeGaps(bodies, *(np.concatenate(pair) for pair in parts))
 
     def _change(self, leaving: Indices, entering: Indices) -> Indices:
         """Go over to other cells; return where each point that stays was."""
@@ -228,6 +314,7 @@ class PointSolver(PathSolver):
         cells, pad = self._matrix.cells, self.surface
         self._place[:] = -1
         self._place[cells] = np.arange(len(cells))
+        self._map.mark(cells)
         self.points, self.areas = pad.cells.positions[cells], pad.cells.areas[cells]
         self._spacing = self._tree.sides[cells]
         diagonal = self._matrix.matrix.diagonal().reshape(-1, 3).astype(np.float64)
@@ -238,116 +325,99 @@ class PointSolver(PathSolver):
         gaps = step.gaps
         if gaps is None:
             return step
-        n, count = len(self.cells), len(order)
-        gap, clearance = np.full(n, np.inf), np.full(n, np.inf)
-        normal, body, triangle = np.zeros((n, 3)), np.full(n, -1), np.full(n, -1)
-        friction, softness = np.zeros(n), np.zeros(n)
+        count = len(order)
         here, there = np.concatenate([np.arange(count), heirs]), np.concatenate([order, main])
-        for new, old in (
-            (gap, gaps.gap),
-            (clearance, gaps.clearance),
-            (normal, gaps.normal),
-            (body, gaps.body),
-            (triangle, gaps.triangle),
-            (friction, gaps.friction),
-            (softness, gaps.softness),
-        ):
-            new[here] = old[there]
-        return replace(step, gaps=NodeGaps(gaps.bodies, gap, clearance, normal, body, triangle, friction, softness))
+        nothing = NodeGaps.nothing(gaps.bodies, len(self.cells))
+        for name in _PER_POINT:
+            getattr(nothing, name)[here] = getattr(gaps, name)[there]
+        return replace(step, gaps=nothing)
 
     # -- what the tree sees --------------------------------------------------------------------------------------
 
-    def _sources(self) -> tuple[Indices, Array]:
-        """Return for every cell with a known displacement a point that lies in it or that it lies in, and the mean."""
-        chart = self.surface.chart
-        place, mean = self._place.copy(), np.zeros((len(self._place), 3))
-        mean[self.cells] = self._raised()
-        cells = self.cells
-        level = chart.levels[cells] if len(cells) else cells
-        for above in range(len(chart.starts) - 2, 0, -1):
-            own = cells[level == above]
-            if not len(own):
-                continue
-            parents, which = np.unique(chart.parent(own), return_inverse=True)
-            number = np.bincount(which)
-            for k in range(3):
-                mean[parents, k] = np.bincount(which, mean[own, k]) / number
-            loads = place[own]
-            place[parents[which]] = loads
-            cells = np.concatenate([cells[level != above], parents])
-            level = np.concatenate([level[level != above], np.full(len(parents), above - 1)])
-        return place, mean
-
-    def _raised(self) -> Array:
-        """Return how far the points have moved [m], but for what spreads them along the skin.
-
-        An edge parts the cells that it presses in between: only their common way is theirs, else they see it no more.
-        """
+    def _common(self) -> Array:
+        """Return how far the skin that touches has moved along itself, by its share of the load [m], shape (3,)."""
+        load = np.sqrt(np.einsum("ij,ij->i", self._force, self._force))
+        total = float(load.sum())
+        if total == 0.0:
+            return np.zeros(3)
         along = self.surface.cells.normals[self.cells]
         across = self._image - np.einsum("ij,ij->i", self._image, along)[:, None] * along
-        load = np.sqrt(np.einsum("ij,ij->i", self._force, self._force))
-        common = load @ across / max(float(load.sum()), 1e-300)
-        return self._image - across + (common - (along @ common)[:, None] * along)
+        return np.asarray(load @ across / total)
 
-    def _turned(self, bodies: tuple[ContactBody, ...]) -> Array:
-        expected = self.history.expected(bodies, self.points + self._image, self.search_radius)
-        return expected.normal
+    def _raised(self) -> Array:
+        """Return how far the points have moved [m], but for what spreads them along the skin, shape (n, 3).
+
+        An edge parts the cells that it presses in between. Only their common way is theirs, else they see it no more.
+        """
+        along, common = self.surface.cells.normals[self.cells], self._common()
+        return common + np.einsum("ij,ij->i", self._image - common, along)[:, None] * along
+
+    def _glance_at(
+        self, gaps: NodeGaps, raised: Array, cells: Indices
+    ) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+        """Tell of cells what the points under them and beside them see."""
+        five = self._map.around(cells)
+        under = five[:, 0].copy()
+        under[under == NONE] = self._map.under(cells[under == NONE]).max(axis=1)
+        known = (under != NONE) & (gaps.body[under] >= 0)
+        none = (five == NONE) | (gaps.body[five] < 0)
+        five = np.where(none, under[:, None], five)
+        centre = self.surface.cells.positions[cells][:, None]
+        places = np.concatenate([centre, self._tree.corner_points(cells).reshape(-1, 4, 3)], axis=1)
+        way = places + raised[under][:, None] - (self.points + raised[:-1])[five]
+        normal = gaps.normal[five]
+        gap = gaps.clearance[five] + np.einsum("nck,nck->nc", way, normal)
+        return gap[:, 0], gap[:, 1:], normal[:, 1:], known
 
     def _look_at(
-        self,
-        bodies: tuple[ContactBody, ...],
-        sources: tuple[Indices, Array],
-        normal: Array,
-        cells: Indices,
-        points: Array,
-    ) -> NodeGaps:
-        place, mean = sources
-        chart = self.surface.chart
-        up = cells
-        while True:
-            lost = np.flatnonzero(place[up] == UNKNOWN)
-            lost = lost[chart.levels[up[lost]] > 0]
-            if not len(lost):
-                break
-            up = up.copy()
-            up[lost] = chart.parent(up[lost])
-        gaps = self._look_for(bodies, normal, place[up], points + mean[up])
-        new = np.flatnonzero((place[up] == UNKNOWN) & (gaps.clearance < NEAR_BASE))
-        if len(new) and self._force.any():
-            found = np.unique(up[new])
-            place[found], mean[found] = NOBODY, self._far(found)
-            gaps = self._look_for(bodies, normal, place[up], points + mean[up])
-        return gaps
-
-    def _look_for(self, bodies: tuple[ContactBody, ...], normal: Array, owner: Indices, places: Array) -> NodeGaps:
+        self, bodies: tuple[ContactBody, ...], raised: Array, cells: Indices, points: Array, centres: int
+    ) -> Seen:
+        found = self._map.under(cells)
+        owner = found.max(axis=1)
+        shift = raised[found].sum(axis=1) / np.maximum((found != NONE).sum(axis=1), 1)[:, None]
+        afar = np.flatnonzero(owner == NONE)
+        if len(afar) and self._force.any():
+            base, which = np.unique(self.surface.chart.tiles.root[cells[afar]], return_inverse=True)
+            shift[afar] = self._far(base)[which]
+        places = points + shift
         gaps = node_gaps(places, bodies, self.search_radius, self.bone)
+        self._put_on_their_side(bodies, gaps, owner, places)
+        flat = np.zeros(centres)
+        for index, body in enumerate(bodies):
+            own = np.flatnonzero(gaps.body[:centres] == index)
+            if not isinstance(body.surface, Surface):
+                flat[own] = np.inf
+            elif len(own) and not body.deforms:
+                on = places[own] - gaps.clearance[own, None] * gaps.normal[own]
+                flat[own] = flat_reach(body.surface, gaps.triangle[own], (on - body.translation) @ body.rotation)
+        return Seen(gaps.clearance, gaps.normal, flat)
+
+    def _put_on_their_side(
+        self, bodies: tuple[ContactBody, ...], gaps: NodeGaps, owner: Indices, places: Array
+    ) -> None:
+        """Look again for those that see the other side of something thin: it is not what the skin lies on."""
         own = np.flatnonzero(owner >= 0)
-        above = normal[owner[own]]
-        same = self.history.body[owner[own]] == gaps.body[own]
-        turned = own[same & (np.einsum("ij,ij->i", above, gaps.normal[own]) < OPPOSITE)]
-        if not len(turned):
-            return gaps
-        # the other side of something thin: what is seen there is not what the skin lies on
-        before = normal[owner[turned]]
-        body = self.history.body[owner[turned]]
-        expected = Expected(places[turned], places[turned] + ABOVE * before, before, body)
+        own = own[self.history.body[owner[own]] == gaps.body[own]]
+        if not len(own):
+            return
+        before = self.history.normals(bodies)[owner[own]]
+        other = np.flatnonzero(np.einsum("ij,ij->i", before, gaps.normal[own]) < OPPOSITE)
+        if not len(other):
+            return
+        turned, before = own[other], before[other]
+        expected = Expected(places[turned], places[turned] + ABOVE * before, before, gaps.body[turned])
         again = node_gaps(places[turned], bodies, self.search_radius, self.bone, expected)
         gaps.clearance[turned], gaps.normal[turned] = again.clearance, again.normal
-        return gaps
+        gaps.triangle[turned] = again.triangle
 
     def _far(self, cells: Indices) -> Array:
         """Return the displacement of cells of the coarsest level beside the points [m], by the forces under each."""
         loaded = np.flatnonzero(self._force.any(axis=1))
-        base = self.cells[loaded]
-        for _ in range(len(self.surface.chart.starts) - 2):
-            base = np.maximum(self.surface.chart.parent(base), np.where(self.surface.chart.levels[base] > 0, 0, base))
-        missing = cells[np.isnan(self._rows[cells, 0, 0])]
-        if len(missing):
-            every = self.surface.chart.base
-            self._rows[missing] = self.surface.rows(missing, every).reshape(len(missing), 3, -1)
-        force = np.zeros((len(self._rows), 3))
-        np.add.at(force, base, self._force[loaded])
-        return (self._rows[cells] @ force.reshape(-1).astype(np.float32)).astype(np.float64)
+        base = self.surface.chart.tiles.root[self.cells[loaded]]
+        under, which = np.unique(base, return_inverse=True)
+        force = np.zeros((len(under), 3))
+        np.add.at(force, which, self._force[loaded])
+        return np.asarray(np.einsum("nmij,mj->ni", self._matrix.coarse(cells, under), force), dtype=np.float64)
 
     # -- the compliance ------------------------------------------------------------------------------------------
 
@@ -368,3 +438,14 @@ class PointSolver(PathSolver):
             inverse, rho, b.reshape(-1), normal, friction, state, state, image, self.tolerance, MOST_ITERATIONS
         )
         return found.state.z, found.iterations, "admm"
+
+
+def _deformed(a: ContactBody, b: ContactBody) -> float | None:
+    """Return how far the vertices of a body moved that changed its shape [m]; None where they are others."""
+    if not (isinstance(a.surface, Surface) and isinstance(b.surface, Surface)):
+        return None
+    if not np.array_equal(a.surface.triangles, b.surface.triangles):
+        return None
+    one = a.surface.vertices @ a.rotation.T + a.translation
+    other = b.surface.vertices @ b.rotation.T + b.translation
+    return float(np.sqrt(((other - one) ** 2).sum(axis=1).max()))

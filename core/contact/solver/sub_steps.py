@@ -118,7 +118,7 @@ class SubStepper:
         same = pressed[last.body[pressed] == gaps.body[pressed]]
         if same.size == 0:
             return int(np.ceil(self._travel(start, bodies, gaps, pressed) / PRESSING))
-        parts = np.ceil(np.abs(gaps.gap[same] - last.gap[same]).max() / PRESSING)
+        parts = np.ceil(self.solver.pressing(start, gaps, same) / PRESSING)
         if np.einsum("ij,ij->i", gaps.normal[same], last.normal[same]).min() < STRAIGHT:
             parts = max(parts, np.ceil(self._travel(start, bodies, gaps, same) / TURNING))
         return max(int(parts), 1)

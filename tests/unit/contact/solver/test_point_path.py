@@ -21,6 +21,7 @@ from core.skin.model import shape_and_material
 from core.skin.nodal_forces import NodalForces
 from core.skin.surface_store import surface_compliance
 from core.surface.gap import Surface
+from tests.contact_laws import cone_residual
 
 
 @pytest.fixture(scope="module")
@@ -59,10 +60,12 @@ def test_points_are_as_fine_as_what_presses(pad):
     flat, _ = pressed(pad, Surface.block())
     assert pad.chart.levels[flat.cells].max() == 0
     sharp, _ = pressed(pad, Surface.edge(np.pi / 2))
-    levels, across = pad.chart.levels[sharp.cells], np.abs(sharp.points[:, 0])
-    assert levels[across < 0.1e-3].min() >= 2
-    assert levels[across > 1e-3].max(initial=0) <= 1
-    assert len(sharp.cells) < 600
+    halved, across = pad.chart.tiles.halved[sharp.cells], np.abs(sharp.points[:, 0])
+    under, along = across < 0.1e-3, np.abs(sharp.points[:, 1]) < 3e-3
+    assert halved[under & along, 1].min() == 3  # across the edge
+    assert halved[under & along, 0].max() == 0  # along it
+    assert halved[across > 1e-3].max(initial=0) <= 1
+    assert len(sharp.cells) < 300
 
 
 def test_nodes_feel_the_same_force_and_moment(pad):
@@ -84,9 +87,9 @@ def test_every_point_obeys_coulomb_while_an_edge_slides(pad):
         along = 0.05e-3 * max(k - 14, 0)
         done = steps.step([body(edge, min(0.05e-3 * k, 0.7e-3), 0.5, (along, 0.0))]).solution
         assert done.converged
-        assert done.cone_residual() < 1e-6
+        assert cone_residual(done) < 1e-6
         assert (done.normal_force >= -1e-12).all()
-        assert not done.force[done.status == OPEN].any()
+        assert np.abs(done.force[done.status == OPEN]).max(initial=0.0) <= 1e-2 * np.abs(done.force).max()
         forces.append(done.force.sum(axis=0))
     sliding = np.array(forces[15:])
     assert sliding[-1, 0] > 0.05 * sliding[-1, 2]  # it drags the way it goes
@@ -102,7 +105,7 @@ def test_the_frame_rate_does_not_matter(pad):
         ball = Surface.sphere(5e-3, 5000)
         for s in np.linspace(0.0, 1.0, frames):
             last = steps.step([body(ball, 0.8e-3 * min(2 * s, 1.0), 0.6, (0.5e-3 * max(2 * s - 1, 0.0), 0.0))])
-        return last.solution.resultant
+        return last.solution.force.sum(axis=0)
 
     slow, fast = drawn(161), drawn(41)
     assert np.linalg.norm(fast - slow) < 0.01 * np.linalg.norm(slow)
@@ -112,11 +115,11 @@ def test_a_state_can_be_gone_back_to(pad):
     edge = Surface.edge(np.pi / 2)
     solver, _ = pressed(pad, edge, 0.4e-3, friction=0.5)
     state = solver.save()
-    first = solver.step([body(edge, 0.5e-3, 0.5, (0.1e-3, 0.0))]).solution.resultant
+    first = solver.step([body(edge, 0.5e-3, 0.5, (0.1e-3, 0.0))]).solution.force.sum(axis=0)
     for k in range(4):
         solver.step([body(edge, 0.5e-3, 0.5, (0.2e-3 * k, 0.0))])
     solver.restore(state)
-    again = solver.step([body(edge, 0.5e-3, 0.5, (0.1e-3, 0.0))]).solution.resultant
+    again = solver.step([body(edge, 0.5e-3, 0.5, (0.1e-3, 0.0))]).solution.force.sum(axis=0)
     np.testing.assert_allclose(again, first, atol=2e-3 * np.abs(first).max())
 
 
@@ -129,16 +132,16 @@ def test_nothing_near_is_idle(pad):
 
 
 def test_splitting_and_merging_keep_the_force(pad):
-    chart, areas = pad.chart, pad.cells.areas
+    chart = pad.chart
     random = np.random.default_rng(0)
     coarse = chart.base[100:110]
     fine = chart.children(chart.children(coarse).ravel()).ravel()
     force = random.normal(size=(len(coarse), 3))
-    down = succession(chart, areas, coarse, np.arange(len(coarse)), fine)
+    down = succession(chart, coarse, np.arange(len(coarse)), fine)
     spread = np.zeros((len(fine), 3))
     down.force(force, spread)
     np.testing.assert_allclose(spread.sum(axis=0), force.sum(axis=0), atol=1e-12)
-    up = succession(chart, areas, fine, np.arange(len(fine)), coarse)
+    up = succession(chart, fine, np.arange(len(fine)), coarse)
     back = np.zeros_like(force)
     up.force(spread, back)
     np.testing.assert_allclose(back, force, atol=1e-12)

@@ -26,16 +26,24 @@ from .solver.grip_solver import GripSolver, GripStep, HoldContext, HoldingFinger
 SHARE = 1e-3
 
 
-def may_be_held(scene: TactileScene, b: int, chunk: Chunk) -> bool:
-    """Return, from the header and one chunk, whether a body could be held there: it has a mass and a way to be held."""
+def can_be_held(scene: TactileScene, b: int) -> bool:
+    """Return, from the header alone, whether a body could ever be held: it has a mass and a way to be held."""
     given = scene.bodies[b].parameters
     if not _mass(given) > 0.0:
         return False
     mode = BODY["held_mode"].of(given, f"object '{scene.bodies[b].name}'")
-    if mode == "keyed":
+    return mode == "keyed" or (mode == "auto" and len(scene.fingers) > 1)
+
+
+def may_be_held(scene: TactileScene, b: int, chunk: Chunk) -> bool:
+    """Return, from the header and one chunk, whether a body could be held there."""
+    if not can_be_held(scene, b):
+        return False
+    given = scene.bodies[b].parameters
+    if BODY["held_mode"].of(given) == "keyed":
         switch = chunk.animated.get(f"body/{b}/held")
         return bool(given.get("held", BODY["held"].absent) if switch is None else (switch > 0.5).any())
-    return mode == "auto" and len(scene.fingers) > 1
+    return True
 
 
 class HeldBody:

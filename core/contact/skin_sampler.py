@@ -12,7 +12,7 @@ goes through them at the end.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
@@ -21,7 +21,8 @@ from ..errors import DermisError, Finding
 from ..scene.tactile_scene import Chunk, TactileScene
 from ..skin.model import SkinModel
 from .held_bodies import HeldBodies
-from .held_body import may_be_held
+from .held_body import can_be_held, may_be_held
+from .holding_times import holding_times
 from .pad_contact import PadContact
 from .pad_sampler import PadSampler
 from .posed_scene import PosedScene
@@ -52,9 +53,11 @@ class SkinSampler:
             f: SkinStepper(skin, f, scene.fingers[f], self._posed, tolerance=tolerance) for f, skin in skins.items()
         }
         self._records = {f: SkinRecord() for f in skins}
+        # points of the smooth skin cannot hold: whether a finger does must be known before its first sample
+        some_may_hold = any(can_be_held(scene, b) for b in range(len(scene.bodies)))
         self._frames: list[Array] = []
         self._times: list[Array] = []
-        self._waits = False
+        self._waits = some_may_hold and any(stepper.on_points for stepper in self._steppers.values())
         self._kept: list[SampleWindow] = []
         self._held_findings: tuple[Finding, ...] = ()
 
@@ -88,6 +91,8 @@ class SkinSampler:
         scene = self._scene
         every = range(len(scene.bodies))
         candidates = {b for s in self._kept for b in every if may_be_held(scene, b, s.chunk)}
+        for f in self._holders(pad_contact, candidates):
+            self._steppers[f].stay_on_nodes()
         held = HeldBodies(scene, pad_contact, candidates, self._posed, self._steppers)
         while self._kept:
             window = self._kept.pop(0)
@@ -126,6 +131,17 @@ class SkinSampler:
     def _near_what_may_be_held(self, window: SampleWindow) -> bool:
         close = {b for approach in window.fingers.values() for b in approach.near}
         return any(may_be_held(self._scene, b, window.chunk) for b in close)
+
+    def _holders(self, pad_contact: PadContact, candidates: Iterable[int]) -> set[int]:
+        """Return the fingers that are to be balanced with what they hold, and are not solved on nodes yet."""
+        found: set[int] = set()
+        for b in candidates:
+            fingers = range(len(self._scene.fingers))
+            times = {f: holding_times(pad_contact, self._scene, f, b, pad_contact.times) for f in fingers}
+            holds = {f: held for f, held in times.items() if held is not None}
+            unseen = sum(held for f, held in holds.items() if f not in self._steppers)
+            found |= {f for f, held in holds.items() if f in self._steppers and (held & np.logical_not(unseen)).any()}
+        return {f for f in found if self._steppers[f].on_points}
 
     def _finished(self, f: int, times: Array, frames: Array) -> SkinContact:
         stepper, counters = self._steppers[f], self._steppers[f].counters

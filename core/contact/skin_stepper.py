@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import Finding
+from ..parameters.skin import SKIN_CONTACT
 from ..scene.tactile_scene import Finger
 from ..skin.model import SkinModel
+from ..skin.surface_store import smooth_pad
 from .compliant_bone import BoneStep, CompliantBone
 from .posed_scene import PosedScene
 from .proximity import Proximity
@@ -37,6 +39,7 @@ class SkinStepper:
 
     Attributes:
         far: pairs of a body and a sample that the broad phase skipped.
+        on_points: whether contact is solved on points of the smooth skin.
 
     Raises:
         DermisError: a touch depth that is unknown, or a spring or force limit that is not above zero.
@@ -46,7 +49,12 @@ class SkinStepper:
         self, skin: SkinModel, index: int, finger: Finger, scene: PosedScene, *, tolerance: float | None = None
     ) -> None:
         self.skin, self.index, self.name = skin, index, f"finger '{finger.name}'"
-        self.bone = CompliantBone.of(skin, finger.parameters, self.name, tolerance)
+        self._finger, self._tolerance = finger, tolerance
+        wanted = SKIN_CONTACT["contact"].of(finger.parameters, self.name) == "points"
+        surface = smooth_pad(skin) if wanted else None
+        self.on_points = surface is not None
+        self._told = (_without_points(skin, self.name),) if wanted and surface is None else ()
+        self.bone = CompliantBone.of(skin, finger.parameters, self.name, tolerance, surface)
         self.far = 0
         self._scene = scene
         self._low, self._high = skin.positions.min(axis=0), skin.positions.max(axis=0)
@@ -136,6 +144,20 @@ class SkinStepper:
             self.bone.adopt(held.forces[k], held.slips[k], held.gaps[k], held.residual, retraction, scene_frame)
         )
 
+    def stay_on_nodes(self) -> None:
+        """Solve contact at the mesh's nodes, from rest: what fingers hold together is balanced there."""
+        self.on_points = False
+        self._told = (
+            Finding(
+                "info",
+                "contact-on-nodes",
+                "the finger holds something, which is balanced at the nodes of the skin's mesh",
+                self.name,
+                remedy="Keep what it touches to shapes that are flat or gently curved, or let the object not be held",
+            ),
+        )
+        self.bone = CompliantBone.of(self.skin, self._finger.parameters, self.name, self._tolerance)
+
     def save(self) -> Mapping[str, Any]:
         """Return the state between two samples, for `restore`: a sample may then be solved anew."""
         return {"bone": self.bone.save(), "far": self.far}
@@ -147,13 +169,24 @@ class SkinStepper:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What did not converge, what went too deep, and where a force limit was not kept."""
-        return self.bone.solver.findings + self.bone.findings
+        """What did not converge, what went too deep, where a force limit was not kept, and where contact is solved."""
+        return self._told + self.bone.solver.findings + self.bone.findings
 
     @property
     def counters(self) -> Mapping[str, int]:
         """How often what was done, see `PathSolver`."""
         return self.bone.solver.counters
+
+
+def _without_points(skin: SkinModel, name: str) -> Finding:
+    """Return that contact is solved at the mesh's nodes although points of the smooth skin were asked for."""
+    what = "contact is solved at the nodes of the skin's mesh, which edges and small things slip between"
+    if skin.shape is None:
+        why, remedy = "a mesh of one's own has no smooth skin", "Use a finer mesh, or a fingertip of lengths"
+    else:
+        why = "these lengths, or this Poisson's ratio, have no table of the smooth skin yet"
+        remedy = "Let Blender make it, which takes some 20 s once, or use a preset's lengths"
+    return Finding("warning", "contact-on-nodes", what, name, why, remedy=remedy)
 
 
 def _skin_step(bone: BoneStep) -> SkinStep:

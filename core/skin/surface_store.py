@@ -10,9 +10,11 @@ from typing import Any
 
 from ..cache import Cache, cache_key
 from ..errors import DermisError
+from ..recent import Recent
+from ..shipped import BUILT_IN
 from .fingertip import fingertip_mesh
 from .material import Elastic
-from .model import condensed_pad, shape_and_material
+from .model import SkinModel, condensed_pad, shape_and_material
 from .pad_chart import PadChart
 from .remainder import STEPS, Remainder, fit_remainder
 from .shape import FingertipShape
@@ -20,6 +22,9 @@ from .surface_compliance import SurfaceCompliance
 
 REMAINDER_VERSION = 1  # part of every key: raise it whenever mesh, kernel or fit changes
 QUICK, FINEST = "fine", "reference"  # meshes: for any shape in a worker, and for those that ship
+SHIPPED = BUILT_IN / "skins"
+
+_pads: Recent[str, SurfaceCompliance] = Recent(4)
 
 
 def remainder_key(shape: FingertipShape, poisson: float) -> str:
@@ -67,6 +72,26 @@ def make_remainder(
     if cache is not None:
         cache.put(remainder_key(shape, poisson), made.write)
     return made
+
+
+def smooth_pad(skin: SkinModel) -> SurfaceCompliance | None:
+    """Return the smooth pad of a skin; fingers of one shape share its tables, whatever their stiffness and mesh.
+
+    None where the skin is a mesh of one's own, which has no smooth pad, or where its remainder has not been made yet:
+    it ships for the presets' lengths, and is looked for in the skin's cache for others.
+    """
+    if skin.shape is None:
+        return None
+    material = skin.material
+    key = remainder_key(skin.shape, material.poisson)
+    known = _pads.get(key)
+    if known is None:
+        remainder = find_remainder(skin.shape, material.poisson, shipped=SHIPPED, cache=skin.cache)
+        if remainder is None:
+            return None
+        known = SurfaceCompliance(PadChart.of(skin.shape), material, remainder)
+    pad = _pads.make(key, lambda: known)
+    return pad.with_material(young=material.young, alpha=material.alpha)
 
 
 def surface_compliance(

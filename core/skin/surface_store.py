@@ -28,8 +28,14 @@ _pads: Recent[str, SurfaceCompliance] = Recent(4)
 
 
 def remainder_key(shape: FingertipShape, poisson: float) -> str:
-    """Return the key of a remainder: it depends on the shape and on Poisson's ratio, and on nothing else."""
-    return cache_key(f"dermis-remainder {REMAINDER_VERSION}", json.dumps(asdict(shape), sort_keys=True), repr(poisson))
+    """Return the key of a remainder: it depends on the shape and on Poisson's ratio, and on nothing else.
+
+    To a nanometre: a length that was read in millimetres, or typed into a window, is the same length.
+    """
+    lengths = {name: round(length, 9) for name, length in asdict(shape).items()}
+    return cache_key(
+        f"dermis-remainder {REMAINDER_VERSION}", json.dumps(lengths, sort_keys=True), repr(round(poisson, 6))
+    )
 
 
 def shipped_name(shape: FingertipShape, poisson: float) -> str:

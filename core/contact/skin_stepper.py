@@ -12,11 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import Finding
 from ..parameters.skin import SKIN_CONTACT
 from ..scene.tactile_scene import Finger
 from ..skin.model import SkinModel
-from ..skin.surface_store import smooth_pad
+from ..skin.point_forces import PointForces
+from ..skin.surface_store import no_smooth_pad, smooth_pad
 from .compliant_bone import BoneStep, CompliantBone
 from .posed_scene import PosedScene
 from .proximity import Proximity
@@ -25,6 +27,7 @@ from .skin_contact import SkinStep
 from .solver.bodies import AWAY, ContactBody
 from .solver.cone import SLIP, STICK
 from .solver.grip import GripStep
+from .solver.point_path import PointSolver
 
 
 class SkinStepper:
@@ -39,7 +42,6 @@ class SkinStepper:
 
     Attributes:
         far: pairs of a body and a sample that the broad phase skipped.
-        on_points: whether contact is solved on points of the smooth skin.
 
     Raises:
         DermisError: a touch depth that is unknown, or a spring or force limit that is not above zero.
@@ -51,10 +53,9 @@ class SkinStepper:
         self.skin, self.index, self.name = skin, index, f"finger '{finger.name}'"
         self._finger, self._tolerance = finger, tolerance
         wanted = SKIN_CONTACT["contact"].of(finger.parameters, self.name) == "points"
-        surface = smooth_pad(skin) if wanted else None
-        self.on_points = surface is not None
-        self._told = (_without_points(skin, self.name),) if wanted and surface is None else ()
-        self.bone = CompliantBone.of(skin, finger.parameters, self.name, tolerance, surface)
+        self._surface = smooth_pad(skin) if wanted else None
+        self._told = (no_smooth_pad(skin, self.name),) if wanted and self._surface is None else ()
+        self.bone = CompliantBone.of(skin, finger.parameters, self.name, tolerance, self._surface)
         self.far = 0
         self._scene = scene
         self._low, self._high = skin.positions.min(axis=0), skin.positions.max(axis=0)
@@ -88,7 +89,8 @@ class SkinStepper:
         if all(body.away for body in bodies):
             return self.idle()
         frame = float(self._scene.chunk.frames[i])
-        return _skin_step(self.bone.step(bodies, frame, lambda: self._before(i)))
+        bone = self.bone.step(bodies, frame, lambda: self._before(i))
+        return _skin_step(bone, self._points(bone.step.solution.force))
 
     def idle(self, count: int = 1) -> SkinStep:
         """Take samples in which nothing is near; history ends there."""
@@ -144,9 +146,22 @@ class SkinStepper:
             self.bone.adopt(held.forces[k], held.slips[k], held.gaps[k], held.residual, retraction, scene_frame)
         )
 
+    @property
+    def on_points(self) -> bool:
+        """Whether contact is solved on points of the smooth skin."""
+        return self._surface is not None
+
+    def _points(self, force: Array) -> PointForces | None:
+        """Return where the forces of the last sample act; None on nodes, or where there are none."""
+        solver = self.bone.solver
+        if not isinstance(solver, PointSolver) or self._surface is None or not force.any():
+            return None
+        loaded = np.flatnonzero(force.any(axis=1))
+        return PointForces(self._surface, solver.cells[loaded], force[loaded])
+
     def stay_on_nodes(self) -> None:
         """Solve contact at the mesh's nodes, from rest: what fingers hold together is balanced there."""
-        self.on_points = False
+        self._surface = None
         self._told = (
             Finding(
                 "info",
@@ -178,18 +193,7 @@ class SkinStepper:
         return self.bone.solver.counters
 
 
-def _without_points(skin: SkinModel, name: str) -> Finding:
-    """Return that contact is solved at the mesh's nodes although points of the smooth skin were asked for."""
-    what = "contact is solved at the nodes of the skin's mesh, which edges and small things slip between"
-    if skin.shape is None:
-        why, remedy = "a mesh of one's own has no smooth skin", "Use a finer mesh, or a fingertip of lengths"
-    else:
-        why = "these lengths, or this Poisson's ratio, have no table of the smooth skin yet"
-        remedy = "Let Blender make it, which takes some 20 s once, or use a preset's lengths"
-    return Finding("warning", "contact-on-nodes", what, name, why, remedy=remedy)
-
-
-def _skin_step(bone: BoneStep) -> SkinStep:
+def _skin_step(bone: BoneStep, points: PointForces | None = None) -> SkinStep:
     """Sum up a sample of the solver."""
     solution, work = bone.step.solution, bone.step.work
     if not solution.force.any():
@@ -206,4 +210,5 @@ def _skin_step(bone: BoneStep) -> SkinStep:
         int((solution.status == SLIP).sum()),
         work,
         bool(solution.converged),
+        points,
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..cache import Cache, cache_key
-from ..errors import DermisError
+from ..errors import DermisError, Finding
 from ..recent import Recent
 from ..shipped import BUILT_IN
 from .fingertip import fingertip_mesh
@@ -98,6 +98,17 @@ def smooth_pad(skin: SkinModel) -> SurfaceCompliance | None:
         known = SurfaceCompliance(PadChart.of(skin.shape), material, remainder)
     pad = _pads.make(key, lambda: known)
     return pad.with_material(young=material.young, alpha=material.alpha)
+
+
+def no_smooth_pad(skin: SkinModel, name: str) -> Finding:
+    """Return why contact is solved at the nodes of a skin whose `smooth_pad` is None. The name is the finger's."""
+    what = "contact is solved at the nodes of the skin's mesh, which edges and small things slip between"
+    if skin.shape is None:
+        why, remedy = "a mesh of one's own has no smooth skin", "Use a finer mesh, or a fingertip of lengths"
+    else:
+        why = "these lengths, or this Poisson's ratio, have no table of the smooth skin yet"
+        remedy = "Let Blender make it, which takes some 20 s once, or use a preset's lengths"
+    return Finding("warning", "contact-on-nodes", what, name, why, remedy=remedy)
 
 
 def surface_compliance(

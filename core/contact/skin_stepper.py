@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array
 from ..errors import Finding
 from ..parameters.skin import SKIN_CONTACT
 from ..scene.tactile_scene import Finger
 from ..skin.model import SkinModel
 from ..skin.point_forces import PointForces
 from ..skin.surface_store import no_smooth_pad, smooth_pad
+from .coarse_touches import CoarseTouches
 from .compliant_bone import BoneStep, CompliantBone
 from .posed_scene import PosedScene
 from .proximity import Proximity
@@ -28,6 +28,9 @@ from .solver.bodies import AWAY, ContactBody
 from .solver.cone import SLIP, STICK
 from .solver.grip import GripStep
 from .solver.point_path import PointSolver
+
+# What touches the smooth skin may be this far from the points that tell whether anything does [m].
+BETWEEN = 0.6e-3
 
 
 class SkinStepper:
@@ -56,11 +59,13 @@ class SkinStepper:
         self._surface = smooth_pad(skin) if wanted else None
         self._told = (no_smooth_pad(skin, self.name),) if wanted and self._surface is None else ()
         self.bone = CompliantBone.of(skin, finger.parameters, self.name, tolerance, self._surface)
+        self._coarse = None if self.on_points else CoarseTouches(skin.mesh, self.name)
         self.far = 0
         self._scene = scene
         self._low, self._high = skin.positions.min(axis=0), skin.positions.max(axis=0)
         self._order: list[int] = []  # bodies it has ever been near; only ever grows
-        self._proximity = Proximity(skin.positions, self.bone.solver.bone)
+        pad = skin.positions if self._surface is None else self._surface.cells.positions[self._surface.chart.base]
+        self._proximity = Proximity(pad, self.bone.solver.bone)
 
     def approach(self) -> Approach:
         """Find the bodies whose boxes come within reach of the fingertip's in the chunk, and in which samples.
@@ -89,25 +94,27 @@ class SkinStepper:
         if all(body.away for body in bodies):
             return self.idle()
         frame = float(self._scene.chunk.frames[i])
-        bone = self.bone.step(bodies, frame, lambda: self._before(i))
-        return _skin_step(bone, self._points(bone.step.solution.force))
+        return self._taken(self.bone.step(bodies, frame, lambda: self._before(i)), frame)
 
     def idle(self, count: int = 1) -> SkinStep:
         """Take samples in which nothing is near; history ends there."""
         self.bone.idle(count)
+        if self._coarse is not None:
+            self._coarse.end()
         return SkinStep(np.zeros((self.skin.pad_count, 3)))
 
     def around(self, approach: Approach, i: int, *, untouched: bool = False) -> list[ContactBody]:
         """Return the bodies that the finger has ever been near at a sample, in an order that never changes.
 
         Those that it cannot touch are away: without load the undeformed skin is the skin, and nothing is felt before
-        its gap is closed; else by how far skin may bulge out.
+        its gap is closed; else by how far skin may bulge out. Between the points that are asked something small may touch.
 
         Args:
             untouched: return these too.
         """
         close, loaded = approach.close(i), self.bone.solver.loaded_bodies
-        search_radius = self.bone.solver.bulge if loaded else 0.0
+        between = BETWEEN if self.on_points else 0.0
+        search_radius = max(self.bone.solver.bulge, between) if loaded else between
         return [
             self._body(approach, i, b, search_radius, known=untouched or k in loaded) if b in close else AWAY
             for k, b in enumerate(self._order)
@@ -142,26 +149,27 @@ class SkinStepper:
         Args:
             held: the answer, in which this finger is number `k`. retraction: of its bone [m].
         """
-        return _skin_step(
-            self.bone.adopt(held.forces[k], held.slips[k], held.gaps[k], held.residual, retraction, scene_frame)
-        )
+        bone = self.bone.adopt(held.forces[k], held.slips[k], held.gaps[k], held.residual, retraction, scene_frame)
+        return self._taken(bone, scene_frame)
 
     @property
     def on_points(self) -> bool:
         """Whether contact is solved on points of the smooth skin."""
         return self._surface is not None
 
-    def _points(self, force: Array) -> PointForces | None:
-        """Return where the forces of the last sample act; None on nodes, or where there are none."""
-        solver = self.bone.solver
-        if not isinstance(solver, PointSolver) or self._surface is None or not force.any():
-            return None
-        loaded = np.flatnonzero(force.any(axis=1))
-        return PointForces(self._surface, solver.cells[loaded], force[loaded])
+    def _taken(self, bone: BoneStep, frame: float) -> SkinStep:
+        """Sum up a sample that was solved."""
+        solution, solver = bone.step.solution, self.bone.solver
+        if self._coarse is not None:
+            self._coarse.take(solution, frame)
+        if self._surface is None or not isinstance(solver, PointSolver) or not solution.force.any():
+            return _skin_step(bone)
+        loaded = np.flatnonzero(solution.force.any(axis=1))
+        return _skin_step(bone, PointForces(self._surface, solver.cells[loaded], solution.force[loaded]))
 
     def stay_on_nodes(self) -> None:
         """Solve contact at the mesh's nodes, from rest: what fingers hold together is balanced there."""
-        self._surface = None
+        self._surface, self._coarse = None, CoarseTouches(self.skin.mesh, self.name)
         self._told = (
             Finding(
                 "info",
@@ -175,17 +183,21 @@ class SkinStepper:
 
     def save(self) -> Mapping[str, Any]:
         """Return the state between two samples, for `restore`: a sample may then be solved anew."""
-        return {"bone": self.bone.save(), "far": self.far}
+        coarse = None if self._coarse is None else self._coarse.save()
+        return {"bone": self.bone.save(), "far": self.far, "coarse": coarse}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved state."""
         self.bone.restore(state["bone"])
         self.far = state["far"]
+        if self._coarse is not None:
+            self._coarse.restore(state["coarse"])
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What did not converge, what went too deep, where a force limit was not kept, and where contact is solved."""
-        return self._told + self.bone.solver.findings + self.bone.findings
+        """What did not converge or went too deep, where a force limit was not kept, and how fine contact is solved."""
+        coarse = () if self._coarse is None else self._coarse.findings
+        return self._told + self.bone.solver.findings + self.bone.findings + coarse
 
     @property
     def counters(self) -> Mapping[str, int]:

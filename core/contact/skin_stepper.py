@@ -107,7 +107,8 @@ class SkinStepper:
         """Return the bodies that the finger has ever been near at a sample, in an order that never changes.
 
         Those that it cannot touch are away: without load the undeformed skin is the skin, and nothing is felt before
-        its gap is closed; else by how far skin may bulge out. Between the points that are asked something small may touch.
+        its gap is closed; else by how far skin may bulge out. Something small may touch between the points of a
+        smooth skin that are asked.
 
         Args:
             untouched: return these too.

@@ -97,13 +97,16 @@ def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn
         zero = np.zeros(len(surface.rest))
         lifted = surface.rest + (0.0, 0.0, state.lift)
         return Drawn(surface, lifted, surface.at_rest, zero, 0.0, 0.0, surface.middle, np.zeros(2))
-    stimulus = core.skin.stimulus.Stimulus(state.model, state.force)
+    stimulus = core.skin.stimulus.Stimulus(state.model, state.force, state.points)
     if state.model.pad_count <= SMALL and quantity != "energy":
         moved, stress = _by_shortcut(own, state.model, state.force)
     else:
         moved = stimulus.displacement[surface.nodes]
         stressed = quantity == "von_mises" or quantity in SIGNED
         stress = own.averaging @ stimulus.stress if stressed else np.zeros((len(moved), 6))
+    if state.points is not None and (quantity == "von_mises" or quantity in SIGNED):
+        depth = core.skin.stress.RECEPTOR_DEPTHS[0]
+        stress[own.pad_rows] = state.points.stress_below(state.model.positions, np.full(state.model.pad_count, depth))
     nodal = _nodal(own, stimulus, quantity, moved, stress)
     positions, normals, values = surface.deformed(own.points, exaggeration * moved, nodal)
     positions[:, 2] += state.lift

@@ -85,7 +85,7 @@ def get(
         if key in _failed:
             raise _failed.pop(key)
         if level in SLOW and not wait and not bpy.app.background and not _finished(key):
-            _begin(key, "skin", {"skin": dict(skin), "level": level})
+            _begin(key, skin, level)
             return None
     model = _models.make(
         key, lambda: core.skin.model.skin_from_parameters(skin, level=level, cache=cache(), where=where)
@@ -118,7 +118,7 @@ def make_pad(skin: Mapping[str, float]) -> float | None:
     if key in _failed:
         return None
     if not _finished(key):
-        _begin(key, PAD, {"skin": dict(skin)})
+        _begin(key, skin, PAD)
     return _progress[key]
 
 
@@ -168,12 +168,14 @@ def _finished(key: str) -> bool:
     return _progress.get(key) == 1.0 and key not in _making
 
 
-def _begin(key: str, job: str, parameters: Mapping[str, Any]) -> None:
+def _begin(key: str, skin: Mapping[str, float], level: str) -> None:
     """Let a child process put something into the cache, and look after it now and then."""
     if key in _making:
         return
     executor = core.work.processes.ProcessExecutor()
-    _making[key] = executor.submit(job, {}, {**parameters, "folder": str(cache().folder), "limit": LIMIT_BYTES})
+    parameters = {"skin": dict(skin), "folder": str(cache().folder), "limit": LIMIT_BYTES}
+    job, more = (PAD, {}) if level == PAD else ("skin", {"level": level})
+    _making[key] = executor.submit(job, {}, parameters | more)
     executor.shutdown(wait=False)  # its process ends with the job
     _progress[key] = 0.0
     if not bpy.app.timers.is_registered(_tick):

@@ -206,7 +206,8 @@ def press(
     doubtful += [replace(finding, frame=None) for finding in solver.findings]  # frames are of scenes
     solution, points = step.solution, None
     if pad is not None and isinstance(solver, PointSolver):
-        points = PointForces(pad, solver.cells, solution.force)
+        loaded = np.flatnonzero(solution.force.any(axis=1))
+        points = PointForces(pad, solver.cells[loaded], solution.force[loaded])
     return Touch(skin, step.nodal, points, depth, solution.residual, solution.iterations, tuple(doubtful))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from core.cache import Cache
+from core.contact.pad_sampler import PadSampler
 from core.contact.posed_scene import PosedScene
 from core.contact.skin_contact import SkinContact
 from core.contact.skin_sampler import SkinSampler
@@ -188,6 +189,29 @@ def test_fingers_that_hold_are_balanced_on_nodes_and_say_so(skin: SkinModel) -> 
     told = [f for touch in held.values() for f in touch.findings if f.code == "contact-on-nodes"]
     assert len(told) == 2 and told[0].severity == "info" and "holds something" in told[0].what
     assert np.abs(on_block(held, fingers, CLOSED + 2)).sum() > 0.0
+
+
+def test_a_finger_that_touches_something_else_stays_on_points_while_others_hold(skin: SkinModel) -> None:
+    block_path, fingers = carried(np.zeros((COUNT, 3)))
+    third = np.tile(np.eye(4), (COUNT, 1, 1))
+    third[:, :3, 3] = [0.05, 0.0, float(PLATE.vertices[:, 2].max()) - 0.5e-3]
+    scene = make(0.03)
+    plate = Body("plate", PLATE, {})
+    asked = replace(
+        scene,
+        fingers=tuple(Finger(name, (), POINTS) for name in ("index", "thumb", "other")),
+        bodies=(*scene.bodies, plate),
+    )
+    there = np.tile(np.eye(4), (COUNT, 1, 1))
+    there[:, 0, 3] = 0.05
+    pads, sampler = PadSampler(asked), SkinSampler(asked, dict.fromkeys(range(3), skin))
+    poses = np.stack([*fingers, third]), np.stack([block_path, there]), np.zeros((0, COUNT, 4, 4))
+    sampler.add(pads.add(Chunk(1 + np.arange(COUNT) / 10, np.arange(COUNT) / RATE, *poses, {}, {})))
+    found = sampler.finish(pads.finish())
+    assert found[2].points is not None and found[2].normal_force[-1] > 0.1
+    assert found[0].points is None and found[1].points is None
+    wanted, _ = run(scene, {0: skin, 1: skin}, block_path, fingers)
+    assert found[0].force.tobytes() == wanted[0].force.tobytes()
 
 
 def test_fingers_that_could_hold_and_do_not_are_on_points(skin: SkinModel) -> None:

@@ -194,14 +194,15 @@ def press(
     body = ContactBody(surface, rotation, np.array([*origin, 0.0]), friction=friction)
     SKIN_CONTACT["contact"].check(contact, "press")
     doubtful = [f for f in surface.findings("surface") if f.severity != "info"]
-    solver: PathSolver
     pad = smooth_pad(skin) if contact == "points" else None
-    if pad is not None:
-        solver = PointSolver(pad, NodalForces(skin.mesh, pad.chart), name="press")
-    else:
-        solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas, name="press")
-        doubtful += [no_smooth_pad(skin, "press")] if contact == "points" else []
+    if contact == "points" and pad is None:
+        doubtful.append(no_smooth_pad(skin, "press"))
     with one_thread():
+        solver: PathSolver
+        if pad is None:
+            solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas, name="press")
+        else:
+            solver = PointSolver(pad, NodalForces(skin.mesh, pad.chart), name="press")
         step = _pressed(solver, body, depth, along)
     doubtful += [replace(finding, frame=None) for finding in solver.findings]  # frames are of scenes
     solution, points = step.solution, None

@@ -29,9 +29,6 @@ from .solver.cone import SLIP, STICK
 from .solver.grip import GripStep
 from .solver.point_path import PointSolver
 
-# What touches the smooth skin may be this far from the points that tell whether anything does [m].
-BETWEEN = 0.6e-3
-
 
 class SkinStepper:
     """One finger's contact with the bodies of a scene.
@@ -64,8 +61,9 @@ class SkinStepper:
         self._scene = scene
         self._low, self._high = skin.positions.min(axis=0), skin.positions.max(axis=0)
         self._order: list[int] = []  # bodies it has ever been near; only ever grows
-        pad = skin.positions if self._surface is None else self._surface.cells.positions[self._surface.chart.base]
-        self._proximity = Proximity(pad, self.bone.solver.bone)
+        self._proximity = Proximity(skin.positions, self.bone.solver.bone)
+        # what touches the smooth skin may be as far from the nodes, which tell whether anything does [m]
+        self._between = float(np.sqrt(skin.areas.max()))
 
     def approach(self) -> Approach:
         """Find the bodies whose boxes come within reach of the fingertip's in the chunk, and in which samples.
@@ -107,14 +105,14 @@ class SkinStepper:
         """Return the bodies that the finger has ever been near at a sample, in an order that never changes.
 
         Those that it cannot touch are away: without load the undeformed skin is the skin, and nothing is felt before
-        its gap is closed; else by how far skin may bulge out. Something small may touch between the points of a
-        smooth skin that are asked.
+        its gap is closed; else by how far skin may bulge out. A smooth skin may be touched
+        between the nodes that are asked.
 
         Args:
             untouched: return these too.
         """
         close, loaded = approach.close(i), self.bone.solver.loaded_bodies
-        between = BETWEEN if self.on_points else 0.0
+        between = self._between if self.on_points else 0.0
         search_radius = max(self.bone.solver.bulge, between) if loaded else between
         return [
             self._body(approach, i, b, search_radius, known=untouched or k in loaded) if b in close else AWAY

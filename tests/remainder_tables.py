@@ -9,7 +9,8 @@ import sys
 import time
 from pathlib import Path
 
-from core.presets import BUILT_IN, Library
+from core.presets import Library
+from core.shipped import BUILT_IN
 from core.skin.model import shape_and_material
 from core.skin.surface_store import FINEST, make_remainder, shipped_name
 from core.steps import drain

@@ -6,7 +6,7 @@ only where the skin of every finger that holds it is simulated: what an unseen f
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,16 +26,24 @@ from .solver.grip_solver import GripSolver, GripStep, HoldContext, HoldingFinger
 KINK, TURNING_KINK = 1e-3, 0.02
 
 
-def may_be_held(scene: TactileScene, b: int, chunk: Chunk) -> bool:
-    """Return, from the header and one chunk, whether a body could be held there: it says a mass and how it is held."""
+def can_be_held(scene: TactileScene, b: int, animated: Collection[str]) -> bool:
+    """Return whether a body could ever be held: it says a mass, constant or animated, and a way to be held."""
     given = scene.bodies[b].parameters
-    if "mass" not in given and f"body/{b}/mass" not in chunk.animated:
+    if "mass" not in given and f"body/{b}/mass" not in animated:
         return False  # contents that say no mass weigh alike; what says none is not held
     mode = BODY["held_mode"].of(given, f"object '{scene.bodies[b].name}'")
-    if mode == "keyed":
+    return mode == "keyed" or (mode == "auto" and len(scene.fingers) > 1)
+
+
+def may_be_held(scene: TactileScene, b: int, chunk: Chunk) -> bool:
+    """Return, from the header and one chunk, whether a body could be held there."""
+    if not can_be_held(scene, b, chunk.animated):
+        return False
+    given = scene.bodies[b].parameters
+    if BODY["held_mode"].of(given) == "keyed":
         switch = chunk.animated.get(f"body/{b}/held")
         return bool(given.get("held", BODY["held"].absent) if switch is None else (switch > 0.5).any())
-    return mode == "auto" and len(scene.fingers) > 1
+    return True
 
 
 class HeldBody:

@@ -48,6 +48,7 @@ class SkinModel:
             shape (3 m, 3 m).
         key: what the model depends on besides E and alpha, 64 hexadecimal digits.
         cache: where larger tables go, or None.
+        shape: the fingertip that was meshed, whose skin is smooth; None for any other mesh.
     """
 
     mesh: TetraMesh
@@ -56,6 +57,7 @@ class SkinModel:
     unit_compliance: Array
     key: str
     cache: Cache | None = None
+    shape: FingertipShape | None = None
 
     def __repr__(self) -> str:
         size = f"{len(self.mesh.nodes)} nodes, {self.pad_count} on the pad"
@@ -255,7 +257,8 @@ def fingertip_skin(
     if level not in LEVELS:
         raise DermisError("unknown accuracy", where="skin", value=level, limit=", ".join(LEVELS))
     what = json.dumps({"shape": asdict(shape), "level": asdict(LEVELS[level])}, sort_keys=True)
-    return _cached(what, "fingertip", lambda: fingertip_mesh(shape, level), material, element, cache)
+    made = _cached(what, "fingertip", lambda: fingertip_mesh(shape, level), material, element, cache)
+    return replace(made, shape=shape)
 
 
 def mesh_skin(

@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from ..cache import Cache, cache_key
-from ..errors import DermisError
+from ..errors import DermisError, Finding
+from ..recent import Recent
+from ..shipped import BUILT_IN
 from .fingertip import fingertip_mesh
 from .material import Elastic
-from .model import condensed_pad, shape_and_material
+from .model import SkinModel, condensed_pad, shape_and_material
 from .pad_chart import PadChart
 from .remainder import STEPS, Remainder, fit_remainder
 from .shape import FingertipShape
@@ -20,11 +22,20 @@ from .surface_compliance import SurfaceCompliance
 
 REMAINDER_VERSION = 1  # part of every key: raise it whenever mesh, kernel or fit changes
 QUICK, FINEST = "fine", "reference"  # meshes: for any shape in a worker, and for those that ship
+SHIPPED = BUILT_IN / "skins"
+
+_pads: Recent[str, SurfaceCompliance] = Recent(4)
 
 
 def remainder_key(shape: FingertipShape, poisson: float) -> str:
-    """Return the key of a remainder: it depends on the shape and on Poisson's ratio, and on nothing else."""
-    return cache_key(f"dermis-remainder {REMAINDER_VERSION}", json.dumps(asdict(shape), sort_keys=True), repr(poisson))
+    """Return the key of a remainder: it depends on the shape and on Poisson's ratio, and on nothing else.
+
+    To a nanometre: a length that was read in millimetres, or typed into a window, is the same length.
+    """
+    lengths = {name: round(length, 9) for name, length in asdict(shape).items()}
+    return cache_key(
+        f"dermis-remainder {REMAINDER_VERSION}", json.dumps(lengths, sort_keys=True), repr(round(poisson, 6))
+    )
 
 
 def shipped_name(shape: FingertipShape, poisson: float) -> str:
@@ -67,6 +78,37 @@ def make_remainder(
     if cache is not None:
         cache.put(remainder_key(shape, poisson), made.write)
     return made
+
+
+def smooth_pad(skin: SkinModel) -> SurfaceCompliance | None:
+    """Return the smooth pad of a skin; fingers of one shape share its tables, whatever their stiffness and mesh.
+
+    None where the skin is a mesh of one's own, which has no smooth pad, or where its remainder has not been made yet:
+    it ships for the presets' lengths, and is looked for in the skin's cache for others.
+    """
+    if skin.shape is None:
+        return None
+    material = skin.material
+    key = remainder_key(skin.shape, material.poisson)
+    known = _pads.get(key)
+    if known is None:
+        remainder = find_remainder(skin.shape, material.poisson, shipped=SHIPPED, cache=skin.cache)
+        if remainder is None:
+            return None
+        known = SurfaceCompliance(PadChart.of(skin.shape), material, remainder)
+    pad = _pads.make(key, lambda: known)
+    return pad.with_material(young=material.young, alpha=material.alpha)
+
+
+def no_smooth_pad(skin: SkinModel, name: str) -> Finding:
+    """Return why contact is solved at the nodes of a skin whose `smooth_pad` is None. The name is the finger's."""
+    what = "contact is solved at the nodes of the skin's mesh, which edges and small things slip between"
+    if skin.shape is None:
+        why, remedy = "a mesh of one's own has no smooth skin", "Use a finer mesh, or a fingertip of lengths"
+    else:
+        why = "these lengths, or this Poisson's ratio, have no table of the smooth skin yet"
+        remedy = "Let Blender make it, which takes some 20 s once, or use a preset's lengths"
+    return Finding("warning", "contact-on-nodes", what, name, why, remedy=remedy)
 
 
 def surface_compliance(

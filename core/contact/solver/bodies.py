@@ -288,6 +288,8 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _boxes_meet(points: Array, box: Array, search_radius: float) -> bool:
+    if not len(points):
+        return False
     return bool(
         (points.max(axis=0) + search_radius >= box[0]).all() and (points.min(axis=0) - search_radius <= box[1]).all()
     )

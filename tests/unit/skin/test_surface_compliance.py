@@ -13,7 +13,8 @@ pytest.importorskip("scipy")
 
 from core.cache import Cache
 from core.errors import DermisError
-from core.presets import BUILT_IN, Library
+from core.presets import Library
+from core.shipped import BUILT_IN
 from core.skin.assembly import degrees, stiffness
 from core.skin.fingertip import fingertip_mesh
 from core.skin.half_space import surface_kernel

@@ -15,7 +15,8 @@ from core.contact.solver.point_history import succession
 from core.contact.solver.point_matrix import PointMatrix
 from core.contact.solver.point_path import PointSolver
 from core.contact.solver.sub_steps import SubStepper
-from core.presets import BUILT_IN, Library
+from core.presets import Library
+from core.shipped import BUILT_IN
 from core.skin.fingertip import fingertip_mesh
 from core.skin.model import shape_and_material
 from core.skin.nodal_forces import NodalForces

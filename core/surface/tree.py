@@ -30,7 +30,7 @@ LONG = 3.0
 ROUNDED_SQUARE, ROUNDED, ROUNDED_PRODUCT = np.float32(4e-6), 2e-6, 3e-6
 # Points are measured at once to so many groups about their place, all in all; the place reaches beyond them by so much
 # of its size; so many places are remembered.
-AT_ONCE, AROUND, PLACES = 50_000, 0.1, 8
+AT_ONCE, AROUND, PLACES = 100_000, 0.1, 8
 
 _GROUPS: weakref.WeakKeyDictionary[Topology, Indices] = weakref.WeakKeyDictionary()
 

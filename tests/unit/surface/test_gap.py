@@ -341,6 +341,27 @@ def test_the_closest_is_that_of_all_triangles_bit_for_bit(kind, search_radius):
         assert abs(gap) == pytest.approx(np.sqrt(square[best]), rel=1e-9, abs=1e-14)
 
 
+@pytest.mark.parametrize("search_radius", [0.002, np.inf])
+@pytest.mark.parametrize("kind", ["sphere", "fine", "far", "needles", "bowl", "sheet", "soup"])
+def test_what_is_remembered_of_a_place_changes_nothing(kind, search_radius):
+    """Groups of triangles about the points are kept; a fresh surface answers the same, bit for bit."""
+    rng = np.random.default_rng(5)
+    vertices, triangles = meshes(kind)
+    surface, place = Surface.build(vertices, triangles), vertices.mean(axis=0)
+    for k in range(16):
+        place = place + rng.normal(size=3) * (0.02 if k % 5 == 4 else 2e-4)
+        direction = rng.normal(size=([80, 300][k % 2], 3))
+        far = rng.uniform(0.006, 0.013, len(direction))
+        points = place + direction / np.linalg.norm(direction, axis=1)[:, None] * far[:, None]
+        kept, fresh = (
+            surface.query(points, search_radius),
+            Surface.build(vertices, triangles).query(points, search_radius),
+        )
+        np.testing.assert_array_equal(kept.gap, fresh.gap)
+        np.testing.assert_array_equal(kept.triangle, fresh.triangle)
+        np.testing.assert_array_equal(kept.normal, fresh.normal)
+
+
 def test_another_shape_of_the_same_triangles_is_searched_as_well():
     """Groups of triangles are kept with the topology, also where other triangles have lost their area."""
     vertices, triangles = sphere(30, 40)

@@ -228,6 +228,6 @@ def test_what_turns_in_the_grip_is_still_carried_as_far_as_friction_can(skin, st
     """Gripped near its end it would hold its weight, but not the moment of it."""
     block, fingers = carried(STILL, aside=8e-3, squeeze=0.5e-3)
     felt, _ = run(make(0.02), {0: skin, 1: skin}, block, fingers)
-    assert codes(felt) == ["slips"] and not steps[-1].holds
+    assert "slips" in codes(felt) and not steps[-1].holds
     assert np.abs(steps[-1].on_object[3:]).max() > 1e-4 and steps[-1].on_object[1] > 0.05
     obeys_coulomb(steps)

@@ -38,7 +38,7 @@ def test_devices_follow_points_as_they_follow_nodes(device: str) -> None:
         mine, theirs = (o.signals["normal_force"] for o in (one, other))
     else:
         mine, theirs = (np.stack([o.track.column(c.name) for c in o.track.channels]) for o in (one, other))
-    assert np.linalg.norm(theirs) > 0.0 and np.linalg.norm(mine - theirs) <= 0.12 * np.linalg.norm(theirs)
+    assert np.linalg.norm(theirs) > 0.0 and np.linalg.norm(mine - theirs) <= 0.2 * np.linalg.norm(theirs)
     assert on_points.content_hash != on_nodes.content_hash
 
 

@@ -20,6 +20,7 @@ COUNT, RATE = 40, 240.0
 PLATE = Mesh(*block(0.06, 0.06, 0.01))
 BALL = Mesh(PLATE.vertices * 0.2, PLATE.triangles)
 SIZE = float(PLATE.vertices[:, 2].max())
+NODES = {"contact": "nodes"}
 SPRING = {"depth_mode": "compliant", "bone_stiffness": 1e5, "force_limit": 0.4}
 
 
@@ -63,7 +64,7 @@ HEADERS = (Body("plate", PLATE, {}), Body("ball", BALL, {"friction": 0.3, "surfa
 
 
 def baked(skin, whole, parameters, headers=HEADERS):
-    scene = TactileScene("s", Fraction(24), (1, 2), RATE, (Finger("f", (), parameters),), headers, (), ())
+    scene = TactileScene("s", Fraction(24), (1, 2), RATE, (Finger("f", (), NODES | parameters),), headers, (), ())
     sampler = SkinSampler(scene, {0: skin})
     sampler.add(whole)
     return sampler.finish()[0]
@@ -71,7 +72,7 @@ def baked(skin, whole, parameters, headers=HEADERS):
 
 def stepper_of(skin, parameters=None, deforms=(False, False)):
     posed = PosedScene(HEADERS, deforms)
-    return posed, SkinStepper(skin, 0, Finger("f", (), parameters or {}), posed)
+    return posed, SkinStepper(skin, 0, Finger("f", (), NODES | (parameters or {})), posed)
 
 
 def step(posed, stepper, given):

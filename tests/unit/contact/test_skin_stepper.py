@@ -132,7 +132,7 @@ def test_edited_headers_hold_from_the_next_sample_on(skin):
     whole = chunk()
     posed, stepper = stepper_of(skin)
     hard = step(posed, stepper, sample(whole, 20, (PLATE, BALL)))
-    again = SkinStepper(skin, 0, Finger("f"), posed)
+    again = SkinStepper(skin, 0, Finger("f", (), NODES), posed)
     soft = (replace(HEADERS[0], parameters={"surface_stiffness": 2e7}), HEADERS[1])
     posed.take(sample(whole, 20, (PLATE, BALL)), soft)
     assert 0.2 * hard.normal_force < again.step(again.approach(), 0).normal_force < 0.9 * hard.normal_force
@@ -177,7 +177,7 @@ def test_a_touch_that_begins_between_samples_comes_along_the_way(skin):
     assert np.abs(reference[:, 0]).max() > 0.01 * np.abs(reference).max()
     np.testing.assert_allclose(fast.force_at(3), reference, atol=0.03 * np.abs(reference).max())
     posed, sampler = PosedScene(body), None
-    sampler = SkinStepper(skin, 0, Finger("f", (), {}), posed)
+    sampler = SkinStepper(skin, 0, Finger("f", (), NODES), posed)
     for k in range(len(every)):
         posed.take(taken(every[k : k + 1]))
         one = sampler.step(sampler.approach(), 0)

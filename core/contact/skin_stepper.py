@@ -108,8 +108,8 @@ class SkinStepper:
         """Return the bodies that the finger has ever been near at a sample, in an order that never changes.
 
         Those that it cannot touch are away: without load the undeformed skin is the skin, and nothing is felt before
-        its gap is closed; else by how far skin may bulge out. A smooth skin may be touched
-        between the nodes that are asked.
+        its gap is closed; else by how far skin may bulge out. A smooth skin may be touched between the nodes that are
+        asked.
 
         Args:
             untouched: return these too.

@@ -60,7 +60,7 @@ def felt(skin, fingers, bodies, *, parameters=None, body=None, cuts=(), surfaces
         Fraction(24),
         (1, 2),
         RATE,
-        (Finger("f", (), parameters or {}),),
+        (Finger("f", (), {"contact": "nodes", **(parameters or {})}),),
         (*(other for other, _ in first), body),
         (),
         (),

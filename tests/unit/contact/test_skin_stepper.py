@@ -20,6 +20,7 @@ COUNT, RATE = 40, 240.0
 PLATE = Mesh(*block(0.06, 0.06, 0.01))
 BALL = Mesh(PLATE.vertices * 0.2, PLATE.triangles)
 SIZE = float(PLATE.vertices[:, 2].max())
+NODES = {"contact": "nodes"}
 SPRING = {"depth_mode": "compliant", "bone_stiffness": 1e5, "force_limit": 0.4}
 
 
@@ -63,7 +64,7 @@ HEADERS = (Body("plate", PLATE, {}), Body("ball", BALL, {"friction": 0.3, "surfa
 
 
 def baked(skin, whole, parameters, headers=HEADERS):
-    scene = TactileScene("s", Fraction(24), (1, 2), RATE, (Finger("f", (), parameters),), headers, (), ())
+    scene = TactileScene("s", Fraction(24), (1, 2), RATE, (Finger("f", (), NODES | parameters),), headers, (), ())
     sampler = SkinSampler(scene, {0: skin})
     sampler.add(whole)
     return sampler.finish()[0]
@@ -71,7 +72,7 @@ def baked(skin, whole, parameters, headers=HEADERS):
 
 def stepper_of(skin, parameters=None, deforms=(False, False)):
     posed = PosedScene(HEADERS, deforms)
-    return posed, SkinStepper(skin, 0, Finger("f", (), parameters or {}), posed)
+    return posed, SkinStepper(skin, 0, Finger("f", (), NODES | (parameters or {})), posed)
 
 
 def step(posed, stepper, given):
@@ -131,7 +132,7 @@ def test_edited_headers_hold_from_the_next_sample_on(skin):
     whole = chunk()
     posed, stepper = stepper_of(skin)
     hard = step(posed, stepper, sample(whole, 20, (PLATE, BALL)))
-    again = SkinStepper(skin, 0, Finger("f"), posed)
+    again = SkinStepper(skin, 0, Finger("f", (), NODES), posed)
     soft = (replace(HEADERS[0], parameters={"surface_stiffness": 2e7}), HEADERS[1])
     posed.take(sample(whole, 20, (PLATE, BALL)), soft)
     assert 0.2 * hard.normal_force < again.step(again.approach(), 0).normal_force < 0.9 * hard.normal_force
@@ -183,7 +184,7 @@ def test_a_touch_that_begins_between_samples_comes_along_the_way(skin):
     assert np.abs(reference[:, 0]).max() > 0.01 * np.abs(reference).max()
     np.testing.assert_allclose(fast.force_at(3), reference, atol=0.03 * np.abs(reference).max())
     posed, sampler = PosedScene(body), None
-    sampler = SkinStepper(skin, 0, Finger("f", (), {}), posed)
+    sampler = SkinStepper(skin, 0, Finger("f", (), NODES), posed)
     for k in range(len(every)):
         posed.take(taken(every[k : k + 1]))
         one = sampler.step(sampler.approach(), 0)

@@ -34,6 +34,8 @@ MAX_ROUNDS, MEASURED = 8, 3
 WEIGHT = 1.5
 # A displacement from one frame to the next that nobody expects of an object that is held [m], [rad].
 SUDDEN, TURNED = 1e-3, 0.05
+# It creeps off its animated path by no more than this [m], [rad].
+FAR, FAR_TURNED = 3e-3, 0.2
 
 
 class GripSolver:
@@ -145,7 +147,10 @@ class GripSolver:
         if self._loaded:
             self._note_move(self._shift - before[0], _vector(self._turn @ before[1].T), scene_frame)
         self._loaded = pressing
-        return self._finish(grips, found, contexts, required, pose)
+        strays = found.holds and self._strays(scene_frame)
+        if strays:
+            self._shift, self._turn = before
+        return self._finish(grips, found, contexts, required, pose, drawn=strays or not found.holds)
 
     # -- one frame -----------------------------------------------------------------------------------------------
 
@@ -228,8 +233,14 @@ class GripSolver:
         contexts: Sequence[HoldContext | None],
         required: Array,
         pose: Array,
+        *,
+        drawn: bool,
     ) -> GripStep:
-        """Sum the forces up and move the anchors to where the nodes are now."""
+        """Sum the forces up and move the anchors to where the nodes are now.
+
+        Args:
+            drawn: the object stays where it was, and its matter was drawn past the skin.
+        """
         on_object = np.zeros(6)
         forces, statuses, gaps, slips = [], [], [], []
         rotation, middle = self.placed(pose)
@@ -248,8 +259,8 @@ class GripSolver:
             # on the body's surface: what is pressed into a soft one lies on it all the same
             soft = grip.gaps.compliance(finger.areas, finger.name)
             on_body = self._deformed[i] + soft[:, None] * whole - gap[:, None] * moved.normal
-            # the matter of what slips was drawn along, so nothing sticks to where it was
-            sticks = (status == STICK) & (found.holds | (grip.gaps.body != grip.own))
+            # nothing sticks to where matter was that was drawn along
+            sticks = (status == STICK) & ((grip.gaps.body != grip.own) | (not drawn))
             grip.history.keep(moved, sticks, on_body, gap)
             forces.append(whole)
             statuses.append(status)
@@ -274,6 +285,20 @@ class GripSolver:
             code, what = "dropped", "nothing touches the held object"
         remedy = "Press harder, raise the friction, make it lighter, or key when it is held"
         self._notes.warn(code, what, frame, value=f"{self.mass:g} kg", remedy=remedy)
+
+    def _strays(self, frame: float) -> bool:
+        far, angle = float(np.linalg.norm(self._shift)), float(np.linalg.norm(_vector(self._turn)))
+        if far <= FAR and angle <= FAR_TURNED:
+            return False
+        self._notes.warn(
+            "creeps",
+            "the held object creeps off its animated path, and is kept near it",
+            frame,
+            value=f"{1e3 * far:.2g} mm, {np.degrees(angle):.2g} deg",
+            limit=f"<= {1e3 * FAR:g} mm, {np.degrees(FAR_TURNED):.2g} deg",
+            remedy="Press harder, raise the friction, or make it lighter",
+        )
+        return True
 
     def _note_move(self, shift: Array, turn: Array, frame: float) -> None:
         far, angle = float(np.linalg.norm(shift)), float(np.linalg.norm(turn))

@@ -180,6 +180,25 @@ def test_kinks_that_are_left_as_they_are_are_told(skin, steps):
     assert jumps(steps)[0] <= 4e-3
 
 
+def test_what_is_shaken_at_its_limit_creeps_and_is_kept_near_its_path(skin, steps):
+    count = 480
+    times = np.arange(count) / RATE
+    path = np.stack([6e-3 * np.sin(8 * np.pi * times), 0 * times, 0 * times], axis=1)
+    block, fingers = carried(path)
+    felt, _ = run(make(0.152), {0: skin, 1: skin}, block, fingers)
+    told = {f.code: f for f in felt[0].findings}
+    assert "creeps" in told and told["creeps"].frame > 5.0 and "deg" in told["creeps"].value
+    off = np.array([s.displacement for s in steps])
+    assert np.linalg.norm(off[:, :3], axis=1).max() <= 3e-3 and np.linalg.norm(off[:, 3:], axis=1).max() <= 0.2
+    assert np.linalg.norm(off[-1, :3]) > 1e-3
+    held = [s for s in steps if s.holds]
+    assert len(held) > 0.8 * count
+    for step in held:
+        assert np.linalg.norm((step.on_object - step.required)[:3]) <= 3e-4 * np.linalg.norm(step.required[:3])
+        assert np.abs((step.on_object - step.required)[3:]).max() <= 1e-5
+    obeys_coulomb(steps)
+
+
 def test_a_pendulum_pulls_with_its_weight_and_its_swing(skin, steps):
     """0.3 m long, 30 degrees to either side: m (a - g) in closed form."""
     rate, length = np.sqrt(9.81 / 0.3), 0.3

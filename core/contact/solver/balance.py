@@ -31,8 +31,9 @@ class Balance(NamedTuple):
     Attributes:
         forces: of each grip's near nodes [N], one (k, 3) a grip. scaled: -w / rho there [N], likewise.
         shifts: what the object's displacement adds to b there [m], likewise.
-        move: the object's displacement: translation [m], rotation vector [rad], shape (6,).
+        move: the object's displacement: translation of its middle [m], rotation vector [rad], shape (6,).
         size: of the displacement where the skin holds the object [m].
+        centre: of the grip, from the object's middle [m], shape (3,).
         holds: the forces supply what is required.
         residual: of the contact laws. iterations: of the method.
     """
@@ -42,6 +43,7 @@ class Balance(NamedTuple):
     shifts: list[Array]
     move: Array
     size: float
+    centre: Array
     holds: bool
     residual: float
     iterations: int
@@ -66,16 +68,20 @@ def balance(
     mu = np.concatenate([g.friction for g in grips])
     b = np.concatenate([g.offset.reshape(-1) for g in grips])
     wrench = np.concatenate([g.wrench for g in grips], axis=1)
-    # torques are measured in the lever of the contacts, so that both halves of the wrench weigh alike
-    lever = max(float(np.sqrt((wrench[3:] ** 2).mean() / (wrench[:3] ** 2).mean())), 1e-6)
-    scale = np.concatenate([np.ones(3), np.full(3, 1.0 / lever)])
-    g_rows, target = wrench * scale[:, None], -required * scale
+    # torques are taken about the grip's centre and measured in its lever, so that both halves of the wrench weigh alike
+    arms = np.concatenate([g.arms for g in grips])
+    centre = arms.mean(axis=0)
+    lever = max(float(np.sqrt(((arms - centre) ** 2).sum(axis=1).mean())), 1e-6)
+    frame = np.eye(6)
+    frame[3:, :3] = -cross_matrix(centre)
+    frame[3:] /= lever
+    g_rows, target = frame @ wrench, frame @ -required
     image = np.concatenate([grip.inverse @ g_rows[:, p].T for grip, p in zip(grips, parts, strict=True)])
     give = _Give(g_rows @ image)
     z, _ = project(np.concatenate(forces), normals, mu)
     y = np.concatenate(scaled)
     load = float(np.linalg.norm(target))
-    move, short, size = np.zeros(6), np.inf, 1e-300
+    move, short = np.zeros(6), np.inf
     for iteration in range(1, MAX_ITERATIONS + 1):
         rhs = rho * (z - y).reshape(-1) - b
         free = np.concatenate([grip.inverse @ rhs[p] for grip, p in zip(grips, parts, strict=True)])
@@ -89,17 +95,18 @@ def balance(
         if iteration % 10:
             continue
         # a load of nothing is met as well as the grip is known
-        size = max(load + float(np.abs(z).sum()), 1e-300)
-        short = float(np.linalg.norm(g_rows @ z.reshape(-1) - target)) / size
+        whole = max(load + float(np.abs(z).sum()), 1e-300)
+        short = float(np.linalg.norm(g_rows @ z.reshape(-1) - target)) / whole
         settled = change / max(float(np.abs(z).max()), 1e-300)
         if settled <= TOLERANCE and short <= TOLERANCE or give.slides and settled <= SLIDING_TOLERANCE:
             break
     moved = -g_rows.T @ move
     w = np.concatenate([g.matrix @ z.reshape(-1)[p] for g, p in zip(grips, parts, strict=True)])
     residual = natural_residual(z, (w + b + moved).reshape(-1, 3), normals, mu, 1.0 / rho)
-    held, scaled_w, shifts = ([whole.reshape(-1)[p].reshape(-1, 3) for p in parts] for whole in (z, y, moved))
+    held, scaled_w, shifts = ([x.reshape(-1)[p].reshape(-1, 3) for p in parts] for x in (z, y, moved))
     holds = not give.slides and short <= 100.0 * TOLERANCE
-    return Balance(held, scaled_w, shifts, move * scale, float(np.linalg.norm(move)), holds, residual, iteration)
+    size = float(np.linalg.norm(move))
+    return Balance(held, scaled_w, shifts, frame.T @ move, size, centre, holds, residual, iteration)
 
 
 class _Give:
@@ -134,3 +141,8 @@ class _Give:
             self._more = more
         out: Array = self._vectors @ move
         return out
+
+
+def cross_matrix(v: Array) -> Array:
+    """Return the matrix of the cross product with a vector, shape (3, 3)."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

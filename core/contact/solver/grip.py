@@ -89,6 +89,7 @@ class Grip:
         pose: of the finger in the world, shape (4, 4).
         history: where they stick. own: index of the held object among the frame's bodies.
         wrench: from their forces to force and torque on the skin by the object, shape (6, 3 k).
+        arms: of those that touch the object, from its middle, in world axes [m], shape (n, 3).
     """
 
     gaps: NodeGaps
@@ -100,6 +101,7 @@ class Grip:
     history: ContactHistory
     own: int
     wrench: Array = field(init=False)
+    arms: Array = field(init=False)
 
     def act_at(self, places: Array, middle: Array) -> None:
         """Let forces act at places in the finger's frame [m], shape (m, 3), about the object's middle in the world."""
@@ -109,8 +111,9 @@ class Grip:
         wrench[:3] = turn[:, None, :]
         for axis in range(3):
             wrench[3:, :, axis] = np.cross(arm, turn[:, axis]).T
-        wrench[:, self.gaps.body[self.near] != self.own] = 0.0  # what presses on another body does not carry this one
-        self.wrench = wrench.reshape(6, -1)
+        mine = self.gaps.body[self.near] == self.own
+        wrench[:, ~mine] = 0.0  # what presses on another body does not carry this one
+        self.wrench, self.arms = wrench.reshape(6, -1), arm[mine]
 
     @property
     def friction(self) -> Array:

@@ -23,6 +23,7 @@ from .balance import Balance, balance
 from .bodies import ContactBody, node_gaps
 from .cone import STICK, along
 from .grip import Grip, GripStep, HoldContext, HoldingFinger
+from .grip_displacement import NOWHERE, Displacement
 from .notes import Notes
 from .solve import status_of
 
@@ -33,7 +34,9 @@ MAX_ROUNDS, MEASURED = 8, 3
 # The steps are weighed with this many times a node's own compliance, where they are fewest.
 WEIGHT = 1.5
 # A displacement from one frame to the next that nobody expects of an object that is held [m], [rad].
-SUDDEN, TURNED = 1e-3, 0.05
+SUDDEN = 1e-3, 0.05
+# It creeps off its animated path by no more than this [m], [rad].
+FAR = 3e-3, 0.2
 
 
 class GripSolver:
@@ -81,8 +84,7 @@ class GripSolver:
 
     def let_go(self) -> None:
         """Put the object back on its animated path; the fingers keep their friction's history."""
-        self._turn = np.eye(3)
-        self._shift = np.zeros(3)
+        self._displacement = NOWHERE
         self._forces = [np.zeros_like(f.points) for f in self.fingers]
         self._scaled = [np.zeros_like(f.points) for f in self.fingers]
         self._deformed = [f.points for f in self.fingers]
@@ -120,7 +122,7 @@ class GripSolver:
         pressing = any(g is not None and g.pressing for g in grips)
         if only_if_pressed and not pressing:
             return None
-        before = self._shift, self._turn
+        before = self._displacement
         for again in range(MAX_ROUNDS):
             required = self._required(rotation, acceleration, angular_velocity, angular_acceleration)
             asked = required.copy()
@@ -128,8 +130,7 @@ class GripSolver:
                 asked[3:] -= self._more_torque
             found = self._balanced(grips, asked, pressing)
             if found.holds:
-                self._shift = self._shift + found.move[:3]
-                self._turn = _rotation(found.move[3:]) @ self._turn
+                self._displacement = self._displacement.then(found.move)
                 rotation, middle = self.placed(pose)
             torque = self._act(grips, middle)
             if not again:
@@ -143,16 +144,21 @@ class GripSolver:
         if not (pressing and found.holds):
             self._note_failure(pressing, scene_frame)
         if self._loaded:
-            self._note_move(self._shift - before[0], _vector(self._turn @ before[1].T), scene_frame)
+            what = "the held object leaves its animated path far in one sample"
+            self._too_far("gives-way", what, before, found.centre, SUDDEN, scene_frame)
         self._loaded = pressing
-        return self._finish(grips, found, contexts, required, pose)
+        what = "the held object creeps off its animated path, and is kept near it"
+        creeps = found.holds and self._too_far("creeps", what, NOWHERE, found.centre, FAR, scene_frame)
+        if creeps:
+            self._displacement = before
+        return self._finish(grips, found, contexts, required, pose, drawn=creeps or not found.holds)
 
     # -- one frame -----------------------------------------------------------------------------------------------
 
     def placed(self, pose: Array) -> tuple[Array, Array]:
         """Return rotation and centre of mass [m] where the object is now: animated, then displaced."""
-        rotation = self._turn @ pose[:3, :3]
-        middle = pose[:3, :3] @ self.centre + pose[:3, 3] + self._shift
+        rotation = self._displacement.turn @ pose[:3, :3]
+        middle = pose[:3, :3] @ self.centre + pose[:3, 3] + self._displacement.shift
         return rotation, middle
 
     def _required(self, rotation: Array, a: Array, omega: Array, alpha: Array) -> Array:
@@ -203,7 +209,7 @@ class GripSolver:
             found = balance(grips, forces, scaled, required, self._rho)
         else:
             nothing = [np.zeros((g.near.size, 3)) for g in grips]
-            found = Balance(nothing, nothing, nothing, np.zeros(6), 0.0, False, 0.0, 0)
+            found = Balance(nothing, nothing, nothing, np.zeros(6), 0.0, np.zeros(3), False, 0.0, 0)
         self._forces, self._scaled = ([np.zeros_like(f.points) for f in self.fingers] for _ in range(2))
         for i, grip, force, ended, shift in zip(index, grips, found.forces, found.scaled, found.shifts, strict=True):
             self._forces[i][grip.near], self._scaled[i][grip.near] = force, ended
@@ -228,8 +234,14 @@ class GripSolver:
         contexts: Sequence[HoldContext | None],
         required: Array,
         pose: Array,
+        *,
+        drawn: bool,
     ) -> GripStep:
-        """Sum the forces up and move the anchors to where the nodes are now."""
+        """Sum the forces up and move the anchors to where the nodes are now.
+
+        Args:
+            drawn: the object stays where it was, and its matter was drawn past the skin.
+        """
         on_object = np.zeros(6)
         forces, statuses, gaps, slips = [], [], [], []
         rotation, middle = self.placed(pose)
@@ -248,8 +260,8 @@ class GripSolver:
             # on the body's surface: what is pressed into a soft one lies on it all the same
             soft = grip.gaps.compliance(finger.areas, finger.name)
             on_body = self._deformed[i] + soft[:, None] * whole - gap[:, None] * moved.normal
-            # the matter of what slips was drawn along, so nothing sticks to where it was
-            sticks = (status == STICK) & (found.holds | (grip.gaps.body != grip.own))
+            # nothing sticks to where matter was that was drawn along
+            sticks = (status == STICK) & ((grip.gaps.body != grip.own) | (not drawn))
             grip.history.keep(moved, sticks, on_body, gap)
             forces.append(whole)
             statuses.append(status)
@@ -260,7 +272,7 @@ class GripSolver:
             tuple(statuses),
             on_object,
             required,
-            np.concatenate([self._shift, _vector(self._turn)]),
+            self._displacement.vector,
             found.holds,
             found.residual,
             found.iterations,
@@ -275,34 +287,14 @@ class GripSolver:
         remedy = "Press harder, raise the friction, make it lighter, or key when it is held"
         self._notes.warn(code, what, frame, value=f"{self.mass:g} kg", remedy=remedy)
 
-    def _note_move(self, shift: Array, turn: Array, frame: float) -> None:
-        far, angle = float(np.linalg.norm(shift)), float(np.linalg.norm(turn))
-        if far > SUDDEN or angle > TURNED:
-            self._notes.warn(
-                "gives-way",
-                "the held object leaves its animated path far in one sample",
-                frame,
-                value=f"{1e3 * far:.2g} mm, {np.degrees(angle):.2g} deg",
-                limit=f"<= {1e3 * SUDDEN:g} mm, {np.degrees(TURNED):.2g} deg",
-                remedy="Press harder, make it lighter, or round the kinks of its motion over a longer time",
-            )
-
-
-def _rotation(vector: Array) -> Array:
-    """Rotation matrix of a rotation vector [rad] (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-15:
-        return np.eye(3)
-    x, y, z = vector / angle
-    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)
-
-
-def _vector(rotation: Array) -> Array:
-    """Rotation vector [rad] of a rotation by less than half a turn."""
-    axis = 0.5 * np.array(
-        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
-    )
-    sine = float(np.linalg.norm(axis))
-    angle = float(np.arctan2(sine, 0.5 * (np.trace(rotation) - 1.0)))
-    return axis * (angle / sine) if sine > 1e-15 else axis
+    def _too_far(
+        self, code: str, what: str, since: Displacement, centre: Array, limits: tuple[float, float], frame: float
+    ) -> bool:
+        """Warn where the object is farther from a displacement than limits [m], [rad]; return whether it is."""
+        far, angle = self._displacement.since(since, centre)
+        beyond = far > limits[0] or angle > limits[1]
+        if beyond:
+            value, limit = (f"{1e3 * m:.2g} mm, {np.degrees(a):.2g} deg" for m, a in ((far, angle), limits))
+            remedy = "Press harder, make it lighter, or round the kinks of its motion over a longer time"
+            self._notes.warn(code, what, frame, value=value, limit=f"<= {limit}", remedy=remedy)
+        return beyond

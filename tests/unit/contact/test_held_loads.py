@@ -14,8 +14,8 @@ from core.contact.skin_sampler import skin_contacts
 from core.contact.solver.grip_solver import GripSolver
 from core.errors import DermisError
 from core.scene.scene_file import load, save
-from core.scene.tactile_scene import Chunk
-from tests.held_blocks import CLOSED, GRAVITY, RATE, carried, codes, make, on_block, run
+from core.scene.tactile_scene import Chunk, Mesh
+from tests.held_blocks import CLOSED, CORNERS, GRAVITY, HALF, RATE, TRIANGLES, carried, codes, make, on_block, run
 
 MU, COUNT = 0.6, 96
 TIMES = np.arange(COUNT) / RATE
@@ -180,6 +180,25 @@ def test_kinks_that_are_left_as_they_are_are_told(skin, steps):
     assert jumps(steps)[0] <= 4e-3
 
 
+def test_what_is_shaken_at_its_limit_creeps_and_is_kept_near_its_path(skin, steps):
+    count = 480
+    times = np.arange(count) / RATE
+    path = np.stack([6e-3 * np.sin(8 * np.pi * times), 0 * times, 0 * times], axis=1)
+    block, fingers = carried(path)
+    felt, _ = run(make(0.152), {0: skin, 1: skin}, block, fingers)
+    told = {f.code: f for f in felt[0].findings}
+    assert "creeps" in told and told["creeps"].frame > 5.0 and "deg" in told["creeps"].value
+    off = np.array([s.displacement for s in steps])
+    assert np.linalg.norm(off[:, :3], axis=1).max() <= 3.5e-3 and np.linalg.norm(off[:, 3:], axis=1).max() <= 0.2
+    assert np.linalg.norm(off[-1, :3]) > 1e-3
+    held = [s for s in steps if s.holds]
+    assert len(held) > 0.8 * count
+    for step in held:
+        assert np.linalg.norm((step.on_object - step.required)[:3]) <= 3e-4 * np.linalg.norm(step.required[:3])
+        assert np.abs((step.on_object - step.required)[3:]).max() <= 1e-5
+    obeys_coulomb(steps)
+
+
 def test_a_pendulum_pulls_with_its_weight_and_its_swing(skin, steps):
     """0.3 m long, 30 degrees to either side: m (a - g) in closed form."""
     rate, length = np.sqrt(9.81 / 0.3), 0.3
@@ -230,4 +249,18 @@ def test_what_turns_in_the_grip_is_still_carried_as_far_as_friction_can(skin, st
     felt, _ = run(make(0.02), {0: skin, 1: skin}, block, fingers)
     assert "slips" in codes(felt) and not steps[-1].holds
     assert np.abs(steps[-1].on_object[3:]).max() > 1e-4 and steps[-1].on_object[1] > 0.05
+    obeys_coulomb(steps)
+
+
+def test_a_rod_that_is_gripped_at_its_end_hangs_by_what_its_middle_moves(skin, steps):
+    """Its middle sinks by what a small turn in the grip comes to so far off; the skin hardly moves."""
+    rod = Mesh(CORNERS / HALF * np.array([0.08, 0.006, 0.01]), TRIANGLES)
+    scene = make(0.002)
+    scene = replace(scene, bodies=(replace(scene.bodies[0], mesh=rod),))
+    block, fingers = carried(STILL, aside=0.06, squeeze=1.2e-3)
+    felt, _ = run(scene, {0: skin, 1: skin}, block, fingers)
+    held = [s for s in steps if s.holds]
+    assert len(held) >= COUNT - CLOSED and not {"gives-way", "creeps"} & set(codes(felt))
+    assert np.abs([(s.on_object - s.required)[3:] for s in held]).max() <= 1e-5
+    assert held[-1].displacement[1] < -1.5e-3 and np.linalg.norm(held[-1].displacement[3:]) < 0.06
     obeys_coulomb(steps)

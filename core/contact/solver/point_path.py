@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from ...skin.nodal_forces import NodalForces
@@ -89,14 +88,6 @@ class PointSolver(PathSolver):
         self._place = np.full(len(surface.chart.places), -1)  # of each cell in `cells`
         self._candidates = CandidateInverse(self._matrix.matrix, np.zeros(0), *MEMBERS)
         self._map = PointMap(surface.chart, CORNERS)
-        self._candidates = CandidateInverse(self._matrix.matrix, np.zeros(0), *MEMBERS)
-        finest = 1 << (len(surface.chart.starts) - 2)
-        self._owner = np.full((surface.chart.starts[1], finest * finest), NONE)  # of the finest squares
-        self._marked: Indices = np.zeros(0, dtype=np.int64)
-        tiles = surface.chart.tiles
-        size = finest >> tiles.halved
-        rows, columns = ((tiles.place * size)[:, k, None] + size[:, k, None] * [1, 3] // 4 for k in range(2))
-        self._quarters = (rows[:, :, None] * finest + columns[:, None]).reshape(-1, 4)  # squares in each cell
         self.history = ContactHistory(0)
         self._asked: _Asked | None = None
         starts = surface.chart.starts
@@ -242,7 +233,7 @@ class PointSolver(PathSolver):
         def look(cells: Indices, points: Array, centres: int) -> Seen:
             return self._look_at(bodies, raised, cells, points, centres)
 
-        def glance(cells: Indices) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+        def glance(cells: Indices) -> tuple[Array, Array, Array, Indices]:
             assert gaps is not None
             return self._glance_at(gaps, raised, cells)
 
@@ -294,11 +285,21 @@ class PointSolver(PathSolver):
     def _completed(self, gaps: NodeGaps, order: Indices, bodies: tuple[ContactBody, ...]) -> NodeGaps:
         """Return the gaps of the present points: those that stay were measured already."""
         n, count = len(self.cells), len(order)
+        if count == n:
+            return NodeGaps(bodies, *(getattr(gaps, name)[order] for name in _PER_POINT))
         new = np.arange(count, n)
         expected = self.history.expected(bodies, self.points + self._image, self.search_radius)
-        places, origins = expected.places[count:], expected.origins[count:]
-        some = Expected(places, origins, expected.normal[count:], expected.body[count:])
+        places, origins, normal = expected.places[count:], expected.origins[count:], expected.normal[count:]
+        # what a larger cell lay on need not be what its parts lie on, but where that is the back of something thin
+        some = Expected(places, origins, normal, np.full(n - count, -1))
         found = node_gaps(self.points[new], bodies, self.search_radius, self.bone, some)
+        opposite = np.einsum("ij,ij->i", normal, found.normal) < OPPOSITE
+        turned = np.flatnonzero(opposite & (expected.body[count:] == found.body))
+        if len(turned):
+            some = Expected(places[turned], origins[turned], normal[turned], found.body[turned])
+            again = node_gaps(self.points[new[turned]], bodies, self.search_radius, self.bone, some)
+            for name in _PER_POINT:
+                getattr(found, name)[turned] = getattr(again, name)
         parts = ((getattr(gaps, name)[order], getattr(found, name)) for name in _PER_POINT)
         return NodeGaps(bodies, *(np.concatenate(pair) for pair in parts))
 
@@ -352,9 +353,7 @@ class PointSolver(PathSolver):
         along, common = self.surface.cells.normals[self.cells], self._common()
         return common + np.einsum("ij,ij->i", self._image - common, along)[:, None] * along
 
-    def _glance_at(
-        self, gaps: NodeGaps, raised: Array, cells: Indices
-    ) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    def _glance_at(self, gaps: NodeGaps, raised: Array, cells: Indices) -> tuple[Array, Array, Array, Indices]:
         """Tell of cells what the points under them and beside them see."""
         five = self._map.around(cells)
         under = five[:, 0].copy()
@@ -367,7 +366,7 @@ class PointSolver(PathSolver):
         way = places + raised[under][:, None] - (self.points + raised[:-1])[five]
         normal = gaps.normal[five]
         gap = gaps.clearance[five] + np.einsum("nck,nck->nc", way, normal)
-        return gap[:, 0], gap[:, 1:], normal[:, 1:], known
+        return gap[:, 0], gap[:, 1:], normal[:, 1:], known + (known & ~none.any(axis=1)).astype(np.int64)
 
     def _look_at(
         self, bodies: tuple[ContactBody, ...], raised: Array, cells: Indices, points: Array, centres: int

@@ -60,8 +60,9 @@ class Seen(NamedTuple):
 
 
 Look = Callable[[Indices, Array, int], Seen]
-# For cells: clearance of centres, (n,), of corners, (n, 4), normals there, (n, 4, 3), and whether they are known, (n,).
-Glance = Callable[[Indices], tuple[Array, Array, Array, NDArray[np.bool_]]]
+# For cells: clearance of centres, (n,), of corners, (n, 4), normals there, (n, 4, 3), and whether nothing is known of
+# them (0), of some corners (1) or of all (2), (n,).
+Glance = Callable[[Indices], tuple[Array, Array, Array, Indices]]
 
 
 class PointTree:
@@ -154,8 +155,9 @@ class PointTree:
             self._check = self._moved + LATEST
         due = (self._due[before] <= self._moved + TOGETHER).any(axis=1)
         if glance is not None:
-            # what is cut is known from its parts; what is whole is looked at for what nothing has seen yet
-            known = self._turning[before] & (~due | (self._ways[before] != 0))
+            # what is cut is known from its parts; what is large and whole is looked at for what nothing has seen yet
+            fine = (self._ways[before] != 0) | (self._tiles.halved[before].max(axis=1) >= OFTEN)
+            known = self._turning[before] & (~due | fine)
             lost = self._glance_at(before[known], glance)
             self._look_at(np.concatenate([before[due & ~known], lost]), look)
         else:
@@ -167,19 +169,14 @@ class PointTree:
                 if glance is None:
                     self._look_at(fresh, look)
                 else:  # they are cut in their turn, by what they see as points
-                    self._turning[fresh], self._clearance[fresh], self._due[fresh] = (
-                        self._inner[fresh],
-                        0.0,
-                        self._check,
-                    )
+                    self._turning[fresh], self._clearance[fresh] = self._inner[fresh], 0.0
+                    self._due[fresh] = self._check
             present.append(cells)
             ways = self._ways[cells]
             leaves.append(cells[(ways == 0) & (self._clearance[cells] < self._limit[cells])])
             cells = self._tiles.cut(cells, ways)[0]
         self._present = np.concatenate(present)
-        mark = np.zeros(len(self.sides), dtype=bool)
-        mark[self._present] = True
-        self._leave(before[~mark[before]])
+        self._leave(np.setdiff1d(before, self._present))
         self._next = self._due[self._present].min(axis=0)
         turning = self._present[self._turning[self._present]]
         if len(turning):
@@ -193,17 +190,22 @@ class PointTree:
     def _glance_at(self, cells: Indices, glance: Glance) -> Indices:
         """Find out by what is known which cells shall be cut; return those that are to be looked at."""
         own, gap, normal, known = glance(cells)
-        lost, cells = cells[~known], cells[known]
+        late: NDArray[np.bool_] = np.any(self._due[cells] <= self._moved + TOGETHER, axis=1)
+        told = (known > 0) & ((known > 1) | ~late)
+        lost, cells, late = cells[~told], cells[told], late[told]
         if len(cells) == 0:
             return lost
-        own, gap, normal = own[known], gap[known], normal[known]
+        own, gap, normal, sure = own[told], gap[told], normal[told], known[told] > 1
         turning = self._inner[cells] & (own < self._limit[cells] + BESIDE * self._long[cells])
         ways = np.zeros(len(cells), dtype=np.int64)
         close = np.flatnonzero(turning)
         if len(close):
             ways[close] = self._turns(cells[close], own[close], own[close], gap[close], normal[close])
-        self._ways[cells], self._clearance[cells], self._turning[cells] = ways, own, turning
-        late = (self._due[cells] <= self._moved + TOGETHER).any(axis=1)
+        # where not all is known, what is cut stays cut until it is looked at
+        halved = self._tiles.halved[cells]
+        more = self._tiles.ways[halved[:, 0], halved[:, 1], ways | self._ways[cells]]
+        self._ways[cells] = np.where(sure, ways, more)
+        self._clearance[cells], self._turning[cells] = own, turning
         self._due[cells[late]] = self._check
         return lost
 
@@ -272,13 +274,14 @@ class PointTree:
                 turned[axis, :, k] = np.sqrt(np.einsum("ij,ij->i", apart, apart))
         most, least = turned.max(axis=2), turned.min(axis=2)
         mean = most + least
-        # one corner that sees another side tells no way, and lies beyond the cell: what was cut that way stays
+        # one corner that sees another side tells no way: squares are cut in both, or stay cut as they are
         odd = (least < ODD * most).all(axis=0)
+        kept = np.where((before == 0) & (halved[:, 0] == halved[:, 1]), BOTH, before)
         for axis, way in enumerate((ALONG, AROUND)):
             share = np.where(before & way, MERGE, 1.0)
             limit = np.where(halved[:, axis] < OFTEN, TURNED, sharp) * share
             limit = np.where(halved[:, axis] < self.finest, limit, np.inf)
-            told = np.where(odd, before & way, mean[axis] > ODD * mean[1 - axis])
+            told = np.where(odd, kept & way, mean[axis] > ODD * mean[1 - axis])
             ways |= np.where((most[axis] > limit) & (told != 0), way, 0)
         with np.errstate(invalid="ignore"):
             off = np.abs(gap.mean(axis=1) - middle)

@@ -167,7 +167,7 @@ class CompliantBone:
 
     def _bone_step(self, step: PathStep, retraction: float, scene_frame: float) -> BoneStep:
         spring = self._spring(step)
-        depth = -float(step.gaps.gap.min()) if step.gaps is not None else 0.0
+        depth = step.depth(self.solver.points, self.solver.bone)
         depth = max(depth - spring, 0.0)
         if spring > 0 and depth > DEPTH_LIMIT:
             what = "the finger sinks deeper than linear skin is trusted"
@@ -220,7 +220,7 @@ class CompliantBone:
         """Return the next retraction: along the last slope, kept within the bracket, which is halved where it fails."""
         slope = self._slope
         if not slope > 0.0:
-            depth = -float(step.gaps.gap.min()) if step.gaps is not None else 0.0
+            depth = step.depth(self.solver.points, self.solver.bone)
             slope = self._force(step) / max(depth, 1e-5)
         trial = max(retraction + excess / max(slope, 1e-6), 0.0)
         if not low < trial < high and trial != 0.0:

@@ -254,15 +254,16 @@ class PathSolver:
         soft = gaps.compliance(self.areas, self.name)
         solution, y, image, work = self._solve(b, gaps, soft)
         self._remember(solution, y, image, gaps, soft)
+        step = PathStep(solution, image, gaps, work, from_rest, self.nodal(solution.force))
         if part:
             self.counters["parts"] += 1
         else:
-            self._report(solution, gaps, self.frames if scene_frame is None else scene_frame)
+            self._report(step, self.frames if scene_frame is None else scene_frame)
             self.counters[work] += 1
             self.frames += 1
         self.counters["rebuilds"], self.counters["updates"] = self._candidates.rebuilds, self._candidates.updates
-        self._step = PathStep(solution, image, gaps, work, from_rest, self.nodal(solution.force))
-        return self._step
+        self._step = step
+        return step
 
     def adopt(
         self, force: Array, displacement: Array, gaps: NodeGaps, residual: float, *, scene_frame: float | None = None
@@ -278,12 +279,12 @@ class PathSolver:
         solution = Solution(
             force, displacement, gaps.normal, gaps.friction, status, EASY + 1, residual, CHECK * self.tolerance, "admm"
         )
-        self._report(solution, gaps, self.frames if scene_frame is None else scene_frame)
         self._last, self._force, self._y, self._image = None, force, displacement / -self._rho, self._apply(force)
         self._bodies, self._at_rest = gaps.bodies, False
         self.counters["held"] += 1
-        self.frames += 1
         self._step = PathStep(solution, self._image, gaps, "solved", from_rest, self.nodal(force))
+        self._report(self._step, self.frames if scene_frame is None else scene_frame)
+        self.frames += 1
         return self._step
 
     # -- one frame -----------------------------------------------------------------------------------------------
@@ -405,7 +406,8 @@ class PathSolver:
         """Return forces on the points [N] as forces on the nodes of the skin's mesh, which here are the same."""
         return force
 
-    def _report(self, solution: Solution, gaps: NodeGaps, where: float) -> None:
+    def _report(self, step: PathStep, where: float) -> None:
+        solution = step.solution
         if not solution.converged:
             self.counters["unconverged"] += 1
             self.notes.warn(
@@ -416,7 +418,7 @@ class PathSolver:
                 limit=f"<= {solution.tolerance:g}",
                 remedy="Use smaller steps, or less friction",
             )
-        depth = -float(gaps.gap.min())
+        depth = step.depth(self.points, self.bone)
         if depth > self.depth_limit:
             self.counters["deep"] += 1
             self.notes.warn(

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from ...arrays import Array
 from .bodies import NodeGaps
+from .cone import along
 from .solve import Solution
+
+# What moved towards the bone by less than this share of its depth was dragged there.
+PUSHED = 0.7
 
 
 @dataclass(frozen=True)
@@ -30,3 +36,21 @@ class PathStep:
     work: str
     from_rest: bool
     nodal: Array
+
+    def depth(self, points: Array, bone: Array) -> float:
+        """Return how deep the undeformed skin lies in what it touches [m], zero above it.
+
+        What was dragged along does not count: over an edge it goes far beyond the face that it lies on.
+
+        Args:
+            points: undeformed, shape (m, 3). bone: a point inside the finger, shape (3,).
+        """
+        if self.gaps is None:
+            return 0.0
+        inside = np.flatnonzero(self.gaps.gap < 0.0)
+        deep, normal, inward = -self.gaps.gap[inside], self.gaps.normal[inside], bone - points[inside]
+        if not self.from_rest:
+            above = along(self.solution.displacement[inside], normal)
+            pushed = along(self.displacement[inside] - above[:, None] * normal, inward)
+            deep = deep[pushed > PUSHED * deep * np.sqrt(along(inward, inward))]
+        return float(deep.max(initial=0.0))

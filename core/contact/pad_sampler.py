@@ -180,14 +180,11 @@ class PadSampler:
         if not near:
             return
         turn = np.zeros((len(chunk.times), 3, 3))
-        if (linear == linear[0]).all():
-            one = rotations(linear[:1])[0]
-            turn[near_samples] = one
-            stretch = np.broadcast_to(one.T @ linear[0], linear.shape)
-        else:
-            rotation = rotations(linear)
-            turn[near_samples] = rotation
-            stretch = np.stack([turn_back(rotation, linear[:, :, j]) for j in range(3)], axis=-1)
+        some = linear[:1] if (linear == linear[0]).all() else linear
+        rotation = rotations(some)
+        turn[near_samples] = rotation
+        stretch = np.stack([turn_back(rotation, some[:, :, j]) for j in range(3)], axis=-1)
+        stretch = np.broadcast_to(stretch, linear.shape)
         local = {f: turn_back(turn[i], fingers[f, i, :3, 3] - poses[i, :3, 3]) for f, i in near}
         last = self._chunks[-2] if len(self._chunks) > 1 else None
         before = None if last is None else (float(last.times[-1]), last.bodies[b, -1])

@@ -21,7 +21,7 @@ from ..motion.vectors import turn as turned
 from ..motion.vectors import turn_back
 from ..parameters.material import BODY
 from ..scene.tactile_scene import Chunk, TactileScene
-from ..surface.centre import centre_of
+from ..surface.centre import centres_of, held_centres
 from ..surface.gap import GapQuery, Surface
 from ..surface.repairs import Repairs
 from .deforming_surfaces import DeformingSurfaces
@@ -117,7 +117,7 @@ class PadSampler:
             bodies=np.concatenate([c.bodies for c in self._chunks], axis=1),
             screens=np.concatenate([c.screens for c in self._chunks], axis=1),
             pairs=pairs,
-            centres={b: np.concatenate(parts) for b, parts in self._centres.items()},
+            centres={b: held_centres(np.concatenate(parts)) for b, parts in self._centres.items()},
             animated=animated,
             skipped={k: v for k, v in self._skipped.items() if v},
             findings=(*self._repairs.findings(), *(f for b in sorted(noted) for f in noted[b])),
@@ -152,7 +152,7 @@ class PadSampler:
             if b in chunk.surfaces:
                 boxes = deforming[b]
                 if any(body.parameters.get(name, BODY[name].absent) for name in ("weight_on", "content_on")):
-                    self._centres.setdefault(b, []).append(np.array([centre_of(m) for m in chunk.surfaces[b]]))
+                    self._centres.setdefault(b, []).append(centres_of(chunk.surfaces[b]))
             else:
                 boxes = box_of(rigid_mesh(body))[None]
             yield b, *boxes_in_world(bodies[b], boxes)

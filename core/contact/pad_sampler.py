@@ -180,10 +180,10 @@ class PadSampler:
         if not near:
             return
         turn = np.zeros((len(chunk.times), 3, 3))
-        some = linear[:1] if (linear == linear[0]).all() else linear
-        rotation = rotations(some)
+        maps = linear[:1] if (linear == linear[0]).all() else linear
+        rotation = rotations(maps)
         turn[near_samples] = rotation
-        stretch = np.stack([turn_back(rotation, some[:, :, j]) for j in range(3)], axis=-1)
+        stretch = np.stack([turn_back(rotation, maps[:, :, j]) for j in range(3)], axis=-1)
         stretch = np.broadcast_to(stretch, linear.shape)
         local = {f: turn_back(turn[i], fingers[f, i, :3, 3] - poses[i, :3, 3]) for f, i in near}
         last = self._chunks[-2] if len(self._chunks) > 1 else None

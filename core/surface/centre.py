@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..scene.tactile_scene import ABSENT, Mesh
@@ -41,7 +42,7 @@ def held_centres(centres: Array) -> Array:
 
     What is not there must not move: it would come back with the speed and acceleration of the way.
     """
-    there = np.isfinite(centres).all(axis=1)
+    there: NDArray[np.bool_] = np.isfinite(centres[:, 0])
     if there.all() or not there.any():
         return np.nan_to_num(centres)
     last = np.maximum.accumulate(np.where(there, np.arange(len(there)), np.argmax(there)))

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from ..arrays import Array, Indices
 from ..errors import DermisError, Finding
 from ..motion import rotations, singular
+from ..motion.vectors import dot, turn_back
 from ..motion.vectors import turn as turned
-from ..motion.vectors import turn_back
 from ..parameters.material import BODY
 from ..scene.tactile_scene import Chunk, TactileScene
 from ..surface.centre import centres_of, held_centres
@@ -308,15 +308,13 @@ class PadSampler:
         for part in np.split(which, begins):
             if part.size == 0:
                 continue
-            if pair.seen + 1 != self._count + samples[part[0]]:
-                i = samples[part[0]]
-                up = finger[i, :3, 2] / np.sqrt(finger[i, :3, 2] @ finger[i, :3, 2])
-                pair.proxy.start(surface, nearest, int(part[0]), points[part[0]], turn[i].T @ up)
-                rest = part[1:]
-            else:
-                rest = part
-            if rest.size:
-                pair.proxy.follow(surface, nearest, rest, points)
+            up = finger[samples[part], :3, 2]
+            nails = turn_back(turn[samples[part]], up / np.sqrt(dot(up, up))[:, None])
+            first = int(pair.seen + 1 != self._count + samples[part[0]])
+            if first:
+                pair.proxy.start(surface, nearest, int(part[0]), points[part[0]], nails[0])
+            if part.size > first:
+                pair.proxy.follow(surface, nearest, part[first:], points, nails[first:])
             pair.seen = self._count + int(samples[part[-1]])
 
     def _sides(

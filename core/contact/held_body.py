@@ -45,9 +45,6 @@ class HeldBody:
         pad_contact: of the whole range.
         b: the body's index.
         skins: finger index -> what is known of its skin, for the fingers that are simulated.
-
-    Raises:
-        DermisError: a keyed mass that is out of range.
     """
 
     def __init__(
@@ -77,8 +74,6 @@ class HeldBody:
             return
         mass = pad_contact.series(f"body/{b}", BODY["mass"], self._body.parameters, times)
         self._mass = np.broadcast_to(mass, times.shape)
-        for k in (int(self._mass.argmin()), int(self._mass.argmax())):
-            BODY["mass"].check(float(self._mass[k]), f"object '{self._body.name}', frame {pad_contact.frames[k]:g}")
         centre = pad_contact.centre(b, self._body.mesh)
         motion = pad_contact.body_motion(b)
         self._centre, self._spin = centre.at(times), motion.at(times).angular_velocity

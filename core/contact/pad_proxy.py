@@ -2,8 +2,8 @@
 
 The nearest face of a card flips to its back as soon as a finger is pressed deeper than half its thickness. A proxy, as
 haptic displays have one, stays on the surface where the centre went in and slides along it; gap and normal are those
-of the centre above the proxy's tangent plane, until the nearest face is on the proxy's side again or the centre has
-left over a rim.
+of the centre above the proxy's tangent plane, until the nearest face is on the proxy's side again, the centre has left
+over a rim, or it came in through a wall and now lies nearest to a face that the pad looks at.
 
 Source: Zilles and Salisbury 1995 (the god-object).
 """
@@ -34,7 +34,7 @@ class PadProxy:
     def __init__(self, deepest: float) -> None:
         self._deepest = deepest
         self._place: Array | None = None  # on or above the surface, in the last sample [m]
-        self._normal = np.zeros(3)
+        self._normal, self._nail = np.zeros(3), np.zeros(3)
         self._held = False
 
     def start(self, surface: Surface, found: GapQuery, k: int, point: Array, nail: Array) -> None:
@@ -43,24 +43,26 @@ class PadProxy:
         Args:
             point: the centre [m], shape (3,). nail: direction of the finger's Z, shape (3,).
         """
-        self._held = False
+        self._held, self._nail = False, nail
         if found.gap[k] < 0.0:
             self._place, self._normal = point + self._deepest * nail, nail
             if self._differs(found, k):
                 self._enter(surface, found, k, point)
         self._keep(found, k, point)
 
-    def follow(self, surface: Surface, found: GapQuery, which: Indices, points: Array) -> None:
+    def follow(self, surface: Surface, found: GapQuery, which: Indices, points: Array, nails: Array) -> None:
         """Take in consecutive samples; where the centre is held on a side, `found` is changed to that side.
 
         Args:
             found: of all samples. which: of them are this pad's. points: its centres [m], of `found`, shape (n, 3).
+            nails: directions of the finger's Z, of `which`, shape (len(which), 3).
         """
         normals = found.normal[which]
         before = np.vstack([self._normal[None], normals[:-1]])
         same = np.einsum("ij,ij->i", before, normals) >= SAME_SIDE
         first = 0
         while first < which.size:
+            self._nail = nails[first]
             if not self._held:
                 turned = np.flatnonzero(~same[first:])
                 if turned.size == 0:
@@ -68,6 +70,7 @@ class PadProxy:
                 first += int(turned[0])
                 if first > 0:
                     self._keep(found, which[first - 1], points[which[first - 1]])
+                self._nail = nails[first]
                 self._enter(surface, found, which[first], points[which[first]])
             else:
                 self._slide(surface, found, which[first], points[which[first]])
@@ -84,6 +87,10 @@ class PadProxy:
     def _differs(self, found: GapQuery, k: int) -> bool:
         return float(found.normal[k] @ self._normal) < SAME_SIDE
 
+    def _lies_on(self, found: GapQuery, k: int, wall: Array) -> bool:
+        """Return whether the nearest face is one that the pad looks at, and the way in led through a wall."""
+        return float(found.normal[k] @ self._nail) >= SAME_SIDE and abs(float(wall @ self._nail)) < SAME_SIDE
+
     def _enter(self, surface: Surface, found: GapQuery, k: int, point: Array) -> None:
         """Hold the side that the way from the last place to the centre leads in at, if it leads in."""
         assert self._place is not None
@@ -91,7 +98,8 @@ class PadProxy:
         if triangle[0] < 0:
             return
         normal = surface.table.bounds[3:6, triangle[0]]
-        if float(normal @ found.normal[k]) >= SAME_SIDE and found.gap[k] < 0.0:
+        same = float(normal @ found.normal[k]) >= SAME_SIDE or self._lies_on(found, k, normal)
+        if same and found.gap[k] < 0.0:
             return
         self._held = True
         self._put(surface, found, k, point, self._place + share[0] * (point - self._place), normal)
@@ -100,7 +108,7 @@ class PadProxy:
         """Move the proxy along the surface to where it is nearest to the centre, or let go of it."""
         assert self._place is not None
         outside = found.gap[k] > 0.0
-        if not outside and not self._differs(found, k):
+        if not outside and (not self._differs(found, k) or self._lies_on(found, k, self._normal)):
             self._held = False
             return
         depth = float((self._place - point) @ self._normal)

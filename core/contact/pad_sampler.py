@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from ..arrays import Array, Indices
 from ..errors import DermisError, Finding
 from ..motion import rotations, singular
+from ..motion.vectors import dot, turn_back
 from ..motion.vectors import turn as turned
-from ..motion.vectors import turn_back
 from ..parameters.material import BODY
 from ..scene.tactile_scene import Chunk, TactileScene
-from ..surface.centre import centre_of
+from ..surface.centre import centres_of, held_centres
 from ..surface.gap import GapQuery, Surface
 from ..surface.repairs import Repairs
 from .deforming_surfaces import DeformingSurfaces
@@ -117,7 +117,7 @@ class PadSampler:
             bodies=np.concatenate([c.bodies for c in self._chunks], axis=1),
             screens=np.concatenate([c.screens for c in self._chunks], axis=1),
             pairs=pairs,
-            centres={b: np.concatenate(parts) for b, parts in self._centres.items()},
+            centres={b: held_centres(np.concatenate(parts)) for b, parts in self._centres.items()},
             animated=animated,
             skipped={k: v for k, v in self._skipped.items() if v},
             findings=(*self._repairs.findings(), *(f for b in sorted(noted) for f in noted[b])),
@@ -152,7 +152,7 @@ class PadSampler:
             if b in chunk.surfaces:
                 boxes = deforming[b]
                 if any(body.parameters.get(name, BODY[name].absent) for name in ("weight_on", "content_on")):
-                    self._centres.setdefault(b, []).append(np.array([centre_of(m) for m in chunk.surfaces[b]]))
+                    self._centres.setdefault(b, []).append(centres_of(chunk.surfaces[b]))
             else:
                 boxes = box_of(rigid_mesh(body))[None]
             yield b, *boxes_in_world(bodies[b], boxes)
@@ -180,14 +180,11 @@ class PadSampler:
         if not near:
             return
         turn = np.zeros((len(chunk.times), 3, 3))
-        if (linear == linear[0]).all():
-            one = rotations(linear[:1])[0]
-            turn[near_samples] = one
-            stretch = np.broadcast_to(one.T @ linear[0], linear.shape)
-        else:
-            rotation = rotations(linear)
-            turn[near_samples] = rotation
-            stretch = np.stack([turn_back(rotation, linear[:, :, j]) for j in range(3)], axis=-1)
+        maps = linear[:1] if (linear == linear[0]).all() else linear
+        rotation = rotations(maps)
+        turn[near_samples] = rotation
+        stretch = np.stack([turn_back(rotation, maps[:, :, j]) for j in range(3)], axis=-1)
+        stretch = np.broadcast_to(stretch, linear.shape)
         local = {f: turn_back(turn[i], fingers[f, i, :3, 3] - poses[i, :3, 3]) for f, i in near}
         last = self._chunks[-2] if len(self._chunks) > 1 else None
         before = None if last is None else (float(last.times[-1]), last.bodies[b, -1])
@@ -311,15 +308,13 @@ class PadSampler:
         for part in np.split(which, begins):
             if part.size == 0:
                 continue
-            if pair.seen + 1 != self._count + samples[part[0]]:
-                i = samples[part[0]]
-                up = finger[i, :3, 2] / np.sqrt(finger[i, :3, 2] @ finger[i, :3, 2])
-                pair.proxy.start(surface, nearest, int(part[0]), points[part[0]], turn[i].T @ up)
-                rest = part[1:]
-            else:
-                rest = part
-            if rest.size:
-                pair.proxy.follow(surface, nearest, rest, points)
+            up = finger[samples[part], :3, 2]
+            nails = turn_back(turn[samples[part]], up / np.sqrt(dot(up, up))[:, None])
+            first = int(pair.seen + 1 != self._count + samples[part[0]])
+            if first:
+                pair.proxy.start(surface, nearest, int(part[0]), points[part[0]], nails[0])
+            if part.size > first:
+                pair.proxy.follow(surface, nearest, part[first:], points, nails[first:])
             pair.seen = self._count + int(samples[part[-1]])
 
     def _sides(

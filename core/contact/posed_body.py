@@ -152,7 +152,7 @@ class PosedBody:
 
     def _rotations(self, linear: Array) -> Array:
         try:
-            return rotations(linear)
+            return np.ascontiguousarray(rotations(linear))  # see `PosedScene.turns`
         except DermisError as error:
             where = f"object '{self._body.name}'"
             raise DermisError(

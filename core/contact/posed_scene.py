@@ -63,8 +63,8 @@ class PosedScene:
         if self._turns is None:
             linear = self.chunk.fingers[:, :, :3, :3]
             turns = rotations(linear.reshape(-1, 3, 3)).reshape(linear.shape)
-            # how matrices lie in memory decides the last digit of their products: a lone sample's lie as they ever did
-            self._turns = np.ascontiguousarray(turns) if linear.shape[1] == 1 else turns
+            # how matrices lie in memory decides the last digit of their products: it is the same in chunks of any size
+            self._turns = np.ascontiguousarray(turns)
         return self._turns
 
     def own_boxes(self, b: int) -> Array:

@@ -79,8 +79,9 @@ class SkinStepper:
         inside = (np.abs(middle - box_middle) <= half + box_half).all(axis=2)
         self.far += int((~inside).sum())
         near = np.flatnonzero(inside.any(axis=1)).tolist()
-        # so that a body keeps its index in the solver's memory
-        self._order += [b for b in near if b not in self._order]
+        # so that a body keeps its index in the solver's memory, wherever chunks end
+        came = inside.argmax(axis=1)
+        self._order += sorted((b for b in near if b not in self._order), key=lambda b: (came[b], b))
         boxes = {b: self._scene.own_boxes(b) for b in near}
         poses = self._scene.relative(turn, place, near)
         return Approach(dict(zip(near, inside[near], strict=True)), turn, place, poses, boxes)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import DermisError, Finding
-from ..scene.tactile_scene import Mesh
+from ..scene.tactile_scene import Mesh, check_mesh
 from .patches import Patches, bends, weights
 from .shading import corner_normals
 
@@ -121,10 +121,13 @@ def curved_mesh(
         most: triangles; where they do not do, the tolerance is doubled until they do, and `CurvedMesh.left` tells.
 
     Raises:
-        DermisError: a tolerance that is not above zero, or normals that do not fit the mesh or are no numbers.
+        DermisError: a tolerance that is not above zero, triangles that are no vertices of the mesh, or normals that
+            do not fit it or are no numbers.
     """
     if not tolerance > 0:
         raise DermisError("the tolerance must be above zero", where=where, value=tolerance, limit="> 0 m")
+    if len(mesh.triangles) and np.isfinite(mesh.vertices).all():  # others come back as they are: samples have such
+        check_mesh(mesh, where)
     corners = _corner_normals(mesh, normals, where)
     patches = Patches(mesh.vertices, corners, mesh.triangles)
     net = patches.net(mesh.vertices, corners)

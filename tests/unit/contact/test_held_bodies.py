@@ -11,9 +11,10 @@ from core.contact.held_body import inertia_of
 from core.contact.holding_times import holding_times
 from core.contact.skin_sampler import SkinSampler
 from core.errors import DermisError
-from core.scene.tactile_scene import Chunk, Finger, Mesh
+from core.scene.tactile_scene import ABSENT, Chunk, Finger, Mesh
 from core.surface.gap import Surface
 from tests.held_blocks import (
+    BLOCK,
     CLOSED,
     CORNERS,
     COUNT,
@@ -116,6 +117,18 @@ def test_a_block_given_anew_every_sample_is_held_alike(skin):
     meshes = tuple(Mesh(CORNERS.copy(), TRIANGLES) for _ in range(COUNT))
     soft, _ = run(scene, {0: skin, 1: skin}, block, fingers, surfaces=meshes)
     assert np.linalg.norm(soft[0].force - rigid[0].force) <= 1e-3 * np.linalg.norm(rigid[0].force)
+
+
+def test_a_held_block_that_vanishes_for_a_while_comes_back_with_its_weight_alone(skin):
+    """Where it is not there it does not move: else it comes back with the speed of a way of a thousand kilometres."""
+    block, fingers = carried(np.zeros((COUNT, 3)))
+    scene = replace(make(0.03), bodies=(replace(make(0.03).bodies[0], mesh=None),))
+    meshes = tuple(ABSENT if 14 <= i < 18 else BLOCK for i in range(COUNT))
+    felt, _ = run(scene, {0: skin, 1: skin}, block, fingers, surfaces=meshes)
+    for i in (*range(CLOSED, 14), *range(20, COUNT)):
+        np.testing.assert_allclose(on_block(felt, fingers, i), -0.03 * GRAVITY, atol=1e-6)
+    assert not any(felt[0].force_at(i).any() for i in range(14, 18))
+    assert codes(felt).count("kinks") == 0
 
 
 def test_a_held_block_that_is_stretched_drags_the_skin_as_a_mesh_of_that_shape_does(skin):

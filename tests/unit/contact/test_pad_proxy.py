@@ -22,7 +22,7 @@ def followed(surface: Surface, points: np.ndarray, parts: int = 1):
             proxy.start(surface, found, 0, part[0], UP)
             which = which[1:]
         if which.size:
-            proxy.follow(surface, found, which, part)
+            proxy.follow(surface, found, which, part, np.tile(UP, (len(which), 1)))
         answers.append(found)
     return tuple(np.concatenate([getattr(a, name) for a in answers]) for name in ("gap", "normal", "point"))
 
@@ -100,3 +100,15 @@ def test_thick_things_are_left_as_they_are():
     block, around = Surface.block(0.02, 0.02, 0.02), np.linspace(0.0, 3.0, 300)
     points = np.column_stack([10.5e-3 + 1e-3 * np.sin(around), 0 * around, 0.5e-3 + 1e-3 * np.cos(around)])
     np.testing.assert_array_equal(followed(block, points)[0], block.query(points).gap)
+
+
+@pytest.mark.parametrize("parts", [1, 7])
+def test_a_centre_that_came_in_through_a_wall_lies_on_the_top(parts):
+    """A finger slides over the edge of a table, a millimetre lower than its top: it is not as deep as it has gone."""
+    x = np.linspace(-0.03, 0.0, 61)
+    way = np.column_stack([x, np.zeros_like(x), np.full_like(x, -1e-3)])
+    gap, normal, _ = followed(Surface.block(0.02, 0.04, 0.02), way, parts)
+    inside = x > -0.01 + 1.2e-3  # from where the top is nearer than the wall
+    np.testing.assert_allclose(gap[inside], -1e-3, atol=1e-9)
+    np.testing.assert_allclose(normal[inside], np.tile(UP, (inside.sum(), 1)), atol=1e-8)
+    assert (gap >= -1e-3 - 1e-9).all()

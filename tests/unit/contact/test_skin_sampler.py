@@ -142,6 +142,20 @@ def test_a_body_that_comes_or_goes_leaves_the_friction_of_the_others_alone(refer
         )
 
 
+def test_chunks_do_not_matter_to_tops_at_one_height_or_in_a_turned_world(skin):
+    """Which of two level tops a node lies on is told by who came first, and by names where they came together."""
+    away = np.tile([0.3, 0.0, 0.0], (40, 1))
+    away[20:] = 0.0
+    turn, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
+    world = np.eye(4)
+    world[:3, :3] = turn * np.sign(np.linalg.det(turn))
+    first = [(Body("late", PLATE, {"friction": 0.1}), world @ poses(away))]
+    fingers, plate = world @ poses(press_and_slide()), np.tile(world, (40, 1, 1))
+    whole = felt(skin, fingers, plate, first=first)
+    for cuts in ((10,), (15, 25), tuple(range(1, 40))):
+        np.testing.assert_array_equal(felt(skin, fingers, plate, cuts=cuts, first=first).force, whole.force)
+
+
 @pytest.mark.parametrize("mirror", [1.0, -1.0])
 def test_an_objects_scale_equals_scaled_vertices(reference, skin, mirror):
     scale = SIZE * [mirror, 1, 1]

@@ -124,6 +124,18 @@ def test_what_went_through_the_finger_is_let_go_and_said(skin):
     assert again[0] == 0.0 and again[-1] > 0.01
 
 
+@pytest.mark.parametrize("thickness", [0.02, 1e-3])
+def test_what_slid_under_the_finger_is_pressed_as_from_above(skin, thickness):
+    """Its wall met the skin from the side; the skin must not hang on the rim until the object counts as gone."""
+    surface, steps = Surface.block(0.02, 0.05, thickness), stepper(skin)
+    for k in range(81):
+        step = steps.step([below(skin, surface, 1e-3, (-0.03 + 0.03 * k / 80, 0.0))])
+    force = step.solution.force[:, 2].sum()
+    assert force == pytest.approx(pressed(skin, surface, np.linspace(0.0, 1e-3, 21))[-1, :, 2].sum(), rel=0.05)
+    told = {finding.code for finding in steps.solver.findings}
+    assert "over-a-rim" in told and "passed-through" not in told
+
+
 def test_depth_is_measured_along_the_way_in(skin):
     """4 mm through a card of 1 mm is 4 mm deep, not 1 mm from its back."""
     steps = stepper(skin)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from core.presets import BUILT_IN
+from core.shipped import BUILT_IN
 
 from . import Result, benchmark, one_blas_thread, timing
 

@@ -54,6 +54,8 @@ def curve(options: argparse.Namespace) -> int:
     scene = scene_file.load(options.scene)
     if options.out.resolve() == options.scene.resolve():
         raise DermisError("the scene would replace itself", where=str(options.out), remedy="Choose another file")
+    if options.out.suffix.lower() != ".npz":
+        raise DermisError("a scene is a file NAME.npz", where=str(options.out), remedy="Choose another name")
     made = curved_scene(scene, options.object, np.radians(options.sharp))
     scene_file.save(made, options.out)
     print(options.out)

@@ -82,8 +82,6 @@ class HeldBody:
             return
         mass = pad_contact.series(f"body/{b}", BODY["mass"], self._body.parameters, times)
         self._mass = np.broadcast_to(mass, times.shape)
-        for extreme in (self._mass.min(), self._mass.max()):
-            BODY["mass"].check(float(extreme), f"object '{self._body.name}'")
         centre = pad_contact.centre(b, self._body.mesh)
         motion = pad_contact.body_motion(b)
         self._centre, self._spin = centre.at(times), motion.at(times).angular_velocity

@@ -24,6 +24,7 @@ from ..scene.tactile_scene import Chunk, TactileScene
 from ..surface.centre import centres_of, held_centres
 from ..surface.gap import GapQuery, Surface
 from ..surface.repairs import Repairs
+from .chunk_checks import check_animated, check_scales
 from .deforming_surfaces import DeformingSurfaces
 from .pad_contact import PadContact
 from .pair_record import PairRecord
@@ -62,7 +63,8 @@ class PadSampler:
         """Take in the next samples; return them as they were taken, with poses and surfaces mended.
 
         Raises:
-            DermisError: shapes that do not fit the header, or a finger of scale 0.
+            DermisError: shapes that do not fit the header, a finger of scale 0, a scale beyond measure, or an
+                animated parameter of an object that is out of range.
         """
         count = len(chunk.times)
         scene = self._scene
@@ -81,13 +83,9 @@ class PadSampler:
         fingers = self._repairs.poses("finger", names[0], chunk.fingers, chunk.frames)
         bodies = self._repairs.poses("object", names[1], chunk.bodies, chunk.frames)
         screens = self._repairs.poses("screen", names[2], chunk.screens, chunk.frames)
-        for i, name in enumerate(names[0]):
-            if singular(fingers[i, :, :3, :3]).any():
-                raise DermisError(
-                    "a finger of scale 0 has no direction",
-                    where=f"finger '{name}'",
-                    remedy="Give the finger a scale other than 0",
-                )
+        for kind, known, poses in zip(("finger", "object", "screen"), names, (fingers, bodies, screens), strict=True):
+            check_scales(kind, known, poses, chunk.frames)
+        check_animated(scene, chunk)
         self._chunks.append(Chunk(chunk.frames, chunk.times, fingers, bodies, screens, {}, chunk.animated))
         own = self._radius.over(chunk)
         chunk, boxes = self._deforming.take(chunk)

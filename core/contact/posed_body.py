@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import Array
-from ..errors import DermisError
-from ..motion import rotations
+from ..motion import rotations, singular
 from ..scene.tactile_scene import Body, Chunk, Mesh
 from ..surface.gap import Surface
 from .surfaces import alike, box_of, carried, rigid_mesh, surface_of
@@ -88,28 +87,20 @@ class PosedBody:
         return self._boxes
 
     def at(self, i: int) -> Posed:
-        """Return the body at a sample.
-
-        Raises:
-            DermisError: the object has scale 0.
-        """
+        """Return the body at a sample, at which it is not `PosedScene.flat`."""
         return self._posed(self._poses[i], self._turns()[i], None if self._meshes is None else self._meshes[i])
 
     def before(self, i: int) -> Posed | None:
-        """Return the body at the sample before sample `i`; None where there was none, or its surface was not kept.
-
-        Raises:
-            DermisError: the object has scale 0.
-        """
+        """Return the body at the sample before sample `i`; None where it had no surface, or that was not kept."""
         if i > 0:
             pose, mesh = self._poses[i - 1], None if self._meshes is None else self._meshes[i - 1]
         elif self._previous is not None:
             pose, mesh = self._previous
         else:
             return None
-        if mesh is not None and not len(mesh.triangles):
+        if (mesh is not None and not len(mesh.triangles)) or singular(pose[None, :3, :3])[0]:
             return None
-        return self._posed(pose, self._rotations(pose[None, :3, :3])[0], mesh)
+        return self._posed(pose, _rotations(pose[None, :3, :3])[0], mesh)
 
     def _posed(self, pose: Array, turn: Array, mesh: Mesh | None) -> Posed:
         mesh = self._body.mesh if mesh is None else mesh
@@ -146,20 +137,19 @@ class PosedBody:
         """Return the rotations of all samples, shape (n, 3, 3); most objects stand still from chunk to chunk."""
         linear = self._poses[:, :3, :3]
         if self._turned is None or not (self._turned_here or np.array_equal(linear, self._turned[0])):
-            self._turned = linear.copy(), self._rotations(linear)
+            self._turned = linear.copy(), _rotations(linear)
         self._turned_here = True
         return self._turned[1]
-
-    def _rotations(self, linear: Array) -> Array:
-        try:
-            return np.ascontiguousarray(rotations(linear))  # see `PosedScene.turns`
-        except DermisError as error:
-            where = f"object '{self._body.name}'"
-            raise DermisError(
-                error.what, where=where, limit=error.limit, remedy="Scale its vertices instead"
-            ) from error
 
     def _box_of(self, mesh: Mesh) -> Array:
         if self._box is None or self._box[0] is not mesh:
             self._box = mesh, box_of(mesh)
         return self._box[1]
+
+
+def _rotations(linear: Array) -> Array:
+    """Return rotations of poses, shape (n, 3, 3); flat ones, which nobody asks for, have none."""
+    flat = singular(linear)
+    if flat.any():
+        linear = np.where(flat[:, None, None], np.eye(3), linear)
+    return np.ascontiguousarray(rotations(linear))  # see `PosedScene.turns`

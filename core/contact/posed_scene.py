@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array
-from ..motion import rotations
+from ..motion import rotations, singular
 from ..parameters.material import BODY
 from ..scene.tactile_scene import Body, Chunk, Mesh
 from .posed_body import Posed, PosedBody
@@ -36,6 +37,7 @@ class PosedScene:
         self._bodies = [PosedBody(body, d) for body, d in zip(bodies, told, strict=True)]
         self._turns: Array | None = None
         self._boxes: tuple[Array, Array] | None = None
+        self._flat: NDArray[np.bool_] | None = None
         self._previous: Array | None = None  # the fingers' poses at the sample before the chunk
 
     def take(self, chunk: Chunk, bodies: Sequence[Body] | None = None, *, again: bool = False) -> None:
@@ -47,7 +49,7 @@ class PosedScene:
         """
         if not again and hasattr(self, "chunk"):
             self._previous = self.chunk.fingers[:, -1]
-        self.chunk, self._turns, self._boxes = chunk, None, None
+        self.chunk, self._turns, self._boxes, self._flat = chunk, None, None, None
         self._headers = self._headers if bodies is None else tuple(bodies)
         for b, body in enumerate(self._bodies):
             body.take(b, chunk, again=again)
@@ -88,12 +90,15 @@ class PosedScene:
             self._boxes = boxes_in_world(self.chunk.bodies, boxes)
         return self._boxes
 
-    def at(self, b: int, i: int) -> Posed:
-        """Return a body at a sample, in the world.
+    def flat(self) -> NDArray[np.bool_]:
+        """Return when bodies are scaled to 0 or flat, and cannot be touched, shape (B, n)."""
+        if self._flat is None:
+            linear = self.chunk.bodies[:, :, :3, :3]
+            self._flat = singular(linear.reshape(-1, 3, 3)).reshape(linear.shape[:2])
+        return self._flat
 
-        Raises:
-            DermisError: the object has scale 0.
-        """
+    def at(self, b: int, i: int) -> Posed:
+        """Return a body at a sample, at which it is not flat, in the world."""
         return self._bodies[b].at(i)
 
     def mesh_at(self, b: int, i: int) -> Mesh:
@@ -124,11 +129,7 @@ class PosedScene:
         return None if posed is None else _seen(posed, turn, place)
 
     def seen_from(self, turn: Array, place: Array, b: int, i: int) -> ContactBody:
-        """Return a body at a sample, in the frame of a finger with this rotation (3, 3) and place [m] in the world.
-
-        Raises:
-            DermisError: the object has scale 0.
-        """
+        """Return a body at a sample, in the frame of a finger with this rotation (3, 3) and place [m] in the world."""
         posed = self._bodies[b].at(i)
         stiffness = self._value(b, i, "surface_stiffness")
         return replace(

@@ -69,6 +69,8 @@ class SkinStepper:
     def approach(self) -> Approach:
         """Find the bodies whose boxes come within reach of the fingertip's in the chunk, and in which samples.
 
+        One that is scaled to 0 is not there; `PadSampler` tells of it.
+
         Raises:
             DermisError: a deforming object has no surface.
         """
@@ -76,7 +78,7 @@ class SkinStepper:
         middle = place + turn @ ((self._low + self._high) / 2)
         half = np.abs(turn) @ ((self._high - self._low) / 2) + self.bone.solver.search_radius
         box_middle, box_half = self._scene.boxes()
-        inside = (np.abs(middle - box_middle) <= half + box_half).all(axis=2)
+        inside = (np.abs(middle - box_middle) <= half + box_half).all(axis=2) & ~self._scene.flat()
         self.far += int((~inside).sum())
         near = np.flatnonzero(inside.any(axis=1)).tolist()
         # so that a body keeps its index in the solver's memory, wherever chunks end
@@ -87,11 +89,7 @@ class SkinStepper:
         return Approach(dict(zip(near, inside[near], strict=True)), turn, place, poses, boxes)
 
     def step(self, approach: Approach, i: int) -> SkinStep:
-        """Solve sample `i` of the chunk.
-
-        Raises:
-            DermisError: an object nearby has scale 0.
-        """
+        """Solve sample `i` of the chunk."""
         bodies = self.around(approach, i)
         if all(body.away for body in bodies):
             return self.idle()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,14 @@ def holes_in(values: NDArray[np.floating], declared: NDArray[np.bool_] | None = 
     with np.errstate(invalid="ignore"):
         holes = ~(np.abs(values) < FAR)
     return holes if declared is None else holes | declared
+
+
+def holds(values: NDArray[Any], number: float) -> NDArray[np.bool_]:
+    """Return where a map holds a number, as its own precision would store it: 0.1 is another one in float32."""
+    if values.dtype.kind != "f":
+        return np.asarray(values.astype(np.float64) == number)
+    with np.errstate(over="ignore"):
+        return np.asarray(values == np.asarray(number).astype(values.dtype))
 
 
 def likely_holes(depths: Array) -> int:

@@ -22,6 +22,7 @@ TOLERANCE = 10e-6  # [m] a ball of 6 mm pushes back within 0.3 %; in 320 flat fa
 MOST = 100_000  # triangles that a curved surface may have; what comes with more keeps them
 _LOOKS = (1 / 3, 2 / 3)  # along an edge, where it is compared with its patch
 _PEAK = 9 / 8  # what a parabola is off at its middle, over what it is there
+_SURE = 4.0  # times as many triangles as are allowed are too many, however roughly they are foretold
 _PARTS: tuple[tuple[tuple[int, int, int], ...], ...] = (  # by corners 0-2 and middles 3-5, for 1, 2 and 3 split edges
     ((0, 3, 2), (3, 1, 2)),
     ((3, 1, 4), (0, 3, 4), (0, 4, 2)),
@@ -131,11 +132,13 @@ def curved_mesh(
     corners = _corner_normals(mesh, normals, where)
     patches = Patches(mesh.vertices, corners, mesh.triangles)
     net = patches.net(mesh.vertices, corners)
-    allowed = tolerance
     refined = _Refined(mesh, patches)
-    while (bends(net) > tolerance).any() and not refined.reach(net, allowed, max(most, len(mesh.triangles))):
-        allowed *= 2.0
-        refined = _Refined(mesh, patches)
+    if (bends(net) > tolerance).any():
+        many = max(most, len(mesh.triangles))
+        allowed = refined.first_hope(net, tolerance, many)
+        while not refined.reach(net, allowed, many):
+            allowed *= 2.0
+            refined = _Refined(mesh, patches)
     new = slice(len(mesh.vertices), None)
     patch, table = refined.patch[new], weights(refined.place[new])
     if not len(patch):
@@ -170,6 +173,24 @@ class _Refined:
         self._on = np.arange(len(self.triangles))  # the patch of each triangle
         self._at = np.tile(np.eye(3), (len(self.triangles), 1, 1))  # where its corners are there, shape (t, 3, 3)
         self._merged = patches.topology.merged
+
+    def first_hope(self, net: Array, tolerance: float, most: int) -> float:
+        """Return the first of the tolerance's doublings for which `most` triangles may be enough.
+
+        Others are not worth a try: the first round of splits would be too many, or what follows from it surely, since
+        an edge's halves are off by a quarter: a triangle whose edges need n splits each ends as n x n.
+        """
+        edge, number = self._edges()
+        off = np.zeros(len(number))
+        np.maximum.at(off, edge, self._off(net))
+        worst = off[edge].reshape(-1, 3) * (4.0 / 3.0)
+        parts = np.sqrt(worst.min(axis=1) * worst.max(axis=1))  # over the tolerance: of each triangle
+        with np.errstate(over="ignore", invalid="ignore"):
+            while (worst > tolerance).sum() + len(worst) > most or (
+                np.maximum(parts / tolerance, 1.0).sum() > _SURE * most
+            ):
+                tolerance *= 2.0
+        return tolerance
 
     def reach(self, net: Array, tolerance: float, most: int) -> bool:
         """Split until no edge is off its patch by more than so much; return whether `most` triangles were enough."""
@@ -248,7 +269,10 @@ def _points(net: Array, patch: NDArray[np.int64], table: Array) -> Array:
 def _corner_normals(mesh: Mesh, normals: NDArray[np.floating] | None, where: str) -> Array:
     if normals is None:
         return corner_normals(mesh)
-    given = np.asarray(normals, np.float64)
+    try:
+        given = np.asarray(normals, np.float64)
+    except (TypeError, ValueError) as error:  # text, or rows of differing length
+        raise DermisError("the normals are no numbers", where=where) from error
     if given.shape == mesh.vertices.shape:
         given = given[mesh.triangles]
     if given.shape != (len(mesh.triangles), 3, 3) or not np.isfinite(given).all():

@@ -160,6 +160,8 @@ def test_curve_rounds_a_ball_and_says_by_how_much(tmp_path: Path) -> None:
     assert mesh is not None and len(mesh.triangles) > 4000
     done = run("curve", tmp_path / "flat.npz", "--out", tmp_path / "flat.npz")
     assert done.returncode == 2 and "replace itself" in done.stderr
+    done = run("curve", tmp_path / "flat.npz", "--out", tmp_path / "o.txt")
+    assert done.returncode == 2 and "NAME.npz" in done.stderr and not (tmp_path / "o.txt").exists()
     done = run("curve", tmp_path / "flat.npz", "--out", tmp_path / "x.npz", "--sharp", "200")
     assert done.returncode == 2 and "0 to 180 degrees" in done.stderr
 

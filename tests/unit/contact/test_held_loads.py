@@ -144,11 +144,23 @@ def test_a_keyed_mass_goes_through_a_scene_file(skin, tmp_path):
     np.testing.assert_allclose(total(felt, fingers)[CLOSED:], -np.outer(mass, GRAVITY)[CLOSED:], atol=1e-6)
 
 
-def test_a_mass_that_cannot_be_is_refused(skin):
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("mass", -0.01),
+        ("mass", 1e9),
+        ("friction", -1),
+        ("friction", 1e9),
+        ("surface_stiffness", -1),
+        ("texture_amplitude_x", -1),
+    ],
+)
+def test_what_is_animated_out_of_range_is_refused_with_its_frame(skin, name, value):
     block, fingers = carried(STILL)
-    mass = np.where(np.arange(COUNT) == 50, -0.01, 0.03)
-    with pytest.raises(DermisError, match="object 'block'.*'mass'"):
-        run(make(0.03), {0: skin, 1: skin}, block, fingers, animated={"body/0/mass": mass})
+    keyed = np.where(np.arange(COUNT) == 50, value, 0.03)
+    keyed[:3] = np.nan  # mended
+    with pytest.raises(DermisError, match=f"object 'block', frame 6: '{name}' is too"):
+        run(make(0.03), {0: skin, 1: skin}, block, fingers, (20, 40), {f"body/0/{name}": keyed})
 
 
 LINES = keys([0, 0.1, 0.2, 0.3, 0.4], [(0, 0, 0), (0, 0, 0), (0.02, 0, 0), (0.02, 0.02, 0), (0, 0, 0)])

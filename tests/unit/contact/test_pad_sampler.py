@@ -261,7 +261,10 @@ def test_scale_zero_is_reported_and_the_rest_is_kept() -> None:
     assert finding.count == 20 and finding.frame == pytest.approx(11.0) and finding.severity == "error"
     known = np.isfinite(touch.gap[0, 0])
     assert not known[100:120].any() and known[:100].all() and known[120:].all()
-    with pytest.raises(DermisError, match="finger 'f0'"):
+    with pytest.raises(DermisError, match="object 'b', frame 1: the scale is too large .*1e\\+200"):
+        huge = poses(np.zeros((3, 3)), np.tile(1e200 * np.eye(3), (3, 1, 1)))
+        sampled([poses(np.zeros((3, 3)))], [(Body("b", cuboid(1, 1, 1)), huge)])
+    with pytest.raises(DermisError, match="finger 'f0', frame 1:"):
         sampled([poses(np.zeros((3, 3)), np.zeros((3, 3, 3)))], [(Body("b", cuboid(1, 1, 1)), poses(np.zeros((3, 3))))])
 
 

@@ -232,11 +232,59 @@ def test_measures_without_a_unit_are_asked_for_one(tmp_path):
     assert read(tmp_path / "map.npy").heights.max() == pytest.approx(waves().max())
 
 
-@pytest.mark.parametrize("unit", [0.0, -1.0, np.nan])
-def test_a_unit_is_above_zero(tmp_path, unit):
+@pytest.mark.parametrize("unit", [0.0, -1.0, np.nan, 1e300, 10**400, "mm"])
+def test_a_unit_is_a_length(tmp_path, unit):
     np.save(tmp_path / "map.npy", waves())
-    with pytest.raises(DermisError, match="unit must be above zero"):
+    with pytest.raises(DermisError, match=r"image 'map.npy': the unit (is no length|must be a number)"):
         read(tmp_path / "map.npy", unit=unit)
+
+
+@pytest.mark.parametrize(("kind", "hole"), [(np.uint8, 255), (np.uint16, 65535), (np.int32, -7)])
+def test_a_hole_is_the_stored_number_where_a_unit_says_so(tmp_path, kind, hole):
+    stored = (waves() * 200).astype(kind)
+    stored[20:24, 30:37] = hole
+    np.save(tmp_path / "map.npy", stored)
+    made = read(tmp_path / "map.npy", hole=hole, unit=1e-3, steps="keep")
+    (found,) = [f for f in made.findings if f.code == "holes-filled"]
+    assert found.count == 28 and made.heights.max() * made.height_unit < 0.2
+
+
+def test_a_hole_that_no_pixel_has_is_told(tmp_path):
+    stored = (waves() * 200).astype(np.uint16) + 1
+    stored[20:24, 30:37] = 65535
+    np.save(tmp_path / "map.npy", stored)
+    (found,) = [f for f in read(tmp_path / "map.npy", hole=65535).findings if f.code == "no-such-hole"]
+    assert found.severity == "warning" and found.value == "65535" and "unit" in found.remedy
+    (found,) = [f for f in read(tmp_path / "map.npy", hole=0).findings if f.code == "no-such-hole"]
+    assert found.severity == "info"  # a camera that missed nothing
+    for absent in (0.5, -1, 256 + int(stored[0, 0])):  # none of them is rounded or wrapped to one that is there
+        assert "no-such-hole" in {f.code for f in from_array(stored.astype(np.uint8), hole=absent).findings}
+    assert "no-such-hole" not in {f.code for f in from_array(waves(), hole=np.nan).findings}
+
+
+@pytest.mark.parametrize("hole", ["a", [0], 1j])
+def test_a_hole_is_a_number(hole):
+    with pytest.raises(DermisError, match="the hole must be a number"):
+        from_array(waves(), hole=hole)
+
+
+def test_declared_holes_may_be_a_list_of_booleans():
+    declared = np.zeros(waves().shape, bool)
+    declared[3, 4] = True
+    assert from_array(waves(), declared=declared.tolist()).findings[0].count == 1
+    for wrong in ([[True], [True, False]], declared.tolist()[1:], waves(), "all"):
+        with pytest.raises(DermisError, match="holes do not fit"):
+            from_array(waves(), declared=wrong)
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_single_precision_cannot_hold_is_a_hole(tmp_path):
+    values = waves()
+    values[5, 5] = 1e300
+    np.save(tmp_path / "map.npy", values)
+    made = read(tmp_path / "map.npy", hole=1e300)
+    assert [f.code for f in made.findings] == ["holes-filled"] and made.findings[0].count == 1
+    assert from_array(values, hole=-1e300).heights.max() < 1
 
 
 def test_a_sequence_has_one_type_of_numbers(tmp_path):

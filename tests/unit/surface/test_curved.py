@@ -6,7 +6,7 @@ import pytest
 from core.errors import DermisError
 from core.experiment import fingertip, press
 from core.scene.tactile_scene import Mesh
-from core.surface.curved import TOLERANCE, curved_mesh
+from core.surface.curved import TOLERANCE, _Refined, curved_mesh
 from core.surface.gap import Surface
 from core.surface.shading import corner_normals
 from core.surface.shapes import block, sphere
@@ -172,6 +172,19 @@ def test_bounded_triangles_say_what_is_left():
     assert set(codes) == {"curved", "curved-coarsely"} and codes["curved"].value == "0.106 mm"
 
 
+@pytest.mark.parametrize(("facets", "most", "tolerance"), [(320, 6000, 1e-12), (1280, 2000, 1e-9), (320, 20000, 1e-6)])
+def test_tolerances_that_surely_need_too_many_are_passed_over(facets, most, tolerance, monkeypatch):
+    tried, reach = [], _Refined.reach
+    monkeypatch.setattr(_Refined, "reach", lambda *given: tried.append(given[2]) or reach(*given))
+    made = curved_mesh(ball(facets)[0], most=most, tolerance=tolerance)
+    assert len(tried) <= 5
+    tried.clear()
+    monkeypatch.setattr(_Refined, "first_hope", lambda self, net, tolerance, most: tolerance)
+    slow = curved_mesh(ball(facets)[0], most=most, tolerance=tolerance)
+    np.testing.assert_array_equal(made.mesh.vertices, slow.mesh.vertices)
+    assert made.left == slow.left
+
+
 def test_a_patch_that_would_fold_stays_flat():
     # a sliver that the hole's edge would bend beyond its far corner
     points = np.array([[0, 0, 0], [4e-3, 0, 0], [2e-3, -2e-4, 0], [0, 0, -2e-3], [4e-3, 0, -2e-3]])
@@ -187,7 +200,10 @@ def test_a_patch_that_would_fold_stays_flat():
         assert (len(top) > 1) is bent
 
 
-@pytest.mark.parametrize(("normals", "tolerance"), [(np.ones((4, 3)), 1e-5), (None, 0.0), (None, np.nan)])
+@pytest.mark.parametrize(
+    ("normals", "tolerance"),
+    [(np.ones((4, 3)), 1e-5), ("up", 1e-5), ([[1], [1, 2]], 1e-5), (None, 0.0), (None, np.nan)],
+)
 def test_what_does_not_fit_is_refused(normals, tolerance):
     with pytest.raises(DermisError):
         curved_mesh(ball(320)[0], normals, tolerance=tolerance)

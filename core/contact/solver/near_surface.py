@@ -29,7 +29,7 @@ class NearTriangles:
 
     @classmethod
     def about(cls, start: Surface, end: Surface, box: Array) -> NearTriangles | None:
-        """Return the triangles whose way meets a box [m], shape (2, 3); None where none does, or nearly all do."""
+        """Return the triangles whose way meets a box [m], shape (2, 3); None where none does."""
         kept = start.table.usable | end.table.usable
         for axis in range(3):
             centre, radius = (np.stack([s.table.bounds[k] for s in (start, end)]) for k in (axis, 6))

@@ -284,7 +284,7 @@ def between(a: ContactBody, b: ContactBody, share: float, near: NearTriangles | 
         rotation = matrices(((1.0 - share) * ends[0] + share * last)[None])[0]
     translation = (1.0 - share) * a.translation + share * b.translation
     surface, carry = b.surface, b.carry
-    if _deforms(a, b):
+    if near is not None or _deforms(a, b):
         assert isinstance(a.surface, Surface) and isinstance(surface, Surface)
         if near is not None:
             surface = near.at(share)

@@ -26,7 +26,7 @@ from .path_step import PathStep
 # A part of a frame presses by no more than this [m]; where the surface turns, it moves by no more than TURNING.
 PRESSING, TURNING = 0.1e-3, 0.1e-3
 # Beyond the depth that linear skin is trusted at, a frame has no more parts than this.
-DEEP_PARTS = 6
+DEEP_PARTS = 4
 # The surface turns where normals of loaded nodes differ by more than this cosine says.
 STRAIGHT = 0.95
 MAX_PARTS = 60

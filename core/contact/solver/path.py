@@ -33,6 +33,8 @@ CHECK = 10.0
 # The last forces serve again while their residual is below this multiple of it.
 UNCHANGED = 1.0
 MAX_ITERATIONS = 300
+# An iteration that stands still at once, while the check fails, so many times in a frame gets no further.
+MAX_ROUNDS = 30
 # Iterations up to which a frame counts as easy: the next may need none.
 EASY = 3
 # Slip in a frame below this [m] is rest: the same pose then needs no new solve.
@@ -307,7 +309,7 @@ class PathSolver:
         self._candidates.follow(gaps.clearance, self.loaded, self._spacing, soft)
         reference = start
         force, y = self._extrapolated(start, w)
-        iterations = 0
+        iterations = rounds = 0
         while True:
             members = self._candidates.members
             z = reference[members]
@@ -325,6 +327,7 @@ class PathSolver:
                 MAX_ITERATIONS,
             )
             iterations += iteration.iterations
+            rounds += 1
             force = np.zeros_like(self._zero)
             force[members] = iteration.state.z
             image = self._apply(force)
@@ -338,12 +341,12 @@ class PathSolver:
             missed = np.flatnonzero(np.logical_not(self._candidates.inside) & (along(w, normal) < 0.0))
             if missed.size:
                 self._candidates.add(missed, soft)
-            elif iterations >= MAX_ITERATIONS:
+            elif iterations >= MAX_ITERATIONS or rounds >= MAX_ROUNDS:
                 if not self._candidates.drifts():
                     return self._fall_back(force, b, gaps, soft, iterations)
                 # many small updates in single precision can go wrong: begin again, from the last frame
                 self._candidates.rebuild(members, soft)
-                force, y, iterations = start, self._y, 0
+                force, y, iterations, rounds = start, self._y, 0, 0
 
     def _fall_back(
         self, force: Array, b: Array, gaps: NodeGaps, soft: Array, iterations: int

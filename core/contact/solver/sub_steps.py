@@ -19,11 +19,14 @@ from ...motion import matrices, quaternions
 from ...surface.crossing import first_crossing
 from ...surface.gap import Surface
 from .bodies import AWAY, ContactBody, NodeGaps, node_gaps, travel
+from .near_surface import NearTriangles
 from .path import PathSolver
 from .path_step import PathStep
 
 # A part of a frame presses by no more than this [m]; where the surface turns, it moves by no more than TURNING.
 PRESSING, TURNING = 0.1e-3, 0.1e-3
+# Beyond the depth that linear skin is trusted at, a frame has no more parts than this.
+DEEP_PARTS = 4
 # The surface turns where normals of loaded nodes differ by more than this cosine says.
 STRAIGHT = 0.95
 MAX_PARTS = 60
@@ -106,7 +109,29 @@ class SubStepper:
                 remedy="Sample more often, or move slower",
             )
             parts = MAX_PARTS
-        return [[between(a, b, k / parts) for a, b in zip(start, bodies, strict=True)] for k in range(1, parts)]
+        last = self.solver.gaps
+        if last is not None and -min(float(gaps.gap.min()), float(last.gap.min())) > self.solver.depth_limit:
+            parts = min(parts, DEEP_PARTS)
+        if parts == 1:
+            return []
+        near = [self._near(a, b, gaps) for a, b in zip(start, bodies, strict=True)]
+        return [
+            [between(a, b, k / parts, n) for a, b, n in zip(start, bodies, near, strict=True)] for k in range(1, parts)
+        ]
+
+    def _near(self, a: ContactBody, b: ContactBody, gaps: NodeGaps) -> NearTriangles | None:
+        """Return the triangles of a deforming surface that the finger may meet on the way; None for all."""
+        if not _deforms(a, b):
+            return None
+        pad, seen = self.solver.points, (gaps, self.solver.gaps or gaps)
+        # loaded skin lies on the surface, pressed in towards the bone; other skin about where it is undeformed
+        pressed, inside = (max(-min(float(getattr(g, name).min()) for g in seen), 0.0) for name in ("gap", "clearance"))
+        skin = np.concatenate([pad, pad + self.solver.bone * (pressed / np.linalg.norm(self.solver.bone))])
+        reach = self.solver.search_radius + min(inside, self.deepest) + travel(a, b, pad)
+        places = np.concatenate([(skin - c.translation) @ c.rotation for c in (a, b)])
+        box = np.stack([places.min(axis=0) - reach, places.max(axis=0) + reach])
+        assert isinstance(a.surface, Surface) and isinstance(b.surface, Surface)
+        return NearTriangles.about(a.surface, b.surface, box)
 
     def _parts(self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps) -> int:
         last = self.solver.gaps
@@ -233,7 +258,7 @@ class SubStepper:
         what = "the skin hung on the rim of an object that slid under the finger, and is pressed onto it anew"
         self.solver.notes.warn("over-a-rim", what, self._number, remedy="Raise the finger, or come from above")
         self.solver.step([AWAY if i in far else body for i, body in enumerate(bodies)], part=True)
-        parts = max(int(np.ceil(max(far.values()) / PRESSING)), 1)
+        parts = max(int(np.ceil(min(max(far.values()), self.solver.depth_limit) / PRESSING)), 1)
         for k in range(parts - 1, 0, -1):
             part = [lowered(b, far[i] * k / parts) if i in far else b for i, b in enumerate(bodies)]
             self.solver.step(part, part=True)
@@ -243,26 +268,41 @@ class SubStepper:
         return self.solver.step(bodies, scene_frame=self._number)
 
 
-def between(a: ContactBody, b: ContactBody, share: float) -> ContactBody:
-    """Return a body on its way from one pose and shape to another, with the second's friction."""
+def between(a: ContactBody, b: ContactBody, share: float, near: NearTriangles | None = None) -> ContactBody:
+    """Return a body on its way from one pose and shape to another, with the second's friction.
+
+    Args:
+        share: of the way. near: the triangles that are wanted of a shape between; all where None.
+    """
     if a.away or b.away or share == 1.0:
         return b
     if np.array_equal(a.rotation, b.rotation):
         rotation: Array = b.rotation
     else:
         ends = quaternions(np.stack([a.rotation, b.rotation]))
-        near = ends[1] if ends[0] @ ends[1] >= 0.0 else -ends[1]
-        rotation = matrices(((1.0 - share) * ends[0] + share * near)[None])[0]
+        last = ends[1] if ends[0] @ ends[1] >= 0.0 else -ends[1]
+        rotation = matrices(((1.0 - share) * ends[0] + share * last)[None])[0]
     translation = (1.0 - share) * a.translation + share * b.translation
     surface, carry = b.surface, b.carry
-    if a.surface is not b.surface and isinstance(a.surface, Surface) and isinstance(surface, Surface):
-        triangles = surface.triangles
-        if np.array_equal(a.surface.triangles, triangles) and len(a.surface.vertices) == len(surface.vertices):
-            surface = Surface.build((1.0 - share) * a.surface.vertices + share * surface.vertices, triangles)
-            if a.carry is not None or carry is not None:
-                first, last = (np.eye(3) if c is None else c for c in (a.carry, carry))
-                carry = (1.0 - share) * first + share * last
+    if near is not None or _deforms(a, b):
+        assert isinstance(a.surface, Surface) and isinstance(surface, Surface)
+        if near is not None:
+            surface = near.at(share)
+        else:
+            vertices = (1.0 - share) * a.surface.vertices + share * surface.vertices
+            surface = Surface.build(vertices, surface.triangles)
+        if a.carry is not None or carry is not None:
+            one, other = (np.eye(3) if c is None else c for c in (a.carry, carry))
+            carry = (1.0 - share) * one + share * other
     return replace(b, surface=surface, rotation=rotation, translation=translation, carry=carry)
+
+
+def _deforms(a: ContactBody, b: ContactBody) -> bool:
+    """Return whether a body has another shape of the same triangles."""
+    one, other = a.surface, b.surface
+    if a.away or b.away or one is other or not isinstance(one, Surface) or not isinstance(other, Surface):
+        return False
+    return len(one.vertices) == len(other.vertices) and np.array_equal(one.triangles, other.triangles)
 
 
 def lowered(body: ContactBody, far: float) -> ContactBody:

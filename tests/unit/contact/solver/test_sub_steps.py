@@ -9,7 +9,7 @@ import pytest
 
 from core.contact.solver.bodies import ContactBody, travel
 from core.contact.solver.path import PathSolver
-from core.contact.solver.sub_steps import PRESSING, SubStepper, between
+from core.contact.solver.sub_steps import DEEP_PARTS, PRESSING, SubStepper, between
 from core.surface.gap import Surface
 
 FRICTION = 0.6
@@ -162,6 +162,20 @@ def test_small_steps_are_not_divided(skin):
     assert steps.solver.counters["parts"] == 0
     steps.step([below(skin, card(0.02), 0.9e-3 + 2.5 * PRESSING, (shift, 0.0))])
     assert steps.solver.counters["parts"] == 2
+
+
+def test_deeper_than_skin_is_trusted_a_frame_has_few_parts(skin):
+    ways = {}
+    for name, depths in {"few": [1.9e-3, 3.1e-3], "many": [1.9e-3, *np.arange(1.95e-3, 3.1001e-3, 0.05e-3)]}.items():
+        steps = stepper(skin)
+        steps.step([below(skin, card(0.02), 0.0)])
+        steps.step([below(skin, card(0.02), depths[0])])
+        steps.solver.counters["parts"] = 0
+        for depth in depths[1:]:
+            force = steps.step([below(skin, card(0.02), depth)]).solution.force
+        ways[name] = force, steps.solver.counters["parts"]
+    assert ways["few"][1] == DEEP_PARTS - 1
+    np.testing.assert_allclose(ways["few"][0], ways["many"][0], atol=0.02 * np.abs(force).max())
 
 
 def test_between_is_rigid_and_ends_where_it_ends():

@@ -195,7 +195,7 @@ def header(depsgraph: bpy.types.Depsgraph, swept: Participants, reader: MeshRead
         mesh = reader.read(evaluated, swept.unit, entry.mirrored, entry.curved)
         if live or not entry.deforming:  # what deforms may get its faces later: the chunks tell
             try:
-                core.scene.tactile_scene.check_mesh(mesh, entry.name)
+                core.scene.tactile_scene.check_mesh(mesh, f"object '{entry.name}'")
             except DermisError as error:
                 findings.append(_left_out(error, "mesh-unusable"))
                 continue

@@ -76,7 +76,7 @@ class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
             if finding.code == "zeros-like-holes":
                 layout.prop(screen, "zero_is_hole", text="Take Zeros as Holes", toggle=True)
             else:
-                layout.row().prop(screen, "map_unit", expand=True)
+                layout.grid_flow(columns=2, align=True).prop(screen, "map_unit", expand=True)
 
 
 class DERMIS_UL_devices(bpy.types.UIList):

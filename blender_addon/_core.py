@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     import core.parameters.stream
     import core.pipeline.outputs
     import core.pipeline.render
+    import core.pipeline.trail
     import core.plot.stimuli
     import core.presets
     import core.recent

@@ -34,6 +34,11 @@ def spec_of(preset: str, family: Family) -> core.devices.spec.DeviceSpec | None:
     return spec if spec is not None and spec.kind in kinds(family) else None
 
 
+def follows_skin(preset: str) -> bool:
+    """Return whether a device of a preset follows the skin that it is worn on."""
+    return any(spec_of(preset, family) is not None for family in FAMILIES)
+
+
 def device_of(obj: bpy.types.Object, family: Family) -> Any | None:
     """Return the settings of the finger's first device of a family that is switched on, or None."""
     for device in obj.dermis.finger.devices:

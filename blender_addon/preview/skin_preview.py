@@ -153,8 +153,8 @@ def refresh() -> None:
 
 
 def _is_solved(shown: bool, presets: Iterable[str]) -> bool:
-    """Return whether a skin is solved: also where it is hidden and a thimble follows it, whose trail would be slow."""
-    return shown or any(active_presets.spec_of(preset, "thimble") is not None for preset in presets)
+    """Return whether a skin is solved: also where it is hidden and a device follows it."""
+    return shown or any(active_presets.follows_skin(preset) for preset in presets)
 
 
 def _pending() -> bool:

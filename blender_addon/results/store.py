@@ -216,7 +216,7 @@ def _read(path: Path) -> Result:
                     remedy="Bake again",
                 )
             outputs = tuple(
-                core.pipeline.render.Output(
+                core.pipeline.bake.Output(
                     entry["finger"],
                     entry["device"],
                     track(

@@ -74,7 +74,7 @@ def of_file(scene: bpy.types.Scene) -> Preview | None:
     named = track.meta.get("finger", "")
     if not fingers:
         return None
-    output = core.pipeline.render.Output(named if named in fingers else fingers[0], track.spec.key, track, {}, ())
+    output = core.pipeline.bake.Output(named if named in fingers else fingers[0], track.spec.key, track, {}, ())
     first, fps = streamed_track.origin(scene)
     result = store.Result(core.pipeline.render.Bake((output,), (), {}, ""), fps, first, -1, ())
     frame = device_preview.frame_of(scene)

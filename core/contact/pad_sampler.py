@@ -49,7 +49,7 @@ class PadSampler:
             i for i, f in enumerate(scene.fingers) if any(d.parameters.get("relief") == "mesh" for d in f.devices)
         }
         self._chunks: list[Chunk] = []
-        self._count = 0
+        self._first = self._count = 0  # samples that are kept: from the first, below the other
         self._pairs: dict[tuple[int, int], PairRecord] = {}
         self._stretched: dict[int, tuple[Array, Surface]] = {}
         self._centres: dict[int, list[Array]] = {}
@@ -93,20 +93,31 @@ class PadSampler:
         self._count += count
         return replace(chunk, fingers=fingers, bodies=bodies, screens=screens)
 
+    def forget(self, chunks: int) -> None:
+        """Leave the first chunks that are left out of what `finish` returns."""
+        for chunk in self._chunks[:chunks]:
+            self._first += len(chunk.times)
+        del self._chunks[:chunks]
+        for pair in self._pairs.values():
+            pair.forget(self._first)
+        for parts in self._centres.values():
+            del parts[: -len(self._chunks)]
+
     def finish(self) -> PadContact:
         """Return everything that was taken in.
 
         Raises:
             DermisError: there was no sample, times do not rise, or an animated parameter is missing from some chunks.
         """
-        if self._count == 0:
+        if not self._chunks:
             raise DermisError("no samples", where=f"scene '{self._scene.name}'", remedy="Check the frame range")
         times = np.concatenate([c.times for c in self._chunks])
         if not (np.diff(times) > 0.0).all():
             raise DermisError("the samples' times do not rise", where=f"scene '{self._scene.name}'")
         frames = np.concatenate([c.frames for c in self._chunks])
         animated = self._repairs.animated(self._chunks, frames)
-        pairs = {key: pair.assembled(self._count) for key, pair in sorted(self._pairs.items()) if pair.start}
+        first, count = self._first, self._count - self._first
+        pairs = {key: pair.assembled(first, count) for key, pair in sorted(self._pairs.items()) if pair.start}
         noted = {**self._noted, **self._deforming.noted}
         return PadContact(
             frames=frames,

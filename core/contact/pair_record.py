@@ -36,9 +36,16 @@ class PairRecord:
     side: int = 1
     proxy: PadProxy = field(default_factory=lambda: PadProxy(float(BONE[2])))
 
-    def assembled(self, count: int) -> PairContact:
-        """Spread what is known over all samples, `count` of them."""
-        index = np.concatenate(self.start)
+    def forget(self, first: int) -> None:
+        """Forget the chunks before a sample, which one of them begins with."""
+        while self.start and self.start[0][-1] < first:
+            parts = self.start, self.gap, self.normal, self.point, self.surface_velocity, self.smooth_normal
+            for pieces in parts:
+                del pieces[:1]
+
+    def assembled(self, first: int, count: int) -> PairContact:
+        """Spread what is known over `count` samples from the first on."""
+        index = np.concatenate(self.start) - first
         gap = np.full(count, np.inf)
         gap[index] = np.concatenate(self.gap)
         arrays = []

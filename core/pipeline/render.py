@@ -15,12 +15,8 @@ import time
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import replace
-from importlib import import_module
 from typing import TYPE_CHECKING
 
-from ..devices.mechanism import kind_of
-from ..devices.safe_state import safe_findings
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT
@@ -29,7 +25,8 @@ from ..scene.content_hash import ContentHash
 from ..scene.tactile_scene import DeviceUse, TactileScene
 from ..steps import drain
 from ..version import version
-from .bake import Bake, Output, Progress
+from .bake import Bake, Progress
+from .device_tracks import finished, renderer, unavailable, usable
 
 if TYPE_CHECKING:
     from ..cache import Cache
@@ -54,7 +51,7 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
     scene.validate()
     clock = _Stages()
     findings = [*scene.findings, *(f for screen in scene.screens for f in screen.findings)]
-    uses = list(_usable(scene, library, findings))
+    uses = list(usable(scene, library, findings))
     content = ContentHash(scene)
 
     skin_models = yield from _skin_models(scene, uses, library, cache, clock, findings)
@@ -77,10 +74,10 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
         with clock.stage("devices"):
             try:
                 more = (skin_contacts[finger],) if spec.follows_skin else ()
-                rendered = _renderer(spec)(pad_contact, scene, finger, use, spec, *more)
-                output = _finish(rendered, scene, finger, use, content_hash)
+                rendered = renderer(spec)(pad_contact, scene, finger, use, spec, *more)
+                output = finished(rendered, scene, finger, use, content_hash)
             except DermisError as error:  # one device that cannot be rendered does not take the others down
-                findings.append(_unavailable(scene.fingers[finger].name, error))
+                findings.append(unavailable(scene.fingers[finger].name, error))
                 continue
         skipped.update(rendered.skipped)
         outputs.append(output)
@@ -111,35 +108,6 @@ def run(scene: TactileScene, library: Library | None = None) -> Bake:
     return drain(render(scene, library or Library()))
 
 
-def _usable(
-    scene: TactileScene, library: Library, findings: list[Finding]
-) -> Iterator[tuple[int, DeviceUse, DeviceSpec]]:
-    """Pair every finger with the devices that can be driven; say which cannot, and go on."""
-    for i, finger in enumerate(scene.fingers):
-        if not finger.devices and not SKIN_CONTACT["skin_shown"].of(finger.parameters):
-            findings.append(
-                Finding(
-                    "warning",
-                    "no-device",
-                    "the finger has no device, so it gives no track",
-                    where=f"finger '{finger.name}'",
-                    remedy="Add one in the Dermis tab under Devices",
-                )
-            )
-        for use in finger.devices:
-            try:
-                spec = library.device(use.preset)
-                _renderer(spec)
-            except DermisError as error:
-                findings.append(_unavailable(finger.name, error))
-                continue
-            yield i, use, spec
-
-
-def _unavailable(finger: str, error: DermisError) -> Finding:
-    return Finding("error", "device-unavailable", str(error).rstrip("."), where=f"finger '{finger}'")
-
-
 def _skin_models(
     scene: TactileScene,
     uses: list[tuple[int, DeviceUse, DeviceSpec]],
@@ -167,7 +135,7 @@ def _skin_models(
                 level = SKIN_CONTACT["skin_level"].of(finger.parameters, place)
                 skin_models[f] = skin_from_parameters(parameters, level=level, cache=cache, where=f"{place}, skin")
         except DermisError as error:
-            findings.append(_unavailable(finger.name, error))
+            findings.append(unavailable(finger.name, error))
             uses[:] = [w for w in uses if w[0] != f or not w[2].follows_skin]
     return skin_models
 
@@ -212,29 +180,6 @@ def _contact(
             break
         yield Progress("skin contact", solved, scene.sample_count)
     return pad_contact, skin.finish()
-
-
-def _renderer(spec: DeviceSpec) -> Renderer:
-    """Return the method that drives this kind of device; its module loads only now."""
-    return import_module(f"..matching.{kind_of(spec).renderer}", __package__).render
-
-
-def _finish(rendered: Rendered, scene: TactileScene, finger: int, use: DeviceUse, content_hash: str) -> Output:
-    """Limit the track to what the device can do, check it, and write down where it comes from."""
-    name = scene.fingers[finger].name
-    limited = rendered.track.within_limits()
-    meta = {
-        "finger": name,
-        "scene": scene.name,
-        "frame_range": f"{scene.frame_range[0]} {scene.frame_range[1]}",
-        "fps": f"{scene.fps.numerator}/{scene.fps.denominator}",
-        "generator": f"dermis {version()}",
-        "content_hash": content_hash,
-        **limited.meta,
-    }
-    track = replace(limited, meta=meta)
-    findings = tuple(rendered.findings) + tuple(track.check()) + safe_findings(track.spec)
-    return Output(name, use.preset, track, rendered.signals, findings)
 
 
 def _full_hash(content: ContentHash, specs: list[DeviceSpec], on_points: list[str]) -> str:

@@ -79,7 +79,7 @@ def test_live_goes_on_forward_and_starts_anew_after_a_jump(holding: bpy.types.Sc
     def at(frame: int) -> tuple[int, str]:
         holding.frame_set(frame)
         note = device_preview.step(bpy.context).note
-        return len(device_preview._trail.samples), note
+        return len(device_preview._live.trail), note
 
     assert at(3) == (1, "live, from rest at frame 3: play or step forward")
     assert at(4) == (2, "live, from rest at frame 3")

@@ -47,7 +47,7 @@ def test_undo_makes_a_bake_out_of_date_and_ends_the_trail() -> None:
     assert store.state(scene) == "fresh"
     scene.frame_set(3)
     device_preview.step(bpy.context)
-    assert device_preview._trail.samples
+    assert device_preview._live.trail
     hand.location.x = 0.001
     push("moved")
     undo()
@@ -56,5 +56,5 @@ def test_undo_makes_a_bake_out_of_date_and_ends_the_trail() -> None:
     assert not device_preview._trail_ends_at(scene, 3.0)
     bpy.context.scene.frame_set(4)
     shown = device_preview.step(bpy.context)
-    assert len(device_preview._trail.samples) == 1
+    assert len(device_preview._live.trail) == 1
     assert "from rest at frame 4" in shown.note

@@ -26,6 +26,7 @@ PLATE, BOX, SCREEN = Vector((-0.085, 0.0, 0.006)), Vector((0.0, 0.02, 0.02)), Ve
 BOX_SIZE = (0.030, 0.030, 0.040)
 SCREEN_SIZE = (0.096, 0.060)
 NAME = "Dermis Demo"
+BUMPS = 22.5  # on a screen, about
 
 
 def build(tactor: str, friction: str) -> bpy.types.Scene:
@@ -76,17 +77,12 @@ def bumps_image(size: tuple[float, float]) -> bpy.types.Image:
     Args:
         size: width and height that it will cover [m].
     """
-    width, height = 384, max(8, round(384 * size[1] / size[0]))
-    x, y = np.meshgrid((np.arange(width) + 0.5) / width * size[0], (np.arange(height) + 0.5) / height * size[1])
-    relief = np.zeros_like(x)
-    pitch, radius = size[0] / 6.0, size[0] / 14.0
-    rows = max(1, int(size[1] / pitch))
-    for row in range(rows):
-        for column in range(6):
-            cx = (column + 0.5) * pitch
-            cy = 0.5 * size[1] + (row - 0.5 * (rows - 1)) * pitch
-            r = np.hypot(x - cx, y - cy) / radius
-            relief = np.maximum(relief, np.where(r < 1.0, np.cos(0.5 * np.pi * np.minimum(r, 1.0)) ** 2, 0.0))
+    pitch = min(math.sqrt(size[0] * size[1] / BUMPS), *size)
+    density = min(64.0 / pitch, 4096.0 / max(size))
+    width, height = (max(8, round(density * length)) for length in size)
+    x, y = (_from_bumps(n, length, pitch) for n, length in ((width, size[0]), (height, size[1])))
+    r = np.hypot(*np.meshgrid(x, y)) / (6.0 / 14.0 * pitch)
+    relief = np.where(r < 1.0, np.cos(0.5 * np.pi * np.minimum(r, 1.0)) ** 2, 0.0)
     image = bpy.data.images.new("Bumps", width, height, float_buffer=True, is_data=True)
     pixels = np.ones((height, width, 4), np.float32)
     pixels[..., :3] = relief[..., None]
@@ -94,6 +90,13 @@ def bumps_image(size: tuple[float, float]) -> bpy.types.Image:
     image.update()
     image.pack()
     return image
+
+
+def _from_bumps(pixels: int, length: float, pitch: float) -> np.ndarray:
+    """Return how far each pixel along a side is from the middle of the nearest bump [m], shape (pixels,)."""
+    count = max(1, int(length / pitch + 1e-6))
+    place = ((np.arange(pixels) + 0.5) / pixels - 0.5) * length / pitch + 0.5 * (count - 1)
+    return (place - np.clip(np.round(place), 0, count - 1)) * pitch
 
 
 def screen_object(size: tuple[float, float], image: bpy.types.Image | None, unit: float) -> bpy.types.Object:

@@ -26,8 +26,10 @@ def begin(name: str, fps: int, last: int) -> bpy.types.Scene:
     scene = bpy.data.scenes.new(name)
     scene.render.fps, scene.render.fps_base = fps, 1.0
     scene.frame_start, scene.frame_end = 1, last
-    scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", 1.0
-    scene.unit_settings.length_unit = "MILLIMETERS"
+    units = scene.unit_settings
+    if units.system != "METRIC":  # to set it would set the units of the window's scene back
+        units.system = "METRIC"
+    units.scale_length, units.length_unit = 1.0, "MILLIMETERS"
     scene.render.engine = "BLENDER_WORKBENCH"
     return scene
 

@@ -78,8 +78,11 @@ class Chooser:
 
     menu = ""
 
-    def execute(self, _context: bpy.types.Context) -> set[str]:
+    def execute(self: Any, context: bpy.types.Context) -> set[str]:
         """Read the presets, then open the menu."""
+        if context.window is None or bpy.app.background:  # where Blender would crash
+            self.report({"ERROR"}, "A menu needs a window; set the preset by its name instead")
+            return {"CANCELLED"}
         choices.refresh()
         bpy.ops.wm.call_menu(name=self.menu)
         return {"FINISHED"}

@@ -26,6 +26,31 @@ def test_it_is_a_scene_of_its_own_and_leaves_the_other_alone() -> None:
     assert [o.name for o in before.objects] == names
 
 
+@pytest.mark.parametrize("demo", ["demo_scene", "demo_skin_scene", "demo_pins_scene", "demo_thimble_scene"])
+def test_the_units_of_the_other_scene_stay(demo: str) -> None:
+    before = bpy.context.scene
+    before.unit_settings.length_unit, before.unit_settings.mass_unit = "CENTIMETERS", "GRAMS"
+    getattr(bpy.ops.dermis, demo)()
+    assert bpy.context.scene != before and bpy.context.scene.unit_settings.length_unit == "MILLIMETERS"
+    assert (before.unit_settings.length_unit, before.unit_settings.mass_unit) == ("CENTIMETERS", "GRAMS")
+
+
+@pytest.mark.parametrize("size", [(0.12, 0.075), (0.0058, 0.151), (0.151, 0.0058), (0.003, 0.1), (0.05, 0.05)])
+def test_bumps_are_round_and_whole_on_a_screen_of_any_shape(size: tuple[float, float]) -> None:
+    image = demo_scene.bumps_image(size)
+    width, height = image.size
+    assert width * height < 1_000_000
+    relief = np.array(image.pixels[:], dtype=np.float32).reshape(height, width, 4)[..., 0]
+    assert relief[0].max() == relief[-1].max() == relief[:, 0].max() == relief[:, -1].max() == 0.0
+    assert relief.max() > 0.9
+    middles = np.argwhere(relief > 0.5)
+    dx, dy = (size[k] / n for k, n in ((0, width), (1, height)))
+    assert dx == pytest.approx(dy, rel=0.1)
+    # the area that is higher than a half is that of round bumps: r < 1/2 of their radius
+    area, bumps = len(middles) * dx * dy, len(middles) and relief[relief > 0].size * dx * dy
+    assert area / bumps == pytest.approx(0.25, abs=0.05)
+
+
 def test_it_lasts_four_seconds_and_has_three_fingers_with_devices(demo: bpy.types.Scene) -> None:
     assert (demo.frame_end - demo.frame_start) / demo.render.fps == 4.0
     worn = {o.name: [d.preset for d in o.dermis.finger.devices] for o in demo.objects if o.dermis.role == "FINGER"}

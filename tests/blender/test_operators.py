@@ -244,3 +244,10 @@ def test_a_file_without_a_name_is_refused_in_words() -> None:
     with pytest.raises(RuntimeError, match="no name for the file"):
         bpy.ops.dermis.export_scene(filepath="")
     assert reporting.source() == "Save Sampled Scene"
+
+
+@pytest.mark.parametrize("menu", ["choose_device", "choose_material", "choose_skin"])
+def test_a_menu_without_a_window_is_refused_in_words(menu: str) -> None:
+    bpy.context.view_layer.objects.active = finger() if menu == "choose_skin" else cube()
+    with pytest.raises(RuntimeError, match="needs a window"):
+        getattr(bpy.ops.dermis, menu)()

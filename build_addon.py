@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Build, test, show and measure Dermis. Needs Python 3.11 or 3.13 and nothing else.
+"""Build, test, show and measure Dermis. Needs any Python from 3.8 on; what needs 3.11 or 3.13 finds one by itself.
 
 Environments live in .venv/: `cp311` or `cp313` has Blender as a module (bpy) and the test tools, `cp311-wheels` has
 what the extension brings (.ci/wheels.txt). They are apart: a scipy beside bpy would hide the one in the extension.
@@ -21,6 +21,7 @@ import tempfile
 import time
 import xml.etree.ElementTree as ElementTree
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -49,6 +50,7 @@ NEEDED_LIBRARIES = {  # what `import bpy` needs: Debian's package of each
     "libEGL.so.1": "libegl1",
     "libEGL_mesa.so.0": "libegl-mesa0 libgl1-mesa-dri",
 }
+INSTALL_PYTHON = "python.org, your system's packages, `pyenv install 3.13`, or `uv python install 3.13`"
 LEVELS = ("unit", "blender", "extension")
 LEVEL_LIMIT = 45 * 60  # [s] a level that takes longer hangs
 
@@ -60,25 +62,69 @@ class Stop(Exception):
 # -- the machine ------------------------------------------------------------------------------------------------------
 
 
-def check_python() -> None:
-    """Say which Python is needed where this one will not do, and name one that runs here."""
+def with_python(arguments: list[str]) -> int | None:
+    """Do the work with a Python that Blender runs on: None where this is one, else the status of that one.
+
+    Found on PATH, among pyenv's and conda's, or brought by uv; a message says which.
+    """
     if sys.version_info[:2] in BLENDER and sys.implementation.name == "cpython":
-        return
-    found = [name for name in ("python3.11", "python3.13") if runs(name)]
-    hint = f" Try: {found[0]} build_addon.py {' '.join(sys.argv[1:])}".rstrip() if found else ""
-    raise Stop(
-        f"Dermis is built with CPython 3.11 (for Blender 4.5 LTS) or 3.13 (for Blender 5.2 LTS); "
-        f"this is {platform.python_implementation()} {platform.python_version()}.{hint}"
-    )
+        return None
+    python = next(filter(runs, pythons()), None) or brought_by_uv()
+    if python is None:
+        raise Stop(
+            f"This needs CPython 3.11 (for Blender 4.5 LTS) or 3.13 (for Blender 5.2 LTS), and there is none on PATH, "
+            f"in pyenv or in conda; this is {platform.python_implementation()} {platform.python_version()}. "
+            f"Install one ({INSTALL_PYTHON}) and try again."
+        )
+    say(f"this is Python {platform.python_version()}; going on with {python}")
+    return subprocess.run([python, str(ROOT / "build_addon.py"), *arguments]).returncode
+
+
+def pythons() -> Iterator[str]:
+    """Yield commands that may be a Python that Blender runs on."""
+    names = [f"{major}.{minor}" for major, minor in sorted(BLENDER, reverse=True)]
+    for name in names:
+        yield from filter(None, (shutil.which(f"python{name}"),))
+    home = Path.home()
+    place = Path("python.exe") if os.name == "nt" else Path("bin/python")
+    condas = [Path(os.environ.get("CONDA_PREFIX") or home / "miniforge3"), home / "miniconda3", home / "anaconda3"]
+    versions = [Path(os.environ.get("PYENV_ROOT") or home / ".pyenv") / "versions", *(c / "envs" for c in condas)]
+    found = [entry for folder in versions if folder.is_dir() for entry in sorted(folder.iterdir())]
+    yield from (str(entry / place) for entry in (*condas, *found) if (entry / place).exists())
+    if os.name == "nt":
+        for name in names:
+            told = printed("py", f"-{name}", "-c", "import sys; print(sys.executable)")
+            yield from filter(None, (told,))
+
+
+def brought_by_uv() -> str | None:
+    """Return a Python that uv has or fetches, None without uv."""
+    if not shutil.which("uv"):
+        return None
+    for verb in ("find", "install"):
+        if verb == "install":
+            say("uv fetches Python 3.13")
+            printed("uv", "python", "install", "3.13")
+        for major, minor in sorted(BLENDER, reverse=True):
+            found = printed("uv", "python", "find", f"{major}.{minor}")
+            if found and runs(found):
+                return found
+    return None
+
+
+def printed(*command: str) -> str:
+    """Return what a command prints, '' where it fails."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=600)
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""
 
 
 def runs(python: str) -> bool:
-    """Tell whether a command really is a Python: a version manager's shim may only say that it is not."""
-    try:
-        done = subprocess.run([python, "-c", "pass"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=60)
-    except (OSError, subprocess.TimeoutExpired):
-        return False
-    return done.returncode == 0
+    """Tell whether a command is a CPython that Blender runs on: a version manager's shim may say that it is none."""
+    told = printed(python, "-c", "import sys; print(sys.implementation.name, *sys.version_info[:2])")
+    return told in {f"cpython {major} {minor}" for major, minor in BLENDER}
 
 
 def this_platform() -> str:
@@ -153,7 +199,7 @@ def environment() -> Environment:
     version = this_python()
     tag = f"cp{version.replace('.', '')}"
     folder = VENV / tag
-    python = folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    python = inside(folder)
     lock = LOCKS / f"environment-{tag}.txt"
     this_platform()
     made = fresh(folder, lock)
@@ -177,6 +223,11 @@ def environment() -> Environment:
         source = wheel_folder(python, this_platform(), version)
         install_into(wheels, WHEELS, python, "--no-index", "--find-links", str(source))
     return Environment(python, wheels)
+
+
+def inside(folder: Path) -> Path:
+    """Return the interpreter of an environment."""
+    return folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 
 
 def can_make_environments() -> bool:
@@ -305,33 +356,50 @@ def write_zip(path: Path, target: str | None, wheels: dict[str, Path]) -> None:
     os.replace(part, path)
 
 
-def build_zip(env: Environment, folder: Path, target: str | None, pythons: tuple[str, ...]) -> Path:
-    """Build one zip (without wheels where no platform is given) and let Blender's own validator judge it."""
+def build_zip(python: Path, folder: Path, target: str | None, pythons: tuple[str, ...]) -> Path:
+    """Build one zip, without wheels where no platform is given.
+
+    Blender's own validator judges it where Blender is at hand as a module; the tests always have it.
+    """
     wheels = {
         wheel.name: wheel
         for version in (pythons if target else ())
-        for wheel in wheel_folder(env.python, target or "", version).glob("*.whl")
+        for wheel in wheel_folder(python, target or "", version).glob("*.whl")
     }
     stem = f"{manifest_value('id')}-{manifest_value('version')}"
     path = folder / (f"{stem}-{target}.zip" if target else f"{stem}.zip")
     write_zip(path, target, wheels)
-    found = sorted((env.python.parents[1]).rglob("bl_pkg/cli/blender_ext.py"))
-    if not found:
-        raise Stop("Blender's validator (blender_ext.py) is not in the bpy package.")
-    quietly([str(env.python), str(found[0]), "validate", str(path)], f"Blender's validator refuses {path.name}")
+    for folder in VENV.glob("cp3??"):
+        for validator in folder.rglob("bl_pkg/cli/blender_ext.py"):
+            command = [str(inside(folder)), str(validator), "validate", str(path)]
+            quietly(command, f"Blender's validator refuses {path.name}")
     return path
+
+
+def tool_python() -> Path:
+    """Return a Python that has pip, to download wheels with: this one, or one made for it."""
+    if printed(sys.executable, "-m", "pip", "--version"):
+        return Path(sys.executable)
+    folder = VENV / "tools"
+    python = inside(folder)
+    if not printed(str(python), "-m", "pip", "--version"):
+        if not can_make_environments():
+            need_packages(["python3-pip"], "This Python has no pip to download wheels with")
+            return Path(sys.executable)
+        quietly([sys.executable, "-m", "venv", "--clear", str(folder)], "The environment could not be made")
+    return python
 
 
 # -- the verbs --------------------------------------------------------------------------------------------------------
 
 
 def build(options: argparse.Namespace) -> int:
-    """Build the zips into dist/."""
-    env = environment()
+    """Build the zips into dist/: with any Python, and without downloading Blender."""
+    python = tool_python()
     pythons = tuple(sorted({*DEFAULT_PYTHONS, *options.python}, key=PINNED_PYTHONS.index))
     targets = [None] if options.no_wheels else (options.platform or list(PLATFORMS))
     for target in targets:
-        path = build_zip(env, options.out, target, pythons)
+        path = build_zip(python, options.out, target, pythons)
         say(f"{path}  {path.stat().st_size / 1e6:.1f} MB  sha256 {digest(path)}")
     return 0
 
@@ -395,7 +463,7 @@ def level_passed(env: Environment, level: str, arguments: list[str], scratch: Pa
     more = {"BLENDER_USER_RESOURCES": str(scratch / f"{level}-profile")}
     if level == "extension":  # nothing of the source tree may be importable: the installed zip is on trial
         command += ["-o", "pythonpath=tests/extension"]
-        more["DERMIS_ZIP"] = str(build_zip(env, scratch, this_platform(), (this_python(),)))
+        more["DERMIS_ZIP"] = str(build_zip(env.python, scratch, this_platform(), (this_python(),)))
     try:
         status = subprocess.run(
             command + arguments, cwd=ROOT, env=env.variables(level != "extension", **more), timeout=LEVEL_LIMIT
@@ -424,7 +492,7 @@ def demo(options: argparse.Namespace) -> int:
     env = environment()
     seconds["environment"] = time.monotonic() - started
     started = time.monotonic()
-    path = build_zip(env, DIST, this_platform(), DEFAULT_PYTHONS)
+    path = build_zip(env.python, DIST, this_platform(), DEFAULT_PYTHONS)
     seconds["zip"] = time.monotonic() - started
     out = options.out.resolve()
     out.mkdir(parents=True, exist_ok=True)
@@ -456,7 +524,7 @@ def bench(options: argparse.Namespace) -> int:
     """Run the benchmarks, print the table and write the JSON."""
     env = environment()
     with tempfile.TemporaryDirectory(prefix="dermis-bench-") as scratch:
-        path = build_zip(env, Path(scratch), this_platform(), (this_python(),))
+        path = build_zip(env.python, Path(scratch), this_platform(), (this_python(),))
         command = [str(env.python), "-m", "tests.benchmarks", *options.names]
         if options.json:
             command += ["--json", str(options.json.resolve())]
@@ -484,9 +552,9 @@ def dev(options: argparse.Namespace) -> int:
     profile = options.profile or (own_profile(options.blender) if options.blender else VENV / "dev-profile")
     wheels: dict[str, Path] = {}
     if not options.no_wheels:
-        env = environment()
+        python = tool_python()
         for version in sorted({*DEFAULT_PYTHONS, *options.python}):
-            wheels.update({p.name: p for p in wheel_folder(env.python, this_platform(), version).glob("*.whl")})
+            wheels.update({p.name: p for p in wheel_folder(python, this_platform(), version).glob("*.whl")})
     package = profile.resolve() / "extensions" / "user_default" / manifest_value("id")
     if package.exists() and not (package / ".dermis-dev").exists():
         raise Stop(f"{package} holds an installed Dermis: uninstall it in Blender first.")
@@ -610,9 +678,8 @@ def main(arguments: list[str]) -> int:
         parser().error(f"unknown arguments: {' '.join(rest)}")
     options.pytest = rest
     try:
-        check_python()
-        status: int = options.function(options)
-        return status
+        status: int | None = None if options.function in (build, dev) else with_python(arguments)
+        return options.function(options) if status is None else status
     except Stop as refusal:
         print(f"build_addon.py: {refusal}", file=sys.stderr)
         return 1

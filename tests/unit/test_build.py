@@ -13,6 +13,7 @@ import sys
 import tomllib
 import zipfile
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -20,6 +21,7 @@ import build_addon
 
 ROOT = Path(__file__).resolve().parents[2]
 LOCKS = sorted((ROOT / ".ci").glob("*.txt"))
+needs_shell = pytest.mark.skipif(os.name == "nt", reason="the commands are shell scripts")
 
 
 @pytest.fixture
@@ -137,21 +139,79 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, str(ROOT / "build_addon.py"), *arguments], capture_output=True, text=True)
 
 
-@pytest.mark.parametrize("version", [(3, 10, 2), (3, 12, 0), (3, 14, 0)])
-def test_another_python_gets_a_sentence(
-    version: tuple[int, int, int], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+class Other(NamedTuple):
+    """Another Python's version."""
+
+    major: int = 3
+    minor: int = 12
+    micro: int = 1
+
+
+@pytest.fixture
+def twelve(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """Let this be Python 3.12 with nothing else at hand; return the home folder."""
+    monkeypatch.setattr(sys, "version_info", Other())
+    monkeypatch.setattr(platform, "python_version", lambda: "3.12.1")
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    for name in ("PYENV_ROOT", "CONDA_PREFIX"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    (tmp_path / "bin").mkdir()
+    return tmp_path
+
+
+def script(path: Path, text: str) -> None:
+    """Write a shell script that can be run."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
+
+
+PYTHON = 'case "$1" in -c) echo cpython 3 13;; *) echo "went on: $@"; exit 7;; esac'
+
+
+@needs_shell
+def test_without_a_python_that_will_do_a_sentence_says_what_to_install(
+    twelve: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sys, "version_info", version)
-    monkeypatch.setattr(platform, "python_version", lambda: ".".join(map(str, version)))
-    monkeypatch.setattr(build_addon, "runs", lambda name: name == "python3.13")
-    monkeypatch.setattr(sys, "argv", ["build_addon.py", "demo"])
     assert build_addon.main(["demo"]) == 1
-    said = capsys.readouterr().err
-    assert "3.11" in said and "3.13" in said and ".".join(map(str, version)) in said
-    assert "Try: python3.13 build_addon.py demo" in said and said.count("\n") == 1
+    said = capfd.readouterr().err
+    assert "3.11" in said and "3.13" in said and "3.12.1" in said and "uv python install 3.13" in said
+    assert said.count("\n") == 1
 
 
-@pytest.mark.skipif(os.name == "nt", reason="the shim is a shell script")
+@needs_shell
+@pytest.mark.parametrize(
+    "place", ["bin/python3.13", ".pyenv/versions/3.13.0/bin/python", "miniconda3/envs/blender/bin/python"]
+)
+def test_another_python_goes_on_with_one_that_will_do(
+    place: str, twelve: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    script(twelve / "bin" / "python3.11", "echo 'python3.11: not installed here' >&2; exit 127")  # a shim
+    script(twelve / place, PYTHON)
+    assert build_addon.main(["test", "-k", "two words"]) == 7
+    said = capfd.readouterr().out
+    assert f"went on: {build_addon.ROOT / 'build_addon.py'} test -k two words" in said and place in said
+
+
+@needs_shell
+def test_uv_brings_a_python(twelve: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    script(twelve / "uv" / "python", PYTHON)
+    mark = twelve / "fetched"
+    fetch, find = f'[ "$2" = install ] && : > "{mark}" && exit 0', f'[ -e "{mark}" ] && echo "{twelve}/uv/python"'
+    script(twelve / "bin" / "uv", f"{fetch}\n{find}")
+    assert build_addon.main(["demo"]) == 7
+    assert "uv fetches Python 3.13" in capfd.readouterr().out
+
+
+def test_a_zip_is_built_by_any_python_and_without_blender(twelve: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(build_addon, "VENV", twelve / "venv")
+    monkeypatch.setattr(build_addon, "environment", lambda: pytest.fail("Blender is downloaded"))
+    assert build_addon.main(["build", "--no-wheels", "--out", str(twelve / "dist")]) == 0
+    assert len(list((twelve / "dist").glob("dermis-*.zip"))) == 1
+
+
+@needs_shell
 def test_a_command_that_is_no_python_is_not_trusted(tmp_path: Path) -> None:
     shim = tmp_path / "python3.13"
     shim.write_text("#!/bin/sh\necho 'command not found in this version' >&2\nexit 127\n")

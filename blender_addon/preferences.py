@@ -14,13 +14,15 @@ from .registration import registration
 def user_folder(name: str, *, create: bool = False) -> Path:
     """Return a folder of the extension's own in the user's profile: 'presets' or 'results'.
 
-    A source checkout has no such place; it uses the system's folder for temporary files.
+    A source checkout has no such place; it uses one of its own among the system's temporary files.
     """
     if PACKAGE.startswith("bl_ext."):
         return Path(bpy.utils.extension_path_user(PACKAGE, path=name, create=create))
+    from hashlib import sha256
     from tempfile import gettempdir
 
-    folder = Path(gettempdir()) / "dermis-source-checkout" / name
+    checkout = sha256(str(Path(__file__).resolve()).encode()).hexdigest()[:12]
+    folder = Path(gettempdir()) / f"dermis-source-checkout-{checkout}" / name
     if create:
         folder.mkdir(parents=True, exist_ok=True)
     return folder

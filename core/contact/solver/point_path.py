@@ -363,9 +363,9 @@ class PointSolver(PathSolver):
         five = np.where(none, under[:, None], five)
         centre = self.surface.cells.positions[cells][:, None]
         places = np.concatenate([centre, self._tree.corner_points(cells).reshape(-1, 4, 3)], axis=1)
-        way = places + raised[under][:, None] - (self.points + raised[:-1])[five]
+        way = places + raised[under][:, None] - self.points[five]
         normal = gaps.normal[five]
-        gap = gaps.clearance[five] + np.einsum("nck,nck->nc", way, normal)
+        gap = gaps.gap[five] + np.einsum("nck,nck->nc", way, normal)
         return gap[:, 0], gap[:, 1:], normal[:, 1:], known + (known & ~none.any(axis=1)).astype(np.int64)
 
     def _look_at(

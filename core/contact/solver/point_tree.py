@@ -202,12 +202,13 @@ class PointTree:
         if len(close):
             ways[close] = self._turns(cells[close], own[close], own[close], gap[close], normal[close])
         # where not all is known, what is cut stays cut until it is looked at
-        halved = self._tiles.halved[cells]
-        more = self._tiles.ways[halved[:, 0], halved[:, 1], ways | self._ways[cells]]
-        self._ways[cells] = np.where(sure, ways, more)
-        self._clearance[cells], self._turning[cells] = own, turning
+        halved, before = self._tiles.halved[cells], self._ways[cells]
+        more = self._tiles.ways[halved[:, 0], halved[:, 1], ways | before]
+        merged = sure & ((before & ~ways) != 0)
+        self._ways[cells] = more
+        self._clearance[cells], self._turning[cells] = own, turning | (before != 0)
         self._due[cells[late]] = self._check
-        return lost
+        return np.concatenate([lost, cells[merged]])
 
     def _look_at(self, cells: Indices, look: Look) -> None:
         """Find out which cells shall be cut, and when to look again."""

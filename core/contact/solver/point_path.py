@@ -414,9 +414,9 @@ class PointSolver(PathSolver):
         loaded = np.flatnonzero(self._force.any(axis=1))
         base = self.surface.chart.tiles.root[self.cells[loaded]]
         under, which = np.unique(base, return_inverse=True)
-        force = np.zeros((len(under), 3))
+        force = np.zeros((len(under), 3), dtype=np.float32)
         np.add.at(force, which, self._force[loaded])
-        return np.asarray(np.einsum("nmij,mj->ni", self._matrix.coarse(cells, under), force), dtype=np.float64)
+        return self._matrix.coarse(under, force)[cells]
 
     # -- the compliance ------------------------------------------------------------------------------------------
 

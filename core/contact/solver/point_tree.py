@@ -22,8 +22,9 @@ from ...skin.tiles import ALONG, AROUND, BOTH
 TURNED, BENT = 0.3, 0.04e-3
 # Sides are halved less often, by one, where there would be more points than this, and more often again below that.
 MANY, FEW = 650, 100
-# A way is no matter where surfaces turn by less than this share of what they turn the other way.
-ODD = 0.4
+# A way is no matter where surfaces turn by less than this share of what they turn the other way; the second where
+# that is told by points, which do not lie at a cell's corners.
+ODD, KNOWN = 0.4, 0.8
 # A cell stays cut down to this share of the limits.
 MERGE = 0.6
 # Sides that were halved so often are halved again only where normals differ by more than the first of these, at sharp
@@ -200,7 +201,7 @@ class PointTree:
         ways = np.zeros(len(cells), dtype=np.int64)
         close = np.flatnonzero(turning)
         if len(close):
-            ways[close] = self._turns(cells[close], own[close], own[close], gap[close], normal[close])
+            ways[close] = self._turns(cells[close], own[close], gap[close], normal[close], None)
         # where not all is known, what is cut stays cut until it is looked at
         halved, before = self._tiles.halved[cells], self._ways[cells]
         more = self._tiles.ways[halved[:, 0], halved[:, 1], ways | before]
@@ -245,7 +246,7 @@ class PointTree:
         ways = np.zeros(n, dtype=np.int64)
         close = np.flatnonzero(turning)
         if len(close):
-            ways[close] = self._turns(cells[close], own[close], middle[close], gap[close], normal[close])
+            ways[close] = self._turns(cells[close], own[close], gap[close], normal[close], middle[close])
         self._ways[cells], self._clearance[cells], self._turning[cells] = ways, own, turning
         beyond = 0.5 * (np.minimum(own, self.search_radius) - limit - BESIDE * long)
         even = np.minimum(flat - FLAT * long, LATEST)
@@ -257,12 +258,14 @@ class PointTree:
             self._due[cells, k] = STEP * steps
         self._due[cells[turning]] = self._check
 
-    def _turns(self, cells: Indices, own: Array, middle: Array, gap: Array, normal: Array) -> Indices:
+    def _turns(self, cells: Indices, own: Array, gap: Array, normal: Array, middle: Array | None) -> Indices:
         """Return in which ways cells shall be cut by what their corners see.
 
         Args:
-            own: clearance of the centres [m]. middle: the same seen from where the corners are looked from, shape (n,).
+            own: clearance of the centres [m], shape (n,).
             gap: of the corners [m], shape (n, 4). normal: there, shape (n, 4, 3).
+            middle: clearance of the centres, seen from where the corners are looked from [m], shape (n,); None where
+                nothing was looked at: what points see tells edges, but not in between, and not what bends.
         """
         near = np.minimum(gap.min(axis=1), own) < self._limit[cells]
         halved, before = self._tiles.halved[cells], self._ways[cells]
@@ -282,18 +285,19 @@ class PointTree:
             share = np.where(before & way, MERGE, 1.0)
             limit = np.where(halved[:, axis] < OFTEN, TURNED, sharp) * share
             limit = np.where(halved[:, axis] < self.finest, limit, np.inf)
-            told = np.where(odd, kept & way, mean[axis] > ODD * mean[1 - axis])
+            told = np.where(odd, kept & way, mean[axis] > (KNOWN if middle is None else ODD) * mean[1 - axis])
             ways |= np.where((most[axis] > limit) & (told != 0), way, 0)
-        with np.errstate(invalid="ignore"):
-            off = np.abs(gap.mean(axis=1) - middle)
-            twist = 0.25 * np.abs(gap[:, 0] - gap[:, 1] - gap[:, 2] + gap[:, 3])
-        bent = np.nan_to_num(np.maximum(off, twist), nan=np.inf, posinf=np.inf)
-        bends = (
-            (most < TURNED).all(axis=0)
-            & (bent > BENT * np.where(before == BOTH, MERGE, 1.0))
-            & (halved.max(axis=1) < OFTEN)
-        )
-        ways[bends] = BOTH
+        if middle is not None:
+            with np.errstate(invalid="ignore"):
+                off = np.abs(gap.mean(axis=1) - middle)
+                twist = 0.25 * np.abs(gap[:, 0] - gap[:, 1] - gap[:, 2] + gap[:, 3])
+            bent = np.nan_to_num(np.maximum(off, twist), nan=np.inf, posinf=np.inf)
+            bends = (
+                (most < TURNED).all(axis=0)
+                & (bent > BENT * np.where(before == BOTH, MERGE, 1.0))
+                & (halved.max(axis=1) < OFTEN)
+            )
+            ways[bends] = BOTH
         ways[~near] = 0
         return np.asarray(self._tiles.ways[halved[:, 0], halved[:, 1], ways])
 

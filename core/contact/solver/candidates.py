@@ -31,6 +31,7 @@ class CandidateInverse:
         rho: the shift of each node [m/N], shape (m,).
         ahead, leave: gaps, over the spacing of the nodes, below which they join ahead of time and above which they go.
         most: nodes that are updated at once; where more come or go, it starts over.
+        budget: nodes that join ahead of time at once. few: that are not worth an update yet.
     """
 
     def __init__(
@@ -40,8 +41,11 @@ class CandidateInverse:
         ahead: float = PREFETCH,
         leave: float = LEAVE,
         most: int = REBUILD,
+        budget: int = BUDGET,
+        few: int = 1,
     ) -> None:
         self.rho, self.ahead, self.leave, self.most = rho, ahead, leave, most
+        self.budget, self.few = budget, few
         self.count = compliance.shape[0] // 3
         self._c = compliance
         self._store = np.zeros((0, 0), dtype=np.float32)
@@ -101,17 +105,17 @@ class CandidateInverse:
         if self.members.size == 0 or missing.size > self.most or self.stale(softness):
             self.rebuild(np.flatnonzero(needed | (gap < self.ahead * spacing)), softness)
             return
+        coming = ((gap < self.ahead * spacing) & ~self.inside).nonzero()[0]
         if missing.size:
-            self.add(missing, softness)
+            self.add(missing if self.few == 1 else np.union1d(missing, coming), softness)
         else:
-            coming = ((gap < self.ahead * spacing) & ~self.inside).nonzero()[0]
-            if coming.size:
-                self.add(coming[np.argsort(gap[coming])[:BUDGET]], softness)
+            if coming.size >= self.few:
+                self.add(coming[np.argsort(gap[coming])[: self.budget]], softness)
                 return
         leaves = (gap > self.leave * spacing) & ~loaded
         leaving = self.members[leaves[self.members]]
-        if leaving.size >= BUDGET:
-            self.remove(leaving[: 2 * BUDGET])
+        if leaving.size >= self.budget:
+            self.remove(leaving[: 2 * self.budget])
 
     def rebuild(self, nodes: Indices, softness: Array) -> None:
         """Start over with the given nodes; softness of all nodes [m/N], shape (m,)."""

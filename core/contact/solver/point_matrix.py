@@ -29,18 +29,18 @@ class PointMatrix:
         self.cells: Indices = np.zeros(0, dtype=np.int64)
         self._store = np.zeros((0, 0), dtype=np.float32)
         count = pad.chart.starts[1]
-        self._coarse = np.zeros((count, 3, 3 * count), dtype=np.float32)  # memory is taken by the rows asked for
+        self._coarse = np.zeros((count, count, 3, 3), dtype=np.float32)  # memory is taken by the rows asked for
         self._known = np.zeros(count, dtype=bool)
 
-    def coarse(self, cells: Indices, force: Floats32) -> Array:
-        """Return the displacement of all cells of the coarsest level for forces on some [N], shape (m, 3) [m]."""
+    def coarse(self, cells: Indices, force: Floats32, at: Indices) -> Array:
+        """Return the displacement of cells of the coarsest level for forces on others of it [N], shape (n, 3) [m]."""
         missing = cells[~self._known[cells]]
         if len(missing):
-            self._coarse[missing] = self.pad.rows(missing, self.pad.chart.base).reshape(len(missing), 3, -1)
+            rows = self.pad.rows(missing, self.pad.chart.base).reshape(len(missing), 3, -1, 3)
+            self._coarse[missing] = rows.transpose(0, 2, 1, 3)
             self._known[missing] = True
-        # the matrix is symmetric: columns of some cells are their rows
-        moved = force.reshape(-1) @ self._coarse[cells].reshape(3 * len(cells), -1)
-        return moved.reshape(-1, 3).astype(np.float64)
+        # the matrix is symmetric: rows of the few that carry force serve for all that they move
+        return np.tensordot(force, self._coarse[cells[:, None], at], axes=([0, 1], [0, 2])).astype(np.float64)
 
     @property
     def matrix(self) -> Floats32:

@@ -31,8 +31,9 @@ from .point_tree import CORNERS, MANY, OFTEN, PointTree, Seen
 
 TOLERANCE = 3e-4
 # Points join the iteration ahead of time below the first of these shares of their cell's side, and leave it above the
-# second: they have rows of the compliance already, so it takes little to join. At most so many do at once.
-MEMBERS = (0.1, 0.3, 48)
+# second: they have rows of the compliance already, so it takes little to join. At most so many do at once, and ahead
+# of time so many, when there are half as many.
+MEMBERS = (0.1, 0.3, 48, 24, 12)
 # Skin is looked for this far out [m].
 REACH = 2.5e-3
 MOST_ITERATIONS = 3000
@@ -115,6 +116,7 @@ class PointSolver(PathSolver):
         """Forget the history: the next frame is solved from rest."""
         self._tree.forget()
         self._asked = None
+        self._new = 0
         self._change(np.arange(len(self.cells)), np.zeros(0, dtype=np.int64))
         self._zero, self._status = np.zeros((0, 3)), np.zeros(0, dtype=np.int8)
         super().reset()
@@ -267,9 +269,10 @@ class PointSolver(PathSolver):
         self._zero, self._status = np.zeros((len(self.cells), 3)), np.zeros(len(self.cells), dtype=np.int8)
         self._force = kept(force)
         passed.force(force, self._force[count:])
-        self._last = None if len(passed.heirs) else self._last and (kept(self._last[0]), kept(self._last[1]))
-        self._y = kept(self._y)
         self._image = self._apply(self._force)
+        self._y = kept(self._y)
+        self._last = self._last and (kept(self._last[0]), kept(self._last[1]))
+        self._new = count if len(passed.heirs) else len(self.cells)
         self.history = history.rearranged(order, len(entering))
         heirs, main = passed.main(np.einsum("ij,ij->i", force, force))
         known = history.body[main] >= 0
@@ -416,9 +419,16 @@ class PointSolver(PathSolver):
         under, which = np.unique(base, return_inverse=True)
         force = np.zeros((len(under), 3), dtype=np.float32)
         np.add.at(force, which, self._force[loaded])
-        return self._matrix.coarse(under, force)[cells]
+        return self._matrix.coarse(under, force, cells)
 
     # -- the compliance ------------------------------------------------------------------------------------------
+
+    def _extrapolated(self, force: Array, w: Array) -> tuple[Array, Array]:
+        start, y = super()._extrapolated(force, w)
+        if self._last is not None:  # points that have come since have no past
+            new, self._new = slice(self._new, None), len(force)
+            start[new], y[new] = force[new], -w[new] / self._rho[new]
+        return start, y
 
     def _apply(self, force: Array) -> Array:
         return self._matrix.displacement(force)

@@ -17,13 +17,13 @@ from ...skin.nodal_forces import NodalForces
 from ...skin.surface_compliance import SurfaceCompliance
 from ...surface.gap import Surface
 from .admm import State, iterate
-from .bodies import ContactBody, Expected, NodeGaps, moved, node_gaps, travel
+from .bodies import ContactBody, Expected, NodeGaps, moved, node_gaps, same_places, travel
 from .candidates import CandidateInverse
 from .compliance import Linear
 from .cone import project
 from .flatness import flat_reach
 from .history import ContactHistory
-from .path import BONE, DEPTH_LIMIT, MARGIN, PathSolver, PathStep
+from .path import BONE, CHECK, DEPTH_LIMIT, MARGIN, PathSolver, PathStep
 from .point_history import succession
 from .point_map import NONE, PointMap
 from .point_matrix import PointMatrix
@@ -32,8 +32,8 @@ from .point_tree import CORNERS, MANY, OFTEN, PointTree, Seen
 TOLERANCE = 3e-4
 # Points join the iteration ahead of time below the first of these shares of their cell's side, and leave it above the
 # second: they have rows of the compliance already, so it takes little to join. At most so many do at once, and ahead
-# of time so many, when there are half as many.
-MEMBERS = (0.1, 0.3, 48, 24, 12)
+# of time so many, when there are half as many; or this share of them, where that is more.
+MEMBERS = (0.1, 0.3, 48, 24, 12, 0.3)
 # Skin is looked for this far out [m].
 REACH = 2.5e-3
 MOST_ITERATIONS = 3000
@@ -123,21 +123,18 @@ class PointSolver(PathSolver):
 
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`."""
-        return {**super().save(), "cells": self.cells, "tree": self._tree.save(), "asked": self._asked}
+        own = {"matrix": self._matrix.save(), "inverse": self._candidates.save(), "tree": self._tree.save()}
+        return {**super().save(), **own, "asked": self._asked, "new": self._new}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go back to a saved state."""
-        cells = state["cells"]
-        if not np.array_equal(cells, self.cells):
-            self._candidates = CandidateInverse(np.zeros((0, 0), dtype=np.float32), np.zeros(0), *MEMBERS)
-            self._matrix.change(np.flatnonzero(~np.isin(self.cells, cells)), cells[~np.isin(cells, self.cells)])
-            self._matrix.sort(cells)
-            self._number()
-            self._candidates = CandidateInverse(self._matrix.matrix, self._rho[:, 0], *MEMBERS)
-            self._zero, self._status = np.zeros((len(cells), 3)), np.zeros(len(cells), dtype=np.int8)
+        """Go back to a saved state: what follows is the same to the last bit."""
+        self._matrix.restore(state["matrix"])
+        self._number()
+        self._zero, self._status = np.zeros((len(self.cells), 3)), np.zeros(len(self.cells), dtype=np.int8)
+        self._candidates.restore(state["inverse"], self._matrix.matrix, self._rho[:, 0])
         self._tree.restore(state["tree"])
-        self._asked = state["asked"]
-        super().restore({name: state[name] for name in state if name not in ("cells", "tree", "asked")})
+        self._asked, self._new = state["asked"], state["new"]
+        super().restore(state)
 
     def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
         """Return how far matter moves along its own normal at points [m].
@@ -422,6 +419,11 @@ class PointSolver(PathSolver):
         return self._matrix.coarse(under, force, cells)
 
     # -- the compliance ------------------------------------------------------------------------------------------
+
+    def _allowed(self, bodies: tuple[ContactBody, ...]) -> float:
+        # what stands is measured ever more exactly where skin lies by now: that is no reason to solve it again
+        stands = self._step is not None and same_places(bodies, self._bodies)
+        return CHECK * self.tolerance if stands else super()._allowed(bodies)
 
     def _extrapolated(self, force: Array, w: Array) -> tuple[Array, Array]:
         start, y = super()._extrapolated(force, w)

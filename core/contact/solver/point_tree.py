@@ -20,8 +20,9 @@ from ...skin.tiles import ALONG, AROUND, BOTH
 
 # A cell is cut where normals at its corners differ by more than this, or a gap is off linear by more than this [m].
 TURNED, BENT = 0.3, 0.04e-3
-# Sides are halved less often, by one, where there would be more points than this, and more often again below that.
-MANY, FEW = 650, 100
+# Sides are halved less often, by one, where there are more points than this, and more often again below that; at
+# once, and by more, where there would be more than the last.
+MANY, FEW, MOST = 800, 100, 1000
 # A way is no matter where surfaces turn by less than this share of what they turn the other way; the second where
 # that is told by points, which do not lie at a cell's corners.
 ODD, KNOWN = 0.4, 0.8
@@ -139,10 +140,10 @@ class PointTree:
             moved: as in `asks`.
         """
         found = self._survey(look, glance, moved)
-        while len(found) > MANY and self.finest > 0 and glance is None:
+        while len(found) > (MANY if glance is None else MOST) and self.finest > 0:
             self.finest -= 1
             self.renew()
-            found = self._survey(look, glance, np.zeros(2))
+            found = self._survey(look, None, np.zeros(2))
         if len(found) > MANY:
             self.finest = max(self.finest - 1, 0)
         elif len(found) < FEW:

@@ -41,6 +41,8 @@ FLAT = 1.2  # times its side about a cell's centre that a surface must be flat f
 # A cell is looked at again when something has moved this share of its side along it, or the second share towards it,
 # but no sooner than this, and no later than that [m].
 AGAIN, SOONEST, LATEST = 0.25, 0.1e-3, 0.6e-3
+# What is out of reach is looked at again when something has moved by this share of what it is beyond it: skin moves, too.
+SHARE = 0.8
 # What is known of cells that surfaces turn in serves again when something has moved this far [m].
 GLANCE = 0.06e-3
 # What will be due so soon [m] is looked at together with what is.
@@ -249,7 +251,7 @@ class PointTree:
         if len(close):
             ways[close] = self._turns(cells[close], own[close], gap[close], normal[close], middle[close])
         self._ways[cells], self._clearance[cells], self._turning[cells] = ways, own, turning
-        beyond = 0.5 * (np.minimum(own, self.search_radius) - limit - BESIDE * long)
+        beyond = SHARE * (np.minimum(own, self.search_radius) - limit - BESIDE * long)
         even = np.minimum(flat - FLAT * long, LATEST)
         short = self._short[cells]
         soon = np.maximum(AGAIN * short, SOONEST)

@@ -13,7 +13,8 @@ from .flatness import flat_reach
 from .history import ContactHistory
 from .moved_skin import MovedSkin
 from .point_map import NONE
-from .point_tree import PointTree, Seen
+from .point_tree import PointTree
+from .seen import Seen
 
 # A corner of a cell is reached from this far above it [m].
 ABOVE = 0.4e-3
@@ -37,7 +38,7 @@ class PointSight:
     bone: Array
 
     def glance(self, gaps: NodeGaps, cells: Indices) -> tuple[Array, Array, Array, Indices]:
-        """Tell of cells what the points under them and beside them see, without measuring: see `point_tree.Glance`."""
+        """Tell of cells what the points under them and beside them see, without measuring: see `seen.Glance`."""
         points = self.skin.points
         five = points.map.around(cells)
         under = five[:, 0].copy()
@@ -54,7 +55,7 @@ class PointSight:
         return gap[:, 0], gap[:, 1:], normal[:, 1:], known + (known & ~none.any(axis=1)).astype(np.int64)
 
     def look(self, cells: Indices, points: Array, centres: int) -> Seen:
-        """Measure points that move with cells, the first so many centres: see `point_tree.Look`."""
+        """Measure points that move with cells, the first so many centres: see `seen.Look`."""
         shift, owner = self.skin.under(cells)
         places = points + shift
         gaps = node_gaps(places, self.bodies, self.tree.search_radius, self.bone)

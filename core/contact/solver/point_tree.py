@@ -8,8 +8,7 @@ nothing gets into a cell before it has moved by what they reach beyond. Until th
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from ...arrays import Array, Indices
 from ...skin.surface_compliance import SurfaceCompliance
 from ...skin.tiles import ALONG, AROUND, BOTH
+from .seen import Glance, Look
 
 # A cell is cut where normals at its corners differ by more than this, or a gap is off linear by more than this [m].
 TURNED, BENT = 0.3, 0.04e-3
@@ -41,7 +41,7 @@ FLAT = 1.2  # times its side about a cell's centre that a surface must be flat f
 # A cell is looked at again when something has moved this share of its side along it, or the second share towards it,
 # but no sooner than this, and no later than that [m].
 AGAIN, SOONEST, LATEST = 0.25, 0.1e-3, 0.6e-3
-# What is out of reach is looked at again when something has moved by this share of what it is beyond it: skin moves, too.
+# What is out of reach is looked at again when something has moved by this share of the way: skin moves, too.
 SHARE = 0.8
 # What is known of cells that surfaces turn in serves again when something has moved this far [m].
 GLANCE = 0.06e-3
@@ -52,21 +52,7 @@ NEVER = -np.inf
 
 
 _SIGNS = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])  # of a cell's corners, along and around
-
-
-class Seen(NamedTuple):
-    """What cells see: clearance [m], inf beyond reach, shape (n,); normal out of the body, shape (n, 3); and how far
-    the surface is flat about the points that the first k are closest to, at least [m], shape (k,)."""
-
-    clearance: Array
-    normal: Array
-    flat: Array
-
-
-Look = Callable[[Indices, Array, int], Seen]
-# For cells: clearance of centres, (n,), of corners, (n, 4), normals there, (n, 4, 3), and whether nothing is known of
-# them (0), of some corners (1) or of all (2), (n,).
-Glance = Callable[[Indices], tuple[Array, Array, Array, Indices]]
+_ONE, _OTHER = [0, 1, 0, 2], [2, 3, 1, 3]  # corners at the ends of a cell's sides, two along and two around
 
 
 class PointTree:
@@ -270,16 +256,12 @@ class PointTree:
             middle: clearance of the centres, seen from where the corners are looked from [m], shape (n,); None where
                 nothing was looked at: what points see tells edges, but not in between, and not what bends.
         """
-        near = np.minimum(gap.min(axis=1), own) < self._limit[cells]
         halved, before = self._tiles.halved[cells], self._ways[cells]
         ways = np.zeros(len(cells), dtype=np.int64)
         sharp = np.where(halved.min(axis=1) < OFTEN, SHARP, SHARPEST)
-        turned = np.empty((2, len(cells), 2))
-        for axis, pairs in enumerate((((0, 2), (1, 3)), ((0, 1), (2, 3)))):
-            for k, (one, other) in enumerate(pairs):
-                apart = normal[:, one] - normal[:, other]
-                turned[axis, :, k] = np.sqrt(np.einsum("ij,ij->i", apart, apart))
-        most, least = turned.max(axis=2), turned.min(axis=2)
+        apart = normal[:, _ONE] - normal[:, _OTHER]
+        turned = np.sqrt(np.einsum("nek,nek->en", apart, apart)).reshape(2, 2, -1)
+        most, least = turned.max(axis=1), turned.min(axis=1)
         mean = most + least
         # one corner that sees another side tells no way: squares are cut in both, or stay cut as they are
         odd = (least < ODD * most).all(axis=0)
@@ -301,7 +283,7 @@ class PointTree:
                 & (halved.max(axis=1) < OFTEN)
             )
             ways[bends] = BOTH
-        ways[~near] = 0
+        ways[np.minimum(gap.min(axis=1), own) >= self._limit[cells]] = 0
         return np.asarray(self._tiles.ways[halved[:, 0], halved[:, 1], ways])
 
     def corner_points(self, cells: Indices) -> Array:

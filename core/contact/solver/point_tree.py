@@ -43,10 +43,11 @@ FLAT = 1.2  # times its side about a cell's centre that a surface must be flat f
 AGAIN, SOONEST, LATEST = 0.25, 0.1e-3, 0.6e-3
 # What is out of reach is looked at again when something has moved by this share of the way: skin moves, too.
 SHARE = 0.8
-# What is known of cells that surfaces turn in serves again when something has moved this far [m].
-GLANCE = 0.06e-3
+# What is known of cells that see an edge, of normals that differ by more than the first, serves again when something
+# has moved this far [m].
+EDGE, GLANCE = 0.5, 0.06e-3
 # What will be due so soon [m] is looked at together with what is.
-TOGETHER = 0.03e-3
+TOGETHER = 0.12e-3
 STEP = 0.2e-3  # times come in multiples of this [m], so that many fall together
 NEVER = -np.inf
 
@@ -75,6 +76,7 @@ class PointTree:
         self.finest = self._tiles.levels - 1  # how often sides are halved at most
         self._ways: Indices = np.zeros(count, dtype=np.int64)
         self._turning = np.zeros(count, dtype=bool)  # whether corners were of interest
+        self._sharp = np.zeros(count, dtype=bool)  # and see an edge
         self._clearance = np.full(count, np.inf)
         self._due = np.full((count, 2), NEVER)  # how far anything may move along and towards a cell
         self.forget()
@@ -85,7 +87,7 @@ class PointTree:
         self.finest = self._tiles.levels - 1
         self._due[:] = NEVER
         self._ways[:] = 0
-        self._turning[:] = False
+        self._turning[:] = self._sharp[:] = False
         self._moved, self._next, self._check = np.zeros(2), np.full(2, NEVER), np.zeros(2)
 
     def renew(self) -> None:
@@ -109,7 +111,7 @@ class PointTree:
     @property
     def _tables(self) -> tuple[NDArray[Any], ...]:
         """What is known of cells."""
-        return self._due, self._ways, self._turning, self._clearance
+        return self._due, self._ways, self._turning, self._sharp, self._clearance
 
     def asks(self, moved: Array) -> bool:
         """Return whether any cell is to be looked at again.
@@ -168,9 +170,9 @@ class PointTree:
         self._present = np.concatenate(present)
         self._leave(np.setdiff1d(before, self._present))
         self._next = self._due[self._present].min(axis=0)
-        turning = self._present[self._turning[self._present]]
-        if len(turning):
-            fine = AGAIN * float(self._short[turning].min())
+        sharp = self._present[self._turning[self._present] & self._sharp[self._present]]
+        if len(sharp):
+            fine = AGAIN * float(self._short[sharp].min())
             self._next[0] = min(self._next[0], self._moved[0] + max(fine, GLANCE))
         return np.concatenate(leaves)
 
@@ -258,17 +260,18 @@ class PointTree:
         """
         halved, before = self._tiles.halved[cells], self._ways[cells]
         ways = np.zeros(len(cells), dtype=np.int64)
-        sharp = np.where(halved.min(axis=1) < OFTEN, SHARP, SHARPEST)
+        steep = np.where(halved.min(axis=1) < OFTEN, SHARP, SHARPEST)
         apart = normal[:, _ONE] - normal[:, _OTHER]
         turned = np.sqrt(np.einsum("nek,nek->en", apart, apart)).reshape(2, 2, -1)
         most, least = turned.max(axis=1), turned.min(axis=1)
         mean = most + least
+        self._sharp[cells] = most.max(axis=0) > EDGE
         # one corner that sees another side tells no way: squares are cut in both, or stay cut as they are
         odd = (least < ODD * most).all(axis=0)
         kept = np.where((before == 0) & (halved[:, 0] == halved[:, 1]), BOTH, before)
         for axis, way in enumerate((ALONG, AROUND)):
             share = np.where(before & way, MERGE, 1.0)
-            limit = np.where(halved[:, axis] < OFTEN, TURNED, sharp) * share
+            limit = np.where(halved[:, axis] < OFTEN, TURNED, steep) * share
             limit = np.where(halved[:, axis] < self.finest, limit, np.inf)
             told = np.where(odd, kept & way, mean[axis] > (KNOWN if middle is None else ODD) * mean[1 - axis])
             ways |= np.where((most[axis] > limit) & (told != 0), way, 0)

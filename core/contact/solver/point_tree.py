@@ -20,9 +20,9 @@ from .seen import Glance, Look
 
 # A cell is cut where normals at its corners differ by more than this, or a gap is off linear by more than this [m].
 TURNED, BENT = 0.3, 0.04e-3
-# Sides are halved less often, by one, where there are more points than this, and more often again below that; at
-# once, and by more, where there would be more than the last.
-MANY, FEW, MOST = 800, 100, 1000
+# Sides are halved less often, by one and at least once, where there would be more points than the first, and more often
+# again below the second. Of more than the last only those count that are nearest to what they may touch.
+MANY, FEW, MOST = 800, 250, 1000
 # A way is no matter where surfaces turn by less than this share of what they turn the other way; the second where
 # that is told by points, which do not lie at a cell's corners.
 ODD, KNOWN = 0.4, 0.8
@@ -130,15 +130,16 @@ class PointTree:
             moved: as in `asks`.
         """
         found = self._survey(look, glance, moved)
-        while len(found) > (MANY if glance is None else MOST) and self.finest > 0:
+        while len(found) > MANY and self.finest > 1 and glance is None:
             self.finest -= 1
             self.renew()
-            found = self._survey(look, None, np.zeros(2))
+            found = self._survey(look, glance, np.zeros(2))
         if len(found) > MANY:
-            self.finest = max(self.finest - 1, 0)
+            self.finest = max(self.finest - 1, 1)
         elif len(found) < FEW:
             self.finest = min(self.finest + 1, self._tiles.levels - 1)
-        return found
+        nearest = np.argsort(self._clearance[found], kind="stable")[:MOST]
+        return found[np.sort(nearest)]
 
     def _survey(self, look: Look, glance: Glance | None, moved: Array) -> Indices:
         self._moved = self._moved + moved

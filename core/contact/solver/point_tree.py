@@ -40,7 +40,7 @@ BESIDE = 0.35  # times its longer side that a cell's corners may be nearer than 
 FLAT = 1.2  # times its side about a cell's centre that a surface must be flat for its corners to be no matter
 # A cell is looked at again when something has moved this share of its side along it, or the second share towards it,
 # but no sooner than this, and no later than that [m].
-AGAIN, SOONEST, LATEST = 0.25, 0.1e-3, 0.6e-3
+AGAIN, SOONEST, LATEST = 0.25, 0.1e-3, 0.4e-3
 # What is out of reach is looked at again when something has moved by this share of the way: skin moves, too.
 SHARE = 0.8
 # What is known of cells that see an edge, of normals that differ by more than the first, serves again when something

@@ -39,7 +39,7 @@ NEAR, MARGIN = 0.4, 0.1e-3
 BESIDE = 0.35  # times its longer side that a cell's corners may be nearer than its centre
 FLAT = 1.2  # times its side about a cell's centre that a surface must be flat for its corners to be no matter
 # A cell is looked at again when something has moved this share of its side along it, or the second share towards it,
-# but no sooner than this, and no later than that [m].
+# but no sooner than this, and no later than that, about [m].
 AGAIN, SOONEST, LATEST = 0.25, 0.1e-3, 0.4e-3
 # What is out of reach is looked at again when something has moved by this share of the way: skin moves, too.
 SHARE = 0.8
@@ -49,6 +49,7 @@ EDGE, GLANCE = 0.5, 0.06e-3
 # What will be due so soon [m] is looked at together with what is.
 TOGETHER = 0.12e-3
 STEP = 0.2e-3  # times come in multiples of this [m], so that many fall together
+GOLDEN = 0.618034  # multiples of it are spread evenly
 NEVER = -np.inf
 
 
@@ -88,7 +89,7 @@ class PointTree:
         self._due[:] = NEVER
         self._ways[:] = 0
         self._turning[:] = self._sharp[:] = False
-        self._moved, self._next, self._check = np.zeros(2), np.full(2, NEVER), np.zeros(2)
+        self._moved, self._next = np.zeros(2), np.full(2, NEVER)
 
     def renew(self) -> None:
         """Look at every cell again: something else is near."""
@@ -99,12 +100,12 @@ class PointTree:
         """Return what a survey changes."""
         cells = self._present
         kept = tuple(table[cells] for table in self._tables)
-        return cells, *kept, self._moved, self._next, self._check, self.finest
+        return cells, *kept, self._moved, self._next, self.finest
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Go back to a saved state."""
-        self._leave(self._present)
-        self._present, *kept, self._moved, self._next, self._check, self.finest = state
+        self._due[self._present], self._ways[self._present] = NEVER, 0
+        self._present, *kept, self._moved, self._next, self.finest = state
         for table, values in zip(self._tables, kept, strict=True):
             table[self._present] = values
 
@@ -144,8 +145,6 @@ class PointTree:
     def _survey(self, look: Look, glance: Glance | None, moved: Array) -> Indices:
         self._moved = self._moved + moved
         before = self._present
-        if (self._moved >= self._check - TOGETHER).any():
-            self._check = self._moved + LATEST
         due = (self._due[before] <= self._moved + TOGETHER).any(axis=1)
         if glance is not None:
             # what is cut is known from its parts; what is large and whole is looked at for what nothing has seen yet
@@ -163,13 +162,14 @@ class PointTree:
                     self._look_at(fresh, look)
                 else:  # they are cut in their turn, by what they see as points
                     self._turning[fresh], self._clearance[fresh] = self._inner[fresh], 0.0
-                    self._due[fresh] = self._check
+                    self._due[fresh] = self._later(fresh)
             present.append(cells)
             ways = self._ways[cells]
             leaves.append(cells[(ways == 0) & (self._clearance[cells] < self._limit[cells])])
             cells = self._tiles.cut(cells, ways)[0]
         self._present = np.concatenate(present)
-        self._leave(np.setdiff1d(before, self._present))
+        gone = np.setdiff1d(before, self._present)
+        self._due[gone], self._ways[gone] = NEVER, 0
         self._next = self._due[self._present].min(axis=0)
         sharp = self._present[self._turning[self._present] & self._sharp[self._present]]
         if len(sharp):
@@ -177,8 +177,10 @@ class PointTree:
             self._next[0] = min(self._next[0], self._moved[0] + max(fine, GLANCE))
         return np.concatenate(leaves)
 
-    def _leave(self, cells: Indices) -> None:
-        self._due[cells], self._ways[cells] = NEVER, 0
+    def _later(self, cells: Indices) -> Array:
+        """Return when cells are looked at again at the latest: not all of them together, shape (n, 2)."""
+        later = LATEST * (0.75 + (GOLDEN * cells) % 1.0)
+        return STEP * np.floor((self._moved + later[:, None]) / STEP)
 
     def _glance_at(self, cells: Indices, glance: Glance) -> Indices:
         """Find out by what is known which cells shall be cut; return those that are to be looked at."""
@@ -200,7 +202,7 @@ class PointTree:
         merged = sure & ((before & ~ways) != 0)
         self._ways[cells] = more
         self._clearance[cells], self._turning[cells] = own, turning | (before != 0)
-        self._due[cells[late]] = self._check
+        self._due[cells[late]] = self._later(cells[late])
         return np.concatenate([lost, cells[merged]])
 
     def _look_at(self, cells: Indices, look: Look) -> None:
@@ -248,7 +250,7 @@ class PointTree:
         for k in range(2):  # together with others, and no sooner than this
             steps = np.maximum(np.floor((self._moved[k] + far[k]) / STEP), np.ceil(self._moved[k] / STEP) + 1.0)
             self._due[cells, k] = STEP * steps
-        self._due[cells[turning]] = self._check
+        self._due[cells[turning]] = self._later(cells[turning])
 
     def _turns(self, cells: Indices, own: Array, gap: Array, normal: Array, middle: Array | None) -> Indices:
         """Return in which ways cells shall be cut by what their corners see.

@@ -6,6 +6,8 @@ enough: the shifted matrix is well conditioned, and the iteration multiplies onl
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,6 +33,8 @@ class CandidateInverse:
         rho: the shift of each node [m/N], shape (m,).
         ahead, leave: gaps, over the spacing of the nodes, below which they join ahead of time and above which they go.
         most: nodes that are updated at once; where more come or go, it starts over.
+        budget: nodes that join ahead of time at once. few: that are worth an update.
+        share: of the members that is updated at once, where that is more than `most`.
     """
 
     def __init__(
@@ -40,8 +44,12 @@ class CandidateInverse:
         ahead: float = PREFETCH,
         leave: float = LEAVE,
         most: int = REBUILD,
+        budget: int = BUDGET,
+        few: int = 1,
+        share: float = 0.0,
     ) -> None:
         self.rho, self.ahead, self.leave, self.most = rho, ahead, leave, most
+        self.budget, self.few, self.share = budget, few, share
         self.count = compliance.shape[0] // 3
         self._c = compliance
         self._store = np.zeros((0, 0), dtype=np.float32)
@@ -50,6 +58,20 @@ class CandidateInverse:
         self.inside = np.zeros(self.count, dtype=bool)
         self.updates = 0
         self.rebuilds = 0
+        self._saved = False
+
+    def save(self) -> tuple[Any, ...]:
+        """Return the state, for `restore`; the inverse is copied when it changes next."""
+        self._saved = True
+        kept = self.members.copy(), self.inside.copy(), self._softness.copy()
+        return self._store, *kept, self.updates, self.rebuilds
+
+    def restore(self, state: tuple[Any, ...], compliance: NDArray[np.floating], rho: Array) -> None:
+        """Go back to a saved state, of the nodes that these belong to."""
+        self._store, members, inside, softness, self.updates, self.rebuilds = state
+        self.members, self.inside, self._softness = members.copy(), inside.copy(), softness.copy()
+        self.count, self._c, self.rho = len(rho), compliance, rho
+        self._saved = True
 
     @property
     def matrix(self) -> Floats32:
@@ -63,7 +85,7 @@ class CandidateInverse:
         place = np.full(self.count, -1)
         place[order] = np.arange(len(order))
         leaving = self.members[place[self.members] < 0]
-        if leaving.size > self.most:
+        if leaving.size > self._most():
             self.members = self.members[:0]
         else:
             self.remove(leaving)
@@ -73,6 +95,10 @@ class CandidateInverse:
         self.inside = np.zeros(count, dtype=bool)
         self.inside[self.members] = True
         self.rho, self.count, self._c, self._softness = rho, count, compliance, softness
+
+    def _most(self) -> int:
+        """Return how many nodes are updated at once: large inverses are made again at a larger price."""
+        return max(self.most, int(self.share * self.members.size))
 
     def stale(self, softness: Array) -> bool:
         """Whether the members' softness [m/N], shape (m,), is no longer what was inverted, or drift is due."""
@@ -97,21 +123,25 @@ class CandidateInverse:
             softness: of what is below each node [m/N], shape (m,).
         """
         needed = (gap < ENTER * spacing) | loaded
+        if self.share:
+            changed = self.members[self._softness[self.members] != softness[self.members]]
+            if 0 < changed.size <= self._most():
+                self.remove(changed)
         missing = (needed & ~self.inside).nonzero()[0]
-        if self.members.size == 0 or missing.size > self.most or self.stale(softness):
+        if self.members.size == 0 or missing.size > self._most() or self.stale(softness):
             self.rebuild(np.flatnonzero(needed | (gap < self.ahead * spacing)), softness)
             return
+        coming = ((gap < self.ahead * spacing) & ~self.inside).nonzero()[0]
         if missing.size:
-            self.add(missing, softness)
+            self.add(missing if self.few == 1 else np.union1d(missing, coming), softness)
         else:
-            coming = ((gap < self.ahead * spacing) & ~self.inside).nonzero()[0]
-            if coming.size:
-                self.add(coming[np.argsort(gap[coming])[:BUDGET]], softness)
+            if coming.size >= self.few:
+                self.add(coming[np.argsort(gap[coming])[: self.budget]], softness)
                 return
         leaves = (gap > self.leave * spacing) & ~loaded
         leaving = self.members[leaves[self.members]]
-        if leaving.size >= BUDGET:
-            self.remove(leaving[: 2 * BUDGET])
+        if leaving.size >= self.budget:
+            self.remove(leaving[: 2 * self.budget])
 
     def rebuild(self, nodes: Indices, softness: Array) -> None:
         """Start over with the given nodes; softness of all nodes [m/N], shape (m,)."""
@@ -155,6 +185,7 @@ class CandidateInverse:
         if going.size == 0:
             return
         n = 3 * self.members.size
+        self._make_room(n)
         whole = self._store[:n, :n]
         leaving = _rows(going)
         side = whole[:, leaving]
@@ -179,6 +210,9 @@ class CandidateInverse:
             store = np.zeros((min(2 * wanted, 3 * self.count),) * 2, dtype=np.float32)
             store[:n, :n] = self.matrix
             self._store = store
+        elif self._saved:
+            self._store = self._store.copy()
+        self._saved = False
 
     def _shifted(self, nodes: Indices, softness: Array) -> Array:
         rows = _rows(nodes)

@@ -300,10 +300,9 @@ class PathSolver:
             start = np.where(gone[:, None], 0.0, start)
             image = self._apply(start)
         w = image + soft[:, None] * start + b
-        # worth asking only where the last frame was easy: on a path that changes the answer is no
-        easy = self._step is None or self._step.solution.iterations <= EASY
-        residual, status = assess(start, w, normal, mu, 1.0 / rho) if easy else (np.inf, self._status)
-        if residual <= UNCHANGED * self.tolerance:
+        allowed = self._allowed(gaps.bodies)
+        residual, status = assess(start, w, normal, mu, 1.0 / rho) if allowed else (np.inf, self._status)
+        if residual <= allowed:
             method = "admm" if start.any() else "none"
             return Solution(start, w, normal, mu, status, 0, residual, goal, method), w / -rho, image, "unchanged"
         self._candidates.follow(gaps.clearance, self.loaded, self._spacing, soft)
@@ -347,6 +346,12 @@ class PathSolver:
                 # many small updates in single precision can go wrong: begin again, from the last frame
                 self._candidates.rebuild(members, soft)
                 force, y, iterations, rounds = start, self._y, 0, 0
+
+    def _allowed(self, bodies: tuple[ContactBody, ...]) -> float:
+        """Return the residual up to which the last forces serve again; zero where that is not worth asking."""
+        # on a path that changes the answer is no
+        easy = self._step is None or self._step.solution.iterations <= EASY
+        return UNCHANGED * self.tolerance if easy else 0.0
 
     def _fall_back(
         self, force: Array, b: Array, gaps: NodeGaps, soft: Array, iterations: int

@@ -28,18 +28,20 @@ class PointMatrix:
         self.pad = pad
         self.cells: Indices = np.zeros(0, dtype=np.int64)
         self._store = np.zeros((0, 0), dtype=np.float32)
+        self._saved = False
         count = pad.chart.starts[1]
         self._coarse = np.zeros((count, count, 3, 3), dtype=np.float32)  # memory is taken by the rows asked for
         self._known = np.zeros(count, dtype=bool)
 
-    def coarse(self, cells: Indices, others: Indices) -> Floats32:
-        """Return the displacement of cells of the coarsest level for forces on others of it, (n, m, 3, 3) [m/N]."""
+    def coarse(self, cells: Indices, force: Floats32, at: Indices) -> Array:
+        """Return the displacement of cells of the coarsest level for forces on others of it [N], shape (n, 3) [m]."""
         missing = cells[~self._known[cells]]
         if len(missing):
             rows = self.pad.rows(missing, self.pad.chart.base).reshape(len(missing), 3, -1, 3)
             self._coarse[missing] = rows.transpose(0, 2, 1, 3)
             self._known[missing] = True
-        return self._coarse[cells[:, None], others]
+        # the matrix is symmetric: rows of the few that carry force serve for all that they move
+        return np.tensordot(force, self._coarse[cells[:, None], at], axes=([0, 1], [0, 2])).astype(np.float64)
 
     @property
     def matrix(self) -> Floats32:
@@ -53,6 +55,8 @@ class PointMatrix:
         Returns:
             Where each point that stays was before, in its new order.
         """
+        if self._saved:
+            self._store, self._saved = self._store.copy(), False
         count = len(self.cells)
         size = count - len(leaving)
         order = np.arange(size)
@@ -72,13 +76,15 @@ class PointMatrix:
             self._store[:old, old:new] = rows[:, :old].T
         return order
 
-    def sort(self, cells: Indices) -> None:
-        """Bring the same cells into another order."""
-        place = np.argsort(self.cells)[np.searchsorted(np.sort(self.cells), cells)]
-        rows = rows_of(place)
-        n = len(rows)
-        self._store[:n, :n] = self._store[rows[:, None], rows]
-        self.cells = np.asarray(cells).copy()
+    def save(self) -> tuple[Indices, Floats32]:
+        """Return the present cells and rows, for `restore`; they are copied when they change next."""
+        self._saved = True
+        return self.cells, self._store
+
+    def restore(self, state: tuple[Indices, Floats32]) -> None:
+        """Go back to a saved state."""
+        self.cells, self._store = state
+        self._saved = True
 
     def displacement(self, force: Array) -> Array:
         """Return C f for forces [N] on the points, shape (n, 3), those without left out of the work."""

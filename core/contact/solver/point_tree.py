@@ -8,8 +8,7 @@ nothing gets into a cell before it has moved by what they reach beyond. Until th
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +16,16 @@ from numpy.typing import NDArray
 from ...arrays import Array, Indices
 from ...skin.surface_compliance import SurfaceCompliance
 from ...skin.tiles import ALONG, AROUND, BOTH
+from .seen import Glance, Look
 
 # A cell is cut where normals at its corners differ by more than this, or a gap is off linear by more than this [m].
 TURNED, BENT = 0.3, 0.04e-3
-# Sides are halved less often, by one, where there would be more points than this, and more often again below that.
-MANY, FEW = 650, 100
-# A way is no matter where surfaces turn by less than this share of what they turn the other way.
-ODD = 0.4
+# Sides are halved less often, by one and at least once, where there would be more points than the first, and more often
+# again below the second. Of more than the last only those count that are nearest to what they may touch.
+MANY, FEW, MOST = 800, 250, 1000
+# A way is no matter where surfaces turn by less than this share of what they turn the other way; the second where
+# that is told by points, which do not lie at a cell's corners.
+ODD, KNOWN = 0.4, 0.8
 # A cell stays cut down to this share of the limits.
 MERGE = 0.6
 # Sides that were halved so often are halved again only where normals differ by more than the first of these, at sharp
@@ -37,32 +39,22 @@ NEAR, MARGIN = 0.4, 0.1e-3
 BESIDE = 0.35  # times its longer side that a cell's corners may be nearer than its centre
 FLAT = 1.2  # times its side about a cell's centre that a surface must be flat for its corners to be no matter
 # A cell is looked at again when something has moved this share of its side along it, or the second share towards it,
-# but no sooner than this, and no later than that [m].
+# but no sooner than this, and no later than that, about [m].
 AGAIN, SOONEST, LATEST = 0.25, 0.1e-3, 0.4e-3
-# What is known of cells that surfaces turn in serves again when something has moved this far [m].
-GLANCE = 0.06e-3
+# What is out of reach is looked at again when something has moved by this share of the way: skin moves, too.
+SHARE = 0.8
+# What is known of cells that see an edge, of normals that differ by more than the first, serves again when something
+# has moved this far [m].
+EDGE, GLANCE = 0.5, 0.06e-3
 # What will be due so soon [m] is looked at together with what is.
-TOGETHER = 0.03e-3
+TOGETHER = 0.12e-3
 STEP = 0.2e-3  # times come in multiples of this [m], so that many fall together
+GOLDEN = 0.618034  # multiples of it are spread evenly
 NEVER = -np.inf
 
 
 _SIGNS = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])  # of a cell's corners, along and around
-
-
-class Seen(NamedTuple):
-    """What cells see: clearance [m], inf beyond reach, shape (n,); normal out of the body, shape (n, 3); and how far
-    the surface is flat about the points that the first k are closest to, at least [m], shape (k,)."""
-
-    clearance: Array
-    normal: Array
-    flat: Array
-
-
-Look = Callable[[Indices, Array, int], Seen]
-# For cells: clearance of centres, (n,), of corners, (n, 4), normals there, (n, 4, 3), and whether nothing is known of
-# them (0), of some corners (1) or of all (2), (n,).
-Glance = Callable[[Indices], tuple[Array, Array, Array, Indices]]
+_ONE, _OTHER = [0, 1, 0, 2], [2, 3, 1, 3]  # corners at the ends of a cell's sides, two along and two around
 
 
 class PointTree:
@@ -85,6 +77,7 @@ class PointTree:
         self.finest = self._tiles.levels - 1  # how often sides are halved at most
         self._ways: Indices = np.zeros(count, dtype=np.int64)
         self._turning = np.zeros(count, dtype=bool)  # whether corners were of interest
+        self._sharp = np.zeros(count, dtype=bool)  # and see an edge
         self._clearance = np.full(count, np.inf)
         self._due = np.full((count, 2), NEVER)  # how far anything may move along and towards a cell
         self.forget()
@@ -95,8 +88,8 @@ class PointTree:
         self.finest = self._tiles.levels - 1
         self._due[:] = NEVER
         self._ways[:] = 0
-        self._turning[:] = False
-        self._moved, self._next, self._check = np.zeros(2), np.full(2, NEVER), np.zeros(2)
+        self._turning[:] = self._sharp[:] = False
+        self._moved, self._next = np.zeros(2), np.full(2, NEVER)
 
     def renew(self) -> None:
         """Look at every cell again: something else is near."""
@@ -107,19 +100,19 @@ class PointTree:
         """Return what a survey changes."""
         cells = self._present
         kept = tuple(table[cells] for table in self._tables)
-        return cells, *kept, self._moved, self._next, self._check, self.finest
+        return cells, *kept, self._moved, self._next, self.finest
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Go back to a saved state."""
-        self._leave(self._present)
-        self._present, *kept, self._moved, self._next, self._check, self.finest = state
+        self._due[self._present], self._ways[self._present] = NEVER, 0
+        self._present, *kept, self._moved, self._next, self.finest = state
         for table, values in zip(self._tables, kept, strict=True):
             table[self._present] = values
 
     @property
     def _tables(self) -> tuple[NDArray[Any], ...]:
         """What is known of cells."""
-        return self._due, self._ways, self._turning, self._clearance
+        return self._due, self._ways, self._turning, self._sharp, self._clearance
 
     def asks(self, moved: Array) -> bool:
         """Return whether any cell is to be looked at again.
@@ -138,21 +131,20 @@ class PointTree:
             moved: as in `asks`.
         """
         found = self._survey(look, glance, moved)
-        while len(found) > MANY and self.finest > 0 and glance is None:
+        while len(found) > MANY and self.finest > 1 and glance is None:
             self.finest -= 1
             self.renew()
             found = self._survey(look, glance, np.zeros(2))
         if len(found) > MANY:
-            self.finest = max(self.finest - 1, 0)
+            self.finest = max(self.finest - 1, 1)
         elif len(found) < FEW:
             self.finest = min(self.finest + 1, self._tiles.levels - 1)
-        return found
+        nearest = np.argsort(self._clearance[found], kind="stable")[:MOST]
+        return found[np.sort(nearest)]
 
     def _survey(self, look: Look, glance: Glance | None, moved: Array) -> Indices:
         self._moved = self._moved + moved
         before = self._present
-        if (self._moved >= self._check - TOGETHER).any():
-            self._check = self._moved + LATEST
         due = (self._due[before] <= self._moved + TOGETHER).any(axis=1)
         if glance is not None:
             # what is cut is known from its parts; what is large and whole is looked at for what nothing has seen yet
@@ -170,22 +162,25 @@ class PointTree:
                     self._look_at(fresh, look)
                 else:  # they are cut in their turn, by what they see as points
                     self._turning[fresh], self._clearance[fresh] = self._inner[fresh], 0.0
-                    self._due[fresh] = self._check
+                    self._due[fresh] = self._later(fresh)
             present.append(cells)
             ways = self._ways[cells]
             leaves.append(cells[(ways == 0) & (self._clearance[cells] < self._limit[cells])])
             cells = self._tiles.cut(cells, ways)[0]
         self._present = np.concatenate(present)
-        self._leave(np.setdiff1d(before, self._present))
+        gone = np.setdiff1d(before, self._present)
+        self._due[gone], self._ways[gone] = NEVER, 0
         self._next = self._due[self._present].min(axis=0)
-        turning = self._present[self._turning[self._present]]
-        if len(turning):
-            fine = AGAIN * float(self._short[turning].min())
+        sharp = self._present[self._turning[self._present] & self._sharp[self._present]]
+        if len(sharp):
+            fine = AGAIN * float(self._short[sharp].min())
             self._next[0] = min(self._next[0], self._moved[0] + max(fine, GLANCE))
         return np.concatenate(leaves)
 
-    def _leave(self, cells: Indices) -> None:
-        self._due[cells], self._ways[cells] = NEVER, 0
+    def _later(self, cells: Indices) -> Array:
+        """Return when cells are looked at again at the latest: not all of them together, shape (n, 2)."""
+        later = LATEST * (0.75 + (GOLDEN * cells) % 1.0)
+        return STEP * np.floor((self._moved + later[:, None]) / STEP)
 
     def _glance_at(self, cells: Indices, glance: Glance) -> Indices:
         """Find out by what is known which cells shall be cut; return those that are to be looked at."""
@@ -200,14 +195,15 @@ class PointTree:
         ways = np.zeros(len(cells), dtype=np.int64)
         close = np.flatnonzero(turning)
         if len(close):
-            ways[close] = self._turns(cells[close], own[close], own[close], gap[close], normal[close])
+            ways[close] = self._turns(cells[close], own[close], gap[close], normal[close], None)
         # where not all is known, what is cut stays cut until it is looked at
-        halved = self._tiles.halved[cells]
-        more = self._tiles.ways[halved[:, 0], halved[:, 1], ways | self._ways[cells]]
-        self._ways[cells] = np.where(sure, ways, more)
-        self._clearance[cells], self._turning[cells] = own, turning
-        self._due[cells[late]] = self._check
-        return lost
+        halved, before = self._tiles.halved[cells], self._ways[cells]
+        more = self._tiles.ways[halved[:, 0], halved[:, 1], ways | before]
+        merged = sure & ((before & ~ways) != 0)
+        self._ways[cells] = more
+        self._clearance[cells], self._turning[cells] = own, turning | (before != 0)
+        self._due[cells[late]] = self._later(cells[late])
+        return np.concatenate([lost, cells[merged]])
 
     def _look_at(self, cells: Indices, look: Look) -> None:
         """Find out which cells shall be cut, and when to look again."""
@@ -244,9 +240,9 @@ class PointTree:
         ways = np.zeros(n, dtype=np.int64)
         close = np.flatnonzero(turning)
         if len(close):
-            ways[close] = self._turns(cells[close], own[close], middle[close], gap[close], normal[close])
+            ways[close] = self._turns(cells[close], own[close], gap[close], normal[close], middle[close])
         self._ways[cells], self._clearance[cells], self._turning[cells] = ways, own, turning
-        beyond = 0.5 * (np.minimum(own, self.search_radius) - limit - BESIDE * long)
+        beyond = SHARE * (np.minimum(own, self.search_radius) - limit - BESIDE * long)
         even = np.minimum(flat - FLAT * long, LATEST)
         short = self._short[cells]
         soon = np.maximum(AGAIN * short, SOONEST)
@@ -254,46 +250,46 @@ class PointTree:
         for k in range(2):  # together with others, and no sooner than this
             steps = np.maximum(np.floor((self._moved[k] + far[k]) / STEP), np.ceil(self._moved[k] / STEP) + 1.0)
             self._due[cells, k] = STEP * steps
-        self._due[cells[turning]] = self._check
+        self._due[cells[turning]] = self._later(cells[turning])
 
-    def _turns(self, cells: Indices, own: Array, middle: Array, gap: Array, normal: Array) -> Indices:
+    def _turns(self, cells: Indices, own: Array, gap: Array, normal: Array, middle: Array | None) -> Indices:
         """Return in which ways cells shall be cut by what their corners see.
 
         Args:
-            own: clearance of the centres [m]. middle: the same seen from where the corners are looked from, shape (n,).
+            own: clearance of the centres [m], shape (n,).
             gap: of the corners [m], shape (n, 4). normal: there, shape (n, 4, 3).
+            middle: clearance of the centres, seen from where the corners are looked from [m], shape (n,); None where
+                nothing was looked at: what points see tells edges, but not in between, and not what bends.
         """
-        near = np.minimum(gap.min(axis=1), own) < self._limit[cells]
         halved, before = self._tiles.halved[cells], self._ways[cells]
         ways = np.zeros(len(cells), dtype=np.int64)
-        sharp = np.where(halved.min(axis=1) < OFTEN, SHARP, SHARPEST)
-        turned = np.empty((2, len(cells), 2))
-        for axis, pairs in enumerate((((0, 2), (1, 3)), ((0, 1), (2, 3)))):
-            for k, (one, other) in enumerate(pairs):
-                apart = normal[:, one] - normal[:, other]
-                turned[axis, :, k] = np.sqrt(np.einsum("ij,ij->i", apart, apart))
-        most, least = turned.max(axis=2), turned.min(axis=2)
+        steep = np.where(halved.min(axis=1) < OFTEN, SHARP, SHARPEST)
+        apart = normal[:, _ONE] - normal[:, _OTHER]
+        turned = np.sqrt(np.einsum("nek,nek->en", apart, apart)).reshape(2, 2, -1)
+        most, least = turned.max(axis=1), turned.min(axis=1)
         mean = most + least
+        self._sharp[cells] = most.max(axis=0) > EDGE
         # one corner that sees another side tells no way: squares are cut in both, or stay cut as they are
         odd = (least < ODD * most).all(axis=0)
         kept = np.where((before == 0) & (halved[:, 0] == halved[:, 1]), BOTH, before)
         for axis, way in enumerate((ALONG, AROUND)):
             share = np.where(before & way, MERGE, 1.0)
-            limit = np.where(halved[:, axis] < OFTEN, TURNED, sharp) * share
+            limit = np.where(halved[:, axis] < OFTEN, TURNED, steep) * share
             limit = np.where(halved[:, axis] < self.finest, limit, np.inf)
-            told = np.where(odd, kept & way, mean[axis] > ODD * mean[1 - axis])
+            told = np.where(odd, kept & way, mean[axis] > (KNOWN if middle is None else ODD) * mean[1 - axis])
             ways |= np.where((most[axis] > limit) & (told != 0), way, 0)
-        with np.errstate(invalid="ignore"):
-            off = np.abs(gap.mean(axis=1) - middle)
-            twist = 0.25 * np.abs(gap[:, 0] - gap[:, 1] - gap[:, 2] + gap[:, 3])
-        bent = np.nan_to_num(np.maximum(off, twist), nan=np.inf, posinf=np.inf)
-        bends = (
-            (most < TURNED).all(axis=0)
-            & (bent > BENT * np.where(before == BOTH, MERGE, 1.0))
-            & (halved.max(axis=1) < OFTEN)
-        )
-        ways[bends] = BOTH
-        ways[~near] = 0
+        if middle is not None:
+            with np.errstate(invalid="ignore"):
+                off = np.abs(gap.mean(axis=1) - middle)
+                twist = 0.25 * np.abs(gap[:, 0] - gap[:, 1] - gap[:, 2] + gap[:, 3])
+            bent = np.nan_to_num(np.maximum(off, twist), nan=np.inf, posinf=np.inf)
+            bends = (
+                (most < TURNED).all(axis=0)
+                & (bent > BENT * np.where(before == BOTH, MERGE, 1.0))
+                & (halved.max(axis=1) < OFTEN)
+            )
+            ways[bends] = BOTH
+        ways[np.minimum(gap.min(axis=1), own) >= self._limit[cells]] = 0
         return np.asarray(self._tiles.ways[halved[:, 0], halved[:, 1], ways])
 
     def corner_points(self, cells: Indices) -> Array:

@@ -392,3 +392,38 @@ def test_candidate_inverse_follows_its_members(skin):
         exact = np.linalg.inv(c[np.ix_(rows, rows)] + np.diag(rho + np.repeat(soft[kept.members], 3)))
         assert np.abs(kept.matrix - exact).max() < 1e-5 * np.abs(exact).max()
         assert sorted(kept.members) == list(np.flatnonzero(kept.inside))
+
+
+def test_candidates_can_be_gone_back_to(skin):
+    rho, soft = np.full(skin.pad_count, 0.02), np.zeros(skin.pad_count)
+    kept = CandidateInverse(skin.compliance, rho)
+    kept.rebuild(np.arange(5, 25), soft)
+    state, inverse, members = kept.save(), kept.matrix.copy(), kept.members.copy()
+    for _ in range(2):
+        kept.add(np.arange(30, 34), soft)
+        kept.remove(np.arange(6, 10))
+        assert not np.array_equal(kept.members, members)
+        kept.restore(state, skin.compliance, rho)
+        assert np.array_equal(kept.members, members) and np.array_equal(kept.matrix, inverse)
+        assert np.array_equal(np.flatnonzero(kept.inside), members) and kept.updates == 0
+
+
+def test_candidates_join_ahead_of_time_by_the_dozen(skin):
+    """Few that come near are let wait; with one that is needed all of them join."""
+    count, rho = skin.pad_count, np.full(skin.pad_count, 0.02)
+    gap, spacing, soft = np.full(count, 1.0), np.ones(count), np.zeros(count)
+    loaded = np.arange(count) < 20
+    kept = CandidateInverse(skin.compliance, rho, 0.1, 0.3, 48, 24, 12, 0.3)
+    kept.follow(gap, loaded, spacing, soft)
+    assert len(kept.members) == 20
+    gap[30:36] = 0.08
+    kept.follow(gap, loaded, spacing, soft)
+    assert len(kept.members) == 20
+    gap[40] = 0.0
+    kept.follow(gap, loaded, spacing, soft)
+    assert sorted(kept.members[20:]) == [*range(30, 36), 40]
+    soft[:4] = 1e-3  # what is softer now is exchanged
+    kept.follow(gap, loaded, spacing, soft)
+    rows = (3 * kept.members[:, None] + np.arange(3)).reshape(-1)
+    exact = np.linalg.inv(skin.compliance[np.ix_(rows, rows)] + np.diag(0.02 + np.repeat(soft[kept.members], 3)))
+    assert kept.rebuilds == 1 and np.abs(kept.matrix - exact).max() < 1e-5 * np.abs(exact).max()

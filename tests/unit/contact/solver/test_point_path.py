@@ -14,6 +14,7 @@ from core.contact.solver.cone import OPEN
 from core.contact.solver.point_history import succession
 from core.contact.solver.point_matrix import PointMatrix
 from core.contact.solver.point_path import PointSolver
+from core.contact.solver.point_tree import MOST
 from core.contact.solver.sub_steps import SubStepper
 from core.presets import Library
 from core.shipped import BUILT_IN
@@ -22,6 +23,7 @@ from core.skin.model import shape_and_material
 from core.skin.nodal_forces import NodalForces
 from core.skin.surface_store import surface_compliance
 from core.surface.gap import Surface
+from core.surface.shapes import block
 from tests.contact_laws import cone_residual
 
 
@@ -113,15 +115,61 @@ def test_the_frame_rate_does_not_matter(pad):
 
 
 def test_a_state_can_be_gone_back_to(pad):
+    """Bit for bit, though points came and went in between."""
     edge = Surface.edge(np.pi / 2)
     solver, _ = pressed(pad, edge, 0.4e-3, friction=0.5)
-    state = solver.save()
-    first = solver.step([body(edge, 0.5e-3, 0.5, (0.1e-3, 0.0))]).solution.force.sum(axis=0)
-    for k in range(4):
-        solver.step([body(edge, 0.5e-3, 0.5, (0.2e-3 * k, 0.0))])
-    solver.restore(state)
-    again = solver.step([body(edge, 0.5e-3, 0.5, (0.1e-3, 0.0))]).solution.force.sum(axis=0)
-    np.testing.assert_allclose(again, first, atol=2e-3 * np.abs(first).max())
+
+    def walked():
+        return [solver.step([body(edge, 0.5e-3, 0.5, (0.1e-3 * k, 0.0))]).solution.force.tobytes() for k in range(8)]
+
+    state, cells = solver.save(), solver.cells
+    first = walked()
+    assert not np.array_equal(solver.cells, cells)
+    for _ in range(2):
+        solver.restore(state)
+        assert np.array_equal(solver.cells, cells)
+        assert walked() == first
+
+
+def test_an_edge_takes_few_points_along(pad):
+    """Points come before it and go behind it, some 80 a millimetre; what comes and goes again costs as much."""
+    edge, step = Surface.edge(np.pi / 2), 0.08e-3
+    solver, _ = pressed(pad, edge, friction=0.6)
+    entered = 0
+    for k in range(1, 26):
+        before = solver.cells
+        solver.step([body(edge, 1e-3, 0.6, (step * k, 0.0))])
+        entered += len(np.setdiff1d(solver.cells, before))
+        assert len(solver.cells) < 260
+    assert entered < 250
+
+
+def test_there_is_an_end_to_points(pad):
+    """A comb has more edges than points may follow: it is solved on coarser ones, and that is said."""
+    tooth, triangles = block(0.4e-3, 0.05, 1.8e-3)
+    below, _ = block(25e-3, 0.05, 0.02)
+    parts = [below - [0.0, 0.0, 1.5e-3], *(tooth + [0.8e-3 * k, 0.0, 0.0] for k in range(-15, 16))]
+    comb = Surface.build(np.concatenate(parts), np.concatenate([triangles + k * len(tooth) for k in range(len(parts))]))
+    solver = PointSolver(pad)
+    forces = []
+    for k in range(15):
+        last = solver.step([body(comb, 1e-4 * k, 0.5)])
+        assert len(solver.cells) <= MOST and last.solution.converged
+        forces.append(last.solution.force[:, 2].sum())
+    assert (np.diff(forces) > 0.0).all()
+    assert "too-fine" in [finding.code for finding in solver.findings]
+
+
+def test_what_rests_is_not_solved_again(pad):
+    edge = Surface.edge(np.pi / 2)
+    solver, _ = pressed(pad, edge, 0.8e-3, friction=0.6)
+    aside = [body(edge, 0.8e-3, 0.6, (2e-5 * k, 0.0)) for k in range(10)]
+    for way in aside:
+        solver.step([way])
+    work = [solver.step(aside[-1:]).work for _ in range(6)]
+    assert set(work[3:]) <= {"same", "unchanged"} and work[-1] == "same"
+    settled = solver.step(aside[-1:]).solution.force
+    assert solver.step(aside[-1:]).solution.force is settled
 
 
 def test_nothing_near_is_idle(pad):

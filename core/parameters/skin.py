@@ -6,7 +6,7 @@ from .parameter import SWITCH, TEXT, Parameter, table
 
 DEFAULT_SKIN = "index_medium"  # preset of a finger that says nothing of its skin
 # Where contact is solved for fingers that do not say: at the mesh's 'nodes', or on 'points' of the smooth skin.
-CONTACT = "nodes"
+CONTACT = "points"
 TETRAHEDRA = {"draft": "1.6k", "standard": "6.4k", "fine": "26k"}
 
 

@@ -19,6 +19,7 @@ from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from ..contact.chunk_checks import check_device
 from ..devices.mechanism import kind_of
 from ..devices.safe_state import safe_findings
 from ..devices.spec import DeviceSpec
@@ -76,6 +77,7 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
         yield Progress("devices", step, len(uses))
         with clock.stage("devices"):
             try:
+                check_device(pad_contact, scene.fingers[finger], finger, use)
                 more = (skin_contacts[finger],) if spec.follows_skin else ()
                 rendered = _renderer(spec)(pad_contact, scene, finger, use, spec, *more)
                 output = _finish(rendered, scene, finger, use, content_hash)

@@ -172,17 +172,8 @@ class SkinStepper:
         return _skin_step(bone, PointForces(self._surface, solver.cells[loaded], solution.force[loaded]))
 
     def stay_on_nodes(self) -> None:
-        """Solve contact at the mesh's nodes, from rest: what fingers hold together is balanced there."""
+        """Solve contact at the mesh's nodes, from rest; `SkinSampler` says why."""
         self._surface, self._coarse = None, CoarseTouches(self.skin.mesh, self.name)
-        self._told = (
-            Finding(
-                "info",
-                "contact-on-nodes",
-                "the finger holds something, which is balanced at the nodes of the skin's mesh",
-                self.name,
-                remedy="Keep what it touches to shapes that are flat or gently curved, or let the object not be held",
-            ),
-        )
         self.bone = CompliantBone.of(self.skin, self._finger.parameters, self.name, self._tolerance)
 
     def save(self) -> Mapping[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import weakref
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -215,9 +216,12 @@ def model_error(depth: float) -> float:
     return float(np.interp(depth, depths, errors))
 
 
-def error_text(depth: float) -> str:
-    """Return the legend's word on the model's error at a frame's greatest depth [m]."""
+def error_text(states: Sequence[SkinState]) -> str:
+    """Return the legend's word on how far off a frame's skins are: the linear model, and contact by what presses."""
+    depth = max((s.depth for s in states), default=0.0)
     if depth <= 0.0:
         return "linear skin: about 18 % off at 1 mm, 33 % at 2 mm"
     beyond = ": deeper than it is trusted" if depth > ERROR_BAND[-1][0] else ""
-    return f"linear skin: about {100 * model_error(depth):.0f} % off at {1e3 * depth:.2f} mm{beyond}"
+    text = f"linear skin: about {100 * model_error(depth):.0f} % off at {1e3 * depth:.2f} mm{beyond}"
+    where = "nodes" if any(s.touching and s.points is None and s.work != "rendered" for s in states) else "points"
+    return f"{text}; contact on {where}: {core.parameters.skin.FORCE_ERRORS[where]} off at most"

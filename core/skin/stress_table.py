@@ -40,7 +40,8 @@ class StressTable:
         self._remainder = stress.reshape(-1, 3 * rank)
         cells = surface.cells
         self._feet, self._frames = probes.plane.feet, probes.plane.frames
-        self._side = float(np.sqrt(cells.areas[surface.chart.base].max()))
+        self._sides = np.sqrt(cells.areas)
+        self._reach = NEAR * float(self._sides[surface.chart.base].max())
 
     def stress(self, cells: Indices, force: Floats, which: Indices | None = None) -> Array:
         """Return the stress at the probes, xx, yy, zz, yz, xz, xy [Pa], shape (k, 6).
@@ -79,7 +80,7 @@ class StressTable:
         cut = np.unique(at)
         middles = self._surface.cells.positions[roots[cut]]
         apart = self._feet[which][:, None] - middles
-        near = np.einsum("ijk,ijk->ij", apart, apart) < (NEAR * self._side) ** 2
+        near = np.einsum("ijk,ijk->ij", apart, apart) < self._reach**2
         for k in range(len(cut)):
             mine = np.flatnonzero(near[:, k])
             row = self._known[int(roots[cut[k]])].reshape(3, -1, 6)[:, which[mine]]
@@ -104,7 +105,7 @@ class StressTable:
         chart, patches = self._surface.chart, self._surface.cells
         total = np.zeros((count, 6))
         while len(probe):
-            side, depth = np.sqrt(patches.areas[cells]), self.probes.plane.depths[probe]
+            side, depth = self._sides[cells], self.probes.plane.depths[probe]
             chord = self._feet[probe] - patches.positions[cells]
             apart = np.sqrt(np.einsum("ij,ij->i", chord, chord))
             split = (side > SPREAD * depth) & (apart < ABOVE * (side + depth))
@@ -133,7 +134,7 @@ def _added(
     frames: Array,
     chord: Array,
     apart: Array,
-    z: Array,
+    depth: Array,
     force: Array,
     probe: Indices,
     row: Indices,
@@ -142,22 +143,22 @@ def _added(
 ) -> Array:
     """Return the stress of point forces on a half-space (Boussinesq, Cerruti) in the finger's axes, summed by rows."""
     first, second, inward = (np.take(frames[:, k], probe, axis=0) for k in range(3))
-    x, y = _dot(chord, first), _dot(chord, second)
-    flat = np.hypot(x, y)
+    along, across = _dot(chord, first), _dot(chord, second)
+    flat = np.hypot(along, across)
     stretch = apart / np.where(flat > 0, flat, 1.0)
-    x, y = x * stretch, y * stretch
-    fx, fy, fz = _dot(force, first), _dot(force, second), _dot(force, inward)
+    local = along * stretch, across * stretch, depth, _dot(force, first), _dot(force, second), _dot(force, inward)
+    x, y, z, fx, fy, fz = (values.astype(np.float32) for values in local)  # half the time, 1e-6 off
     free = 1.0 - 2.0 * poisson
     r = np.sqrt(x * x + y * y + z * z)
     inverse, deep = 1.0 / r, 1.0 / (r + z)
     cube = inverse * inverse * inverse
-    along = x * fx + y * fy
-    main = -3.0 * (along + z * fz) * cube * inverse * inverse
+    sideways = x * fx + y * fy
+    main = -3.0 * (sideways + z * fz) * cube * inverse * inverse
     q = deep * inverse
     e, bend = free * q * deep, free * cube * deep * deep
-    wide = main + bend * ((3.0 * r + z) * deep * along + (2.0 * r + z) * fz)
-    even = (free * cube - e) * along + free * (z * cube - q) * fz
-    local = (
+    wide = main + bend * ((3.0 * r + z) * deep * sideways + (2.0 * r + z) * fz)
+    even = (free * cube - e) * sideways + free * (z * cube - q) * fz
+    stress = (
         wide * x * x + even - 2.0 * e * x * fx,
         wide * y * y + even - 2.0 * e * y * fy,
         main * z * z,
@@ -166,7 +167,7 @@ def _added(
         wide * x * y - e * (y * fx + x * fy),
     )
     summed = np.zeros((count, 3, 3))
-    for (i, j), values in zip(_PAIRS, local, strict=True):
+    for (i, j), values in zip(_PAIRS, stress, strict=True):
         summed[:, i, j] = summed[:, j, i] = np.bincount(row, values, minlength=count)
     turn = np.zeros((count, 3, 3))
     turn[row] = frames[probe]

@@ -7,11 +7,11 @@ One touch, without a scene: a fingertip of soft tissue, pressed by a ball, and t
 >>> import dermis
 >>> skin = dermis.fingertip(level="draft")
 >>> touch = dermis.press(skin, dermis.Surface.sphere(5e-3), depth=1e-3, friction=0.5)
->>> print(f"{touch.normal_force:.2f} N, peak stress {touch.von_mises.max() / 1e3:.0f} kPa")
-0.42 N, peak stress 28 kPa
+>>> print(f"{touch.normal_force:.2f} N, up to {abs(touch.probe_stress).max() / 1e3:.0f} kPa at the receptors")
+0.41 N, up to 46 kPa at the receptors
 >>> pins = dermis.match(touch, device="pin_array_128", method="DM2")
 >>> print(f"{1e6 * pins.error:.0f} um off, the strongest pin at {max(pins.commands.values()):.2f} N")
-41 um off, the strongest pin at 0.14 N
+37 um off, the strongest pin at 0.12 N
 
 From a sampled scene to files for the devices, and from a file back to commands::
 

@@ -45,7 +45,7 @@ def carried(path, turn=None, squeeze=SQUEEZE, aside=0.0):
 def make(mass=0.03, mode="auto", gravity=GRAVITY, **more):
     """The scene; a mass of None is one that nobody says."""
     given = {"friction": 0.6, "held_mode": mode, **({} if mass is None else {"mass": mass}), **more}
-    fingers = tuple(Finger(n) for n in ("index", "thumb"))
+    fingers = tuple(Finger(n, (), {"contact": "nodes"}) for n in ("index", "thumb"))  # as all fingers that hold
     return TactileScene(
         "s", Fraction(24), (1, 2), RATE, fingers, (Body("block", BLOCK, given),), (), (), tuple(gravity)
     )

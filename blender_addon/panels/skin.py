@@ -113,7 +113,7 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
             _figures(layout.box().column(align=True), context, state)
         if states:
             deepest = max(s.depth for s in states)
-            text = skin_field.error_text(deepest)
+            text = skin_field.error_text(states)
             paragraph(layout, context, text[:1].upper() + text[1:], "ERROR" if deepest > 2e-3 else "INFO")
 
 

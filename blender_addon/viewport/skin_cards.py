@@ -100,7 +100,7 @@ def legend(now: Shown, view: Any, right: float, bottom: float, scale: float) -> 
     """Draw the colours with their range and unit, where the forces come from, and how far off the model is."""
     quantity = QUANTITIES[view.quantity]
     deepest = max((s.depth for s in now.states), default=0.0)
-    said = paint.wrapped(skin_field.error_text(deepest), 42)
+    said = paint.wrapped(skin_field.error_text(now.states), 42)
     noted = next((s for s in now.states if s.note), None)
     note = paint.wrapped(noted.note, 42) if noted is not None else []
     width, height = LEGEND_WIDTH * scale, ((1.9 + len(said) + max(len(note), 1)) * LINE + BAR + 2 * MARGIN) * scale

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import weakref
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -60,6 +61,13 @@ class Drawn(NamedTuple):
     shear: Array
 
 
+class _Below(NamedTuple):
+    """Drawn vertices that are over or beside the pad, and the stress below them."""
+
+    vertices: NDArray[np.intp]
+    table: core.skin.stress_table.StressTable
+
+
 @dataclass(eq=False)
 class _Kit:
     """What belongs to a mesh: its surface, and how element values get to the surface's nodes.
@@ -68,6 +76,7 @@ class _Kit:
         surface: what is drawn. points: its nodes at rest [m], shape (s, 3).
         averaging: from elements to those nodes, sparse (s, e). pad_rows: which of them may touch.
         shortcuts: by the skin's key, displacement and stress of the nodes for unit forces; see `_shortcut`.
+        below: by the smooth skin's remainder, stress below what is drawn of the pad.
     """
 
     surface: DisplaySurface
@@ -75,6 +84,7 @@ class _Kit:
     averaging: Any
     pad_rows: NDArray[np.intp]
     shortcuts: dict[str, NDArray[np.float32]] = field(default_factory=dict)
+    below: dict[int, _Below] = field(default_factory=dict)
 
 
 _kits: weakref.WeakKeyDictionary[Any, _Kit] = weakref.WeakKeyDictionary()
@@ -108,7 +118,7 @@ def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn
     nodal = _nodal(own, stimulus, quantity, moved, stress)
     positions, normals, values = surface.deformed(own.points, exaggeration * moved, nodal)
     if state.points is not None and (quantity == "von_mises" or quantity in SIGNED):
-        near, stress = _beneath(state.points, surface.rest)
+        near, stress = _beneath(own, state.points)
         values[near] = _read(quantity, stress)
         nodal = values
     positions[:, 2] += state.lift
@@ -118,14 +128,24 @@ def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn
     return Drawn(surface, positions, normals, values, float(nodal.min()), float(nodal.max()), centre, shear)
 
 
-def _beneath(points: core.skin.point_forces.PointForces, rest: Array) -> tuple[NDArray[np.intp], Array]:
+def _beneath(own: _Kit, points: core.skin.point_forces.PointForces) -> tuple[NDArray[np.intp], Array]:
     """Return which drawn vertices are near what presses, and the stress as deep below them as the first receptors lie.
 
     An edge is finer than the mesh, whose stress is smeared over its elements; farther off that is right.
     """
-    apart = rest[:, None] - points.surface.cells.positions[points.cells]
-    near = np.flatnonzero((np.einsum("ijk,ijk->ij", apart, apart) < NEAR**2).any(axis=1))
-    return near, points.stress_below(rest[near], np.full(len(near), core.skin.stress.RECEPTOR_DEPTHS[0]))
+    from scipy.spatial import cKDTree
+
+    cells, surface = points.surface.cells.positions, points.surface
+    below = own.below.get(id(surface.remainder))
+    if below is None:
+        over = cKDTree(cells[surface.chart.base]).query(own.surface.rest)[0] < NEAR
+        vertices = np.flatnonzero(over)
+        places, _ = surface.chart.project(own.surface.rest[vertices])
+        probes = surface.probes(places, core.skin.stress.RECEPTOR_DEPTHS[0])
+        below = own.below[id(surface.remainder)] = _Below(vertices, core.skin.stress_table.StressTable(surface, probes))
+    apart = cKDTree(cells[points.cells]).query(own.surface.rest[below.vertices], distance_upper_bound=NEAR)[0]
+    near = np.flatnonzero(apart < NEAR)
+    return below.vertices[near], below.table.stress(points.cells, points.force, near)
 
 
 def _read(quantity: str, stress: Array) -> Array:
@@ -196,9 +216,12 @@ def model_error(depth: float) -> float:
     return float(np.interp(depth, depths, errors))
 
 
-def error_text(depth: float) -> str:
-    """Return the legend's word on the model's error at a frame's greatest depth [m]."""
+def error_text(states: Sequence[SkinState]) -> str:
+    """Return the legend's word on how far off a frame's skins are: the linear model, and contact by what presses."""
+    depth = max((s.depth for s in states), default=0.0)
     if depth <= 0.0:
         return "linear skin: about 18 % off at 1 mm, 33 % at 2 mm"
     beyond = ": deeper than it is trusted" if depth > ERROR_BAND[-1][0] else ""
-    return f"linear skin: about {100 * model_error(depth):.0f} % off at {1e3 * depth:.2f} mm{beyond}"
+    text = f"linear skin: about {100 * model_error(depth):.0f} % off at {1e3 * depth:.2f} mm{beyond}"
+    where = "nodes" if any(s.touching and s.points is None and s.work != "rendered" for s in states) else "points"
+    return f"{text}; contact on {where}: {core.parameters.skin.FORCE_ERRORS[where]} off at most"

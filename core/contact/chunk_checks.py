@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import Array
 from ..errors import DermisError
 from ..motion import singular
+from ..parameters.device import DEVICE
+from ..parameters.finger import FINGER
 from ..parameters.material import BODY
-from ..scene.tactile_scene import Chunk, TactileScene
+from ..parameters.parameter import Table
+from ..parameters.screen import SCREEN
+from ..scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Screen, TactileScene
+
+if TYPE_CHECKING:
+    from .pad_contact import PadContact
 
 LARGEST_SCALE = 1e9  # a millimetre becomes a thousand kilometres
 
@@ -39,16 +47,41 @@ def check_scales(kind: str, names: Sequence[str], poses: Array, frames: Array) -
 
 
 def check_animated(scene: TactileScene, chunk: Chunk) -> None:
-    """Refuse objects' animated parameters that are out of range; what is no number is mended by `Repairs`.
+    """Refuse animated parameters of fingers, objects and screens that are out of range.
+
+    What is no number is mended by `Repairs`; devices are judged where they are rendered (`check_device`).
 
     Raises:
         DermisError: with the frame.
     """
-    for b, body in enumerate(scene.bodies):
-        for row in BODY.values():
-            values = chunk.animated.get(f"body/{b}/{row.name}")
-            if values is None or not row.numeric or len(values) != len(chunk.frames):
-                continue  # `Repairs` refuses other lengths
-            good = np.flatnonzero(np.isfinite(values))
-            for k in good[[values[good].argmin(), values[good].argmax()]] if good.size else ():
-                row.check(float(values[k]), f"object '{body.name}', frame {chunk.frames[k]:g}")
+    groups: tuple[tuple[str, str, Sequence[Finger | Body | Screen], Table], ...] = (
+        ("finger", "finger", scene.fingers, FINGER),
+        ("body", "object", scene.bodies, BODY),
+        ("screen", "screen", scene.screens, SCREEN),
+    )
+    for owner, kind, items, table in groups:
+        for i, item in enumerate(items):
+            _check_series(chunk.animated, f"{owner}/{i}", table, chunk.frames, f"{kind} '{item.name}'")
+
+
+def check_device(pad_contact: PadContact, finger: Finger, index: int, use: DeviceUse) -> None:
+    """Refuse animated parameters of a finger's device that are out of range.
+
+    Args:
+        pad_contact: of the whole range. index: of the finger in the scene.
+
+    Raises:
+        DermisError: with the frame.
+    """
+    place = next(i for i, device in enumerate(finger.devices) if device is use)
+    _check_series(pad_contact.animated, f"device/{index}/{place}", DEVICE, pad_contact.frames, use.preset)
+
+
+def _check_series(animated: Mapping[str, Array], owner: str, table: Table, frames: Array, where: str) -> None:
+    for row in table.values():
+        values = animated.get(f"{owner}/{row.name}")
+        if values is None or not row.numeric or len(values) != len(frames):
+            continue  # `Repairs` refuses other lengths
+        good = np.flatnonzero(np.isfinite(values))
+        for k in good[[values[good].argmin(), values[good].argmax()]] if good.size else ():
+            row.check(float(values[k]), f"{where}, frame {frames[k]:g}")

@@ -64,7 +64,7 @@ class PadSampler:
 
         Raises:
             DermisError: shapes that do not fit the header, a finger of scale 0, a scale beyond measure, or an
-                animated parameter of an object that is out of range.
+                animated parameter that is out of range.
         """
         count = len(chunk.times)
         scene = self._scene

@@ -92,9 +92,9 @@ class SkinSampler:
         scene = self._scene
         every = range(len(scene.bodies))
         candidates = {b for s in self._kept for b in every if may_be_held(scene, b, s.chunk)}
-        for f in self._balanced_with(pad_contact, candidates):
-            if self._steppers[f].on_points:
-                self._steppers[f].stay_on_nodes()
+        balanced = [f for f in sorted(self._balanced_with(pad_contact, candidates)) if self._steppers[f].on_points]
+        for f in balanced:
+            self._steppers[f].stay_on_nodes()
         on_nodes = {f: stepper for f, stepper in self._steppers.items() if not stepper.on_points}
         held = HeldBodies(scene, pad_contact, candidates, self._posed, on_nodes)
         while self._kept:
@@ -107,7 +107,7 @@ class SkinSampler:
                 done += 1
                 if done % 10 == 0:
                     yield done
-        self._held_findings = held.findings
+        self._held_findings = _held_on_nodes([self._steppers[f].name for f in balanced]) + held.findings
         self._waits = False
 
     def finish(self, pad_contact: PadContact | None = None) -> dict[int, SkinContact]:
@@ -160,6 +160,15 @@ class SkinSampler:
         if f == min(self._steppers):  # what is said of a held object is said once
             findings += self._held_findings
         return self._records[f].finished(stepper.skin, times, frames, findings, skipped)
+
+
+def _held_on_nodes(names: list[str]) -> tuple[Finding, ...]:
+    """Return the finding of fingers that hold something, where contact was to be solved on points."""
+    if not names:
+        return ()
+    what = "who holds something touches it at the nodes of the skin's mesh, a millimetre or two apart"
+    remedy = "Edges and small things are felt too weakly there: hold what is flat or gently curved, or use a finer skin"
+    return (Finding("info", "contact-on-nodes", what, ", ".join(names), remedy=remedy),)
 
 
 def _may_touch(stepper: SkinStepper, pair: PairContact | None) -> bool:

@@ -81,9 +81,6 @@ class SkinStepper:
         inside = (np.abs(middle - box_middle) <= half + box_half).all(axis=2) & ~self._scene.flat()
         self.far += int((~inside).sum())
         near = np.flatnonzero(inside.any(axis=1)).tolist()
-        # so that a body keeps its index in the solver's memory, wherever chunks end
-        came = inside.argmax(axis=1)
-        self._order += sorted((b for b in near if b not in self._order), key=lambda b: (came[b], b))
         boxes = {b: self._scene.own_boxes(b) for b in near}
         poses = self._scene.relative(turn, place, near)
         return Approach(dict(zip(near, inside[near], strict=True)), turn, place, poses, boxes)
@@ -114,6 +111,8 @@ class SkinStepper:
             untouched: return these too.
         """
         close, loaded = approach.close(i), self.bone.solver.loaded_bodies
+        # so that a body comes, and keeps its index in the solver's memory, wherever chunks end
+        self._order += sorted(close.difference(self._order))
         known = close if untouched else {self._order[k] for k in loaded if k >= 0} & close
         reach = within = None
         if len(known) < len(close):
@@ -172,17 +171,8 @@ class SkinStepper:
         return _skin_step(bone, PointForces(self._surface, solver.cells[loaded], solution.force[loaded]))
 
     def stay_on_nodes(self) -> None:
-        """Solve contact at the mesh's nodes, from rest: what fingers hold together is balanced there."""
+        """Solve contact at the mesh's nodes, from rest; `SkinSampler` says why."""
         self._surface, self._coarse = None, CoarseTouches(self.skin.mesh, self.name)
-        self._told = (
-            Finding(
-                "info",
-                "contact-on-nodes",
-                "the finger holds something, which is balanced at the nodes of the skin's mesh",
-                self.name,
-                remedy="Keep what it touches to shapes that are flat or gently curved, or let the object not be held",
-            ),
-        )
         self.bone = CompliantBone.of(self.skin, self._finger.parameters, self.name, self._tolerance)
 
     def save(self) -> Mapping[str, Any]:

@@ -17,6 +17,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
+from ..contact.chunk_checks import check_device
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT
@@ -73,6 +74,7 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
         yield Progress("devices", step, len(uses))
         with clock.stage("devices"):
             try:
+                check_device(pad_contact, scene.fingers[finger], finger, use)
                 more = (skin_contacts[finger],) if spec.follows_skin else ()
                 rendered = renderer(spec)(pad_contact, scene, finger, use, spec, *more)
                 output = finished(rendered, scene, finger, use, content_hash)

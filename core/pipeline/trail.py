@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..contact.chunk_checks import check_device
 from ..contact.pad_sampler import PadSampler
 from ..errors import DermisError, Finding
 from ..presets import Library
@@ -73,6 +74,7 @@ class Trail:
         found = []
         for finger, use, spec in self._uses:
             try:
+                check_device(contact, scene.fingers[finger], finger, use)
                 rendered = renderer(spec)(contact, scene, finger, use, spec)
                 found.append(finished(rendered, scene, finger, use, ""))
             except DermisError:  # the panel and the bake say why

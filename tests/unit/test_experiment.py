@@ -103,7 +103,7 @@ def test_force_is_proportional_to_stiffness(skin: SkinModel) -> None:
     ball = Surface.sphere(5e-3, 5_000)
     soft, hard = (press(fingertip(level="draft", alpha=a), ball, 1e-3) for a in (1.0, 2.0))
     assert hard.force == pytest.approx(2 * soft.force, abs=2e-3 * np.abs(hard.force).max())
-    assert soft.residual <= 3e-4 and not soft.findings
+    assert soft.residual <= 1e-3 and not soft.findings
 
 
 def test_friction_holds_back_and_stays_in_its_cone(skin: SkinModel) -> None:

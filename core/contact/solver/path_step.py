@@ -11,8 +11,10 @@ from .bodies import NodeGaps
 from .cone import along
 from .solve import Solution
 
-# What moved towards the bone by less than this share of its depth was dragged there.
+# What moved towards the bone by less than this share of its way out of an object was dragged there.
 PUSHED = 0.7
+# The bone reaches this far along the finger towards the tip [m].
+BONE_END = 4e-3
 
 
 @dataclass(frozen=True)
@@ -49,8 +51,9 @@ class PathStep:
             return 0.0
         inside = np.flatnonzero(self.gaps.gap < 0.0)
         deep, normal, inward = -self.gaps.gap[inside], self.gaps.normal[inside], bone - points[inside]
+        inward[:, 1] = np.minimum(inward[:, 1] + BONE_END, 0.0)  # what is dragged along the bone is not pushed to it
         if not self.from_rest:
             above = along(self.solution.displacement[inside], normal)
-            pushed = along(self.displacement[inside] - above[:, None] * normal, inward)
-            deep = deep[pushed > PUSHED * deep * np.sqrt(along(inward, inward))]
+            way = self.displacement[inside] - above[:, None] * normal
+            deep = deep[along(way, inward) > PUSHED * along(way, normal) * np.sqrt(along(inward, inward))]
         return float(deep.max(initial=0.0))

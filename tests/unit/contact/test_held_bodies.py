@@ -151,7 +151,7 @@ def test_what_is_not_held_is_touched_as_before(skin, given):
     """No mass, never, or never keyed: each finger meets the animated block by itself."""
     block, fingers = carried(np.zeros((COUNT, 3)))
     felt, _ = run(make(**{"mass": 0.03, **given}), {0: skin, 1: skin}, block, fingers)
-    alone = replace(make(None), fingers=(Finger("index"),))
+    alone = replace(make(None), fingers=(Finger("index", (), {"contact": "nodes"}),))
     single, _ = run(alone, {0: skin}, block, fingers[:1])
     np.testing.assert_array_equal(felt[0].force, single[0].force)
     assert not codes(felt)

@@ -14,6 +14,7 @@ from core.contact.pad_contact import PadContact
 from core.contact.pad_sampler import PadSampler
 from core.errors import DermisError
 from core.motion import matrices
+from core.parameters.finger import FINGER
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene, sample_frames
 from core.surface.centre import centre_of
 
@@ -362,3 +363,15 @@ def test_path_over_a_turning_body_is_that_of_the_finger_in_its_frame() -> None:
     rate = np.stack([0.15 * np.cos(5 * c), -0.08 * np.sin(4 * c), 0 * c], 1)
     assert met.velocity == pytest.approx(rate, abs=2e-4)
     assert met.normal == pytest.approx(np.tile([0, 0, 1.0], (1001, 1)), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("touch_distance", -1.0), ("pattern_frequency", -1.0), ("pattern_amplitude", 1e9)]
+)
+def test_a_finger_animated_out_of_range_is_refused_with_its_frame(name: str, value: float) -> None:
+    good, t = FINGER[name].default, times()
+    still = poses(np.zeros((len(t), 3)))
+    keyed = np.where(np.arange(len(t)) == 30, value, good)
+    keyed[:3] = np.nan  # mended
+    with pytest.raises(DermisError, match=f"finger 'f0', frame 4: '{name}' is too"):
+        sampled([still], [(Body("b", sheet(0.1)), still)], animated={f"finger/0/{name}": keyed})

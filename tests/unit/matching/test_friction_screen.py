@@ -13,6 +13,8 @@ from core.contact.pad_sampler import PadSampler
 from core.errors import DermisError
 from core.matching.friction_screen import render, screen_maps
 from core.matching.screen_map import ScreenMap
+from core.parameters.device import DEVICE
+from core.pipeline.render import run
 from core.presets import Library
 from core.scene.tactile_scene import Chunk, DeviceUse, Finger, Screen, TactileScene, device_times
 
@@ -291,13 +293,14 @@ def test_a_sequence_that_ends_before_the_range_says_so():
 
 def test_animated_settings_override_the_constant_ones():
     t = np.arange(len(ACROSS)) / RATE
+    above = stroke((-0.08, 0.0), (0.08, 0.0), z=0.5e-3)
     animated = {
         "device/0/0/carrier": 60 + 140 * t,
         "device/0/0/scale": 100 * t,
-        "screen/0/touch_distance": 0.001 - 0.002 * t,
+        "screen/0/touch_distance": 0.001 * (1 - t),
     }
     result = rendered(
-        scene_of(ACROSS, device={"scale_mode": "manual", "scale": 7.0, "carrier": 80.0}, animated=animated)
+        scene_of(above, device={"scale_mode": "manual", "scale": 7.0, "carrier": 80.0}, animated=animated)
     )
     times = result.track.times
     np.testing.assert_allclose(result.track.column("carrier"), 60 + 140 * times)
@@ -316,6 +319,22 @@ def test_a_keyed_scale_may_begin_at_zero_and_the_largest_is_written_down():
     exact = 100 * result.track.times * result.signals["grad_x"]
     np.testing.assert_allclose(result.signals["friction"][up], exact[up], rtol=1e-9)
     assert result.signals["friction"].max() > 1.0 and result.track.meta["scale"] == "100"
+
+
+@pytest.mark.parametrize(("name", "value"), [("threshold", 1.5), ("scale", -1.0), ("carrier", 0.0)])
+def test_a_device_animated_out_of_range_is_left_out_with_its_frame(name, value):
+    keyed = np.full(len(ACROSS), DEVICE[name].default)
+    keyed[24] = value
+    scene = scene_of(ACROSS, animated={f"device/0/0/{name}": keyed})
+    bake = run(scene)
+    (told,) = [f for f in bake.findings if f.code == "device-unavailable"]
+    assert not bake.outputs and f"frame 3.4: '{name}' is too" in told.what
+
+
+def test_a_screen_animated_out_of_range_is_refused_with_its_frame():
+    keyed = np.full(len(ACROSS), 1e3)
+    with pytest.raises(DermisError, match="screen '.*', frame 1: 'touch_distance' is too large"):
+        run(scene_of(ACROSS, animated={"screen/0/touch_distance": keyed}))
 
 
 def test_without_a_name_the_finger_feels_every_screen():

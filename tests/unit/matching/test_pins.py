@@ -213,9 +213,13 @@ def test_stiffer_skin_needs_forces_that_much_larger_and_bounds_hold_after_it():
     stiff = skin().with_material(alpha=0.75)
     touch = replace(felt(), model=stiff, force=(0.75 * felt().force).astype(np.float32))
     for method in METHODS:
-        one = pins.match(PinSolver(pins.setup(skin(), spec()).matcher, method, force_limit=None), felt())
+        ready = pins.setup(skin(), spec())
+        one = pins.match(PinSolver(ready.matcher, method, force_limit=None), felt())
         other = pins.match(PinSolver(pins.setup(stiff, spec()).matcher, method, force_limit=None), touch)
-        np.testing.assert_allclose(other.forces, 0.75 * one.forces, atol=2e-5 * np.abs(one.forces).max())
+        # FM2 has many best answers on a mesh as coarse as this: they do the same to the skin
+        felt_of = ready.distribution.T if method == "FM2" else np.eye(one.forces.shape[1])
+        wanted = 0.75 * one.forces @ felt_of
+        np.testing.assert_allclose(other.forces @ felt_of, wanted, atol=2e-5 * np.abs(wanted).max())
     assert rendered(touch).track.values.max() <= 0.4
 
 

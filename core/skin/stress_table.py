@@ -1,0 +1,179 @@
+"""StressTable: stress at points below the skin that stay the same while forces change, frame after frame.
+
+What a force does there is linear: for the coarsest cells of a pad it is worked out once, when one is first pressed.
+Cells that are finer than those are seen as what they lie in, but from near, where each is seen by itself.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Array, Floats32, Indices
+from .surface_compliance import ABOVE, SPREAD, Probes, SurfaceCompliance
+
+NEAR = 3.0  # sides of a coarsest cell from its middle within which its parts are seen by themselves
+_PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))  # xx, yy, zz, yz, xz, xy
+
+Floats = NDArray[np.floating[Any]]
+
+
+class StressTable:
+    """Stress below a smooth pad, for forces on its cells.
+
+    It is that of `SurfaceCompliance.beneath`, to a hundredth of the largest, where an edge presses to three, at a
+    twentieth of the time. It does not depend on E.
+
+    Args:
+        surface: the pad. probes: where stress is wanted.
+    """
+
+    def __init__(self, surface: SurfaceCompliance, probes: Probes) -> None:
+        self._surface, self.probes = surface, probes
+        self._known: dict[int, Floats32] = {}  # of a coarsest cell: stress for unit forces, shape (3, 6 k)
+        remainder, depths = surface.remainder, probes.plane.depths
+        rank, powers = remainder.beneath.shape[1], (1e3 * depths[:, None]) ** np.arange(len(remainder.beneath))
+        self._smooth = (powers[:, :, None] * probes.functions[:, None, :rank]).reshape(len(probes), -1)
+        stress = remainder.beneath[:, :, 3:].astype(np.float64)
+        self._remainder = stress.reshape(-1, 3 * rank)
+        cells = surface.cells
+        self._feet, self._frames = probes.plane.feet, probes.plane.frames
+        self._sides = np.sqrt(cells.areas)
+        self._reach = NEAR * float(self._sides[surface.chart.base].max())
+
+    def stress(self, cells: Indices, force: Floats, which: Indices | None = None) -> Array:
+        """Return the stress at the probes, xx, yy, zz, yz, xz, xy [Pa], shape (k, 6).
+
+        Args:
+            cells: those that carry force, none within another, shape (j,). force: [N], shape (j, 3).
+            which: the probes that are wanted, all where None; shape (k,).
+        """
+        surface, chart = self._surface, self._surface.chart
+        which = np.arange(len(self.probes)) if which is None else which
+        force = np.asarray(force, np.float64).reshape(-1, 3)
+        rank = self._remainder.shape[1] // 3
+        moments = surface.functions(cells)[:, :rank].astype(np.float64).T @ force
+        out = self._smooth[which] @ (self._remainder @ moments.ravel()).reshape(-1, 6)
+        parts, owner = chart.tiles.squares(cells)
+        areas = surface.cells.areas[parts]
+        carried = (areas / np.bincount(owner, areas, minlength=len(force))[owner])[:, None] * force[owner]
+        roots = np.unique(chart.tiles.root[parts])
+        at = np.searchsorted(roots, chart.tiles.root[parts])
+        total = np.zeros((len(roots), 3))
+        np.add.at(total, at, carried)
+        whole = np.zeros(6 * len(self.probes), np.float32)
+        scale = max(float(np.abs(total).max(initial=0.0)), 1e-30)
+        for root, sum_ in zip(roots.tolist(), (total / scale).astype(np.float32), strict=True):
+            whole += sum_ @ self._row(root)
+        out += scale * whole.reshape(-1, 6)[which].astype(np.float64)
+        fine = np.flatnonzero(chart.levels[parts] > 0)
+        if len(fine):
+            self._refine(out, which, roots, total, parts[fine], at[fine], carried[fine])
+        return out
+
+    def _refine(
+        self, out: Array, which: Indices, roots: Indices, total: Array, parts: Indices, at: Indices, force: Array
+    ) -> None:
+        """See cells that are cut by their parts, where a probe is near."""
+        cut = np.unique(at)
+        middles = self._surface.cells.positions[roots[cut]]
+        apart = self._feet[which][:, None] - middles
+        near = np.einsum("ijk,ijk->ij", apart, apart) < self._reach**2
+        for k in range(len(cut)):
+            mine = np.flatnonzero(near[:, k])
+            row = self._known[int(roots[cut[k]])].reshape(3, -1, 6)[:, which[mine]]
+            out[mine] -= np.tensordot(total[cut[k]], row, axes=1)
+        place = np.full(len(roots), -1)
+        place[cut] = np.arange(len(cut))
+        probe, source = near[:, place[at]].nonzero()
+        np.add(out, self._sum(which[probe], parts[source], force[source], probe, len(which)), out=out)
+
+    def _row(self, root: int) -> Floats32:
+        """Return the stress of all probes for unit forces spread evenly over a coarsest cell, shape (3, 6 k)."""
+        known = self._known.get(root)
+        if known is None:
+            count = len(self.probes)
+            probe, cells = np.arange(count), np.full(count, root)
+            rows = [self._sum(probe, cells, np.tile(unit, (count, 1)), probe, count) for unit in np.eye(3)]
+            known = self._known[root] = np.stack(rows).reshape(3, -1).astype(np.float32)
+        return known
+
+    def _sum(self, probe: Indices, cells: Indices, force: Array, row: Indices, count: int) -> Array:
+        """Return the sums of what pairs of a probe and a cell do, by rows; a cell that is large is seen in parts."""
+        chart, patches = self._surface.chart, self._surface.cells
+        total = np.zeros((count, 6))
+        while len(probe):
+            side, depth = self._sides[cells], self.probes.plane.depths[probe]
+            chord = self._feet[probe] - patches.positions[cells]
+            apart = np.sqrt(np.einsum("ij,ij->i", chord, chord))
+            split = (side > SPREAD * depth) & (apart < ABOVE * (side + depth))
+            split &= chart.levels[cells] + 2 < len(chart.starts)
+            done = ~split
+            total += _added(
+                self._frames,
+                chord[done],
+                apart[done],
+                depth[done],
+                force[done],
+                probe[done],
+                row[done],
+                count,
+                self._surface.material.poisson,
+            )
+            children = chart.children(cells[split])
+            share = patches.areas[children]
+            share = share / share.sum(axis=1, keepdims=True)
+            force = (share[:, :, None] * force[split][:, None]).reshape(-1, 3)
+            probe, row, cells = np.repeat(probe[split], 4), np.repeat(row[split], 4), children.ravel()
+        return total
+
+
+def _added(
+    frames: Array,
+    chord: Array,
+    apart: Array,
+    depth: Array,
+    force: Array,
+    probe: Indices,
+    row: Indices,
+    count: int,
+    poisson: float,
+) -> Array:
+    """Return the stress of point forces on a half-space (Boussinesq, Cerruti) in the finger's axes, summed by rows."""
+    first, second, inward = (np.take(frames[:, k], probe, axis=0) for k in range(3))
+    along, across = _dot(chord, first), _dot(chord, second)
+    flat = np.hypot(along, across)
+    stretch = apart / np.where(flat > 0, flat, 1.0)
+    local = along * stretch, across * stretch, depth, _dot(force, first), _dot(force, second), _dot(force, inward)
+    x, y, z, fx, fy, fz = (values.astype(np.float32) for values in local)  # half the time, 1e-6 off
+    free = 1.0 - 2.0 * poisson
+    r = np.sqrt(x * x + y * y + z * z)
+    inverse, deep = 1.0 / r, 1.0 / (r + z)
+    cube = inverse * inverse * inverse
+    sideways = x * fx + y * fy
+    main = -3.0 * (sideways + z * fz) * cube * inverse * inverse
+    q = deep * inverse
+    e, bend = free * q * deep, free * cube * deep * deep
+    wide = main + bend * ((3.0 * r + z) * deep * sideways + (2.0 * r + z) * fz)
+    even = (free * cube - e) * sideways + free * (z * cube - q) * fz
+    stress = (
+        wide * x * x + even - 2.0 * e * x * fx,
+        wide * y * y + even - 2.0 * e * y * fy,
+        main * z * z,
+        main * y * z,
+        main * x * z,
+        wide * x * y - e * (y * fx + x * fy),
+    )
+    summed = np.zeros((count, 3, 3))
+    for (i, j), values in zip(_PAIRS, stress, strict=True):
+        summed[:, i, j] = summed[:, j, i] = np.bincount(row, values, minlength=count)
+    turn = np.zeros((count, 3, 3))
+    turn[row] = frames[probe]
+    turned = turn.transpose(0, 2, 1) @ summed @ turn
+    return np.stack([turned[:, i, j] for i, j in _PAIRS], axis=1) / (2.0 * np.pi)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.einsum("ij,ij->i", a, b)

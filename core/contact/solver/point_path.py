@@ -46,7 +46,7 @@ OPPOSITE = -0.7
 SLOW = 0.15e-3
 
 
-_PER_POINT = ("gap", "clearance", "normal", "body", "triangle", "friction", "softness")
+_PER_POINT = ("gap", "clearance", "normal", "body", "triangle", "friction", "softness", "hung")
 
 
 class _Asked(NamedTuple):
@@ -291,12 +291,12 @@ class PointSolver(PathSolver):
         expected = self.history.expected(bodies, self.points + self._image, self.search_radius)
         places, origins, normal = expected.places[count:], expected.origins[count:], expected.normal[count:]
         # what a larger cell lay on need not be what its parts lie on, but where that is the back of something thin
-        some = Expected(places, origins, normal, np.full(n - count, -1))
+        some = Expected(places, origins, normal, np.full(n - count, -1), expected.hung[count:])
         found = node_gaps(self.points[new], bodies, self.search_radius, self.bone, some)
         opposite = np.einsum("ij,ij->i", normal, found.normal) < OPPOSITE
         turned = np.flatnonzero(opposite & (expected.body[count:] == found.body))
         if len(turned):
-            some = Expected(places[turned], origins[turned], normal[turned], found.body[turned])
+            some = Expected(places[turned], origins[turned], normal[turned], found.body[turned], found.hung[turned])
             again = node_gaps(self.points[new[turned]], bodies, self.search_radius, self.bone, some)
             for name in _PER_POINT:
                 getattr(found, name)[turned] = getattr(again, name)
@@ -404,7 +404,8 @@ class PointSolver(PathSolver):
         if not len(other):
             return
         turned, before = own[other], before[other]
-        expected = Expected(places[turned], places[turned] + ABOVE * before, before, gaps.body[turned])
+        hung = np.zeros(len(turned), dtype=np.bool_)
+        expected = Expected(places[turned], places[turned] + ABOVE * before, before, gaps.body[turned], hung)
         again = node_gaps(places[turned], bodies, self.search_radius, self.bone, expected)
         gaps.clearance[turned], gaps.normal[turned] = again.clearance, again.normal
         gaps.triangle[turned] = again.triangle

@@ -10,7 +10,8 @@ Which side a point is on:
 * Where more than two faces share an edge, faces disagree about the outside, or two sheets touch in a single point,
   no normal decides: a closed mesh then asks for its winding number there, an open one takes the mean normal.
   `Surface.findings` reports such meshes.
-* Self-intersecting parts: the closest face decides, also where it lies inside another part.
+* Self-intersecting parts: the closest face decides, also where it lies inside another part. Where faces are folded
+  over, a point that would lie deep inside by one of them asks for its winding number.
 """
 
 from __future__ import annotations
@@ -38,6 +39,8 @@ __all__ = ["GapQuery", "Surface"]
 ON_FEATURE = 1e-9
 # A point is straight above a rim if it is off by less than this fraction of its distance.
 STRAIGHT = 1e-6
+# Deeper than this a point is asked twice whether it is inside, if faces are folded over where it is closest [m].
+DEEP = 0.2e-3
 # Nearer than this to a surface the way to its closest point has no direction to speak of [m].
 ON_SURFACE = 1e-9
 # Towards the faces, edges and corners of a cube, and not their opposites; unit length, shape (13, 3).
@@ -350,6 +353,8 @@ class Surface:
         beside = np.zeros(len(points), dtype=bool)
         if kind.any():
             beside[self._special_sides(points, np.flatnonzero(kind), kind, distance, along, pseudo, sign)] = True
+        if self.closed:
+            self._unfold(points, sign, distance, triangle, weights)
         normal = self._directions(offset, distance, sign, pseudo, triangle)
         return sign * distance, normal, closest, triangle, weights, beside
 
@@ -374,6 +379,16 @@ class Surface:
         if odd.size and self.closed:
             sign[odd] = np.where(self.winding(points[odd]) > 0.5, -1.0, 1.0)
         return rim
+
+    def _unfold(self, points: Array, sign: Array, distance: Array, triangle: Indices, weights: Array) -> None:
+        """Put points that lie inside only by faces folded over outside, in place."""
+        deep = ((sign < 0.0) & (distance > DEEP)).nonzero()[0]
+        if deep.size == 0:
+            return
+        folded = self._normals.folded[self.topology.corners[triangle[deep]]] & (weights[deep] > ON_FEATURE)
+        odd = deep[folded.any(axis=1)]
+        if odd.size:
+            sign[odd] = np.where(self.winding(points[odd]) > 0.5, -1.0, 1.0)
 
     def _directions(self, offset: Array, distance: Array, sign: Array, pseudo: Array, triangle: Indices) -> Array:
         """Gradient of the gap; so near the surface that rounding would turn it, the pseudonormal."""

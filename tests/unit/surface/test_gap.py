@@ -393,3 +393,18 @@ def test_a_wrong_vertex_is_named_and_a_number_with_a_fraction_is_none() -> None:
         Surface.build(corners, np.array([[0, 1, -1]]))
     with pytest.raises(DermisError, match=r"whole numbers of vertices \(found 'float64'"):
         Surface.build(corners, np.array([[0.0, 1.0, 2.0]]))
+
+
+def test_faces_that_are_folded_over_do_not_swallow_what_is_outside():
+    """A corner pulled over its neighbour turns faces inside out; seen from afar they must not look like an inside."""
+    ball = Surface.sphere(5e-3, 320)
+    triangles, vertices = ball.triangles, ball.vertices.copy()
+    moved = triangles[10, 0]
+    ring = np.unique(triangles[(triangles == moved).any(axis=1)])
+    beside = ring[ring != moved][0]
+    vertices[moved] += 1.1 * (vertices[beside] - vertices[moved])
+    surface = Surface.build(vertices, triangles)
+    points = vertices[moved] + np.random.default_rng(0).normal(size=(4000, 3)) * 3e-3
+    gap, outside = surface.query(points).gap, surface.winding(points) < 0.5
+    assert surface.closed and outside.sum() > 1000
+    assert gap[outside].min() > -0.3e-3

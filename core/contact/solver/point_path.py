@@ -366,7 +366,7 @@ class PointSolver(PathSolver):
         way = places + raised[under][:, None] - (self.points + raised[:-1])[five]
         normal = gaps.normal[five]
         gap = gaps.clearance[five] + np.einsum("nck,nck->nc", way, normal)
-        return gap[:, 0], gap[:, 1:], normal[:, 1:], known + (known & ~none.any(axis=1)).astype(np.int64)
+        return gap[:, 0], gap[:, 1:], normal, known + (known & ~none.any(axis=1)).astype(np.int64)
 
     def _look_at(
         self, bodies: tuple[ContactBody, ...], raised: Array, cells: Indices, points: Array, centres: int

@@ -20,10 +20,12 @@ from ...skin.tiles import ALONG, AROUND, BOTH
 
 # A cell is cut where normals at its corners differ by more than this, or a gap is off linear by more than this [m].
 TURNED, BENT = 0.3, 0.04e-3
-# Sides are halved less often, by one, where there would be more points than this, and more often again below that.
-MANY, FEW = 650, 100
-# A way is no matter where surfaces turn by less than this share of what they turn the other way.
-ODD = 0.4
+# Sides are halved less often, by one, where there would be more points than this, and more often again below that; but
+# so often at least: what stands in the skin passes between coarser points.
+MANY, FEW, COARSEST = 450, 100, 1
+# A way is no matter where normals lean apart that way by less than this share of what they do the other way, and the
+# second: what leans by less tells no way.
+ODD, LEVEL = 0.4, 0.1
 # A cell stays cut down to this share of the limits.
 MERGE = 0.6
 # Sides that were halved so often are halved again only where normals differ by more than the first of these, at sharp
@@ -60,7 +62,7 @@ class Seen(NamedTuple):
 
 
 Look = Callable[[Indices, Array, int], Seen]
-# For cells: clearance of centres, (n,), of corners, (n, 4), normals there, (n, 4, 3), and whether nothing is known of
+# For cells: clearance of centres, (n,), of corners, (n, 4), normals at both, (n, 5, 3), and whether nothing is known of
 # them (0), of some corners (1) or of all (2), (n,).
 Glance = Callable[[Indices], tuple[Array, Array, Array, Indices]]
 
@@ -138,12 +140,12 @@ class PointTree:
             moved: as in `asks`.
         """
         found = self._survey(look, glance, moved)
-        while len(found) > MANY and self.finest > 0 and glance is None:
+        while len(found) > MANY and self.finest > COARSEST and glance is None:
             self.finest -= 1
             self.renew()
             found = self._survey(look, glance, np.zeros(2))
         if len(found) > MANY:
-            self.finest = max(self.finest - 1, 0)
+            self.finest = max(self.finest - 1, COARSEST)
         elif len(found) < FEW:
             self.finest = min(self.finest + 1, self._tiles.levels - 1)
         return found
@@ -223,8 +225,9 @@ class PointTree:
         seen = look(np.concatenate([cells, np.repeat(cells[some], 4)]), places, n)
         own, flat = seen.clearance[:n], seen.flat
         turning = self._inner[cells] & (own < limit + BESIDE * long) & (flat < FLAT * long)
-        gap, normal = np.zeros((n, 4)), np.zeros((n, 4, 3))
-        gap[some], normal[some] = seen.clearance[n:].reshape(-1, 4), seen.normal[n:].reshape(-1, 4, 3)
+        gap, normal = np.zeros((n, 4)), np.zeros((n, 5, 3))
+        normal[:, 0] = seen.normal[:n]
+        gap[some], normal[some, 1:] = seen.clearance[n:].reshape(-1, 4), seen.normal[n:].reshape(-1, 4, 3)
         middle = own.copy()
         # what is in between is to be seen from the surface: deep below it every edge is sharp
         deep = turning & (own < -DEEP)
@@ -239,8 +242,8 @@ class PointTree:
             places = np.concatenate([self.pad.cells.positions[cells[more]] + lift, corners.reshape(-1, 3)])
             found = look(np.concatenate([cells[more], np.repeat(cells[more], 4)]), places, 0)
             k = len(more)
-            middle[more] = found.clearance[:k]
-            gap[more], normal[more] = found.clearance[k:].reshape(-1, 4), found.normal[k:].reshape(-1, 4, 3)
+            middle[more], normal[more, 0] = found.clearance[:k], found.normal[:k]
+            gap[more], normal[more, 1:] = found.clearance[k:].reshape(-1, 4), found.normal[k:].reshape(-1, 4, 3)
         ways = np.zeros(n, dtype=np.int64)
         close = np.flatnonzero(turning)
         if len(close):
@@ -261,38 +264,31 @@ class PointTree:
 
         Args:
             own: clearance of the centres [m]. middle: the same seen from where the corners are looked from, shape (n,).
-            gap: of the corners [m], shape (n, 4). normal: there, shape (n, 4, 3).
+            gap: of the corners [m], shape (n, 4). normal: at the centre and there, shape (n, 5, 3).
         """
         near = np.minimum(gap.min(axis=1), own) < self._limit[cells]
         halved, before = self._tiles.halved[cells], self._ways[cells]
         ways = np.zeros(len(cells), dtype=np.int64)
         sharp = np.where(halved.min(axis=1) < OFTEN, SHARP, SHARPEST)
-        turned = np.empty((2, len(cells), 2))
-        for axis, pairs in enumerate((((0, 2), (1, 3)), ((0, 1), (2, 3)))):
-            for k, (one, other) in enumerate(pairs):
-                apart = normal[:, one] - normal[:, other]
-                turned[axis, :, k] = np.sqrt(np.einsum("ij,ij->i", apart, apart))
-        most, least = turned.max(axis=2), turned.min(axis=2)
-        mean = most + least
-        # one corner that sees another side tells no way: squares are cut in both, or stay cut as they are
-        odd = (least < ODD * most).all(axis=0)
-        kept = np.where((before == 0) & (halved[:, 0] == halved[:, 1]), BOTH, before)
+        apart = (normal[:, 1:, None] - normal[:, None, 1:]).reshape(len(cells), -1, 3)
+        most = np.sqrt(np.einsum("nck,nck->nc", apart, apart).max(axis=1))
+        # the way that normals lean apart tells which way a surface turns, wherever its edge runs between the corners
+        sides = self.pad.cells.sides[cells]
+        leaning = np.ptp(
+            np.einsum("nck,nak->anc", normal, sides / np.linalg.norm(sides, axis=2, keepdims=True)), axis=2
+        )
+        told = leaning + LEVEL > ODD * leaning[::-1]
         for axis, way in enumerate((ALONG, AROUND)):
             share = np.where(before & way, MERGE, 1.0)
             limit = np.where(halved[:, axis] < OFTEN, TURNED, sharp) * share
             limit = np.where(halved[:, axis] < self.finest, limit, np.inf)
-            told = np.where(odd, kept & way, mean[axis] > ODD * mean[1 - axis])
-            ways |= np.where((most[axis] > limit) & (told != 0), way, 0)
+            ways |= np.where((most > limit) & told[axis], way, 0)
         with np.errstate(invalid="ignore"):
             off = np.abs(gap.mean(axis=1) - middle)
             twist = 0.25 * np.abs(gap[:, 0] - gap[:, 1] - gap[:, 2] + gap[:, 3])
         bent = np.nan_to_num(np.maximum(off, twist), nan=np.inf, posinf=np.inf)
-        bends = (
-            (most < TURNED).all(axis=0)
-            & (bent > BENT * np.where(before == BOTH, MERGE, 1.0))
-            & (halved.max(axis=1) < OFTEN)
-        )
-        ways[bends] = BOTH
+        bends = (most < TURNED) & (bent > BENT * np.where(before == BOTH, MERGE, 1.0)) & (halved.max(axis=1) < OFTEN)
+        ways[bends] = (told[:, bends] * [[ALONG], [AROUND]]).sum(axis=0)
         ways[~near] = 0
         return np.asarray(self._tiles.ways[halved[:, 0], halved[:, 1], ways])
 

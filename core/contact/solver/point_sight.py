@@ -52,7 +52,7 @@ class PointSight:
         way = places + self.skin.raised[under][:, None] - points.positions[five]
         normal = gaps.normal[five]
         gap = gaps.gap[five] + np.einsum("nck,nck->nc", way, normal)
-        return gap[:, 0], gap[:, 1:], normal[:, 1:], known + (known & ~none.any(axis=1)).astype(np.int64)
+        return gap[:, 0], gap[:, 1:], normal, known + (known & ~none.any(axis=1)).astype(np.int64)
 
     def look(self, cells: Indices, points: Array, centres: int) -> Seen:
         """Measure points that move with cells, the first so many centres: see `seen.Look`."""

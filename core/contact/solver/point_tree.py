@@ -20,12 +20,13 @@ from .seen import Glance, Look
 
 # A cell is cut where normals at its corners differ by more than this, or a gap is off linear by more than this [m].
 TURNED, BENT = 0.3, 0.04e-3
-# Sides are halved less often, by one and at least once, where there would be more points than the first, and more often
-# again below the second. Of more than the last only those count that are nearest to what they may touch.
-MANY, FEW, MOST = 800, 250, 1000
-# A way is no matter where surfaces turn by less than this share of what they turn the other way; the second where
-# that is told by points, which do not lie at a cell's corners.
-ODD, KNOWN = 0.4, 0.8
+# Sides are halved less often, by one, where there would be more points than the first, and more often again below the
+# second, but so often at least: what stands in the skin passes between coarser points. Of more than the last only
+# those count that are nearest to what they may touch.
+MANY, FEW, COARSEST, MOST = 450, 100, 1, 1000
+# A way is no matter where normals lean apart that way by less than this share of what they do the other way, and the
+# second: what leans by less tells no way.
+ODD, LEVEL = 0.4, 0.1
 # A cell stays cut down to this share of the limits.
 MERGE = 0.6
 # Sides that were halved so often are halved again only where normals differ by more than the first of these, at sharp
@@ -54,7 +55,6 @@ NEVER = -np.inf
 
 
 _SIGNS = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])  # of a cell's corners, along and around
-_ONE, _OTHER = [0, 1, 0, 2], [2, 3, 1, 3]  # corners at the ends of a cell's sides, two along and two around
 
 
 class PointTree:
@@ -131,12 +131,12 @@ class PointTree:
             moved: as in `asks`.
         """
         found = self._survey(look, glance, moved)
-        while len(found) > MANY and self.finest > 1 and glance is None:
+        while len(found) > MANY and self.finest > COARSEST and glance is None:
             self.finest -= 1
             self.renew()
             found = self._survey(look, glance, np.zeros(2))
         if len(found) > MANY:
-            self.finest = max(self.finest - 1, 1)
+            self.finest = max(self.finest - 1, COARSEST)
         elif len(found) < FEW:
             self.finest = min(self.finest + 1, self._tiles.levels - 1)
         nearest = np.argsort(self._clearance[found], kind="stable")[:MOST]
@@ -219,8 +219,9 @@ class PointTree:
         seen = look(np.concatenate([cells, np.repeat(cells[some], 4)]), places, n)
         own, flat = seen.clearance[:n], seen.flat
         turning = self._inner[cells] & (own < limit + BESIDE * long) & (flat < FLAT * long)
-        gap, normal = np.zeros((n, 4)), np.zeros((n, 4, 3))
-        gap[some], normal[some] = seen.clearance[n:].reshape(-1, 4), seen.normal[n:].reshape(-1, 4, 3)
+        gap, normal = np.zeros((n, 4)), np.zeros((n, 5, 3))
+        normal[:, 0] = seen.normal[:n]
+        gap[some], normal[some, 1:] = seen.clearance[n:].reshape(-1, 4), seen.normal[n:].reshape(-1, 4, 3)
         middle = own.copy()
         # what is in between is to be seen from the surface: deep below it every edge is sharp
         deep = turning & (own < -DEEP)
@@ -235,8 +236,8 @@ class PointTree:
             places = np.concatenate([self.pad.cells.positions[cells[more]] + lift, corners.reshape(-1, 3)])
             found = look(np.concatenate([cells[more], np.repeat(cells[more], 4)]), places, 0)
             k = len(more)
-            middle[more] = found.clearance[:k]
-            gap[more], normal[more] = found.clearance[k:].reshape(-1, 4), found.normal[k:].reshape(-1, 4, 3)
+            middle[more], normal[more, 0] = found.clearance[:k], found.normal[:k]
+            gap[more], normal[more, 1:] = found.clearance[k:].reshape(-1, 4), found.normal[k:].reshape(-1, 4, 3)
         ways = np.zeros(n, dtype=np.int64)
         close = np.flatnonzero(turning)
         if len(close):
@@ -257,38 +258,34 @@ class PointTree:
 
         Args:
             own: clearance of the centres [m], shape (n,).
-            gap: of the corners [m], shape (n, 4). normal: there, shape (n, 4, 3).
+            gap: of the corners [m], shape (n, 4). normal: at the centre and there, shape (n, 5, 3).
             middle: clearance of the centres, seen from where the corners are looked from [m], shape (n,); None where
                 nothing was looked at: what points see tells edges, but not in between, and not what bends.
         """
         halved, before = self._tiles.halved[cells], self._ways[cells]
         ways = np.zeros(len(cells), dtype=np.int64)
         steep = np.where(halved.min(axis=1) < OFTEN, SHARP, SHARPEST)
-        apart = normal[:, _ONE] - normal[:, _OTHER]
-        turned = np.sqrt(np.einsum("nek,nek->en", apart, apart)).reshape(2, 2, -1)
-        most, least = turned.max(axis=1), turned.min(axis=1)
-        mean = most + least
-        self._sharp[cells] = most.max(axis=0) > EDGE
-        # one corner that sees another side tells no way: squares are cut in both, or stay cut as they are
-        odd = (least < ODD * most).all(axis=0)
-        kept = np.where((before == 0) & (halved[:, 0] == halved[:, 1]), BOTH, before)
+        apart = (normal[:, 1:, None] - normal[:, None, 1:]).reshape(len(cells), -1, 3)
+        most = np.sqrt(np.einsum("nck,nck->nc", apart, apart).max(axis=1))
+        self._sharp[cells] = most > EDGE
+        # the way that normals lean apart tells which way a surface turns, wherever its edge runs between the corners
+        along = self.pad.cells.sides[cells]
+        along = along / np.linalg.norm(along, axis=2, keepdims=True)
+        leaning = np.ptp(np.einsum("nck,nak->anc", normal, along), axis=2)
+        told = leaning + LEVEL > ODD * leaning[::-1]
         for axis, way in enumerate((ALONG, AROUND)):
             share = np.where(before & way, MERGE, 1.0)
             limit = np.where(halved[:, axis] < OFTEN, TURNED, steep) * share
             limit = np.where(halved[:, axis] < self.finest, limit, np.inf)
-            told = np.where(odd, kept & way, mean[axis] > (KNOWN if middle is None else ODD) * mean[1 - axis])
-            ways |= np.where((most[axis] > limit) & (told != 0), way, 0)
+            ways |= np.where((most > limit) & told[axis], way, 0)
         if middle is not None:
             with np.errstate(invalid="ignore"):
                 off = np.abs(gap.mean(axis=1) - middle)
                 twist = 0.25 * np.abs(gap[:, 0] - gap[:, 1] - gap[:, 2] + gap[:, 3])
             bent = np.nan_to_num(np.maximum(off, twist), nan=np.inf, posinf=np.inf)
-            bends = (
-                (most < TURNED).all(axis=0)
-                & (bent > BENT * np.where(before == BOTH, MERGE, 1.0))
-                & (halved.max(axis=1) < OFTEN)
-            )
-            ways[bends] = BOTH
+            bends = (most < TURNED) & (bent > BENT * np.where(before == BOTH, MERGE, 1.0))
+            bends &= halved.max(axis=1) < OFTEN
+            ways[bends] = (told[:, bends] * [[ALONG], [AROUND]]).sum(axis=0)
         ways[np.minimum(gap.min(axis=1), own) >= self._limit[cells]] = 0
         return np.asarray(self._tiles.ways[halved[:, 0], halved[:, 1], ways])
 

@@ -18,6 +18,6 @@ class Seen(NamedTuple):
 
 
 Look = Callable[[Indices, Array, int], Seen]
-# For cells: clearance of centres, (n,), of corners, (n, 4), normals there, (n, 4, 3), and whether nothing is known of
+# For cells: clearance of centres, (n,), of corners, (n, 4), normals at both, (n, 5, 3), and whether nothing is known of
 # them (0), of some corners (1) or of all (2), (n,).
 Glance = Callable[[Indices], tuple[Array, Array, Array, Indices]]

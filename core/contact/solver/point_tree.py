@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from ...skin.surface_compliance import SurfaceCompliance
-from ...skin.tiles import ALONG, AROUND, BOTH
+from ...skin.tiles import ALONG, AROUND
 from .seen import Glance, Look
 
 # A cell is cut where normals at its corners differ by more than this, or a gap is off linear by more than this [m].
@@ -26,7 +26,7 @@ TURNED, BENT = 0.3, 0.04e-3
 MANY, FEW, COARSEST, MOST = 450, 100, 1, 1000
 # A way is no matter where normals lean apart that way by less than this share of what they do the other way, and the
 # second: what leans by less tells no way.
-ODD, LEVEL = 0.4, 0.1
+ODD, KNOWN, LEVEL = 0.4, 0.8, 0.1
 # A cell stays cut down to this share of the limits.
 MERGE = 0.6
 # Sides that were halved so often are halved again only where normals differ by more than the first of these, at sharp
@@ -272,20 +272,22 @@ class PointTree:
         along = self.pad.cells.sides[cells]
         along = along / np.linalg.norm(along, axis=2, keepdims=True)
         leaning = np.ptp(np.einsum("nck,nak->anc", normal, along), axis=2)
-        told = leaning + LEVEL > ODD * leaning[::-1]
+        odd = ODD
         for axis, way in enumerate((ALONG, AROUND)):
             share = np.where(before & way, MERGE, 1.0)
             limit = np.where(halved[:, axis] < OFTEN, TURNED, steep) * share
             limit = np.where(halved[:, axis] < self.finest, limit, np.inf)
-            ways |= np.where((most > limit) & told[axis], way, 0)
+            told = leaning[axis] + LEVEL > np.where(before & way, MERGE * ODD, odd) * leaning[1 - axis]
+            ways |= np.where((most > limit) & told, way, 0)
         if middle is not None:
             with np.errstate(invalid="ignore"):
                 off = np.abs(gap.mean(axis=1) - middle)
                 twist = 0.25 * np.abs(gap[:, 0] - gap[:, 1] - gap[:, 2] + gap[:, 3])
             bent = np.nan_to_num(np.maximum(off, twist), nan=np.inf, posinf=np.inf)
-            bends = (most < TURNED) & (bent > BENT * np.where(before == BOTH, MERGE, 1.0))
+            bends = (most < TURNED) & (bent > BENT * np.where(before > 0, MERGE, 1.0))
             bends &= halved.max(axis=1) < OFTEN
-            ways[bends] = (told[:, bends] * [[ALONG], [AROUND]]).sum(axis=0)
+            told_both = leaning + LEVEL > ODD * leaning[::-1]
+            ways[bends] = (told_both[:, bends] * [[ALONG], [AROUND]]).sum(axis=0)
         ways[np.minimum(gap.min(axis=1), own) >= self._limit[cells]] = 0
         return np.asarray(self._tiles.ways[halved[:, 0], halved[:, 1], ways])
 

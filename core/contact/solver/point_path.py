@@ -193,7 +193,8 @@ class PointSolver(PathSolver):
             self._tree.renew()
         sight = PointSight(bodies, self._skin(), self.history, self._tree, self.bone)
         glance = None if gaps is None or len(self.cells) == 0 else partial(sight.glance, gaps)
-        found = self._tree.survey(sight.look, glance, np.zeros(2) if moved is None else moved)
+        loaded = self.cells[self.loaded]
+        found = self._tree.survey(sight.look, glance, np.zeros(2) if moved is None else moved, loaded)
         self._asked = Asked(bodies, sight.skin.common)
         if self._tree.finest < OFTEN:
             self.notes.warn(

@@ -22,7 +22,7 @@ from .seen import Glance, Look
 TURNED, BENT = 0.3, 0.04e-3
 # Sides are halved less often, by one, where there would be more points than the first, and more often again below the
 # second, but so often at least: what stands in the skin passes between coarser points. Of more than the last only
-# those count that are nearest to what they may touch.
+# those count that carry force or are nearest to what they may touch.
 MANY, FEW, COARSEST, MOST = 450, 100, 1, 1000
 # A way is no matter where normals lean apart that way by less than this share of what they do the other way, and the
 # second: what leans by less tells no way.
@@ -122,13 +122,13 @@ class PointTree:
         """
         return bool((self._moved + moved >= self._next).any())
 
-    def survey(self, look: Look, glance: Glance | None, moved: Array) -> Indices:
+    def survey(self, look: Look, glance: Glance | None, moved: Array, loaded: Indices) -> Indices:
         """Cut and merge cells, and return those that may touch.
 
         Args:
             look: measures points [m], shape (n, 3), that move with cells, shape (n,), the first so many centres.
             glance: tells what is known of cells without measuring.
-            moved: as in `asks`.
+            moved: as in `asks`. loaded: cells that carry force.
         """
         found = self._survey(look, glance, moved)
         while len(found) > MANY and self.finest > COARSEST and glance is None:
@@ -139,8 +139,8 @@ class PointTree:
             self.finest = max(self.finest - 1, COARSEST)
         elif len(found) < FEW:
             self.finest = min(self.finest + 1, self._tiles.levels - 1)
-        nearest = np.argsort(self._clearance[found], kind="stable")[:MOST]
-        return found[np.sort(nearest)]
+        far = np.where(np.isin(found, loaded), -np.inf, self._clearance[found])
+        return found[np.sort(np.argsort(far, kind="stable")[:MOST])]
 
     def _survey(self, look: Look, glance: Glance | None, moved: Array) -> Indices:
         self._moved = self._moved + moved

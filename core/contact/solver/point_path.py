@@ -19,6 +19,7 @@ from ...surface.gap import Surface
 from .admm import State, iterate
 from .bodies import ContactBody, Expected, NodeGaps, moved, node_gaps, travel
 from .candidates import CandidateInverse
+from .cell_gaps import over_cells
 from .compliance import Linear
 from .cone import project
 from .flatness import flat_reach
@@ -162,7 +163,7 @@ class PointSolver(PathSolver):
         slow = len(before) == len(bodies) and all(
             travel(a, b, some) <= SLOW for a, b in zip(before, bodies, strict=True)
         )
-        return self._looked(tuple(bodies), slow)
+        return self._over_cells(self._looked(tuple(bodies), slow))
 
     def step(
         self,
@@ -174,7 +175,7 @@ class PointSolver(PathSolver):
     ) -> PathStep:
         """Solve the next frame, as `PathSolver.step` does."""
         if gaps is None and (part or not self.unmoved(bodies)):
-            gaps = self._looked(tuple(bodies), True)
+            gaps = self._over_cells(self._looked(tuple(bodies), True))
         return super().step(bodies, scene_frame=scene_frame, gaps=gaps, part=part)
 
     def _looked(self, bodies: tuple[ContactBody, ...], slow: bool) -> NodeGaps:
@@ -190,6 +191,13 @@ class PointSolver(PathSolver):
             assert found is not None
             return found
         return gaps
+
+    def _over_cells(self, gaps: NodeGaps) -> NodeGaps:
+        """Return the gaps of cells, of those of their centres."""
+        if not len(self.cells):
+            return gaps
+        places = self.history.expected(gaps.bodies, self.points + self._image, self.search_radius).places
+        return over_cells(gaps, self.points, places, self._sides, self._beside, self.search_radius, self.bone)
 
     # -- the points ----------------------------------------------------------------------------------------------
 
@@ -316,6 +324,7 @@ class PointSolver(PathSolver):
         self._place[:] = -1
         self._place[cells] = np.arange(len(cells))
         self._map.mark(cells)
+        self._sides, self._beside = pad.cells.sides[cells], self._map.beside(cells)
         self.points, self.areas = pad.cells.positions[cells], pad.cells.areas[cells]
         self._spacing = self._tree.sides[cells]
         diagonal = self._matrix.matrix.diagonal().reshape(-1, 3).astype(np.float64)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...arrays import Indices
+from ...arrays import Array, Indices
 from ...skin.pad_chart import PadChart
 
 NONE = -1
 _SIGNS = np.array([[0.0, 0.0], [-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])  # centre, corners
+_BESIDE = 0.5 + 0.501 * np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]])  # just beyond the sides
 
 
 class PointMap:
@@ -58,8 +59,15 @@ class PointMap:
 
     def around(self, cells: Indices) -> Indices:
         """Return the points under the centre and the corners of cells, `NONE` where there is none, shape (n, 5)."""
+        return self._at(cells, self._offsets)
+
+    def beside(self, cells: Indices) -> Indices:
+        """Return the points before and behind cells, along the finger, then around it, `NONE` without, shape (n, 4)."""
+        return self._at(cells, _BESIDE)
+
+    def _at(self, cells: Indices, offsets: Array) -> Indices:
         tiles, size = self.tiles, self._size[cells][:, None]
-        at = np.floor((tiles.place[cells][:, None] + self._offsets) * size + 1e-9).astype(np.int64)
+        at = np.floor((tiles.place[cells][:, None] + offsets) * size + 1e-9).astype(np.int64)
         root = self._beside[tiles.root[cells, None], (at[:, :, 0] // self.side) + 1, (at[:, :, 1] // self.side) + 1]
         at %= self.side
         return np.asarray(self._owner[root, at[:, :, 0] * self.side + at[:, :, 1]])

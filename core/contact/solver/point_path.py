@@ -20,6 +20,7 @@ from .admm import State, iterate
 from .asked import Asked
 from .bodies import ContactBody, NodeGaps, moved, same_places, travel
 from .candidates import CandidateInverse
+from .cell_gaps import over_cells
 from .compliance import Linear
 from .cone import project
 from .history import ContactHistory
@@ -143,7 +144,7 @@ class PointSolver(PathSolver):
         slow = len(before) == len(bodies) and all(
             travel(a, b, some) <= SLOW for a, b in zip(before, bodies, strict=True)
         )
-        return self._looked(tuple(bodies), slow)
+        return self._over_cells(self._looked(tuple(bodies), slow))
 
     def step(
         self,
@@ -155,7 +156,7 @@ class PointSolver(PathSolver):
     ) -> PathStep:
         """Solve the next frame, as `PathSolver.step` does."""
         if gaps is None and (part or not self.unmoved(bodies)):
-            gaps = self._looked(tuple(bodies), True)
+            gaps = self._over_cells(self._looked(tuple(bodies), True))
         return super().step(bodies, scene_frame=scene_frame, gaps=gaps, part=part)
 
     def _looked(self, bodies: tuple[ContactBody, ...], slow: bool) -> NodeGaps:
@@ -171,6 +172,14 @@ class PointSolver(PathSolver):
             assert found is not None
             return found
         return gaps
+
+    def _over_cells(self, gaps: NodeGaps) -> NodeGaps:
+        """Return the gaps of cells, of those of their centres."""
+        if not len(self.cells):
+            return gaps
+        places = self.history.expected(gaps.bodies, self.points + self._image, self.search_radius).places
+        own = self._points
+        return over_cells(gaps, self.points, places, own.sides, own.beside, self.search_radius, self.bone)
 
     # -- the points ----------------------------------------------------------------------------------------------
 

@@ -25,6 +25,7 @@ class PointSet:
     Attributes:
         matrix: the compliance between them. map: tells which of them lies where on the pad.
         positions, normals, areas: of the points, shapes (n, 3), (n, 3) and (n,).
+        sides: of their cells [m], shape (n, 2, 3). beside: as `PointMap.beside`, shape (n, 4).
         rho: the shift of the iteration at each of them [m/N], shape (n, 1).
     """
 
@@ -75,3 +76,4 @@ class PointSet:
         self.map.mark(cells)
         self.positions, self.normals = self.pad.cells.positions[cells], self.pad.cells.normals[cells]
         self.areas: Array = self.pad.cells.areas[cells]
+        self.sides, self.beside = self.pad.cells.sides[cells], self.map.beside(cells)

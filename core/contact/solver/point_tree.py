@@ -29,9 +29,9 @@ MANY, FEW, COARSEST, MOST = 450, 100, 1, 1000
 ODD, KNOWN, LEVEL = 0.4, 0.8, 0.1
 # A cell stays cut down to this share of the limits.
 MERGE = 0.6
-# Sides that were halved so often are halved again only where normals differ by more than the first of these, at sharp
-# edges along the cell, or the second, at the sharpest edges across it: there squares are many, and gain less.
-OFTEN, SHARP, SHARPEST = 2, 1.0, 1.5
+# Sides that were halved so often are halved again only where normals differ by more than this: at edges sharper than a
+# right angle.
+OFTEN, SHARP = 2, 1.5
 # A cell that seems to lie deeper than this [m] is lifted; across its normal by no more than the inverse of this.
 DEEP, STEEP = 0.06e-3, 0.3
 CORNERS = 0.75  # of a cell's sides, from its centre
@@ -264,7 +264,6 @@ class PointTree:
         """
         halved, before = self._tiles.halved[cells], self._ways[cells]
         ways = np.zeros(len(cells), dtype=np.int64)
-        steep = np.where(halved.min(axis=1) < OFTEN, SHARP, SHARPEST)
         apart = (normal[:, 1:, None] - normal[:, None, 1:]).reshape(len(cells), -1, 3)
         most = np.sqrt(np.einsum("nck,nck->nc", apart, apart).max(axis=1))
         self._sharp[cells] = most > EDGE
@@ -275,7 +274,7 @@ class PointTree:
         odd = ODD
         for axis, way in enumerate((ALONG, AROUND)):
             share = np.where(before & way, MERGE, 1.0)
-            limit = np.where(halved[:, axis] < OFTEN, TURNED, steep) * share
+            limit = np.where(halved[:, axis] < OFTEN, TURNED, SHARP) * share
             limit = np.where(halved[:, axis] < self.finest, limit, np.inf)
             told = leaning[axis] + LEVEL > np.where(before & way, MERGE * ODD, odd) * leaning[1 - axis]
             ways |= np.where((most > limit) & told, way, 0)

@@ -34,11 +34,14 @@ def test_devices_follow_points_as_they_follow_nodes(device: str) -> None:
     on_points, on_nodes = (rendered(device, ball, contact=contact) for contact in ("points", "nodes"))
     one, other = on_points.outputs[0], on_nodes.outputs[0]
     assert on_points.skins["Index"].points is not None and on_nodes.skins["Index"].points is None
-    if "normal_force" in one.signals:  # small tilts of the thimble are free where only its force is asked for
-        mine, theirs = (o.signals["normal_force"] for o in (one, other))
+    if "target_force" in one.signals:
+        # of the thimble only its force is asked for: it tilts as it likes, and one way its servos may be too slow for
+        mine, theirs = (o.signals["target_force"] for o in (one, other))
     else:
         mine, theirs = (np.stack([o.track.column(c.name) for c in o.track.channels]) for o in (one, other))
-    assert np.linalg.norm(theirs) > 0.0 and np.linalg.norm(mine - theirs) <= 0.2 * np.linalg.norm(theirs)
+    # here nodes push 2.6 % too little and stress 0.3 mm deep, which pins follow, is 29 % off; on points 0.4 and 10 %
+    most = 0.06 if "target_force" in one.signals else 0.2
+    assert np.linalg.norm(theirs) > 0.0 and np.linalg.norm(mine - theirs) <= most * np.linalg.norm(theirs)
     assert on_points.content_hash != on_nodes.content_hash
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,7 @@ def pressed(pad, surface, depth=1e-3, step=0.05e-3, friction=0.0):
 # tests/benchmarks; of the plane the two finest meshes differ by 5 %
 @pytest.mark.parametrize(
     ("surface", "force", "error"),
-    [(Surface.sphere(2e-3, 5000), 0.2157, 0.02), (Surface.edge(np.pi / 2), 0.473, 0.05), (Surface.block(), 1.24, 0.05)],
+    [(Surface.sphere(2e-3, 5000), 0.2157, 0.02), (Surface.edge(np.pi / 2), 0.492, 0.03), (Surface.block(), 1.24, 0.05)],
 )
 def test_forces_are_those_of_graded_meshes(pad, surface, force, error):
     solver, last = pressed(pad, surface)
@@ -62,13 +63,27 @@ def test_points_are_as_fine_as_what_presses(pad):
     """A plane asks for the coarsest cells alone; an edge for fine ones where it is, and nowhere else."""
     flat, _ = pressed(pad, Surface.block())
     assert pad.chart.levels[flat.cells].max() == 0
-    sharp, _ = pressed(pad, Surface.edge(np.pi / 2))
-    halved, across = pad.chart.tiles.halved[sharp.cells], np.abs(sharp.points[:, 0])
-    under, along = across < 0.1e-3, np.abs(sharp.points[:, 1]) < 3e-3
-    assert halved[under & along, 1].min() == 3  # across the edge
-    assert halved[under & along, 0].max() == 0  # along it
-    assert halved[across > 1e-3].max(initial=0) <= 1
-    assert len(sharp.cells) < 300
+    for angle, often in ((np.pi / 2, 2), (np.pi / 3, 3)):
+        sharp, _ = pressed(pad, Surface.edge(angle))
+        halved, across = pad.chart.tiles.halved[sharp.cells], np.abs(sharp.points[:, 0])
+        under, along = across < 0.15e-3, np.abs(sharp.points[:, 1]) < 3e-3
+        assert halved[under & along, 1].min() == often  # across the edge
+        assert halved[under & along, 0].max() == 0  # along it
+        assert halved[across > 1e-3].max(initial=0) <= 1
+        assert len(sharp.cells) < 200
+
+
+# what ever smaller cells go to, down to 0.0125 mm across the edge, solved at once and to 1e-4
+@pytest.mark.parametrize(("angle", "force"), [(60, 0.440), (90, 0.484), (120, 0.557)])
+def test_forces_converge_as_cells_are_halved(pad, angle, force):
+    surface, errors = Surface.edge(np.radians(angle)), []
+    for levels in (2, 3, 4):
+        coarse = replace(pad, chart=pad.chart.with_levels(levels))
+        _, last = pressed(coarse, surface)
+        errors.append(abs(last.solution.force.sum(axis=0)[2] / force - 1.0))
+    assert errors[0] < 0.3
+    assert errors[1] < max(0.7 * errors[0], 0.015)
+    assert errors[2] < max(0.7 * errors[1], 0.015)
 
 
 def test_nodes_feel_the_same_force_and_moment(pad):

@@ -11,8 +11,8 @@ from .bodies import NodeGaps
 from .cone import along
 from .solve import Solution
 
-# What moved towards the bone by less than this share of its way out of an object was dragged there.
-PUSHED = 0.7
+# Faces steeper than this cosine push in no more than if they were no steeper.
+STEEP = 0.5
 # The bone reaches this far along the finger towards the tip [m].
 BONE_END = 4e-3
 
@@ -42,7 +42,8 @@ class PathStep:
     def depth(self, points: Array, bone: Array) -> float:
         """Return how deep the undeformed skin lies in what it touches [m], zero above it.
 
-        What was dragged along does not count: over an edge it goes far beyond the face that it lies on.
+        What was dragged along does not count: over an edge it goes far beyond the face that it lies on. So depth counts
+        by how far a point was pushed towards the bone, as a share of what its way straight out of the object would be.
 
         Args:
             points: undeformed, shape (m, 3). bone: a point inside the finger, shape (3,).
@@ -55,5 +56,6 @@ class PathStep:
         if not self.from_rest:
             above = along(self.solution.displacement[inside], normal)
             way = self.displacement[inside] - above[:, None] * normal
-            deep = deep[along(way, inward) > PUSHED * along(way, normal) * np.sqrt(along(inward, inward))]
+            straight = np.maximum(along(normal, inward), STEEP * np.sqrt(along(inward, inward)))
+            deep = deep * np.clip(along(way, inward) / np.maximum(along(way, normal) * straight, 1e-12), 0.0, 1.0)
         return float(deep.max(initial=0.0))

@@ -242,11 +242,24 @@ def test_a_pose_that_stays_is_not_solved_again(skin):
     np.testing.assert_array_equal(got.force[-1], got.force[1])
 
 
+def test_what_is_dragged_over_an_edge_is_no_deeper_for_it(skin):
+    """A roof across the pad, 1 mm in it, is drawn along: skin that it drags goes far beyond the face that it is on."""
+    top, low = 0.005, -0.015
+    corners = np.array([[x, y, z] for x in (-0.02, 0.02) for y, z in ((-0.017, low), (0.017, low), (0.0, top))])
+    faces = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4], [2, 0, 3], [2, 3, 5], [0, 2, 1], [3, 4, 5]])
+    roof = Body("roof", Mesh(corners, faces.astype(np.int32)), {"friction": 0.9})
+    along = poses(press_and_slide(depth=1e-3)[:, [1, 0, 2]])
+    got = felt(skin, along, still(40), body=roof, parameters={"contact": "points"})
+    assert (np.abs(got.depth[19:] - 1e-3) < 0.5e-3).all() and not got.findings
+
+
 def test_a_soft_object_takes_part_of_the_depth(reference, skin):
     stiffness = 2e7  # Pa/m
     body = Body("foam", PLATE, {"friction": 0.6, "surface_stiffness": stiffness})
     soft = felt(skin, poses(press_and_slide()), still(40), body=body)
     assert 0.2 * reference.normal_force[19] < soft.normal_force[19] < 0.9 * reference.normal_force[19]
+    # how deep the finger is does not depend on who gives way
+    assert soft.depth[[19, 39]] == pytest.approx(reference.depth[[19, 39]], abs=0.1e-3)
     hard = felt(
         skin,
         poses(press_and_slide()),

@@ -1,0 +1,121 @@
+"""A fingertip's mesh made finer where a shape touches it: tetrahedra halved at their longest edges. Lengths in mm.
+
+Nodes of the skin and of the bone keep their place in the fingertip's chart, and new ones between them are put there: they
+lie on the smooth skin, not on the facets of a coarser mesh. An edge is halved in all its tetrahedra at once, and only where
+it is the longest edge of each of them, so the mesh fits together after every pass (Rivara 1984).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.skin.disk import disk_quads
+from core.skin.fingertip import LEVELS, fingertip_mesh
+from core.skin.mesh import TetraMesh, tetra_volumes
+from core.skin.shape import FingertipShape
+
+Array = NDArray[np.float64]
+EDGES = np.array([(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)])
+MAX_PASSES = 400
+ON_CUT = 1e-9  # [mm]
+NAIL = 8.0  # over this height, between bone and nail, which both are held, new nodes stay on the facets that were [mm]
+
+
+@dataclass
+class SmoothMesh:
+    """Tetrahedra whose nodes on the skin know their place in the fingertip.
+
+    Attributes:
+        shape: of the finger. nodes: [mm], shape (n, 3). tetrahedra: shape (e, 4), positively oriented.
+        chart: of each node, in the unit disk. share: of the way from bone (0) to skin (1).
+    """
+
+    shape: FingertipShape
+    nodes: Array
+    tetrahedra: NDArray[np.int64]
+    chart: NDArray[np.complex128]
+    share: Array
+
+    def right_half(self) -> SmoothMesh:
+        """Return the half of a symmetric mesh at positive x, whose cut is exactly at x = 0."""
+        tetrahedra = self.tetrahedra[self.nodes[self.tetrahedra].mean(axis=1)[:, 0] > 0.0]
+        kept, number = np.unique(tetrahedra, return_inverse=True)
+        nodes, chart = self.nodes[kept], self.chart[kept]
+        cut = np.abs(nodes[:, 0]) < ON_CUT
+        nodes[cut, 0], chart[cut] = 0.0, chart[cut].real
+        return SmoothMesh(self.shape, nodes, number.reshape(-1, 4), chart, self.share[kept])
+
+    def tetra_mesh(self) -> TetraMesh:
+        """Return the mesh with what bone and nail hold [mm]; its pad is all of the skin that is free."""
+        nodes = self.nodes
+        on_skin = self.share == 1.0
+        held = (self.share == 0.0) | (on_skin & self.shape.under_nail(nodes * 1e-3))
+        none = np.zeros((0, 3), np.int32)
+        pad = np.flatnonzero(on_skin & ~held)
+        return TetraMesh(
+            nodes, self.tetrahedra.astype(np.int32), np.flatnonzero(held).astype(np.int32), pad.astype(np.int32), none
+        )
+
+
+def places(shape: FingertipShape, chart: NDArray[np.complex128], share: Array | float) -> Array:
+    """Return places in the tissue [mm], shape (n, 3)."""
+    skin, bone = shape.skin(chart), shape.bone(chart)
+    return 1e3 * (bone + np.asarray(share)[..., None] * (skin - bone))
+
+
+def base_mesh(shape: FingertipShape, level: str = "fine") -> SmoothMesh:
+    """Return the product's mesh of a level, as something to refine."""
+    size = LEVELS[level]
+    chart = disk_quads(size.across, size.along, size.rings).chart
+    mesh = fingertip_mesh(shape, level)
+    bone, skin = shape.bone(chart), shape.skin(chart)
+    layers = mesh.nodes.reshape(-1, len(chart), 3)
+    share = np.linalg.norm(layers - bone, axis=2) / np.linalg.norm(skin - bone, axis=1)
+    share[0], share[-1] = 0.0, 1.0
+    chart, share = np.tile(chart, len(layers)), share.ravel()
+    return SmoothMesh(shape, places(shape, chart, share), mesh.tetrahedra.astype(np.int64), chart, share)
+
+
+def refined(mesh: SmoothMesh, size: Callable[[Array], Array]) -> SmoothMesh:
+    """Return a mesh whose edges are nowhere longer than wanted.
+
+    Args:
+        size: greatest length of edges along x, y and z about points [mm], shape (n, 3) to (n, 3).
+    """
+    nodes, tetrahedra, chart, share = mesh.nodes, mesh.tetrahedra, mesh.chart, mesh.share
+    for _ in range(MAX_PASSES):
+        count = len(nodes)
+        pairs = np.sort(tetrahedra[:, EDGES], axis=2)
+        keys, number = np.unique(pairs[..., 0] * count + pairs[..., 1], return_inverse=True)
+        number = number.reshape(-1, 6)
+        ends = np.stack(np.divmod(keys, count), axis=1)
+        middle = nodes[ends].mean(axis=1)
+        length = np.linalg.norm((nodes[ends[:, 1]] - nodes[ends[:, 0]]) / size(middle), axis=1)
+        if not (length > 1.0).any():
+            if (tetra_volumes(nodes, tetrahedra) <= 0.0).any():
+                raise RuntimeError("the finer mesh has inverted elements")
+            return SmoothMesh(mesh.shape, nodes, tetrahedra, chart, share)
+        rank = np.argsort(np.lexsort((keys, length)))  # no two edges are equal
+        longest = rank[number].argmax(axis=1)
+        theirs = number[np.arange(len(number)), longest]
+        split = (length > 1.0) & (np.bincount(theirs, minlength=len(keys)) == np.bincount(number.ravel()))
+        new = np.full(len(keys), -1)
+        new[split] = count + np.arange(np.count_nonzero(split))
+        a, b = ends[split].T
+        chart = np.concatenate([chart, 0.5 * (chart[a] + chart[b])])
+        share = np.concatenate([share, 0.5 * (share[a] + share[b])])
+        added, both = 0.5 * (nodes[a] + nodes[b]), share[a] + share[b]
+        for surface in (0.0, 2.0):
+            there = (both == surface) & (added[:, 2] < NAIL)
+            added[there] = places(mesh.shape, chart[count:][there], 0.5 * surface)
+        nodes = np.concatenate([nodes, added])
+        halved = np.flatnonzero(split[theirs])
+        first, second = tetrahedra[halved].copy(), tetrahedra[halved].copy()
+        rows, ends_of = np.arange(len(halved)), EDGES[longest[halved]]
+        first[rows, ends_of[:, 1]] = second[rows, ends_of[:, 0]] = new[theirs[halved]]
+        tetrahedra = np.concatenate([np.delete(tetrahedra, halved, axis=0), first, second])
+    raise RuntimeError("the mesh does not become as fine as it should")

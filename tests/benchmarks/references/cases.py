@@ -1,0 +1,168 @@
+"""What is pressed where, how finely it is meshed, and where stress is read. Lengths in mm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.skin.shape import FingertipShape
+
+from .bisection import NAIL, places
+from .shapes import Ball, Edge, Flat, Ribs, Shape
+
+Array = NDArray[np.float64]
+
+FINGER = FingertipShape()
+DEPTHS = (1.0, 2.0)
+PROBE_DEPTHS = (0.3, 1.2, 2.0)
+SIDEWAYS = (0.0, 0.37, 0.81)
+EDGE_GRADING = (0.6, 0.4)  # size at the apex over that of the family, and its growth from there at COARSE
+COARSE = 0.12
+SIZES = (0.222, COARSE, 0.065)  # of the sharp shapes, in one ratio; the others' are theirs times a factor
+GROWTH, FAR = 0.4, 1.45  # of edges, per distance from contact, and where they grow no more, at COARSE
+STRETCH, LONG = 4.0, 0.6  # length over width of elements where a shape runs along Y, and how long they are at least
+AWAY, THERE = 7.0, 0.25  # beyond this distance from the pad's centre edges may grow by this per distance
+
+
+@dataclass(frozen=True)
+class Family:
+    """Cases that share two meshes.
+
+    Attributes:
+        name: of the family. shapes: by name, of the widest contact last. coarseness: of sizes, over those of edges.
+        x, y: half widths of the region of even size [mm]. sideways: of the shape's origin [mm].
+        along: the shape runs along Y: elements may be long there. apex: they shrink towards x = sideways.
+        depths: [mm]. reach: nodes deeper in the last shape than this share of the depth may carry force.
+        probe_x, probe_y: where stress is read, from the shape's origin [mm].
+    """
+
+    name: str
+    shapes: tuple[tuple[str, Shape], ...]
+    coarseness: float
+    x: float
+    y: float
+    probe_x: tuple[float, ...]
+    probe_y: tuple[float, ...]
+    sideways: float = 0.0
+    along: bool = False
+    apex: bool = False
+    depths: tuple[float, ...] = DEPTHS
+    reach: float = 0.25
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether half a mesh is enough."""
+        return self.sideways == 0.0
+
+    def size(self, points: Array, step: float) -> Array:
+        """Return the greatest length of edges along x, y and z about points [mm], for a size of `step`."""
+        scale = step / COARSE
+        x, y = np.abs(points[:, 0] - self.sideways), np.abs(points[:, 1])
+        deep = np.maximum(points[:, 2] - skin_height(points), 0.0)
+        far = FAR * scale + 3.0 * np.maximum(points[:, 2] - NAIL, 0.0)
+        far += THERE * np.maximum(np.linalg.norm(points, axis=1) - AWAY, 0.0)
+        growth = GROWTH * scale
+        even = 1.4 * step * self.coarseness  # edges are halved below a length: on average they are 1.4 times shorter
+        if self.apex:
+            outside = np.maximum(y - self.y, 0.0)
+            fine = even * EDGE_GRADING[0] + EDGE_GRADING[1] * scale * np.hypot(x, deep) + growth * outside
+        else:
+            radius = np.maximum(np.hypot(x / self.x, y / self.y) - 1.0, 0.0) * min(self.x, self.y)
+            fine = even + growth * np.hypot(radius, np.maximum(deep - 2.0 * step * self.coarseness, 0.0))
+        fine = np.minimum(fine, far)
+        long = np.minimum(STRETCH * fine, np.maximum(fine, LONG * np.sqrt(scale))) if self.along else fine
+        return np.stack([fine, np.minimum(long, far), fine], axis=1)
+
+    def may_touch(self, points: Array) -> NDArray[np.bool_]:
+        """Return which points of the skin may carry force at the greatest depth, shape (n,)."""
+        shape, depth = self.shapes[-1][1], self.depths[-1]
+        own = points - first_contact(shape, self.sideways) - [0.0, 0.0, depth]
+        if isinstance(shape, Ribs):
+            return (own[:, 2] < -self.reach * depth) & (shape.gap(own)[0] < 0.05)
+        return shape.gap(own)[0] < -self.reach * depth
+
+    @cached_property
+    def probes(self) -> Array:
+        """Points [mm], depth by depth, shape (3 * len(probe_x) * len(probe_y), 3)."""
+        x, y = (a.ravel() for a in np.meshgrid(np.array(self.probe_x) + self.sideways, self.probe_y, indexing="ij"))
+        chart = chart_below(x, y)
+        step = 1e-5
+        skin = places(FINGER, chart, 1.0)
+        inward = -np.cross(places(FINGER, chart + step, 1.0) - skin, places(FINGER, chart + 1j * step, 1.0) - skin)
+        inward /= np.linalg.norm(inward, axis=1, keepdims=True)
+        return np.concatenate([skin + depth * inward for depth in PROBE_DEPTHS])
+
+
+def skin_height(points: Array) -> Array:
+    """Return about how high the smooth skin is above the pad's centre below points [mm], shape (n,)."""
+    x, y = points[:, 0] / (500.0 * FINGER.width), points[:, 1] / (1e3 * FINGER.tip)
+    return 1e3 * FINGER.height_palm * (1.0 - np.sqrt(np.maximum(1.0 - x**2 - y**2, 0.0)))
+
+
+def chart_below(x: Array, y: Array) -> NDArray[np.complex128]:
+    """Return the points of the chart whose skin is at x and y [mm], by Newton's method."""
+    chart = np.zeros(len(x), complex)
+    step = 1e-6
+    for _ in range(50):
+        at = places(FINGER, chart, 1.0)[:, :2]
+        real, imag = ((places(FINGER, chart + d, 1.0)[:, :2] - at) / step for d in (step, 1j * step))
+        off = np.stack([x, y], axis=1) - at
+        det = real[:, 0] * imag[:, 1] - real[:, 1] * imag[:, 0]
+        chart += (
+            off[:, 0] * imag[:, 1] - off[:, 1] * imag[:, 0] + 1j * (real[:, 0] * off[:, 1] - real[:, 1] * off[:, 0])
+        ) / det
+    return chart
+
+
+def first_contact(shape: Shape, sideways: float) -> Array:
+    """Return where a shape's origin is when it rises along Z and first meets the smooth skin [mm], shape (3,)."""
+    x, y = np.meshgrid(np.linspace(-6.0, 6.0, 241), np.linspace(-6.0, 6.0, 241))
+    x, y = x.ravel(), y.ravel()
+    height = -10.0
+    for _ in range(8):
+        skin = places(FINGER, chart_below(x, y), 1.0)
+        for _ in range(60):  # it rises by the smallest gap, which carries it past nothing
+            gap = shape.gap(skin - [sideways, 0.0, height])[0]
+            height += gap.min()
+        best = int(gap.argmin())
+        width = np.ptp(x) / 20
+        around = np.linspace(-width, width, 41)
+        x, y = (a.ravel() for a in np.meshgrid(x[best] + around, y[best] + around))
+    return np.array([sideways, 0.0, height])
+
+
+BALLS = {2.0: (1.0, 1.4), 3.0: (1.6, 2.0), 5.0: (1.9, 2.5), 12.0: (2.6, 3.4)}  # coarseness, half width
+AROUND = (-1.0, -0.6, -0.2, 0.2, 0.6, 1.0)
+
+
+def _families() -> tuple[Family, ...]:
+    around = np.array([*AROUND[:3], 0.0, *AROUND[3:]])
+    rows: list[Family] = [
+        Family("plane", (("plane", Flat()),), 4.0, 4.0, 5.0, tuple(3.6 * around), tuple(4.2 * np.array(AROUND)))
+    ]
+    for radius, (coarseness, half) in BALLS.items():
+        rows.append(
+            Family(
+                f"ball {radius:g}",
+                ((f"ball {radius:g} mm", Ball(radius)),),
+                coarseness,
+                half,
+                half,
+                tuple(1.1 * half * around),
+                tuple(1.1 * half * np.array(AROUND)),
+                depths=DEPTHS[:1] if radius == 2.0 else DEPTHS,
+            )
+        )
+    for x in SIDEWAYS:
+        edges = tuple((f"edge {angle} degrees at {x:g} mm", Edge(angle)) for angle in (90, 60, 120))
+        probes = (-1.6, -0.8, -0.3, 0.0, 0.3, 0.8, 1.6)
+        rows.append(Family(f"edge {x:g}", edges, 1.0, 0.0, 5.0, probes, tuple(4.0 * np.array(AROUND)), x, True, True))
+    probes = (-2.25, -1.5, -0.75, 0.0, 0.375, 0.9, 1.5)
+    rows.append(Family("ribs", (("ribs", Ribs()),), 1.4, 3.9, 5.0, probes, tuple(4.0 * np.array(AROUND)), along=True))
+    return tuple(rows)
+
+
+FAMILIES = {family.name: family for family in _families()}

@@ -1,0 +1,79 @@
+"""The file of the references' results, and their errors. Forces in N, stress in Pa, lengths in mm."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.files import write_bytes
+
+Array = NDArray[np.float64]
+PATH = Path(__file__).with_name("shapes.json")
+LAWS = ("linear", "deformed")
+TWICE = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # shear components count twice
+ORDERS = (1.0, 2.0)  # convergence that is believed
+ABOUT = {
+    "rebuild": "python -m tests.benchmarks.references [FAMILY ...], with scipy on the path; what is there is kept",
+    "units": "N, Pa, mm; stress xx yy zz yz xz xy; depth beyond first contact of the smooth skin along +Z",
+    "linear": "the gap is linear about the undeformed skin",
+    "deformed": "no node of the deformed skin is in the shape",
+    "error": "of the finest mesh, relative: its change from the one before, over ratio^order - 1, where the order is "
+    "that of the last two changes, between 1 and 2; stress by depth of the probes",
+    "meshes": "size, nodes, tetrahedra, loaded nodes, and of 'deformed' what did not settle and penetration",
+}
+
+
+def load(path: Path = PATH) -> dict[str, Any]:
+    """Return what is known: 'about', 'probes' by family, 'cases' by name."""
+    if not path.exists():
+        return {"about": ABOUT, "probes": {}, "cases": {}}
+    return dict(json.loads(path.read_text(encoding="utf-8")))
+
+
+def save(results: dict[str, Any], path: Path = PATH) -> None:
+    """Write the file, a case a line."""
+    lines = []
+    for part, entries in {**results, "about": ABOUT}.items():
+        rows = ",\n".join(f"{json.dumps(key)}: {json.dumps(value)}" for key, value in entries.items())
+        lines.append(f"{json.dumps(part)}: {{\n{rows}\n}}")
+    write_bytes(path, ("{\n" + ",\n".join(lines) + "\n}\n").encode())
+
+
+def norm(stress: Array, depths: int) -> Array:
+    """Return the L2 norm of stresses at probes of each depth, shape (depths * k, 6) to (depths,)."""
+    return np.array([np.sqrt(((s**2) @ TWICE).sum()) for s in np.split(np.asarray(stress), depths)])
+
+
+def difference(one: Array, exact: Array, depths: int) -> list[float]:
+    """Return the relative L2 difference of stresses at probes of each depth, shape (depths * k, 6)."""
+    return (norm(np.asarray(one) - np.asarray(exact), depths) / norm(exact, depths)).tolist()
+
+
+def errors(values: Sequence[Array], sizes: Sequence[float], depths: int = 0) -> Array:
+    """Return the relative error of the last of values on ever finer meshes, by how they change.
+
+    Args:
+        values: of two meshes or three, forces (3,) or stresses (depths * k, 6). sizes: of their elements.
+        depths: of the probes; 0 for forces.
+    """
+
+    def size(value: Array) -> Array:
+        return norm(value, depths) if depths else np.array([np.linalg.norm(value)])
+
+    changes = [size(np.asarray(b) - np.asarray(a)) for a, b in zip(values, values[1:], strict=False)]
+    ratio = sizes[-2] / sizes[-1]
+    order = np.full_like(changes[-1], ORDERS[0])
+    if len(changes) > 1:
+        order = np.clip(np.log(changes[-2] / np.maximum(changes[-1], 1e-300)) / np.log(ratio), *ORDERS)
+    return changes[-1] / (ratio**order - 1.0) / size(np.asarray(values[-1]))
+
+
+def rounded(values: Any, digits: int = 4) -> Any:
+    """Return numbers with few digits, as lists."""
+    flat = [float(f"{v:.{digits}g}") for v in np.asarray(values, float).ravel()]
+    return np.array(flat).reshape(np.shape(values)).tolist()

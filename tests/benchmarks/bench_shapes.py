@@ -1,23 +1,24 @@
 """How right contact is on every shape: the product's standard skin against references that resolve what it touches.
 
-Plane, balls, edges and ribs are pressed into the pad without friction, in steps of 0.05 mm, as triangles. The references
-(`references/`, kept in `references/shapes.json`) touch the exact shapes with meshes graded towards them; each figure's
-own error stands beside it. Force errors are of the force along Z, stress errors relative L2 over 42 points at a depth,
-shear counted twice. A card is judged by a block with the same top, an edge moved sideways by itself.
+Plane, balls, edges and ribs are pressed into the pad without friction, as a scene presses them: triangles that rise by
+0.05 mm a sample. The references (`references/`, kept in `references/shapes.json`) touch the exact shapes with meshes
+graded towards them; each figure's own error stands beside it. Force errors are of the force along Z, stress errors
+relative L2 over 42 points at a depth, shear counted twice. A card is judged by a block with the same top, an edge moved
+sideways by itself.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from . import Result, benchmark, one_blas_thread
 
-STEP = 0.05e-3  # of a press [m]
-DEEPEST = 6e-3  # beyond it an object went through the finger [m]
+STEP, BEFORE, RATE = 0.05e-3, 4, 240.0  # of a press: a sample's way [m], samples before first contact, samples a second
 CARD_DEPTHS, CARDS, FRICTION = (0.5e-3, 1e-3, 1.5e-3, 2e-3), (3e-3, 2e-3, 1e-3, 0.1e-3), 0.6
 RIPPLE = np.linspace(-1.5, 1.5, 13)  # places of an edge across the pad [mm]
 
@@ -69,7 +70,7 @@ def thin_card_force_error() -> Result:
     from core.surface.gap import Surface
 
     def forces(thickness: float) -> Any:
-        return np.array(list(_forces(Surface.block(0.02, 0.02, thickness), np.zeros(3), CARD_DEPTHS, FRICTION)))[:, 2]
+        return _pressed(Surface.block(0.02, 0.02, thickness), np.zeros(3), CARD_DEPTHS, FRICTION).sum(axis=1)[:, 2]
 
     with one_blas_thread():
         block = forces(0.02)
@@ -87,7 +88,7 @@ def edge_shift_ripple() -> Result:
     surface = edge.surface()
     with one_blas_thread():
         places = [1e-3 * first_contact(edge, float(x)) for x in RIPPLE]
-        force = np.array([next(_forces(surface, place, (1e-3,), 0.0))[2] for place in places])
+        force = np.array([_pressed(surface, place, (1e-3,), 0.0).sum(axis=1)[0, 2] for place in places])
     peers = {"least [N]": float(force.min()), "most [N]": float(force.max())}
     return Result("edge_shift_ripple", float(np.ptp(force) / force.mean()), "1", None, peers)
 
@@ -114,7 +115,7 @@ def _judged() -> list[Judged]:
                 if any("error" not in known.get(case, {}) for case in cases):
                     continue
                 place = 1e-3 * first_contact(shape, family.sideways)
-                forces = _nodal_forces(shape.surface(), place, [1e-3 * d for d in family.depths], 0.0)
+                forces = _pressed(shape.surface(), place, [1e-3 * d for d in family.depths], 0.0)
                 for case, force in zip(cases, forces, strict=True):
                     exact = known[case]
                     stress = difference(_stress(force, 1e-3 * family.probes), exact["stress"], len(PROBE_DEPTHS))
@@ -134,29 +135,35 @@ def _skin() -> Any:
 
 def _stress(force: Any, points: Any) -> Any:
     """Return the product's stress [Pa] at points in the tissue [m]."""
-    from core.skin.stress import probes_at
+    from core.skin.stress import locate, nodal_average
 
     skin = _skin()
-    return probes_at(skin.mesh, points).read(skin.mesh, skin.stress(force))
+    element, weights = locate(skin.mesh, points)
+    nodal = nodal_average(skin.mesh, skin.stress(force))
+    return np.einsum("kj,kjc->kc", weights, nodal[skin.mesh.tetrahedra[element]])
 
 
-def _forces(surface: Any, place: Any, depths: Any, friction: float) -> Iterator[Any]:
-    """Return the force on the skin [N] at each depth."""
-    return (force.sum(axis=0) for force in _nodal_forces(surface, place, depths, friction))
+def _pressed(surface: Any, place: Any, depths: Sequence[float], friction: float) -> Any:
+    """Bake an object that rises along +Z to where it first meets the smooth skin, and on.
 
+    Args:
+        surface: of the object. place: its origin at first contact in the finger's frame [m]. depths: beyond it [m].
 
-def _nodal_forces(surface: Any, place: Any, depths: Any, friction: float) -> Iterator[Any]:
-    """Press a surface along +Z from where it first meets the smooth skin; return nodal forces [N] at each depth [m]."""
-    from core.contact.solver.bodies import ContactBody
-    from core.contact.solver.path import PathSolver
-    from core.contact.solver.sub_steps import SubStepper
+    Returns:
+        Forces on the nodes of the skin at each depth [N], shape (len(depths), m, 3).
+    """
+    from core.contact.skin_sampler import SkinSampler
+    from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 
-    skin = _skin()
-    stepper = SubStepper(PathSolver(skin.compliance, skin.positions, areas=skin.areas), DEEPEST)
-    before: list[Any] | None = None
-    for part in range(-2, round(max(depths) / STEP) + 1):
-        body = [ContactBody(surface, np.eye(3), place + [0.0, 0.0, part * STEP], friction=friction)]
-        step = stepper.step(body, lambda: before)  # noqa: B023 (asked for at once)
-        before = body
-        if any(part == round(depth / STEP) for depth in depths):
-            yield step.solution.force
+    parts = np.arange(-BEFORE, round(max(depths) / STEP) + 1)
+    poses = np.tile(np.eye(4), (len(parts), 1, 1))
+    poses[:, :3, 3] = place
+    poses[:, 2, 3] += parts * STEP
+    still, none = np.tile(np.eye(4), (1, len(parts), 1, 1)), np.zeros((0, len(parts), 4, 4))
+    body = Body("shape", Mesh(surface.vertices, surface.triangles), {"friction": friction})
+    finger = Finger("finger", (), {})
+    scene = TactileScene("shapes", Fraction(24), (1, 1 + len(parts)), RATE, (finger,), (body,), (), ())
+    sampler = SkinSampler(scene, {0: _skin()})
+    sampler.add(Chunk(1.0 + parts, parts / RATE, still, poses[None], none, {}, {}))
+    contact = sampler.finish()[0]
+    return np.array([contact.force_at(BEFORE + round(depth / STEP)) for depth in depths], np.float64)

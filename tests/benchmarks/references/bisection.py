@@ -112,10 +112,24 @@ def refined(mesh: SmoothMesh, size: Callable[[Array], Array]) -> SmoothMesh:
         for surface in (0.0, 2.0):
             there = (both == surface) & (added[:, 2] < NAIL)
             added[there] = places(mesh.shape, chart[count:][there], 0.5 * surface)
+        middles = middle[split]
         nodes = np.concatenate([nodes, added])
         halved = np.flatnonzero(split[theirs])
         first, second = tetrahedra[halved].copy(), tetrahedra[halved].copy()
         rows, ends_of = np.arange(len(halved)), EDGES[longest[halved]]
         first[rows, ends_of[:, 1]] = second[rows, ends_of[:, 0]] = new[theirs[halved]]
         tetrahedra = np.concatenate([np.delete(tetrahedra, halved, axis=0), first, second])
+        _unfold(nodes, tetrahedra[len(tetrahedra) - 2 * len(halved) :], middles)
     raise RuntimeError("the mesh does not become as fine as it should")
+
+
+def _unfold(nodes: Array, tetrahedra: NDArray[np.int64], middles: Array) -> None:
+    """Take the last nodes back to the middles of their edges, in place, where the curve of the skin folds elements."""
+    start = len(nodes) - len(middles)
+    while True:
+        folded = np.unique(tetrahedra[tetra_volumes(nodes, tetrahedra) <= 0.0])
+        folded = folded[folded >= start]
+        folded = folded[(nodes[folded] != middles[folded - start]).any(axis=1)]
+        if not len(folded):
+            return
+        nodes[folded] = middles[folded - start]

@@ -19,9 +19,9 @@ FINGER = FingertipShape()
 DEPTHS = (1.0, 2.0)
 PROBE_DEPTHS = (0.3, 1.2, 2.0)
 SIDEWAYS = (0.0, 0.37, 0.81)
-EDGE_GRADING = (0.6, 0.4)  # size at the apex over that of the family, and its growth from there at COARSE
+EDGE_GRADING = (0.3, 0.4)  # size at the apex over that of the family, and its growth from there at COARSE
 COARSE = 0.12
-SIZES = (0.222, COARSE, 0.065)  # of the sharp shapes, in one ratio; the others' are theirs times a factor
+SIZES = (0.26, 0.13, 0.065)  # of the sharp shapes; the others' are theirs times a factor
 GROWTH, FAR = 0.4, 1.45  # of edges, per distance from contact, and where they grow no more, at COARSE
 STRETCH, LONG = 4.0, 0.6  # length over width of elements where a shape runs along Y, and how long they are at least
 AWAY, THERE = 7.0, 0.25  # beyond this distance from the pad's centre edges may grow by this per distance
@@ -159,7 +159,8 @@ def _families() -> tuple[Family, ...]:
     for x in SIDEWAYS:
         edges = tuple((f"edge {angle} degrees at {x:g} mm", Edge(angle)) for angle in (90, 60, 120))
         probes = (-1.6, -0.8, -0.3, 0.0, 0.3, 0.8, 1.6)
-        rows.append(Family(f"edge {x:g}", edges, 1.0, 0.0, 5.0, probes, tuple(4.0 * np.array(AROUND)), x, True, True))
+        across = tuple(4.0 * np.array(AROUND))
+        rows.append(Family(f"edge {x:g}", edges, 1.0, 0.0, 5.0, probes, across, x, True, True, reach=0.1))
     probes = (-2.25, -1.5, -0.75, 0.0, 0.375, 0.9, 1.5)
     rows.append(Family("ribs", (("ribs", Ribs()),), 1.4, 3.9, 5.0, probes, tuple(4.0 * np.array(AROUND)), along=True))
     return tuple(rows)

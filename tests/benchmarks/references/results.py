@@ -14,17 +14,16 @@ from core.files import write_bytes
 
 Array = NDArray[np.float64]
 PATH = Path(__file__).with_name("shapes.json")
-LAWS = ("linear", "deformed")
 TWICE = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # shear components count twice
 ORDERS = (1.0, 2.0)  # convergence that is believed
 ABOUT = {
     "rebuild": "python -m tests.benchmarks.references [FAMILY ...], with scipy on the path; what is there is kept",
     "units": "N, Pa, mm; stress xx yy zz yz xz xy; depth beyond first contact of the smooth skin along +Z",
-    "linear": "the gap is linear about the undeformed skin",
-    "deformed": "no node of the deformed skin is in the shape",
+    "law": "no node of the deformed skin is in the exact shape; no friction",
     "error": "of the finest mesh, relative: its change from the one before, over ratio^order - 1, where the order is "
     "that of the last two changes, between 1 and 2; stress by depth of the probes",
-    "meshes": "size, nodes, tetrahedra, loaded nodes, and of 'deformed' what did not settle and penetration",
+    "forces": "on ever finer meshes",
+    "limit": "of the force, by the same order",
 }
 
 
@@ -54,23 +53,27 @@ def difference(one: Array, exact: Array, depths: int) -> list[float]:
     return (norm(np.asarray(one) - np.asarray(exact), depths) / norm(exact, depths)).tolist()
 
 
-def errors(values: Sequence[Array], sizes: Sequence[float], depths: int = 0) -> Array:
-    """Return the relative error of the last of values on ever finer meshes, by how they change.
+def order(changes: Sequence[float], ratio: float) -> float:
+    """Return the order of convergence by the last two changes, within what is believed; the lowest without."""
+    if len(changes) < 2:
+        return ORDERS[0]
+    return float(np.clip(np.log(changes[-2] / max(changes[-1], 1e-300)) / np.log(ratio), *ORDERS))
 
-    Args:
-        values: of two meshes or three, forces (3,) or stresses (depths * k, 6). sizes: of their elements.
-        depths: of the probes; 0 for forces.
-    """
 
-    def size(value: Array) -> Array:
-        return norm(value, depths) if depths else np.array([np.linalg.norm(value)])
-
-    changes = [size(np.asarray(b) - np.asarray(a)) for a, b in zip(values, values[1:], strict=False)]
+def factor(values: Sequence[Array], sizes: Sequence[float]) -> float:
+    """Return what is missing from the last of values on ever finer meshes, over its change from the one before."""
+    changes = [float(np.linalg.norm(np.subtract(b, a))) for a, b in zip(values, values[1:], strict=False)]
     ratio = sizes[-2] / sizes[-1]
-    order = np.full_like(changes[-1], ORDERS[0])
-    if len(changes) > 1:
-        order = np.clip(np.log(changes[-2] / np.maximum(changes[-1], 1e-300)) / np.log(ratio), *ORDERS)
-    return changes[-1] / (ratio**order - 1.0) / size(np.asarray(values[-1]))
+    return 1.0 / (ratio ** order(changes, ratio) - 1.0)
+
+
+def errors(stresses: Sequence[Array], sizes: Sequence[float], depths: int) -> list[float]:
+    """Return the relative error of the last of stresses on ever finer meshes, at probes of each depth."""
+    out = []
+    for parts in zip(*(np.split(np.asarray(s) * np.sqrt(TWICE), depths) for s in stresses), strict=True):
+        change = np.linalg.norm(parts[-1] - parts[-2]) / np.linalg.norm(parts[-1])
+        out.append(float(change * factor(parts, sizes)))
+    return out
 
 
 def rounded(values: Any, digits: int = 4) -> Any:

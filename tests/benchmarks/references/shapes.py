@@ -27,9 +27,6 @@ class Shape(Protocol):
     def gap(self, points: Array) -> tuple[Array, Array]:
         """Return the signed distance of points [mm], shape (n,), and its gradient, out of the solid, shape (n, 3)."""
 
-    def bend(self, points: Array) -> Array:
-        """Return how fast the gradient turns across Y [1/mm], shape (n,); 0 where lagging behind does no harm."""
-
     def surface(self) -> Surface:
         """Return the same solid as triangles [m]."""
 
@@ -41,10 +38,6 @@ class Flat:
     def gap(self, points: Array) -> tuple[Array, Array]:
         """Return signed distances and gradients."""
         return points[:, 2].copy(), np.tile([0.0, 0.0, 1.0], (len(points), 1))
-
-    def bend(self, points: Array) -> Array:
-        """Return zeros."""
-        return np.zeros(len(points))
 
     def surface(self) -> Surface:
         """Return a block."""
@@ -62,10 +55,6 @@ class Ball:
         out = points + [0.0, 0.0, self.radius]
         far = np.linalg.norm(out, axis=1)
         return far - self.radius, out / far[:, None]
-
-    def bend(self, points: Array) -> Array:
-        """Return zeros: a ball is blunt."""
-        return np.zeros(len(points))
 
     def surface(self) -> Surface:
         """Return a ball of 82 thousand triangles."""
@@ -90,12 +79,6 @@ class Edge:
         nx, nz = np.where(on_arc, x / safe, face[0]), np.where(on_arc, z / safe, face[1])
         return nx * x + nz * z - ROUNDING, np.stack([side * nx, np.zeros_like(x), nz], axis=1)
 
-    def bend(self, points: Array) -> Array:
-        """Return the curvature of circles about the arc's middle, above the arc."""
-        half = np.radians(self.angle) / 2.0
-        x, z = np.abs(points[:, 0]), points[:, 2] + ROUNDING
-        return np.where(x * np.sin(half) < z * np.cos(half), 1.0 / np.maximum(np.hypot(x, z), 1e-9), 0.0)
-
     def surface(self) -> Surface:
         """Return a wedge of 40 mm along its edge."""
         return Surface.edge(np.radians(self.angle), ROUNDING * MM)
@@ -117,13 +100,6 @@ class Ribs:
         nx = np.where(corner, across / safe, np.where(top, 0.0, 1.0))
         nz = np.where(corner, up / safe, np.where(top, 1.0, 0.0))
         return nx * across + nz * up - RIB_ROUNDING, np.stack([side * nx, np.zeros_like(x), nz], axis=1)
-
-    def bend(self, points: Array) -> Array:
-        """Return the curvature of circles about the arcs' middles, above the arcs."""
-        rib = np.clip(np.round(points[:, 0] / PERIOD), -RIBS, RIBS)
-        across = np.abs(points[:, 0] - rib * PERIOD) - (0.5 * RIB - RIB_ROUNDING)
-        up = points[:, 2] + RIB_ROUNDING
-        return np.where((across > 0.0) & (up > 0.0), 1.0 / np.maximum(np.hypot(across, up), 1e-9), 0.0)
 
     def surface(self) -> Surface:
         """Return plates that are closed each for itself, 40 mm long."""

@@ -1,4 +1,4 @@
-"""Make the references: `python -m tests.benchmarks.references [FAMILY ...]`, a mesh at a time; what is there is kept."""
+"""Make what is missing of the references, a mesh at a time: `python -m tests.benchmarks.references [FAMILY ...]`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from core.skin.blas import one_thread
 
 from .bisection import base_mesh, refined
 from .cases import FAMILIES, FINGER, PROBE_DEPTHS, SIZES, Family, first_contact
-from .contact import Pressed, press
+from .contact import Press, Pressed
 from .results import errors, factor, load, rounded, save
 from .shapes import Shape
 from .tissue import Tissue
@@ -31,13 +31,12 @@ class Meshed:
     def __init__(self, family: Family, size: float) -> None:
         started = time.process_time()
         self.family, self.size = family, size * family.coarseness
-        whole = base_mesh(FINGER)
-        base = whole.right_half() if family.symmetric else whole
-        mesh = refined(base, lambda points: family.size(points, size)).tetra_mesh()
+        whole = base_mesh(FINGER, family.sideways)
+        smooth = refined(whole.right_half() if family.symmetric else whole, lambda points: family.size(points, size))
+        mesh = smooth.tetra_mesh()
         self.touched = mesh.pad[family.may_touch(mesh.nodes[mesh.pad])]
-        print(
-            f"{family.name}: {mesh}, {len(self.touched)} may touch, {time.process_time() - started:.0f} s", flush=True
-        )
+        self.line = smooth.middle[self.touched] & (not family.symmetric)
+        print(f"{family.name}: {mesh}, {len(self.touched)} may touch", flush=True)
         self.tissue = Tissue(mesh, self.touched, family.symmetric)
         fill = 1e-6 * self.tissue.dissection.fill
         print(f"  condensed, {fill:.0f} M, {time.process_time() - started:.0f} s", flush=True)
@@ -45,11 +44,9 @@ class Meshed:
     def cases(self, shape: Shape) -> list[dict[str, Any]]:
         """Return force, stress and figures at each depth."""
         mesh = self.tissue.mesh
-        at = first_contact(shape, self.family.sideways)
-        found = press(self.tissue.compliance, mesh.nodes[self.touched], shape, at, self.family.depths)
+        skin = Press(self.tissue.compliance, mesh.nodes[self.touched], shape, self.line)
         out = []
-        for depth, state in zip(self.family.depths, found, strict=True):
-            place = at + [0.0, 0.0, depth]
+        for state in skin.depths(lambda x: first_contact(shape, x), self.family.sideways, self.family.depths):
             moved, residual = self.tissue.displacement(state.displacement)
             figures = {
                 "size": rounded(self.size),
@@ -58,11 +55,13 @@ class Meshed:
                 "loaded": int(state.force.any(axis=1).sum()),
                 "change": rounded(state.change, 2),
                 "rounds": state.rounds,
-                "penetration": rounded(max(state.penetration, self._missed(shape, place, moved)), 2),
+                "penetration": rounded(max(state.penetration, self._missed(shape, state.place, moved)), 2),
                 "residual": rounded(residual, 2),
+                "held": rounded(state.held, 2),
             }
             stress = self.tissue.stress(moved, self.family.probes)
-            out.append({"force": rounded(self._total(state), 6), "stress": rounded(stress), "mesh": figures})
+            case = {"force": self._total(state), "place": state.place, "stress": stress}
+            out.append({**{key: rounded(value, 6) for key, value in case.items()}, "mesh": figures})
         return out
 
     def _total(self, state: Pressed) -> Array:
@@ -81,7 +80,7 @@ def refine(known: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
     sizes = [*known.get("sizes", []), found["mesh"]["size"]]
     forces = [*known.get("forces", []), found["force"]]
     stresses = [*known.get("stresses", []), found["stress"]]
-    new = {"family": known["family"], "force": found["force"]}
+    new = {"family": known["family"], "place": found["place"], "force": found["force"]}
     if len(sizes) > 1:
         missing = factor(forces, sizes)
         change = np.subtract(forces[-1], forces[-2])
@@ -90,7 +89,7 @@ def refine(known: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
             "stress": rounded(errors(stresses, sizes, len(PROBE_DEPTHS)), 2),
         }
         new["limit"] = rounded(forces[-1] + missing * change, 4)
-    new.update(forces=forces, sizes=sizes, mesh=found["mesh"], stress=found["stress"])
+    new.update(forces=forces, sizes=sizes, mesh=found["mesh"], stress=rounded(found["stress"]))
     if len(sizes) < len(SIZES):
         new["stresses"] = stresses
     return new

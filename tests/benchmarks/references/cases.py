@@ -81,7 +81,7 @@ class Family:
         shape, depth = self.shapes[-1][1], self.depths[-1]
         own = points - first_contact(shape, self.sideways) - [0.0, 0.0, depth]
         if isinstance(shape, Ribs):
-            return (own[:, 2] < -self.reach * depth) & (shape.gap(own)[0] < 0.05)
+            return own[:, 2] < -self.reach * depth
         return shape.gap(own)[0] < -self.reach * depth
 
     @cached_property
@@ -162,7 +162,8 @@ def _families() -> tuple[Family, ...]:
         across = tuple(4.0 * np.array(AROUND))
         rows.append(Family(f"edge {x:g}", edges, 1.0, 0.0, 5.0, probes, across, x, True, True, reach=0.1))
     probes = (-2.25, -1.5, -0.75, 0.0, 0.375, 0.9, 1.5)
-    rows.append(Family("ribs", (("ribs", Ribs()),), 1.4, 3.9, 5.0, probes, tuple(4.0 * np.array(AROUND)), along=True))
+    across = tuple(4.0 * np.array(AROUND))
+    rows.append(Family("ribs", (("ribs", Ribs()),), 1.6, 3.9, 5.0, probes, across, along=True, reach=0.1))
     return tuple(rows)
 
 

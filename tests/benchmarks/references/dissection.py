@@ -1,10 +1,10 @@
-"""A direct solver for large symmetric quasi-definite matrices, condensed to some unknowns: nested dissection, dense fronts.
+"""A direct solver for large symmetric quasi-definite matrices, condensed to some unknowns, by nested dissection.
 
 scipy's SuperLU keeps both triangles and knows no nested dissection: at a hundred thousand nodes it needs ten times the
-memory. Here the nodes are cut in two by the smallest of a few separators, and again; each part's unknowns are eliminated
-in one dense front (Duff and Reid 1983). Quasi-definite matrices, [[A, B'], [B, -W]] with A and W positive definite, have
-a factor in any order and without pivots (Vanderbei 1995): of each front the first sort is eliminated by Cholesky, then
-the second with its sign turned.
+memory. Here the nodes are cut in two by the smallest of a few separators, and again; each part's unknowns are
+eliminated in one dense front (Duff and Reid 1983). Quasi-definite matrices, [[A, B'], [B, -W]] with A and W positive
+definite, have a factor in any order and without pivots (Vanderbei 1995): of each front the first sort is eliminated by
+Cholesky, then the second with its sign turned.
 """
 
 from __future__ import annotations
@@ -80,14 +80,14 @@ class Dissection:
         self.fronts = fronts
         permuted = matrix[self.order][:, self.order].tocsr()
         permuted.sort_indices()
-        self.schur = permuted[at:, at:].toarray()  # its lower triangle, until all fronts are done
+        self.schur = permuted[at:, at:].toarray(order="F")  # its lower triangle, until all fronts are done
         self.matrix = permuted
         self.fill = 0
         for front in fronts:
             self._eliminate(front, permuted)
         for front in fronts:
             front.update = None
-        self.schur = np.tril(self.schur) + np.tril(self.schur, -1).T
+        fill_upper(self.schur)
 
     def _eliminate(self, front: Front, matrix: csr_array) -> None:
         low, high = matrix.indptr[front.start], matrix.indptr[front.end]
@@ -142,7 +142,7 @@ class Dissection:
         steps = [
             (sign, start, factor, below, front) for front in self.fronts for sign, start, factor, below in front.factors
         ]
-        for sign, start, factor, below, front in steps:
+        for _, start, factor, below, front in steps:
             part = slice(start, start + len(factor))
             x[part] = dtrsm(1.0, factor, x[part, None], lower=1)[:, 0]
             _spread(x, part.stop, front, -(below @ x[part].astype(np.float32)).astype(float))
@@ -159,6 +159,15 @@ def _spread(x: Array, start: int, front: Front, values: Array) -> None:
     own = front.end - start
     x[start : front.end] += values[:own]
     x[front.border] += values[own:]
+
+
+def fill_upper(matrix: Array) -> None:
+    """Make a matrix symmetric by its lower triangle, in place."""
+    for start in range(0, len(matrix), 512):
+        end = start + 512
+        corner = np.tril(matrix[start:end, start:end])
+        matrix[start:end, start:end] = corner + np.tril(corner, -1).T
+        matrix[start:end, end:] = matrix[end:, start:end].T
 
 
 def _node_graph(matrix: csr_array, owner: Index, count: int) -> csr_array:

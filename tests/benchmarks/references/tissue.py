@@ -18,7 +18,7 @@ from core.skin.material import Elastic
 from core.skin.mesh import TetraMesh
 from core.skin.stress import StressOperator, locate, nodal_average
 
-from .dissection import Dissection
+from .dissection import Dissection, fill_upper
 
 Array = NDArray[np.float64]
 MATERIAL = Elastic(young=1e5, poisson=0.48)  # [Pa]
@@ -48,18 +48,21 @@ class Tissue:
         self.free = free
         self.dissection = Dissection(matrix, owner, negative, kept, mesh.nodes)
         schur = self.dissection.schur
-        factor, info = dpotrf(schur, lower=1, clean=1)
+        factor, info = dpotrf(schur, lower=1, clean=0, overwrite_a=1)
         if info:
             raise ArithmeticError("the condensed stiffness is not positive definite")
-        lower, _ = dpotri(factor, lower=1, overwrite_c=1)
+        inverse, _ = dpotri(factor, lower=1, overwrite_c=1)
+        fill_upper(inverse)
         own = np.isin(degrees(touched), free)
-        self.compliance = np.zeros((len(own), len(own)))
-        self.compliance[np.ix_(own, own)] = np.tril(lower) + np.tril(lower, -1).T
+        self.compliance = inverse
+        if not own.all():
+            self.compliance = np.zeros((len(own), len(own)))
+            self.compliance[np.ix_(own, own)] = inverse
         self._own = own
         self.dissection.schur = np.zeros((0, 0))
 
     def displacement(self, touched: Array) -> tuple[Array, float]:
-        """Return the displacement of all nodes [mm], shape (n, 3), where the touched ones moved so, and the residual [N]."""
+        """Return the displacement of all nodes where the touched ones moved so, shape (n, 3), and the residual [N]."""
         found, residual = self.dissection.solve(touched.ravel()[self._own])
         out = np.zeros(3 * len(self.mesh.nodes))
         out[self.free] = found[: len(self.free)]

@@ -103,26 +103,24 @@ def _worst(name: str, figure: Callable[[Judged], tuple[float, float]], kinds: tu
 @functools.cache
 def _judged() -> list[Judged]:
     """Return every case that has a reference, and print a line each."""
-    from .references.cases import FAMILIES, PROBE_DEPTHS, first_contact
+    from .references.cases import FAMILIES, PROBE_DEPTHS
     from .references.results import difference, load
 
     known = load()["cases"]
     out = []
     with one_blas_thread():
         for family in FAMILIES.values():
-            for name, shape in family.shapes:
-                cases = [f"{name}, {depth:g} mm deep" for depth in family.depths]
-                if any("error" not in known.get(case, {}) for case in cases):
+            for shape, depth, title in family.cases():
+                if "error" not in known.get(title, {}):
                     continue
-                place = 1e-3 * first_contact(shape, family.sideways)
-                forces = _pressed(shape.surface(), place, [1e-3 * d for d in family.depths], 0.0)
-                for case, force in zip(cases, forces, strict=True):
-                    exact = known[case]
-                    stress = difference(_stress(force, 1e-3 * family.probes), exact["stress"], len(PROBE_DEPTHS))
-                    own, pushed = exact["error"], force[:, 2].sum()
-                    wrong = pushed / exact["force"][2] - 1.0
-                    out.append(Judged(case, pushed, wrong, stress, own["force"], own["stress"]))
-                    print(out[-1], flush=True)
+                exact = known[title]
+                origin = 1e-3 * (np.array(exact["place"]) - [0.0, 0.0, depth])
+                [force] = _pressed(shape.surface(), origin, (1e-3 * depth,), 0.0)
+                stress = difference(_stress(force, 1e-3 * family.probes), exact["stress"], len(PROBE_DEPTHS))
+                own, pushed = exact["error"], force[:, 2].sum()
+                wrong = pushed / exact["force"][2] - 1.0
+                out.append(Judged(title, pushed, wrong, stress, own["force"], own["stress"]))
+                print(out[-1], flush=True)
     return out
 
 

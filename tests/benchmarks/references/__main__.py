@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from core.skin.blas import one_thread
 
 from .bisection import base_mesh, refined
-from .cases import FAMILIES, FINGER, PROBE_DEPTHS, SIZES, Family, first_contact
+from .cases import FAMILIES, FINGER, PROBE_DEPTHS, Family, first_contact
 from .contact import Press, Pressed
 from .results import errors, factor, load, rounded, save
 from .shapes import Shape
@@ -90,7 +90,7 @@ def refine(known: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
         }
         new["limit"] = rounded(forces[-1] + missing * change, 4)
     new.update(forces=forces, sizes=sizes, mesh=found["mesh"], stress=rounded(found["stress"]))
-    if len(sizes) < len(SIZES):
+    if len(sizes) < len(FAMILIES[known["family"]].sizes):
         new["stresses"] = stresses
     return new
 
@@ -98,8 +98,8 @@ def refine(known: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
 def main(names: list[str]) -> None:
     """Make what is missing of the families named, or of all."""
     for family in [FAMILIES[name] for name in names] if names else FAMILIES.values():
-        titles = [f"{name}, {depth:g} mm deep" for name, _ in family.shapes for depth in family.depths]
-        for number, size in enumerate(SIZES):
+        titles = [title for _, _, title in family.cases()]
+        for number, size in enumerate(family.sizes):
             cases = load()["cases"]
             if all(len(cases.get(title, {}).get("sizes", [])) > number for title in titles):
                 continue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -53,9 +54,20 @@ class Family:
     reach: float = 0.25
 
     @property
+    def sizes(self) -> tuple[float, ...]:
+        """Sizes of its meshes over its coarseness, falling [mm]: whole meshes are not made as fine as halves."""
+        return SIZES if self.symmetric else SIZES[:-1]
+
+    @property
     def symmetric(self) -> bool:
         """Whether half a mesh is enough."""
         return self.sideways == 0.0
+
+    def cases(self) -> Iterator[tuple[Shape, float, str]]:
+        """Yield every shape at every depth [mm], and what the case is called."""
+        for name, shape in self.shapes:
+            for depth in self.depths:
+                yield shape, depth, f"{name}, {depth:g} mm deep"
 
     def size(self, points: Array, step: float) -> Array:
         """Return the greatest length of edges along x, y and z about points [mm], for a size of `step`."""

@@ -28,6 +28,7 @@ MAX_SETS, MAX_ROUNDS = 60, 200
 ON_THE_WAY = (1e-2, 2)  # tolerance and rounds of the steps between
 NEAR = 0.05  # nodes closer than this may come to touch in a linearisation [mm]
 ASIDE, MAX_ASIDE = 0.05, 15  # longest step aside [mm], and how many
+NEARLY = (3e-5, 40)  # tolerance and rounds of the steps aside
 HELD = 2e-4  # force along X that may be left on a line, over the one along Z
 SLACK = 1e-13  # [mm]
 
@@ -93,11 +94,11 @@ class Press:
             slope = (held[-1] - held[-2]) / (x[-1] - x[-2]) if len(x) > 1 else np.inf
             step = -held[-1] / slope if slope > 0.0 and np.isfinite(slope) else -np.sign(held[-1]) * ASIDE
             x.append(x[-1] + float(np.clip(step, -ASIDE, ASIDE)))
-            state = self.settled(at(x[-1]) + [0.0, 0.0, depth], state, TOLERANCE, MAX_ROUNDS)
+            state = self.settled(at(x[-1]) + [0.0, 0.0, depth], state, *NEARLY)
             held.append(state.held)
             if abs(state.held) < HELD * state.force[:, 2].sum():
                 break
-        return state
+        return self.settled(state.place, state, TOLERANCE, MAX_ROUNDS)
 
     def settled(self, place: Array, state: Pressed, tolerance: float, most: int) -> Pressed:
         """Return contact with the shape in one place, from contact with it nearby."""

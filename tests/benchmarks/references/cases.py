@@ -166,6 +166,7 @@ def _families() -> tuple[Family, ...]:
                 tuple(1.1 * half * around),
                 tuple(1.1 * half * np.array(AROUND)),
                 depths=DEPTHS[:1] if radius == 2.0 else DEPTHS,
+                reach=0.15,
             )
         )
     for x in SIDEWAYS:

@@ -7,7 +7,7 @@ where energy rises).
 
 Nodes slip off a sharp edge to both sides, which then comes through between them: elements would have to be far
 smaller than the rounding, over which skin is stretched to several times its width. A line of nodes is therefore held
-on top of the edge, and the edge is moved sideways until that takes no force.
+on top of the edge, and the edge is moved sideways until that takes no force. In half a symmetric mesh the cut does so.
 """
 
 from __future__ import annotations

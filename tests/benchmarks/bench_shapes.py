@@ -10,6 +10,7 @@ sideways by itself.
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
@@ -103,14 +104,15 @@ def _worst(name: str, figure: Callable[[Judged], tuple[float, float]], kinds: tu
 @functools.cache
 def _judged() -> list[Judged]:
     """Return every case that has a reference, and print a line each."""
-    from .references.cases import FAMILIES, PROBE_DEPTHS
+    from .references.cases import FAMILIES, PROBE_DEPTHS, case_name
     from .references.results import difference, load
 
     known = load()["cases"]
     out = []
     with one_blas_thread():
         for family in FAMILIES.values():
-            for shape, depth, title in family.cases():
+            for (name, shape), depth in itertools.product(family.shapes, family.depths):
+                title = case_name(name, depth)
                 if "error" not in known.get(title, {}):
                     continue
                 exact = known[title]

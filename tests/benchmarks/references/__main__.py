@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,9 @@ from numpy.typing import NDArray
 from core.skin.blas import one_thread
 
 from .bisection import base_mesh, refined
-from .cases import FAMILIES, FINGER, PROBE_DEPTHS, Family, first_contact
+from .cases import FAMILIES, FINGER, PROBE_DEPTHS, Family, case_name, first_contact
 from .contact import Press, Pressed
-from .results import errors, factor, load, rounded, save
+from .results import errors, load, missing, rounded, save
 from .shapes import Shape
 from .tissue import Tissue
 
@@ -41,12 +42,12 @@ class Meshed:
         fill = 1e-6 * self.tissue.dissection.fill
         print(f"  condensed, {fill:.0f} M, {time.process_time() - started:.0f} s", flush=True)
 
-    def cases(self, shape: Shape) -> list[dict[str, Any]]:
-        """Return force, stress and figures at each depth."""
+    def cases(self, shape: Shape, sideways: Sequence[float]) -> list[dict[str, Any]]:
+        """Return force, stress and figures at each depth, from about where the shape comes to be sideways [mm]."""
         mesh = self.tissue.mesh
         skin = Press(self.tissue.compliance, mesh.nodes[self.touched], shape, self.line)
         out = []
-        for state in skin.depths(lambda x: first_contact(shape, x), self.family.sideways, self.family.depths):
+        for state in skin.depths(lambda x: first_contact(shape, x), sideways, self.family.depths):
             moved, residual = self.tissue.displacement(state.displacement)
             figures = {
                 "size": rounded(self.size),
@@ -82,13 +83,13 @@ def refine(known: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
     stresses = [*known.get("stresses", []), found["stress"]]
     new = {"family": known["family"], "place": found["place"], "force": found["force"]}
     if len(sizes) > 1:
-        missing = factor(forces, sizes)
+        rest = missing(forces, sizes)
         change = np.subtract(forces[-1], forces[-2])
         new["error"] = {
-            "force": rounded(missing * np.linalg.norm(change) / np.linalg.norm(forces[-1]), 2),
+            "force": rounded(rest * np.linalg.norm(change) / np.linalg.norm(forces[-1]), 2),
             "stress": rounded(errors(stresses, sizes, len(PROBE_DEPTHS)), 2),
         }
-        new["limit"] = rounded(forces[-1] + missing * change, 4)
+        new["limit"] = rounded(forces[-1] + rest * change, 4)
     new.update(forces=forces, sizes=sizes, mesh=found["mesh"], stress=rounded(found["stress"]))
     if len(sizes) < len(FAMILIES[known["family"]].sizes):
         new["stresses"] = stresses
@@ -98,13 +99,16 @@ def refine(known: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
 def main(names: list[str]) -> None:
     """Make what is missing of the families named, or of all."""
     for family in [FAMILIES[name] for name in names] if names else FAMILIES.values():
-        titles = [title for _, _, title in family.cases()]
+        titles = [case_name(name, depth) for name, _ in family.shapes for depth in family.depths]
         for number, size in enumerate(family.sizes):
             cases = load()["cases"]
             if all(len(cases.get(title, {}).get("sizes", [])) > number for title in titles):
                 continue
             meshed = Meshed(family, size)
-            found = [entry for _, shape in family.shapes for entry in meshed.cases(shape)]
+            found = []
+            for name, shape in family.shapes:
+                known = [cases.get(case_name(name, depth), {}) for depth in family.depths]
+                found += meshed.cases(shape, [case.get("place", [family.sideways])[0] for case in known])
             results = load()  # another run may have written meanwhile
             results["probes"][family.name] = rounded(family.probes, 6)
             for title, entry in zip(titles, found, strict=True):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,6 +23,7 @@ EDGE_GRADING = (0.3, 0.4)  # size at the apex over that of the family, and its g
 COARSE = 0.12
 SIZES = (0.26, 0.13, 0.065)  # of the sharp shapes; the others' are theirs times a factor
 GROWTH, FAR = 0.4, 1.45  # of edges, per distance from contact, and where they grow no more, at COARSE
+WHOLE_SIZES = (0.26, 0.13, 0.092)  # where half a mesh is not enough
 STRETCH, LONG = 4.0, 0.6  # length over width of elements where a shape runs along Y, and how long they are at least
 AWAY, THERE = 7.0, 0.25  # beyond this distance from the pad's centre edges may grow by this per distance
 
@@ -56,18 +56,12 @@ class Family:
     @property
     def sizes(self) -> tuple[float, ...]:
         """Sizes of its meshes over its coarseness, falling [mm]: whole meshes are not made as fine as halves."""
-        return SIZES if self.symmetric else SIZES[:-1]
+        return SIZES if self.symmetric else WHOLE_SIZES
 
     @property
     def symmetric(self) -> bool:
         """Whether half a mesh is enough."""
         return self.sideways == 0.0
-
-    def cases(self) -> Iterator[tuple[Shape, float, str]]:
-        """Yield every shape at every depth [mm], and what the case is called."""
-        for name, shape in self.shapes:
-            for depth in self.depths:
-                yield shape, depth, f"{name}, {depth:g} mm deep"
 
     def size(self, points: Array, step: float) -> Array:
         """Return the greatest length of edges along x, y and z about points [mm], for a size of `step`."""
@@ -106,6 +100,11 @@ class Family:
         inward = -np.cross(places(FINGER, chart + step, 1.0) - skin, places(FINGER, chart + 1j * step, 1.0) - skin)
         inward /= np.linalg.norm(inward, axis=1, keepdims=True)
         return np.concatenate([skin + depth * inward for depth in PROBE_DEPTHS])
+
+
+def case_name(shape: str, depth: float) -> str:
+    """Return what a shape pressed in by a depth [mm] is called."""
+    return f"{shape}, {depth:g} mm deep"
 
 
 def skin_height(points: Array) -> Array:

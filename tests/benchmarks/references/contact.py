@@ -68,23 +68,23 @@ class Press:
         self.compliance, self.points, self.shape = compliance, points, shape
         self.line = np.zeros(len(points), bool) if line is None else line
 
-    def depths(self, at: Callable[[float], Array], sideways: float, depths: Sequence[float]) -> list[Pressed]:
+    def depths(self, at: Callable[[float], Array], sideways: Sequence[float], depths: Sequence[float]) -> list[Pressed]:
         """Press step by step along +Z, and then aside until no force is needed to hold a line.
 
         Args:
             at: the shape's origin at some x where it first meets the smooth skin [mm], shape (3,).
-            sideways: x to begin at. depths: beyond first contact, rising.
+            sideways: x to begin at, for each depth. depths: beyond first contact, rising.
         """
         found: list[Pressed] = []
-        none, start = np.zeros_like(self.points), at(sideways)
-        state, reached = Pressed(none, none, 0.0, 0.0, 0, start), 0.0
-        for depth in depths:
-            count = max(int(np.ceil((depth - reached) / STEP - 1e-9)), 1)
-            for part in np.linspace(reached, depth, count + 1)[1:-1]:
-                state = self.settled(start + [0.0, 0.0, part], state, *ON_THE_WAY)
-            state = self.settled(start + [0.0, 0.0, depth], state, TOLERANCE, MAX_ROUNDS)
+        none, last = np.zeros_like(self.points), at(sideways[0])
+        state = Pressed(none, none, 0.0, 0.0, 0, last)
+        for x, depth in zip(sideways, depths, strict=True):
+            place = at(x) + [0.0, 0.0, depth]
+            for part in np.linspace(last, place, max(int(np.ceil((place - last)[2] / STEP - 1e-9)), 1) + 1)[1:-1]:
+                state = self.settled(part, state, *ON_THE_WAY)
+            state = self.settled(place, state, TOLERANCE, MAX_ROUNDS)
             found.append(self._balanced(state, at, depth) if self.line.any() else state)
-            reached = depth
+            last = state.place
         return found
 
     def _balanced(self, state: Pressed, at: Callable[[float], Array], depth: float) -> Pressed:

@@ -15,7 +15,7 @@ from core.files import write_bytes
 Array = NDArray[np.float64]
 PATH = Path(__file__).with_name("shapes.json")
 TWICE = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # shear components count twice
-ORDERS = (1.0, 2.0)  # convergence that is believed
+ORDERS = np.linspace(1.0, 2.0, 101)  # of convergence that are believed
 ABOUT = {
     "rebuild": "python -m tests.benchmarks.references [FAMILY ...], with scipy on the path; what is there is kept",
     "units": "N, Pa, mm; stress xx yy zz yz xz xy; depth beyond first contact of the smooth skin along +Z",
@@ -53,18 +53,15 @@ def difference(one: Array, exact: Array, depths: int) -> list[float]:
     return (norm(np.asarray(one) - np.asarray(exact), depths) / norm(exact, depths)).tolist()
 
 
-def order(changes: Sequence[float], ratio: float) -> float:
-    """Return the order of convergence by the last two changes, within what is believed; the lowest without."""
-    if len(changes) < 2:
-        return ORDERS[0]
-    return float(np.clip(np.log(changes[-2] / max(changes[-1], 1e-300)) / np.log(ratio), *ORDERS))
-
-
-def factor(values: Sequence[Array], sizes: Sequence[float]) -> float:
+def missing(values: Sequence[Array], sizes: Sequence[float]) -> float:
     """Return what is missing from the last of values on ever finer meshes, over its change from the one before."""
     changes = [float(np.linalg.norm(np.subtract(b, a))) for a, b in zip(values, values[1:], strict=False)]
-    ratio = sizes[-2] / sizes[-1]
-    return 1.0 / (ratio ** order(changes, ratio) - 1.0)
+    order = ORDERS[0]
+    if len(changes) > 1:
+        coarse, middle, fine = (size**ORDERS for size in sizes[-3:])
+        ratio = (coarse - middle) / (middle - fine)
+        order = ORDERS[np.abs(np.log(ratio) - np.log(changes[-2] / max(changes[-1], 1e-300))).argmin()]
+    return float(sizes[-1] ** order / (sizes[-2] ** order - sizes[-1] ** order))
 
 
 def errors(stresses: Sequence[Array], sizes: Sequence[float], depths: int) -> list[float]:
@@ -72,7 +69,7 @@ def errors(stresses: Sequence[Array], sizes: Sequence[float], depths: int) -> li
     out = []
     for parts in zip(*(np.split(np.asarray(s) * np.sqrt(TWICE), depths) for s in stresses), strict=True):
         change = np.linalg.norm(parts[-1] - parts[-2]) / np.linalg.norm(parts[-1])
-        out.append(float(change * factor(parts, sizes)))
+        out.append(float(change * missing(parts, sizes)))
     return out
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from core.skin.blas import one_thread
 
 from .bisection import base_mesh, refined
 from .cases import FAMILIES, FINGER, PROBE_DEPTHS, Family, case_name, first_contact
-from .contact import Press, Pressed
+from .contact import Pressed, press
 from .results import errors, load, missing, rounded, save
 from .shapes import Shape
 from .tissue import Tissue
@@ -32,22 +31,23 @@ class Meshed:
     def __init__(self, family: Family, size: float) -> None:
         started = time.process_time()
         self.family, self.size = family, size * family.coarseness
-        whole = base_mesh(FINGER, family.sideways)
+        whole = base_mesh(FINGER)
         smooth = refined(whole.right_half() if family.symmetric else whole, lambda points: family.size(points, size))
         mesh = smooth.tetra_mesh()
         self.touched = mesh.pad[family.may_touch(mesh.nodes[mesh.pad])]
-        self.line = smooth.middle[self.touched] & (not family.symmetric)
         print(f"{family.name}: {mesh}, {len(self.touched)} may touch", flush=True)
         self.tissue = Tissue(mesh, self.touched, family.symmetric)
         fill = 1e-6 * self.tissue.dissection.fill
         print(f"  condensed, {fill:.0f} M, {time.process_time() - started:.0f} s", flush=True)
 
-    def cases(self, shape: Shape, sideways: Sequence[float]) -> list[dict[str, Any]]:
-        """Return force, stress and figures at each depth, from about where the shape comes to be sideways [mm]."""
+    def cases(self, shape: Shape) -> list[dict[str, Any]]:
+        """Return force, stress and figures at each depth."""
         mesh = self.tissue.mesh
-        skin = Press(self.tissue.compliance, mesh.nodes[self.touched], shape, self.line)
+        at = first_contact(shape, self.family.sideways)
+        found = press(self.tissue.compliance, mesh.nodes[self.touched], shape, at, self.family.depths)
         out = []
-        for state in skin.depths(lambda x: first_contact(shape, x), sideways, self.family.depths):
+        for depth, state in zip(self.family.depths, found, strict=True):
+            place = at + [0.0, 0.0, depth]
             moved, residual = self.tissue.displacement(state.displacement)
             figures = {
                 "size": rounded(self.size),
@@ -56,12 +56,11 @@ class Meshed:
                 "loaded": int(state.force.any(axis=1).sum()),
                 "change": rounded(state.change, 2),
                 "rounds": state.rounds,
-                "penetration": rounded(max(state.penetration, self._missed(shape, state.place, moved)), 2),
+                "penetration": rounded(max(state.penetration, self._missed(shape, place, moved)), 2),
                 "residual": rounded(residual, 2),
-                "held": rounded(state.held, 2),
             }
             stress = self.tissue.stress(moved, self.family.probes)
-            case = {"force": self._total(state), "place": state.place, "stress": stress}
+            case = {"force": self._total(state), "place": place, "stress": stress}
             out.append({**{key: rounded(value, 6) for key, value in case.items()}, "mesh": figures})
         return out
 
@@ -105,10 +104,7 @@ def main(names: list[str]) -> None:
             if all(len(cases.get(title, {}).get("sizes", [])) > number for title in titles):
                 continue
             meshed = Meshed(family, size)
-            found = []
-            for name, shape in family.shapes:
-                known = [cases.get(case_name(name, depth), {}) for depth in family.depths]
-                found += meshed.cases(shape, [case.get("place", [family.sideways])[0] for case in known])
+            found = [entry for _, shape in family.shapes for entry in meshed.cases(shape)]
             results = load()  # another run may have written meanwhile
             results["probes"][family.name] = rounded(family.probes, 6)
             for title, entry in zip(titles, found, strict=True):

@@ -60,8 +60,8 @@ class Family:
 
     @property
     def symmetric(self) -> bool:
-        """Whether half a mesh is enough."""
-        return self.sideways == 0.0
+        """Whether half a mesh is enough; skin does not stay on an edge."""
+        return not self.apex
 
     def size(self, points: Array, step: float) -> Array:
         """Return the greatest length of edges along x, y and z about points [mm], for a size of `step`."""

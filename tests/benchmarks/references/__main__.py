@@ -82,13 +82,13 @@ def refine(known: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
     stresses = [*known.get("stresses", []), found["stress"]]
     new = {"family": known["family"], "place": found["place"], "force": found["force"]}
     if len(sizes) > 1:
-        rest = missing(forces, sizes)
-        change = np.subtract(forces[-1], forces[-2])
+        along = [[force[2]] for force in forces]
+        rest = missing(along, sizes) * (along[-1][0] - along[-2][0])
         new["error"] = {
-            "force": rounded(rest * np.linalg.norm(change) / np.linalg.norm(forces[-1]), 2),
+            "force": rounded(abs(rest) / along[-1][0], 2),
             "stress": rounded(errors(stresses, sizes, len(PROBE_DEPTHS)), 2),
         }
-        new["limit"] = rounded(forces[-1] + rest * change, 4)
+        new["limit"] = rounded(along[-1][0] + rest, 4)
     new.update(forces=forces, sizes=sizes, mesh=found["mesh"], stress=rounded(found["stress"]))
     if len(sizes) < len(FAMILIES[known["family"]].sizes):
         new["stresses"] = stresses

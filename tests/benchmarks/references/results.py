@@ -23,7 +23,7 @@ ABOUT = {
     "error": "of the finest mesh, relative: its change from the one before, over ratio^order - 1, where the order is "
     "that of the last two changes, between 1 and 2; stress by depth of the probes",
     "forces": "on ever finer meshes",
-    "limit": "of the force, by the same order",
+    "limit": "of the force along Z, by the same order; the error is that of this force",
 }
 
 
